@@ -1,0 +1,226 @@
+"""The records that travel along wires: typed, immutable, SI units, right-handed frames.
+
+x points forward, y left, headings turn counter-clockwise (REP-103); poses are in the frame `odom`,
+velocities in `base_link` (REP-105). Every message begins with `time`: integer nanoseconds of the
+engine's logical clock at which its content was true. A field is declared once, here, with its unit
+and a sentence; schemas, recordings and reference pages are made from these declarations.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+
+
+class Field(NamedTuple):
+    """What a message field means: its SI unit ("" where it has none) and one sentence."""
+
+    unit: str
+    help: str
+
+
+Time = Annotated[int, Field("ns", "Logical time at which the content was true.")]
+Metres = Annotated[float, Field("m", "A length.")]
+
+
+class Encoders(NamedTuple):
+    """Both wheels' counts, taken at one moment, with the commands then in force.
+
+    Counts are unwrapped and signed by the board's idea of direction. `boot` changes when the board
+    has restarted; counts then start anew and no difference may be taken across the change.
+    """
+
+    time: Time
+    left: Annotated[int, Field("count", "Unwrapped count of the left encoder.")]
+    right: Annotated[int, Field("count", "Unwrapped count of the right encoder.")]
+    left_edge: Annotated[int | None, Field("ns", "Time of the left encoder's last edge.")] = None
+    right_edge: Annotated[int | None, Field("ns", "Time of the right encoder's last edge.")] = None
+    left_command: Annotated[float, Field("see kind", "Left command in force on the board.")] = 0.0
+    right_command: Annotated[float, Field("see kind", "Right command in force on the board.")] = 0.0
+    command_kind: Annotated[str, Field("", "`wheels` (rad/s) or `duty` (-1 to 1).")] = "wheels"
+    command_time: Annotated[int | None, Field("ns", "When that command took hold, if known.")] = (
+        None
+    )
+    boot: Annotated[int, Field("", "Changes whenever the board has restarted.")] = 0
+
+
+class Volts(NamedTuple):
+    """A raw sensor voltage; `nan` when the board reported a fault."""
+
+    time: Time
+    volts: Annotated[float, Field("V", "Voltage at the board's pin.")]
+
+
+class Range(NamedTuple):
+    """One distance along a sensor's axis."""
+
+    time: Time
+    distance: Annotated[float, Field("m", "Distance; the reach when clear, 0 when too close.")]
+    state: Annotated[str, Field("", "`clear`, `measured`, `too_close` or `fault`.")]
+
+
+class Scan(NamedTuple):
+    """Distances at equal steps of bearing, in the sensor's frame."""
+
+    time: Time
+    start: Annotated[float, Field("rad", "Bearing of the first ray.")]
+    step: Annotated[float, Field("rad", "Bearing from one ray to the next.")]
+    distances: Annotated[tuple[float, ...], Field("m", "One distance a ray; inf when clear.")]
+
+
+class Odometry(NamedTuple):
+    """Pose of base_link in odom, velocity in base_link."""
+
+    time: Time
+    x: Annotated[float, Field("m", "Position forward of the start.")]
+    y: Annotated[float, Field("m", "Position left of the start.")]
+    heading: Annotated[float, Field("rad", "Heading, unwrapped.")]
+    linear: Annotated[float, Field("m/s", "Forward speed.")]
+    angular: Annotated[float, Field("rad/s", "Turn rate.")]
+    covariance: Annotated[
+        tuple[float, float, float, float, float, float],
+        Field("m, rad", "Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."),
+    ]
+
+
+class Twist(NamedTuple):
+    """Desired velocity of base_link."""
+
+    time: Time
+    linear: Annotated[float, Field("m/s", "Forward speed.")]
+    angular: Annotated[float, Field("rad/s", "Turn rate.")]
+
+
+class Wheels(NamedTuple):
+    """Desired wheel speeds; positive drives forward."""
+
+    time: Time
+    left: Annotated[float, Field("rad/s", "Left wheel.")]
+    right: Annotated[float, Field("rad/s", "Right wheel.")]
+
+
+class Duty(NamedTuple):
+    """Desired motor duty for boards that take nothing else; positive drives forward."""
+
+    time: Time
+    left: Annotated[float, Field("1", "Left motor, -1 to 1.")]
+    right: Annotated[float, Field("1", "Right motor, -1 to 1.")]
+
+
+class Goal(NamedTuple):
+    """A pose to reach in odom; `number` tells one goal from the next, 0 withdraws the last one."""
+
+    time: Time
+    number: Annotated[int, Field("", "Rises with every goal; 0 means no goal.")]
+    x: Annotated[float, Field("m", "Where, forward.")] = 0.0
+    y: Annotated[float, Field("m", "Where, left.")] = 0.0
+    heading: Annotated[float | None, Field("rad", "Final heading, or none.")] = None
+
+
+class Path(NamedTuple):
+    """All waypoints in one message, in order."""
+
+    time: Time
+    goals: Annotated[tuple[Goal, ...], Field("", "Waypoints in the order to visit them.")]
+
+
+class GoalState(NamedTuple):
+    """How the goal that is under way is doing."""
+
+    time: Time
+    number: Annotated[int, Field("", "Number of the goal this speaks of.")]
+    state: Annotated[
+        str,
+        Field(
+            "",
+            "`idle`, `turning`, `driving`, `aligning`, or how it ended: `reached`, "
+            "`blocked`, `stuck`, `timed_out`.",
+        ),
+    ]
+    distance: Annotated[float, Field("m", "Distance left to the goal.")]
+    turn: Annotated[float, Field("rad", "Heading error left.")]
+    cause: Annotated[str, Field("", "Why, in words, when it ended badly.")] = ""
+
+
+class Stop(NamedTuple):
+    """The robot is held still, or released again when `code` is empty."""
+
+    time: Time
+    code: Annotated[str, Field("", "Which rule stopped it; empty when nothing holds it.")]
+    cause: Annotated[str, Field("", "Why, in words.")]
+    latched: Annotated[bool, Field("", "True when only `resume` ends it.")]
+
+
+class Link(NamedTuple):
+    """Health of the link to the board."""
+
+    time: Time
+    state: Annotated[str, Field("", "`opening`, `negotiating`, `up`, `stale` or `lost`.")]
+    received: Annotated[int, Field("", "Good frames since the start.")] = 0
+    damaged: Annotated[int, Field("", "Frames or bytes thrown away as damaged.")] = 0
+    lost: Annotated[int, Field("", "Frames missing from the sequence.")] = 0
+    restarts: Annotated[int, Field("", "Times the board has restarted.")] = 0
+    latency: Annotated[float, Field("s", "Last time from command to echo; nan if unknown.")] = (
+        float("nan")
+    )
+    cause: Annotated[str, Field("", "Why it is not up, in words.")] = ""
+
+
+class Battery(NamedTuple):
+    """The motor supply."""
+
+    time: Time
+    volts: Annotated[float, Field("V", "Supply voltage.")]
+    low: Annotated[bool, Field("", "True below the robot file's low limit.")] = False
+
+
+class Text(NamedTuple):
+    """Words."""
+
+    time: Time
+    text: Annotated[str, Field("", "The words.")]
+
+
+class Resume(NamedTuple):
+    """A person's consent to move again after a latched stop."""
+
+    time: Time
+
+
+Message = (
+    Encoders
+    | Volts
+    | Range
+    | Scan
+    | Odometry
+    | Twist
+    | Wheels
+    | Duty
+    | Goal
+    | Path
+    | GoalState
+    | Stop
+    | Link
+    | Battery
+    | Text
+    | Resume
+)
+
+BUILT_IN: dict[str, type] = {
+    kind.__name__: kind
+    for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
+                 GoalState, Stop, Link, Battery, Text, Resume)
+}  # fmt: skip
+
+
+def fields(kind: type) -> dict[str, tuple[Any, Field]]:
+    """Each field of a message class: its plain type and its declaration.
+
+    Raises TypeError naming the field when one is not declared with `Annotated[type, Field(...)]`.
+    """
+    found: dict[str, tuple[Any, Field]] = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        notes = [note for note in get_args(hint)[1:] if isinstance(note, Field)]
+        if not notes:
+            raise TypeError(f"{kind.__name__}.{name} is not declared with a Field")
+        found[name] = (get_args(hint)[0], notes[0])
+    return found

@@ -1,0 +1,81 @@
+"""Quantities with units: `65 mm`, `90 deg`, `100 rpm` become plain SI numbers."""
+
+from __future__ import annotations
+
+import re
+from math import pi
+
+# unit -> (SI unit it belongs to, factor). One table for files, the command line and messages.
+UNITS: dict[str, tuple[str, float]] = {
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "km": ("m", 1e3),
+    "in": ("m", 0.0254),
+    "rad": ("rad", 1.0), "deg": ("rad", pi / 180), "mrad": ("rad", 1e-3), "turn": ("rad", 2 * pi),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0), "h": ("s", 3600.0),
+    "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
+    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "cm/s": ("m/s", 1e-2), "km/h": ("m/s", 1 / 3.6),
+    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", pi / 180), "rpm": ("rad/s", 2 * pi / 60),
+    "m/s2": ("m/s2", 1.0), "mm/s2": ("m/s2", 1e-3), "cm/s2": ("m/s2", 1e-2),
+    "rad/s2": ("rad/s2", 1.0), "deg/s2": ("rad/s2", pi / 180),
+    "V": ("V", 1.0), "mV": ("V", 1e-3),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3),
+    "%": ("1", 1e-2),
+}  # fmt: skip
+
+KINDS = {
+    "m": "a length", "rad": "an angle", "s": "a time", "Hz": "a rate", "m/s": "a speed",
+    "rad/s": "a turning speed", "m/s2": "an acceleration", "rad/s2": "a turning acceleration",
+    "V": "a voltage", "kg": "a mass", "1": "a ratio",
+}  # fmt: skip
+
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
+
+
+class UnitError(ValueError):
+    """A text is no quantity of the wanted kind; its words say why and how to write it."""
+
+
+def quantity(text: str, unit: str) -> float:
+    """Read `text` as a number of SI `unit`, converting the unit it is written in.
+
+    A bare number is taken to be in SI. Raises UnitError for no number, an unknown unit or a unit of
+    another kind.
+    """
+    match = _QUANTITY.match(text)
+    if match is None:
+        raise UnitError(f"'{text}' is not a number with a unit, such as {example(unit)}")
+    number, written = float(match[1]), match[2]
+    if written is None:
+        return number
+    written = written.replace("²", "2")
+    if written not in UNITS:
+        raise UnitError(f"'{written}' is not a unit I know{_nearest(written, unit)}")
+    kind, factor = UNITS[written]
+    if kind != unit:
+        wanted = KINDS.get(unit, "a plain number")
+        raise UnitError(f"{written} is {KINDS[kind]}, but {wanted} is wanted here{_such_as(unit)}")
+    return number * factor
+
+
+def example(unit: str) -> str:
+    """A quantity of the kind that SI `unit` belongs to, as a person would write it."""
+    return {
+        "m": "65 mm", "rad": "90 deg", "s": "300 ms", "Hz": "40 Hz", "m/s": "0.3 m/s",
+        "rad/s": "100 rpm", "m/s2": "1 m/s2", "rad/s2": "5 rad/s2", "V": "10 mV", "kg": "2.4 kg",
+    }.get(unit, "0.5")  # fmt: skip
+
+
+def of_kind(unit: str) -> list[str]:
+    """Every unit that can be converted to SI `unit`."""
+    return [name for name, (kind, _) in UNITS.items() if kind == unit]
+
+
+def _such_as(unit: str) -> str:
+    return f", such as {example(unit)}" if unit in KINDS else ""
+
+
+def _nearest(written: str, unit: str) -> str:
+    from difflib import get_close_matches
+
+    close = get_close_matches(written, of_kind(unit), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]}?" if close else f"; use one of {', '.join(of_kind(unit))}"
