@@ -117,7 +117,7 @@ def in_order(nodes: Sequence[Node]) -> list[Node]:
     try:
         sorter.prepare()
     except CycleError as error:
-        raise LoopError(list(reversed(error.args[1]))) from None
+        raise LoopError(list(error.args[1])) from None
     place = {name: i for i, name in enumerate(by_name)}
     ordered: list[Node] = []
     while sorter.is_active():

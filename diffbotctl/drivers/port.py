@@ -9,7 +9,7 @@ import stat
 import termios
 from contextlib import suppress
 
-from diffbotctl.errors import RunError
+from diffbotctl.errors import Problem, RunError
 
 READ_SIZE = 4096  # bytes; more than any board sends between two looks
 
@@ -59,16 +59,16 @@ def _open(device: str) -> int:
     try:
         fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except PermissionError as error:
-        raise RunError(
-            place=f"port {device}",
-            cause="you have no right to open it",
-            fix="add yourself to the group that owns it, log out and in again: "
-            "sudo usermod -a -G dialout $USER",
-        ) from error
+        fix = "join the group that owns it, then log out and in: sudo usermod -a -G dialout $USER"
+        raise _trouble("E-PORT-RIGHTS", device, "you have no right to open it", fix) from error
     if not stat.S_ISCHR(os.fstat(fd).st_mode) or not os.isatty(fd):
         os.close(fd)
-        raise RunError(place=f"port {device}", cause="it is no serial port", fix=FIND_PORT)
+        raise _trouble("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
     return fd
+
+
+def _trouble(code: str, device: str, cause: str, fix: str) -> RunError:
+    return RunError(Problem(code, f"port {device}", cause, fix))
 
 
 FIND_PORT = "look for the board's name under /dev/serial/by-id, or unplug it and see what vanishes"
@@ -79,19 +79,18 @@ def _lock(fd: int, device: str) -> None:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(fd, termios.TIOCEXCL)
     except OSError as error:
-        raise RunError(
-            place=f"port {device}",
-            cause=f"it is in use by {holder(device)}",
-            fix="end that program; two writers on one port garble each other's frames",
-        ) from error
+        fix = "end that program; two writers on one port garble each other's frames"
+        cause = f"it is in use by {holder(device)}"
+        raise _trouble("E-PORT-BUSY", device, cause, fix) from error
 
 
 def _make_raw(fd: int, baud: int) -> None:
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
-        raise RunError(
-            place="link.baud", cause=f"{baud} baud is no standard rate", fix="use 9600 or 115200"
+        problem = Problem(
+            "E-PORT-BAUD", "link.baud", f"{baud} baud is no standard rate", "use 9600 or 115200"
         )
+        raise RunError(problem)
     control = termios.CS8 | termios.CREAD | termios.CLOCAL
     try:
         special = termios.tcgetattr(fd)[6]

@@ -36,7 +36,8 @@ class Gate(Block):
         most=0.5,
         help="Silence of the blocks, while a motion is in force, after which it is stopped.",
     )
-    rated: float = FromRobot("drive.motor.rated")
+    left_rated: float = FromRobot("drive.left.motor.rated")
+    right_rated: float = FromRobot("drive.right.motor.rated")
     left_diameter: float = FromRobot("drive.left.wheel.diameter")
     right_diameter: float = FromRobot("drive.right.wheel.diameter")
     track: float = FromRobot("drive.track")
@@ -147,10 +148,13 @@ class Gate(Block):
         left, right = command.left, command.right
         if not (isfinite(left) and isfinite(right)):
             return self.refuse(now, f"a wheel command is not a number ({left}, {right})")
-        fastest = max(abs(left), abs(right))
-        if fastest > self.rated * (1 + SLACK):
-            return self.refuse(now, f"a wheel command of {fastest:.2f} rad/s is above the motor's "
-                               f"rated {self.rated:.2f} rad/s")  # fmt: skip
+        for side, speed, rated in (
+            ("left", abs(left), self.left_rated),
+            ("right", abs(right), self.right_rated),
+        ):
+            if speed > rated * (1 + SLACK):
+                why = f"{speed:.2f} rad/s for the {side} wheel is above its motor's rated"
+                return self.refuse(now, f"{why} {rated:.2f} rad/s")
         left_rim, right_rim = left * self.left_diameter / 2, right * self.right_diameter / 2
         linear, angular = (left_rim + right_rim) / 2, (right_rim - left_rim) / self.track
         if abs(linear) > self.speed * (1 + SLACK):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
-from diffbotctl.errors import RunError
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER, SECOND, Graph, Sink
 
 STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed
@@ -146,11 +146,9 @@ class Engine:
         if self.record is not None:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
-        raise RunError(
-            place=f"block {name}",
-            cause=f"it raised {type(error).__name__}: {error}",
-            fix="the robot was stopped; run again with --debug to see where in the block",
-        ) from error
+        cause = f"it raised {type(error).__name__}: {error}"
+        fix = "the robot was stopped; run again with --debug to see where in the block"
+        raise RunError(Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)) from error
 
     def _files(self) -> list[int]:
         files = [file for driver in self.drivers for file in driver.files()]
