@@ -36,7 +36,6 @@ class SerialRobot:
         self.retry_at = 0
         self.retry_pause = FIRST_RETRY
         self.unsent = b""
-        self.stopping = False
 
     def due(self) -> int:
         """The protocol's next wish, or the next try to open the port."""
@@ -61,14 +60,11 @@ class SerialRobot:
 
     def command(self, now: int, wanted: Wheels | Duty) -> None:
         """Hand the command to the protocol and send it at once if the wire is free."""
-        if self.stopping:
-            return
         self.protocol.command(now, wanted)
         self._write_or_lose(now)
 
     def stop(self, now: int) -> None:
         """Discard what waits here and in the kernel, then stop, again and again."""
-        self.stopping = True
         self.unsent = b""
         if self.port is not None:
             self.port.discard_unsent()

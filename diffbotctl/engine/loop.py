@@ -9,18 +9,29 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER, SECOND, Graph, Sink
 
+INTERRUPTED = 130  # exit code, as shells have it
 STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed
 
 
+class Signals(Protocol):
+    """Something that hears of signals: `file` is readable when `cause` has been set."""
+
+    file: int
+    cause: str | None
+
+
 class Ending(NamedTuple):
-    """How a run ended. `code` is the exit code; `stopped` is None without a robot."""
+    """How a run ended. `code` is the exit code; `stopped` is None without a robot.
+
+    `time` is the logical time of the last instant.
+    """
 
     code: int
     cause: str
@@ -32,7 +43,7 @@ class Engine:
     """A graph, its drivers and a clock. `run` returns only after the robot was told to stop.
 
     `record` takes each instant as one tuple; `idle` is called after each turn, when whatever the
-    instant commanded has left. `wake` is a file that becomes readable when a signal has come.
+    instant commanded has left.
     """
 
     def __init__(
@@ -45,7 +56,7 @@ class Engine:
         sinks: dict[str, list[Sink]] | None = None,
         record: Callable[[tuple[Any, ...]], object] | None = None,
         idle: Callable[[], None] | None = None,
-        wake: int | None = None,
+        signals: Signals | None = None,
     ) -> None:
         self.graph = graph
         self.drivers = drivers
@@ -60,7 +71,7 @@ class Engine:
         self.last = -1
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None
-        self.wake = wake
+        self.signals = signals
 
     def end(self, code: int, cause: str) -> None:
         """Ask the loop to end after this instant; the first cause stands."""
@@ -95,9 +106,11 @@ class Engine:
         for driver in self.drivers:
             wake = min(wake, driver.due())
         now, ready = self.clock.wait(wake, self._files())
+        if self.signals is not None and self.signals.cause:
+            self.end(INTERRUPTED, self.signals.cause)
+            return False
         if now >= until:
             self._catch_up(until)
-            self.last = max(self.last, until)
             return False
         deliveries: list[Delivery] = []
         for driver in self.drivers:
@@ -152,16 +165,15 @@ class Engine:
 
     def _files(self) -> list[int]:
         files = [file for driver in self.drivers for file in driver.files()]
-        return files if self.wake is None else [*files, self.wake]
+        return files if self.signals is None else [*files, self.signals.file]
 
     def _stop(self) -> bool | None:
         """Stop the robot and wait for the proof; None without a robot, False when not confirmed."""
         if self.robot is None:
             return None
-        began = max(self.last, 0)
-        self.robot.stop(began)
-        deadline = began + STOP_PATIENCE
-        now = began
+        now, _ = self.clock.wait(max(self.last, 0), [])
+        self.robot.stop(now)
+        deadline = now + STOP_PATIENCE
         while now < deadline and not self.robot.stopped:
             now, _ = self.clock.wait(min(deadline, self.robot.due()), self.robot.files())
             deliveries = self.robot.deliver(now)

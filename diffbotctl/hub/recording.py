@@ -10,8 +10,9 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
+from diffbotctl.engine.replay import Recorded
 from diffbotctl.links.json_messages import decoder, encoder, json_schema
 from diffbotctl.messages import BUILT_IN
 
@@ -65,17 +66,6 @@ class Recording:
         self.file.flush()
 
 
-class Recorded(NamedTuple):
-    """One recorded message."""
-
-    time: int
-    wire: str
-    origin: str
-    message: Any
-    data: bytes
-    instant: int
-
-
 class RecordingReader:
     """Reads a recording, also one that was cut: up to its last flush."""
 
@@ -105,10 +95,14 @@ class RecordingReader:
                 elif isinstance(record, Message):
                     channel = channels[record.channel_id]
                     message = decoders[record.channel_id](record.data)
-                    origin = channel.metadata["from"]
-                    time = record.log_time - int(self.about["epoch"])
-                    yield Recorded(time, channel.topic, origin, message, record.data,
-                                   record.sequence)  # fmt: skip
+                    yield Recorded(
+                        record.log_time - int(self.about["epoch"]),
+                        channel.topic,
+                        channel.metadata["from"] == "driver",
+                        message,
+                        record.data,
+                        record.sequence,
+                    )
 
     def _note(self, name: str, values: dict[str, str]) -> None:
         if name == "run":
