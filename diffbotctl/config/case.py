@@ -1,0 +1,58 @@
+"""What the checks look at: the typed files, and the trees that know where everything stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from diffbotctl.block import Block
+from diffbotctl.config.pipeline import Pipeline
+from diffbotctl.config.robot import Robot
+from diffbotctl.config.yamlfile import Value
+from diffbotctl.errors import Place, Problem
+
+
+@dataclass
+class Case:
+    """One configuration under examination. Values that could not be read are None."""
+
+    real: bool = False
+    problems: list[Problem] = field(default_factory=list)
+    tree: Value | None = None
+    pipeline: Pipeline | None = None
+    robot_tree: Value | None = None
+    robot: Robot | None = None
+    nominal: Robot | None = None
+    kinds: dict[str, type[Block]] = field(default_factory=dict)
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def at(self, *steps: str | int) -> Value | None:
+        """The value at a path of the pipeline file."""
+        return self.tree.at(*steps) if self.tree else None
+
+    def robot_at(self, *steps: str | int) -> Value | None:
+        """The value at a path of the robot file."""
+        return self.robot_tree.at(*steps) if self.robot_tree else None
+
+    def robot_place(self, *steps: str) -> Place | str:
+        """Where a field of the robot file stands, or the nearest section around it."""
+        for end in range(len(steps), -1, -1):
+            value = self.robot_at(*steps[:end])
+            if value is not None:
+                return value.spot
+        return "robot"
+
+    def robot_field(self, path: str) -> Any:
+        """The typed field at dotted `path`. Raises AttributeError or KeyError for none."""
+        found: Any = self.robot
+        for step in path.split("."):
+            found = found[step] if isinstance(found, dict) else getattr(found, step)
+        return found
+
+    def error(self, code: str, place: Place | str, cause: str, fix: str) -> None:
+        """Note what cannot work."""
+        self.problems.append(Problem(code, place, cause, fix))
+
+    def warn(self, code: str, place: Place | str, cause: str, fix: str) -> None:
+        """Note what is unwise."""
+        self.problems.append(Problem(code, place, cause, fix, "warning"))
