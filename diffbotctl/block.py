@@ -21,7 +21,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from diffbotctl.params import Declaration, RobotField, declared
+from diffbotctl.params import Declaration, FromRobot, RobotField, declared
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -158,4 +158,15 @@ def _members(owner: type, kinds: tuple[type, ...]) -> dict[str, Any]:
     return found
 
 
-__all__ = ["Block", "Declaration", "Every", "In", "Out", "action", "actions", "inputs", "outputs"]
+__all__ = [
+    "Block",
+    "Declaration",
+    "Every",
+    "FromRobot",
+    "In",
+    "Out",
+    "action",
+    "actions",
+    "inputs",
+    "outputs",
+]

@@ -13,7 +13,7 @@ BLOCKS = {
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",
     "listener": "diffbotctl.blocks.listener:Listener",
     "obstacle_stop": "diffbotctl.blocks.obstacle_stop:ObstacleStop",
-    "odometry": "diffbotctl.blocks.odometry:DiffOdometry",
+    "odometry": "diffbotctl.blocks.odometry:Odometry",
     "path": "diffbotctl.blocks.path:PathSource",
     "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
     "speed_limiter": "diffbotctl.blocks.speed_limiter:SpeedLimiter",

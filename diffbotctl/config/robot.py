@@ -6,6 +6,7 @@ from math import pi
 from typing import Any
 
 from diffbotctl.params import Param, Pin, Section
+from diffbotctl.plant.truth import Simulation
 
 RPM = 2 * pi / 60  # rad/s
 
@@ -45,6 +46,14 @@ class Link(Section):
     baud = Param(
         int, default=9600, choices=(9600, 19200, 38400, 57600, 115200),
         help="Baud rate of that port. A USB port always means 115200.",
+    )  # fmt: skip
+    command_delay = Param(
+        float, unit="s", default=0.015, least=0.0, most=1.0,
+        help="From the host to the motor: the wire, the radio, the board's loop.",
+    )  # fmt: skip
+    stamp_jitter = Param(
+        float, unit="s", default=0.0, least=0.0, most=0.1,
+        help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
     )  # fmt: skip
     range_formula = Param(
         str, none=True, default=None, choices=("13/V",),
@@ -201,90 +210,6 @@ class Battery(Section):
         float, unit="V", least=0.0, default=0.0,
         help="Below this voltage the battery counts as low.",
     )  # fmt: skip
-
-
-class TrueMotor(Section):
-    """What the simulated motors are really like; ranges are drawn from by seed."""
-
-    lag = Param(
-        tuple[float, float], unit="s", default=(0.06, 0.15), least=0.0,
-        help="Range of the time constant.",
-    )  # fmt: skip
-    gain_spread = Param(
-        float, unit="1", default=0.1, least=0.0, below=1.0, help="How far gains differ, at most."
-    )
-    start_duty = Param(
-        tuple[float, float], unit="1", default=(0.08, 0.16), least=0.0, below=1.0,
-        help="Range of the duty at which a wheel starts.",
-    )  # fmt: skip
-    keep_share = Param(
-        float, unit="1", default=0.8, least=0.0, most=1.0,
-        help="Share of the starting duty that keeps a wheel turning.",
-    )  # fmt: skip
-    ripple = Param(
-        float, unit="1", default=0.02, least=0.0, below=1.0, help="Torque ripple, relative sd."
-    )
-
-
-class TrueEncoder(Section):
-    """What the simulated encoders are really like."""
-
-    phase = Param(
-        str, choices=("random", "zero"), default="random",
-        help="Where in a slot each wheel stands at the start.",
-    )  # fmt: skip
-    slot_spread = Param(
-        float, unit="1", default=0.03, least=0.0, below=0.5, help="Slot spacing, relative sd."
-    )
-    duty_spread = Param(
-        float, unit="1", default=0.05, least=0.0, below=0.5, help="Slot width, spread of its share."
-    )
-    jitter = Param(float, unit="s", default=50e-6, least=0.0, most=0.01, help="Edge times, sd.")
-
-
-class TrueGeometry(Section):
-    """How far the simulated robot differs from the lines of this file."""
-
-    track_spread = Param(
-        float, unit="1", default=0.0, least=0.0, below=0.5, help="Relative spread of the track."
-    )
-    diameter_spread = Param(
-        float, unit="1", default=0.0, least=0.0, below=0.5, help="Relative spread of diameters."
-    )
-
-
-class TrueSensor(Section):
-    """What a simulated sensor adds to its curve."""
-
-    noise = Param(float, unit="V", default=0.01, least=0.0, help="Voltage noise, sd.")
-    offset = Param(float, unit="V", default=0.0, help="Constant voltage added.")
-
-
-class TrueWiring(Section):
-    """How each simulated encoder is wired."""
-
-    left = Param(
-        str, choices=("plain", "reversed", "swapped", "dead", "floating"), default="plain",
-        help="The left side.",
-    )  # fmt: skip
-    right = Param(
-        str, choices=("plain", "reversed", "swapped", "dead", "floating"), default="plain",
-        help="The right side.",
-    )  # fmt: skip
-
-
-class Simulation(Section):
-    """The plant's truth, drawn by seed; no block can read it."""
-
-    motor = Param(TrueMotor, default=TrueMotor(), help="The motors.")
-    encoder = Param(TrueEncoder, default=TrueEncoder(), help="The encoders.")
-    geometry = Param(TrueGeometry, default=TrueGeometry(), help="The geometry.")
-    slip = Param(
-        float, unit="m", default=0.0005, least=0.0, below=0.1,
-        help="Slip per wheel: sd after one metre of its travel, growing with the square root.",
-    )  # fmt: skip
-    sensors = Param(dict[str, TrueSensor], default={}, help="The sensors, by name.")
-    wiring = Param(TrueWiring, default=TrueWiring(), help="The wiring.")
 
 
 class Calibrated(Section):
