@@ -62,7 +62,7 @@ class ObstacleStop(Block):
     twist = In(Twist, fresh_for=0.5, help="The wanted velocity.")
     range = In(Range, fresh_for="stale_after", help="The distance to what is ahead.")
     resume = In(Resume, optional=True, help="A person's consent to drive on.")
-    safe = Out(Twist, help="The velocity that is allowed.")
+    safe = Out(Twist, name="twist", help="The velocity that is allowed.")
     stop = Out(Stop, help="What holds the robot, and that it is released.")
 
     def reset(self) -> None:

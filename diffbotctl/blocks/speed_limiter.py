@@ -34,7 +34,7 @@ class SpeedLimiter(Block):
     braking: float = FromRobot("limits.braking")
     track: float = FromRobot("drive.track")
     twist = In(Twist)
-    limited = Out(Twist)
+    limited = Out(Twist, name="twist")
 
     def reset(self) -> None:
         self.time: int | None = None

@@ -14,14 +14,16 @@ OPERATOR: dict[str, type] = {
     "twist": messages.Twist,
     "resume": messages.Resume,
     "stop": messages.Stop,
+    "halt": messages.Stop,
 }
 ROBOT: dict[str, type] = {
     "encoders": messages.Encoders,
     "link": messages.Link,
     "battery": messages.Battery,
     "text": messages.Text,
+    "stop": messages.Stop,
 }
-RESERVED = ("robot", "operator")
+RESERVED = ("robot", "operator", "gate", "wheel_speed")
 
 
 class Node(NamedTuple):

@@ -9,7 +9,6 @@ from diffbotctl.graph import NEVER
 from diffbotctl.messages import Goal, GoalState, Message, Path, Resume, Stop
 
 ENDED = {"reached", "blocked", "stuck", "timed_out"}
-OUTPUTS: dict[str, type] = {"goal": Goal, "stop": Stop, "resume": Resume}
 
 
 class Operator:
@@ -22,6 +21,7 @@ class Operator:
     def __init__(self, goals: Sequence[Goal], end: Callable[[int, str], None]) -> None:
         self.waiting = list(goals)
         self.end = end
+        self.given: list[Goal] = []
         self.under_way: Goal | None = None
         self.outbox: list[Delivery] = []
         self.at = 0
@@ -96,6 +96,7 @@ class Operator:
             return
         self.number += 1
         self.under_way = self.waiting.pop(0)._replace(number=self.number)
+        self.given.append(self.under_way)
         self._say(now, "goal", self.under_way)
 
     def _say(self, now: int, port: str, message: Message) -> None:

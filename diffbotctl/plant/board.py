@@ -44,7 +44,7 @@ MOST_JITTER = 2  # standard deviations; keeps frames in order
 class Side:
     """What a board keeps for one wheel."""
 
-    __slots__ = ("coming", "count", "duty", "edge", "hold", "loop", "since", "sign")
+    __slots__ = ("coming", "count", "duty", "edge", "hold", "loop", "sign", "since")
 
     def __init__(self, loop: SpeedLoop | None) -> None:
         self.loop = loop
@@ -154,10 +154,11 @@ class Board:
         while len(self._sent) > 1 and self._sent[1][0] <= now:
             self._sent.popleft()
         since, left, right = self._sent[0]
-        counts = (side.count for side in self.sides)
+        a, b = self.sides
         return Encoders(
-            now, *counts, None, None, left, right, "duty", since if since > -NEVER else None
-        )
+            now, a.count, b.count, None, None, left, right, "duty",
+            since if since > -NEVER else None,
+        )  # fmt: skip
 
     def _take(self, side: Side, time: int, value: float) -> None:
         self._silent = time + self._deadman if self.kind.regulates else NEVER

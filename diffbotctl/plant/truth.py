@@ -13,8 +13,8 @@ class MotorTruth(Section):
     """Spreads of the two gear motors."""
 
     lag = Param(
-        list,
-        default=[0.060, 0.150],
+        tuple[float, float],
+        default=(0.060, 0.150),
         unit="s",
         help="Range of the time constant from duty to speed; one is drawn for both motors.",
     )
@@ -35,8 +35,8 @@ class MotorTruth(Section):
         help="Largest difference of each motor's speed from the rated one at full duty.",
     )
     start_duty = Param(
-        list,
-        default=[0.08, 0.16],
+        tuple[float, float],
+        default=(0.08, 0.16),
         unit="1",
         help="Range of the duty at which a resting wheel breaks loose; drawn for each motor.",
     )
@@ -163,5 +163,5 @@ class Simulation(Section):
         help="Slip of each wheel, standard deviation per square root of a metre of its travel.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
-    sensors = Param(dict, default={}, help="Errors of the sensors, by the sensor's name.")
+    sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name.")
     wiring = Param(WiringTruth, default=WiringTruth(), help="How it was soldered together.")
