@@ -1,12 +1,18 @@
-"""One line of a table of figures."""
+"""One line of a table: what was measured, the figure seen, the target, and whether it is met."""
+
+from __future__ import annotations
 
 from typing import NamedTuple
 
 
 class Row(NamedTuple):
-    """A measured figure beside its target."""
+    """A figure beside its target."""
 
     what: str
     figure: str
     target: str
     met: bool
+
+    def line(self) -> str:
+        """The row as it is printed."""
+        return f"{'ok    ' if self.met else 'MISSED'}  {self.what:<52} {self.figure:>18}   {self.target}"

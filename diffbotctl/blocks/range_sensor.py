@@ -16,6 +16,7 @@ REACH = 0.30  # m; farther, its voltage hardly changes
 PEAK_SHARE = 1.05
 # An object 5 mm away reads 1.38 V, half the voltage at 4 cm: less means contact, or far away.
 CONTACT_SHARE = 0.5
+ZEROS = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
 FOLDED_WAY = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
 
 
@@ -50,6 +51,7 @@ class RangeSensor(Block):
         self.fold = Fold(near, FOLDED_WAY / self.speed)
         self.last_volts = float("nan")
         self.since = 0
+        self.zeros = 0
 
     @action
     def believe(self, now: int) -> None:
@@ -71,7 +73,8 @@ class RangeSensor(Block):
         return Range(volts.time, distance, "measured")
 
     def _is_faulty(self, volts: Volts) -> bool:
-        if not isfinite(volts.volts) or volts.volts <= 0.0:
+        self.zeros = self.zeros + 1 if volts.volts <= 0.0 else 0
+        if not isfinite(volts.volts) or self.zeros >= ZEROS:
             self.last_volts = float("nan")
             return True
         if volts.volts != self.last_volts:

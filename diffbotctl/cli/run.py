@@ -53,6 +53,7 @@ def command(
     """
     from diffbotctl.config.load import load
     from diffbotctl.runs.run import Options, Run
+    from diffbotctl.runs.signals import Signals
 
     if port in ("auto", "emulated"):
         raise click.UsageError(
@@ -65,7 +66,7 @@ def command(
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
     options = Options(port, wanted, seed, fast and port == "sim", seconds, record, digest)
-    run = Run(configuration, options, None if quiet else _screen(configuration, port), _shout)
+    run = Run(configuration, options, None if quiet else _screen(configuration, port), _shout, Signals())
     return _finish(run)
 
 

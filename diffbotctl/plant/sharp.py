@@ -20,15 +20,18 @@ CURVE = (
     (0.090, 1.395), (0.100, 1.265), (0.120, 1.06), (0.140, 0.928), (0.160, 0.813), (0.180, 0.735),
     (0.200, 0.656), (0.250, 0.525), (0.300, 0.430), (0.350, 0.370), (0.400, 0.312),
 )  # fmt: skip
+RESIDUE = 0.06  # V; the output amplifier does not reach ground when nothing reflects
 _PLACES = tuple(place for place, _ in CURVE)
 # Beyond the datasheet's last point the light dies with distance: V = TAIL / (d + TAIL_SHIFT) - DARK
 TAIL, TAIL_SHIFT, DARK = 0.1502, 0.0135, 0.048  # V m, m, V; fit to the points up to 40 cm
 
 
 def volts(distance: float) -> float:
-    """Voltage at `distance` (m) of white paper; 0 where nothing reflects."""
+    """Voltage at `distance` (m) of white paper; the residue where nothing reflects."""
     if distance >= _PLACES[-1]:
-        return 0.0 if distance == inf else max(0.0, TAIL / (distance + TAIL_SHIFT) - DARK)
+        if distance == inf:
+            return RESIDUE
+        return max(RESIDUE, TAIL / (distance + TAIL_SHIFT) - DARK)
     after = bisect_right(_PLACES, max(distance, 0.0))
     (near, high), (far, low) = CURVE[after - 1], CURVE[after]
     return high + (low - high) * (max(distance, 0.0) - near) / (far - near)
@@ -37,7 +40,7 @@ def volts(distance: float) -> float:
 class Sharp:
     """One sensor. Measures each 16.5 ms; between measurements its output stands still.
 
-    The caller asks `due`, hands the true distance to `measure` then, and reads `output` at any time.
+    The caller asks `due`, hands the true distance to `measure` then, and reads `output` any time.
     """
 
     def __init__(self, noise: float, offset: float, chance: Random, now: int = 0) -> None:
@@ -45,7 +48,7 @@ class Sharp:
         self._noise, self._offset, self._chance = noise, offset, chance
         self.due = now + chance.randrange(CYCLE)
         self._valid = self.due + SETTLE
-        self._before = self._after = 0.0
+        self._before = self._after = RESIDUE
 
     def measure(self, distance: float) -> None:
         """Take the measurement that is due, at `distance` (m)."""

@@ -67,6 +67,7 @@ class Run:
         options: Options,
         show: Callable[[Iterator[Snapshot]], None] | None = None,
         tell: Callable[[str], None] = print,
+        signals: Signals | None = None,
     ) -> None:
         real = options.port not in ("sim", "emulated")
         self.configuration, self.options = configuration, options
@@ -98,7 +99,7 @@ class Run:
             sinks=self._sinks(),
             record=self._record(),
             idle=self._idle(),
-            signals=Signals(),
+            signals=signals,
         )
 
     def go(self) -> Result:
@@ -157,7 +158,7 @@ class Run:
         if self.assembly.command is not None and self.robot is not None:
             add(self.assembly.command, self._command(self.robot))
         for wire in wires_of(self.assembly, GoalState):
-            add(wire, self.operator.hear_goal_state)
+            add(wire, lambda now, state: self.operator.hear_goal_state(now, state))
         for wire in wires_of(self.assembly, Waypoints):
             add(wire, self.operator.hear_path)
         for wire in wires_of(self.assembly, Stop):
