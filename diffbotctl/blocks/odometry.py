@@ -56,6 +56,7 @@ class Odometry(Block):
             self.left = WheelFilter(self.spread, encoders.time, encoders.left)
             self.right = WheelFilter(self.spread, encoders.time, encoders.right)
             self.gone_left = self.gone_right = 0.0
+            self.first = (encoders.left, encoders.right)
             return self._pose(encoders.time, 0.0, 0.0)
         since = encoders.command_time
         to_pitches = 0.5 * self.slots / pi
@@ -73,9 +74,12 @@ class Odometry(Block):
         right.frame(
             encoders.time, encoders.right, encoders.right_edge, drives[1] * to_pitches, since
         )
-        ahead_left = left.travel - self.gone_left
-        ahead_right = right.travel - self.gone_right
-        self.gone_left, self.gone_right = left.travel, right.travel
+        if self.method == "count":
+            gone_left, gone_right = encoders.left - self.first[0], encoders.right - self.first[1]
+        else:
+            gone_left, gone_right = left.travel, right.travel
+        ahead_left, ahead_right = gone_left - self.gone_left, gone_right - self.gone_right
+        self.gone_left, self.gone_right = gone_left, gone_right
         self._move(ahead_left * self._left_pitch(), ahead_right * self._right_pitch())
         return self._pose(
             encoders.time, left.speed * self._left_pitch(), right.speed * self._right_pitch()
