@@ -22,7 +22,7 @@ class Odometry(Block):
         str,
         default="model",
         choices=("model", "count"),
-        help="`model`: a filter per wheel, driven by the motor's model; `count`: counts as they are.",
+        help="`model`: a filter a wheel, driven by the motor's model; `count`: counts alone.",
     )
     slip = Param(
         float, default=0.0005, unit="m", least=0.0,
@@ -74,10 +74,10 @@ class Odometry(Block):
         right.frame(
             encoders.time, encoders.right, encoders.right_edge, drives[1] * to_pitches, since
         )
+        gone_left, gone_right = left.travel, right.travel
         if self.method == "count":
-            gone_left, gone_right = encoders.left - self.first[0], encoders.right - self.first[1]
-        else:
-            gone_left, gone_right = left.travel, right.travel
+            gone_left = float(encoders.left - self.first[0])
+            gone_right = float(encoders.right - self.first[1])
         ahead_left, ahead_right = gone_left - self.gone_left, gone_right - self.gone_right
         self.gone_left, self.gone_right = gone_left, gone_right
         self._move(ahead_left * self._left_pitch(), ahead_right * self._right_pitch())
