@@ -15,4 +15,5 @@ class Row(NamedTuple):
 
     def line(self) -> str:
         """The row as it is printed."""
-        return f"{'ok    ' if self.met else 'MISSED'}  {self.what:<52} {self.figure:>18}   {self.target}"
+        verdict = "ok    " if self.met else "MISSED"
+        return f"{verdict}  {self.what:<52} {self.figure:>18}   {self.target}"

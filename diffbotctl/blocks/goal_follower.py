@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from math import atan2, copysign, cos, hypot, pi, sqrt
+from collections import deque
+from collections.abc import Iterable
+from math import atan2, copysign, cos, exp, hypot, pi, sin, sqrt
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.blocks.rest_to_rest import Limits, rest_to_rest_time, shortest_turn
@@ -10,12 +12,15 @@ from diffbotctl.messages import Goal, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 
 SECOND = 1_000_000_000
-STILL_SPEED, STILL_TURN = 0.004, 0.03  # m/s, rad/s: below this a wheel is between two slots
-STILL_TIME = 120_000_000  # ns of stillness after which the pose is believed
+STILL_SPEED = 0.004  # m/s at the rim: below this a wheel is between two slots
+SLOW_SPEED = 0.012  # m/s at the rim: it rolls on for about a millimetre; the next leg may begin
+STILL_TIME = 60_000_000  # ns of stillness after which the pose is believed
 MARGIN = 0.8  # of the braking limit: the rest is for what the motors add
-STEER = 3.0  # 1/s: heading error to turn rate; a third of what the motors' lag allows
+STEER = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
 MOST_STEER = 1.0  # rad/s; a correction is not a turn
-LINE = 0.10  # m before the goal, from where the bearing to it says more of noise than of the way
+PIVOT = 2.5  # 1/s; place error to speed while turning
+PIVOT_SHARE = 0.3  # of the rim's speed at most, so that no wheel changes its direction
+LINE = 0.06  # m before the goal, from where the bearing to it says more of noise than of the way
 PAUSE = {"turning": "driving", "driving": "aligning", "aligning": "judging"}
 
 
@@ -71,12 +76,21 @@ class GoalFollower(Block):
         self.clock = self.held = self.idle = 0.0
         self.allowed = 0.0
         self.line = 0.0
+        self.pivot = (0.0, 0.0)
+        self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
 
     def react(
         self, now: int, odometry: Odometry | None, goal: Goal | None, stop: Stop | None
     ) -> tuple[Twist | None, GoalState | None] | None:
         if odometry is None or odometry is self.last:
             return None
+        twist, state = self._follow(now, odometry, goal, stop)
+        self.sent.append((now, twist.linear, twist.angular))
+        return twist, state
+
+    def _follow(
+        self, now: int, odometry: Odometry, goal: Goal | None, stop: Stop | None
+    ) -> tuple[Twist, GoalState | None]:
         step = 0.0 if self.last is None else (odometry.time - self.last.time) / SECOND
         self.last = odometry
         if goal is not None and goal is not self.seen:
@@ -115,13 +129,21 @@ class GoalFollower(Block):
         assert goal is not None
         self.halting, self.still_since = False, None
         away = hypot(goal.x - odometry.x, goal.y - odometry.y)
+        self.pivot = (odometry.x, odometry.y)
         if away <= 0.6 * self.tolerance:
             self.phase = "aligning"
+            self._plant_pivot(odometry)
             return
         bearing = atan2(goal.y - odometry.y, goal.x - odometry.x)
         self.backwards = self.reverse and self._prefers_back(odometry, bearing)
         self.line = bearing + pi if self.backwards else bearing
         self.phase = "turning"
+
+    def _plant_pivot(self, odometry: Odometry) -> None:
+        """The last turn is about the goal itself: on the way round it can still come nearer."""
+        goal = self.target
+        assert goal is not None
+        self.pivot = (goal.x, goal.y) if self.phase == "aligning" else (odometry.x, odometry.y)
 
     def _prefers_back(self, odometry: Odometry, bearing: float) -> bool:
         def turns(line: float) -> float:
@@ -141,40 +163,65 @@ class GoalFollower(Block):
             self.halting, self.still_since = False, None
             if self._is_leg_done(odometry):
                 self.phase = PAUSE[self.phase]
+                self._plant_pivot(odometry)
                 if self.phase == "judging":
                     return 0.0, 0.0
-        delay = (now - odometry.time) / SECOND + self.command_delay
+        foresight = self._foresee(now, odometry)
         if self.phase == "driving":
-            return self._drive_leg(odometry, delay, step)
-        return self._turn_leg(odometry, delay, step)
+            return self._drive_leg(odometry, foresight, step)
+        return self._turn_leg(odometry, foresight, step)
 
-    def _turn_leg(self, odometry: Odometry, delay: float, step: float) -> tuple[float, float]:
-        left = self._turn_left(odometry)
+    def _foresee(self, now: int, odometry: Odometry) -> tuple[float, float, float, float]:
+        """Way, speed, turn and turn rate when a command of `now` takes hold."""
+        delay = round(self.command_delay * SECOND)
+        span = (odometry.time, now + delay)
+        while len(self.sent) > 1 and self.sent[1][0] + delay <= odometry.time:
+            self.sent.popleft()
+        way, speed = foreseen(
+            odometry.linear, span, [(t + delay, v) for t, v, _ in self.sent], self.lag
+        )
+        turn, rate = foreseen(
+            odometry.angular, span, [(t + delay, w) for t, _, w in self.sent], self.lag
+        )
+        return way, speed, turn, rate
+
+    def _turn_leg(
+        self, odometry: Odometry, foresight: tuple[float, float, float, float], step: float
+    ) -> tuple[float, float]:
+        _, _, turn, rate = foresight
         arm = 0.5 * self.track
-        rate = arm * odometry.angular  # m/s at the rim
-        rim = approach(arm * left, rate, delay, self.lag, step, self._turn_limits())
+        left = self._turn_left(odometry) - turn
+        rim = approach(arm * left, arm * rate, self.lag, step, self._turn_limits())
         if rim == 0.0:
             self.halting = True
-        return 0.0, rim / arm
+            return 0.0, 0.0
+        return self._hold_place(odometry, abs(rim)), rim / arm
 
-    def _drive_leg(self, odometry: Odometry, delay: float, step: float) -> tuple[float, float]:
+    def _hold_place(self, odometry: Odometry, rim: float) -> float:
+        """Forward speed that keeps a turn on its spot: motors of unequal strength would drift."""
+        x, y = self.pivot
+        aside = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
+        most = PIVOT_SHARE * rim
+        return min(max(PIVOT * aside, -most), most)
+
+    def _drive_leg(
+        self, odometry: Odometry, foresight: tuple[float, float, float, float], step: float
+    ) -> tuple[float, float]:
         goal = self.target
         assert goal is not None
+        way, speed, turn, _ = foresight
         east, north = goal.x - odometry.x, goal.y - odometry.y
-        away = hypot(east, north)
-        if away > LINE:
+        if hypot(east, north) > LINE:
             self.line = atan2(north, east) + (pi if self.backwards else 0.0)
-        ahead = east * cos(self.line) + north * cos(self.line - pi / 2)
+        ahead = east * cos(self.line) + north * sin(self.line) - way
         linear = approach(
-            ahead, odometry.linear, delay, self.lag, step,
-            (self.creep, self.speed, self.braking * MARGIN),
-        )  # fmt: skip
+            ahead, speed, self.lag, step, (self.creep, self.speed, self.braking * MARGIN)
+        )
         if linear == 0.0 or linear * (-1.0 if self.backwards else 1.0) < 0.0:
             self.halting = True
             return 0.0, 0.0
-        error = shortest_turn(self.line - odometry.heading - odometry.angular * delay)
-        steer = min(max(STEER * error, -MOST_STEER), MOST_STEER)
-        return linear, steer
+        error = shortest_turn(self.line - odometry.heading - turn)
+        return linear, min(max(STEER * error, -MOST_STEER), MOST_STEER)
 
     def _turn_limits(self) -> tuple[float, float, float]:
         rim = min(self.speed, self.turn_rate * 0.5 * self.track)
@@ -193,7 +240,10 @@ class GoalFollower(Block):
         return abs(self._turn_left(odometry)) <= limit
 
     def _is_still(self, odometry: Odometry) -> bool:
-        if abs(odometry.linear) > STILL_SPEED or abs(odometry.angular) > STILL_TURN:
+        rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
+        if PAUSE[self.phase] != "judging":
+            return rim <= SLOW_SPEED
+        if rim > STILL_SPEED:
             self.still_since = None
         elif self.still_since is None:
             self.still_since = odometry.time
@@ -227,7 +277,8 @@ class GoalFollower(Block):
         self.clock += step
         if self.clock > self.allowed:
             return "timed_out", f"not there after {self.allowed:.0f} s"
-        moving = abs(odometry.linear) > STILL_SPEED or abs(odometry.angular) > STILL_TURN
+        rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
+        moving = rim > STILL_SPEED
         self.idle = 0.0 if moving or self.halting else self.idle + step
         if self.idle > self.stuck_after:
             return "stuck", f"no wheel turned for {self.stuck_after:g} s of driving"
@@ -247,22 +298,41 @@ class GoalFollower(Block):
 
 
 def approach(
-    left: float, speed: float, delay: float, lag: float, step: float,
-    limits: tuple[float, float, float],
+    left: float, speed: float, lag: float, step: float, limits: tuple[float, float, float],
 ) -> float:  # fmt: skip
     """The speed (m/s) to ask for with `left` metres to go at `speed`; 0 when it is time to let go.
 
-    `delay` (s) passes before a command takes hold, and a motor that is let go rolls on by its speed
-    times its `lag`: only what remains beyond both is still to be driven. `limits` are the least and
-    the most speed (m/s) and the braking (m/s2); `step` (s) is the time until the next command.
+    A motor that is let go rolls on by its speed times its `lag` (s): only what remains beyond that
+    is still to be driven. `limits` are the least and the most speed (m/s) and the braking (m/s2);
+    `step` (s) is the time until the next command.
     """
     least, most, braking = limits
     direction = copysign(1.0, left)
     rolling = max(direction * speed, 0.0)
-    rest = abs(left) - rolling * (delay + lag)
+    rest = abs(left) - rolling * lag
     if rest <= 0.5 * least * step + 0.25 * least * lag:
         return 0.0
     wanted = sqrt(2.0 * braking * rest)
     if step > 0.0:
         wanted = min(wanted, rolling + rest / (step + lag))
     return direction * min(max(wanted, least), most)
+
+
+def foreseen(
+    speed: float, span: tuple[int, int], sent: Iterable[tuple[int, float]], lag: float
+) -> tuple[float, float]:
+    """Way and speed at the end of `span` (ns), from `speed` at its start.
+
+    `sent` are the commands by the time (ns) when they take hold, in order; the speed follows them
+    with `lag` (s).
+    """
+    at, end = span
+    way, wanted = 0.0, 0.0
+    for time, command in (*sent, (end, 0.0)):
+        until = min(max(time, at), end)
+        seconds = (until - at) / SECOND
+        fade = exp(-seconds / lag)
+        way += wanted * seconds + (speed - wanted) * lag * (1.0 - fade)
+        speed = wanted + (speed - wanted) * fade
+        at, wanted = until, command
+    return way, speed

@@ -1,4 +1,4 @@
-"""Obstacle stop: a velocity and a distance in; out comes a velocity that can still stop in time."""
+"""Obstacle stop: a wanted velocity and a distance in, one that can still stop in time out."""
 
 from __future__ import annotations
 

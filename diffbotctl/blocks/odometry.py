@@ -22,7 +22,7 @@ class Odometry(Block):
         str,
         default="model",
         choices=("model", "count"),
-        help="`model`: a filter per wheel, driven by the motor's model; `count`: counts as they are.",
+        help="`model`: a filter a wheel, driven by the motor's model; `count`: counts alone.",
     )
     slip = Param(
         float, default=0.0005, unit="m", least=0.0,
@@ -56,6 +56,7 @@ class Odometry(Block):
             self.left = WheelFilter(self.spread, encoders.time, encoders.left)
             self.right = WheelFilter(self.spread, encoders.time, encoders.right)
             self.gone_left = self.gone_right = 0.0
+            self.first = (encoders.left, encoders.right)
             return self._pose(encoders.time, 0.0, 0.0)
         since = encoders.command_time
         to_pitches = 0.5 * self.slots / pi
@@ -73,9 +74,12 @@ class Odometry(Block):
         right.frame(
             encoders.time, encoders.right, encoders.right_edge, drives[1] * to_pitches, since
         )
-        ahead_left = left.travel - self.gone_left
-        ahead_right = right.travel - self.gone_right
-        self.gone_left, self.gone_right = left.travel, right.travel
+        gone_left, gone_right = left.travel, right.travel
+        if self.method == "count":
+            gone_left = float(encoders.left - self.first[0])
+            gone_right = float(encoders.right - self.first[1])
+        ahead_left, ahead_right = gone_left - self.gone_left, gone_right - self.gone_right
+        self.gone_left, self.gone_right = gone_left, gone_right
         self._move(ahead_left * self._left_pitch(), ahead_right * self._right_pitch())
         return self._pose(
             encoders.time, left.speed * self._left_pitch(), right.speed * self._right_pitch()

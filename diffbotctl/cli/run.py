@@ -66,7 +66,9 @@ def command(
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
     options = Options(port, wanted, seed, fast and port == "sim", seconds, record, digest)
-    run = Run(configuration, options, None if quiet else _screen(configuration, port), _shout, Signals())
+    run = Run(
+        configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
+    )
     return _finish(run)
 
 

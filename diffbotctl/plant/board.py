@@ -1,8 +1,8 @@
 """What each kind of board makes of commands and edges, and when the host hears of it.
 
-`stock` runs the published rosserial firmware: raw duty, counts in steps, late and jittering. `counts`
-and `edges` run ours: a wheel-speed loop and a dead-man's stop; `edges` also tells when each wheel's
-last edge came. All times are logical nanoseconds.
+`stock` runs the published rosserial firmware: raw duty, counts in steps, late and jittering.
+`counts` and `edges` run ours: a wheel-speed loop and a dead-man's stop; `edges` also tells when
+each wheel's last edge came. All times are logical nanoseconds.
 """
 
 from __future__ import annotations

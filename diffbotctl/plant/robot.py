@@ -139,7 +139,7 @@ class SimulatedRobot:
         return arrived
 
     def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """The host sends `wanted` at `now`. Raises TypeError when the board takes the other kind."""
+        """The host sends `wanted` at `now`. Raises TypeError where the board takes the other."""
         self.board.command(now, wanted)
 
     def truth(self) -> Truth:

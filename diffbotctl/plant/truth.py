@@ -163,5 +163,7 @@ class Simulation(Section):
         help="Slip of each wheel, standard deviation per square root of a metre of its travel.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
-    sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name.")
+    sensors = Param(
+        dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name."
+    )
     wiring = Param(WiringTruth, default=WiringTruth(), help="How it was soldered together.")

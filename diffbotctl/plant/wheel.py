@@ -127,10 +127,7 @@ class Wheel:
     def _look_for_rest(self, speed: float, settled: float) -> None:
         if speed == 0.0:
             return
-        if settled == 0.0:
-            ratio = abs(speed) / REST
-        else:
-            ratio = (speed - settled) / -settled
+        ratio = abs(speed) / REST if settled == 0.0 else (speed - settled) / -settled
         left = self.motor.lag * log(ratio) if ratio > 1.0 else 0.0
         end = self.now + int(left * SECOND) + 1
         if end <= self._end:
