@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from diffbotctl.block import Block, FromRobot, In, Out, action
+from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.messages import Range, Resume, Volts
 from diffbotctl.params import Param
 
@@ -52,14 +52,11 @@ class RangeSensor(Block):
         self.last_volts = float("nan")
         self.since = 0
         self.zeros = 0
-
-    @action
-    def believe(self, now: int) -> None:
-        """Forget that something was too close."""
-        self.fold.forget()
+        self.consent: Resume | None = None  # the last one that was heard
 
     def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:
-        if resume is not None and resume.time == now:
+        if resume is not None and resume is not self.consent:
+            self.consent = resume
             self.fold.forget()
         if volts is None:
             return None

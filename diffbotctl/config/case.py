@@ -49,6 +49,14 @@ class Case:
             found = found[step] if isinstance(found, dict) else getattr(found, step)
         return found
 
+    def known(self, *paths: str) -> tuple[Any, ...] | None:
+        """The robot's fields at `paths`, or None when any of them could not be read."""
+        try:
+            found = tuple(self.robot_field(path) for path in paths)
+        except (AttributeError, KeyError, TypeError):
+            return None
+        return None if any(value is None for value in found) else found
+
     def error(self, code: str, place: Place | str, cause: str, fix: str) -> None:
         """Note what cannot work."""
         self.problems.append(Problem(code, place, cause, fix))

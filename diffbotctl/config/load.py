@@ -17,6 +17,7 @@ from diffbotctl.config import (
     shape,
     sides,
     variables,
+    yamlfile,
 )
 from diffbotctl.config.case import Case
 from diffbotctl.config.checks.order import CHECKS
@@ -25,7 +26,7 @@ from diffbotctl.config.pipeline import BlockEntry, Pipeline
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.typed import Reader
 from diffbotctl.config.yamlfile import Value
-from diffbotctl.errors import ConfigurationError, Problem, UserError
+from diffbotctl.errors import ConfigurationError, Problem, UserError, nearest
 from diffbotctl.params import declared
 
 
@@ -55,6 +56,35 @@ def load_robot(
     """
     loader = _Loader(sets, real)
     return loader.robot_alone(robot)
+
+
+def check(
+    name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
+) -> tuple[Problem, ...]:
+    """Every problem of the robot or pipeline file called `name`; what it is, its `kind` says.
+
+    A name without a path is looked up among pipelines, then among robots.
+    """
+    try:
+        if _is_robot(name):
+            return load_robot(name, sets, real=real).warnings
+        return load(name, robot, sets, real=real).warnings
+    except UserError as error:
+        return error.problems
+
+
+def _is_robot(name: str) -> bool:
+    if not lookup.is_path(name):
+        try:
+            lookup.pipeline(name)
+        except UserError:
+            return lookup.is_known(name, "robots")
+        return False
+    try:
+        kind = yamlfile.read(name).entries.get("kind")
+    except ConfigurationError:
+        return Path(name).parent.name == "robots"
+    return kind is not None and nearest(kind.text, ["robot", "pipeline"]) == "robot"
 
 
 class _Loader:

@@ -30,6 +30,15 @@ def robot(name: str | None) -> Path:
     return own[0] if len(own) == 1 else find(DEFAULT_ROBOT, "robots")
 
 
+def is_known(name: str, kind: str) -> bool:
+    """True when `name` can be looked up in folder `kind`."""
+    try:
+        find(name, kind)
+    except UsageError:
+        return False
+    return True
+
+
 def find(name: str, kind: str) -> Path:
     """The file of folder `kind` meant by `name`: a path, or a name in ./`kind` or shipped."""
     if is_path(name):
