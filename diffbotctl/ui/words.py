@@ -69,7 +69,7 @@ def stop(said: Stop | None) -> str:
     if said is None or not said.code:
         return "none"
     way_out = "; waits for `resume`" if said.latched else "; ends by itself"
-    return f"{said.code.replace('_', ' ')}: {said.cause}{way_out}"
+    return f"{said.code}: {said.cause}{way_out}"
 
 
 def holding(picture: Snapshot) -> Stop | None:
