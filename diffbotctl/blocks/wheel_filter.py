@@ -32,7 +32,7 @@ class Spread(NamedTuple):
     slot: float = 0.03  # pitches; place of an edge
     open: float = 0.05  # pitches; of OPEN
     stamp: float = 0.0  # s; of a frame's time
-    rough: float = 2.0  # pitches/s per square root of a second: what the model leaves out
+    rough: float = 0.8  # pitches/s per square root of a second: what the model leaves out
     drift: float = 0.3  # pitches/s per square root of a second: how the offset wanders
 
 
