@@ -21,6 +21,9 @@ def _code(title: str, text: str) -> Code:
 
 
 CODES: dict[str, Code] = {
+    "E-DEFECT": _code("diffbotctl itself failed", """
+        Something happened that nobody foresaw. The robot was stopped before this was printed. Run
+        the same command with --debug in front: the traceback that it prints is what we need."""),
     "E-RECORDING": _code("a file is no recording", """
         Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
         or holds none of what a recording of diffbotctl begins with."""),
