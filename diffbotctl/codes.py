@@ -117,7 +117,8 @@ CODES: dict[str, Code] = {
         `$name` stands for a value from the file's `vars:`. There is none of that name. A dollar
         sign itself is written $$."""),
     "W-VAR-UNUSED": _code("a variable that is never used", """
-        It has no effect. Probably the value that it should replace is still written out somewhere."""),
+        It has no effect. Probably the value that it should replace is still written out
+        somewhere."""),
     "E-INCLUDE": _code("an include that cannot be followed", """
         `include` names a file that this one changes: a path from here, or a name in the same
         folder or among the shipped files. Mappings are merged, lists and values replaced, this
@@ -177,8 +178,8 @@ CODES: dict[str, Code] = {
         The pipeline has a robot but gives it no wheel speeds, so it will only watch. That may be
         what you want; else add robot: {in: {wheels: kinematics.wheels}}."""),
     "E-PIN-UNKNOWN": _code("a pin that the board does not have", """
-        The number is not on this kind of board. A Mega 2560 has 0 to 53 and A0 to A15, an ATmega328P
-        (Uno, Nano) has 0 to 13 and A0 to A7."""),
+        The number is not on this kind of board. A Mega 2560 has 0 to 53 and A0 to A15, an
+        ATmega328P (Uno, Nano) has 0 to 13 and A0 to A7."""),
     "E-PIN-PWM": _code("a pin without PWM", """
         The enable input of a motor driver takes pulses: the longer they are, the faster the motor
         turns. Only some pins can make such pulses by themselves; on the others the motor could only
@@ -216,8 +217,9 @@ CODES: dict[str, Code] = {
         The board stops its motors by itself when no command came for board.deadman. Commands go out
         with each frame of telemetry; with frames that rare it would stop between any two."""),
     "W-DEADMAN": _code("a dead-man's time of few commands", """
-        Radio links lose a command now and then. When two lost ones outlast the dead-man's time, the
-        robot stutters. Send telemetry, and with it commands, more often, or raise board.deadman."""),
+        Radio links lose a command now and then. When two lost ones outlast the dead-man's time,
+        the robot stutters. Send telemetry, and with it commands, more often, or raise
+        board.deadman."""),
     "E-LIMIT-SPEED": _code("a speed limit that the motors cannot reach", """
         Rated speed times the wheel's radius is the fastest the robot can drive, with a full battery
         and no load. A limit above makes every plan too optimistic: it would brake too late for
@@ -259,11 +261,12 @@ CODES: dict[str, Code] = {
         The adapter or its driver cannot do the baud rate of the robot file. 9600 and 115200 work
         everywhere."""),
     "E-RECORD": _code("the recording cannot be written or read", """
-        The disk may be full, the folder may not exist, or the file is no recording of diffbotctl."""),
+        The disk may be full, the folder may not exist, or the file is no recording of
+        diffbotctl."""),
     "obstacle": _code("something stands ahead", """
-        `obstacle_stop` slows the robot down so that it can always stop, and holds it when no room is
-        left. Turning and backing away stay possible. It drives on when the way is clear, or waits
-        for `resume`, as the pipeline says."""),
+        `obstacle_stop` slows the robot down so that it can always stop, and holds it when no
+        room is left. Turning and backing away stay possible. It drives on when the way is
+        clear, or waits for `resume`, as the pipeline says."""),
     "too_close": _code("something is closer than the sensor can measure", """
         Below 4 cm a Sharp sensor's voltage falls again: 2 cm reads like 5.3 cm. So once something
         came that close, it is believed to be there until the voltage has come back through its
@@ -280,8 +283,8 @@ CODES: dict[str, Code] = {
         robot out of reach. It ends by itself when telemetry comes again soon, else the link counts
         as lost."""),
     "link_lost": _code("the link to the board is gone", """
-        The port was closed, or nothing came for a second. A board with our firmware stops its motors
-        by itself. A stop is the first thing sent when the link is back; then `resume`."""),
+        The port was closed, or nothing came for a second. A board with our firmware stops its
+        motors by itself. A stop is the first thing sent when the link is back; then `resume`."""),
     "reconnect": _code("the link is back", """
         After a lost link the robot stands until a person has seen that it may move: `resume`."""),
     "board_restart": _code("the board restarted while in use", """

@@ -17,8 +17,10 @@ CUT = "..."
 class Source:
     """A text that problems can point into: a file, or the words of a command line."""
 
-    def __init__(self, name: str, text: str) -> None:
+    def __init__(self, name: str, text: str, is_own: bool = True) -> None:
+        """`is_own`: the user wrote it, as opposed to a file that ships with diffbotctl."""
         self.name = name
+        self.is_own = is_own
         self.lines = re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
 
     def line(self, number: int) -> str:

@@ -33,7 +33,7 @@ def merge(below: Value, above: Value) -> Value:
 
 
 def _read(path: Path, kind: str, files: list[Path], chain: list[Path]) -> Value:
-    own = yamlfile.read(str(path), lookup.shown(path))
+    own = yamlfile.read(str(path), lookup.shown(path), not lookup.is_shipped(path))
     if path not in files:
         files.append(path)
     wanted = own.entries.get("include")

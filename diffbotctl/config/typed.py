@@ -76,7 +76,7 @@ def read_leaf(value: Value, kind: Any, declaration: Declaration) -> tuple[Any, P
     try:
         data = READERS[kind](value, declaration)
     except UnitError as error:
-        fix = f"write it as {_sample(declaration)}" if _sample(declaration) else ""
+        fix = f"{declaration.key}: {declaration.help}"
         return None, Problem("E-UNIT", value.spot, str(error), fix)
     except _WrongError as wrong:
         return None, Problem("E-TYPE", value.spot, wrong.cause, wrong.fix)
@@ -114,9 +114,8 @@ def _int(value: Value, declaration: Declaration) -> int:
         return data
     if isinstance(data, float) and data.is_integer():
         return int(data)
-    raise _WrongError(
-        f"'{value.text}' is not a whole number", f"write a whole number: {_help(declaration)}"
-    )
+    fix = f"{declaration.key}: {declaration.help}"
+    raise _WrongError(f"'{value.text}' is not a whole number", fix)
 
 
 def _bool(value: Value, declaration: Declaration) -> bool:
@@ -181,8 +180,5 @@ def _sample(declaration: Declaration) -> str:
 
 def _write(declaration: Declaration) -> str:
     sample = _sample(declaration)
-    return f"write it as {sample}" if sample else f"write a plain number: {_help(declaration)}"
-
-
-def _help(declaration: Declaration) -> str:
-    return declaration.help[:1].lower() + declaration.help[1:]
+    such_as = f" (such as {sample})" if sample else ""
+    return f"{declaration.key}{such_as}: {declaration.help}"

@@ -103,12 +103,12 @@ class Value:
         return found
 
 
-def read(path: str, name: str | None = None) -> Value:
-    """Read the YAML mapping in file `path`, called `name` in messages.
+def read(path: str, name: str | None = None, is_own: bool = True) -> Value:
+    """Read the YAML mapping in file `path`, called `name` in messages; `is_own`: the user's file.
 
     Raises ConfigurationError with every problem that keeps it from being read.
     """
-    return parse(Source(name or path, _text(path, name or path)))
+    return parse(Source(name or path, _text(path, name or path), is_own))
 
 
 def parse(source: Source) -> Value:
@@ -361,8 +361,9 @@ class _Builder:
         entries = parent.value.entries
         if key.text in entries:
             first = entries[key.text].key
-            line = f"; the first stands in line {first.line}" if first else ""
-            cause = f"'{key.text}' is given twice{line}"
+            here = first is not None and first.line == key.place.line
+            where = "earlier in this line" if here or first is None else f"in line {first.line}"
+            cause = f"'{key.text}' is given twice; the first stands {where}"
             self._note("E-YAML-DUPLICATE", key.place, cause, "keep one of them")
             return
         value.key = key.place
@@ -412,6 +413,8 @@ def _syntax(source: Source, error: Any) -> Problem:
     if tab is not None:
         cause = "a tab stands here; YAML indents by spaces only"
         return Problem("E-YAML-TAB", tab, cause, "replace each tab by spaces")
+    if "mapping values are not allowed" in words:
+        return _unexpected_key(source, place)
     for pattern, cause, fix in SYNTAX:
         if re.search(pattern, words):
             opened = getattr(error, "context_mark", None)
@@ -426,11 +429,6 @@ SYNTAX = [
         r"expected ',' or '[}]'|expected ',' or '\]'|flow (mapping|sequence)",
         "a brace or bracket is not closed before here",
         "close it, and put a comma between its entries",
-    ),
-    (
-        r"mapping values are not allowed",
-        "a colon makes this a key, but no key can stand here",
-        "check the indentation of this line and of the one before, or quote the text",
     ),
     (
         r"could not find expected ':'|expected ':'",
@@ -453,6 +451,24 @@ SYNTAX = [
         "put the text in quotes",
     ),
 ]  # fmt: skip
+
+
+def _unexpected_key(source: Source, colon: Place) -> Problem:
+    """A key where none can stand: usually the line before is to blame, or the indentation."""
+    line, before = source.line(colon.line), source.line(colon.line - 1)
+    glued = re.match(r"\s*[A-Za-z_][A-Za-z0-9_]*(:)\S", before)
+    if glued:
+        place = Place(source, colon.line - 1, glued.start(1) + 1)
+        return Problem("E-YAML-SYNTAX", place, "no space follows this colon", "write `key: value`")
+    indent = len(line) - len(line.lstrip())
+    if ":" not in line[: colon.column - 1] and indent > len(before) - len(before.lstrip()):
+        cause = "this is indented deeper than the line before, which has a value already"
+        place = Place(source, colon.line, indent + 1)
+        fix = "give all keys of one mapping the same indentation"
+        return Problem("E-YAML-SYNTAX", place, cause, fix)
+    cause = "a second colon in this line: what stands before it cannot be a key"
+    fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around a text"
+    return Problem("E-YAML-SYNTAX", colon, cause, fix)
 
 
 def _indented_by_tab(source: Source, number: int) -> Place | None:
