@@ -143,11 +143,7 @@ class Run:
     def _robot(self) -> RobotDriver | None:
         if self.configuration.robot is None:
             return None
-        if self.options.port == "sim":
-            return simulated(self.configuration, self.options.seed)
-        from diffbotctl.runs.real import serial_robot
-
-        return serial_robot(self.configuration, self.options.port, self.tell)
+        return simulated(self.configuration, self.options.seed)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks: dict[str, list[Sink]] = {}
