@@ -24,6 +24,9 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
+        The robot file names a protocol that this version of diffbotctl speaks to the simulated
+        board only."""),
     "E-RECORDING": _code("a file is no recording", """
         Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
         or holds none of what a recording of diffbotctl begins with."""),
