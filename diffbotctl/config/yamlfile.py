@@ -189,7 +189,7 @@ def _decoded(raw: bytes, name: str) -> str:
 
 
 def _unreadable(name: str, error: OSError | ValueError) -> ConfigurationError:
-    causes = {
+    causes: dict[type[Exception], tuple[str, str]] = {
         FileNotFoundError: ("there is no such file", "check the name and the folder"),
         PermissionError: ("you may not read this file", "check its permissions with ls -l"),
     }
