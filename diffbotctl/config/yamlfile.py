@@ -150,7 +150,7 @@ class _UnreadableError(Exception):
 def _text(path: str, name: str) -> str:
     try:
         status = os.stat(path)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: no file can have such a name
         raise _unreadable(name, error) from None
     if stat.S_ISDIR(status.st_mode):
         raise ConfigurationError(
@@ -188,12 +188,12 @@ def _decoded(raw: bytes, name: str) -> str:
         ) from None
 
 
-def _unreadable(name: str, error: OSError) -> ConfigurationError:
-    causes = {
+def _unreadable(name: str, error: OSError | ValueError) -> ConfigurationError:
+    causes: dict[type[Exception], tuple[str, str]] = {
         FileNotFoundError: ("there is no such file", "check the name and the folder"),
         PermissionError: ("you may not read this file", "check its permissions with ls -l"),
     }
-    reason = (error.strerror or str(error)).lower()
+    reason = (getattr(error, "strerror", None) or str(error)).lower()
     cause, fix = causes.get(type(error), (f"the file cannot be read: {reason}", "check the path"))
     return ConfigurationError(Problem("E-FILE-READ", name, cause, fix))
 
