@@ -20,6 +20,7 @@ from diffbotctl.hub import recorder_process
 from diffbotctl.messages import Encoders, Goal
 from diffbotctl.runs.assembly import assemble
 from diffbotctl.runs.run import Options, Run
+from prove import wire
 from prove.row import Row
 
 TICKS = 8000  # a side
@@ -199,7 +200,7 @@ def simulated_speed() -> Iterator[Row]:
 def main() -> int:
     """Print the rows."""
     missed = 0
-    for part in (overhead, start_up, memory, simulated_speed):
+    for part in (overhead, start_up, memory, simulated_speed, wire.rows):
         for row in part():
             print(row.line(), flush=True)
             missed += not row.met
