@@ -38,6 +38,8 @@ class Body:
 
     def roll(self, left: float, right: float) -> None:
         """Move on to the wheel angles `left` and `right` (rad since the start)."""
+        if left == self._left and right == self._right:
+            return
         ahead_left = (left - self._left) * self.left_radius
         ahead_right = (right - self._right) * self.right_radius
         self._left, self._right = left, right

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from math import exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
@@ -63,14 +64,15 @@ def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
 
 
 class Wheel:
-    """A wheel that turns as its motor is driven, and the level of its encoder's pin.
+    """A wheel that turns as its motor is driven, and its encoder's pin.
 
     `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
     """
 
     __slots__ = (
-        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_flank", "_halts",
-        "_pending", "_settled", "_speed", "angle", "duty", "level", "motor", "now", "speed",
+        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_fade", "_flank",
+        "_halts", "_pending", "_scale", "_settled", "_speed", "angle", "duty", "motor", "now",
+        "speed",
     )  # fmt: skip
 
     def __init__(self, motor: Motor, disc: Disc, chance: Random, now: int = 0) -> None:
@@ -79,47 +81,58 @@ class Wheel:
         self._chance = chance
         self.now = now
         self.angle = self.speed = self.duty = 0.0
-        self._pending: deque[tuple[int, int]] = deque()
+        self._pending: deque[int] = deque()
+        self._scale = motor.speed / (1.0 - motor.keep)
+        self._fade = exp(-GRID * 1e-9 / motor.lag)
         self._flank = bisect_right(disc.flanks, disc.start)
         self._bracket()
         while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
             self._flank += 1
             self._bracket()
-        self.level = self._flank % 2  # after an odd number of flanks the slot lies open
         self._begin()
 
-    def advance(self, until: int, duty: float) -> list[tuple[int, int]]:
+    @property
+    def level(self) -> int:
+        """Level of the pin: 1 while a slot lies open, which it does after an odd flank."""
+        return self._flank % 2
+
+    def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
 
-        Returns the pin's changes in that time as (time in ns, new level), in order.
+        Returns the times (ns) at which the pin rose until then, in order.
         """
-        if duty != self.duty:
+        end = self._end
+        if duty != self.duty or self.now == end:
             self.duty = duty
             self._begin()
-        while until >= self._end:
-            self._move(self._end)
-            if self._halts:
-                self.speed = 0.0
+            end = self._end
+        while until > end:
+            self._move(end)
             self._begin()
-        if until > self.now:
+            end = self._end
+        if end == NEVER:
+            self.now = until
+        elif until > self.now:
             self._move(until)
-        if not self._pending:
-            return []
-        return self._due(until)
+        return self._due(until) if self._pending else ()
 
     def _begin(self) -> None:
         """Start a stretch of exact exponential motion at `now`."""
-        motor, speed = self.motor, self.speed
-        self._begun, self._angle, self._speed = self.now, self.angle, speed
+        motor, speed, push = self.motor, self.speed, self.duty
+        now = self._begun = self.now
+        angle = self._angle = self.angle
+        self._speed = speed
         self._halts = False
-        push = self.duty
         if speed == 0.0 and -motor.start <= push <= motor.start:
             self._settled, self._end = 0.0, NEVER
             return
         if motor.ripple:
-            push *= 1.0 + motor.ripple * sin(RIPPLE_CYCLES * self.angle + motor.ripple_phase)
-        settled = self._settled = settled_speed(motor, push, speed)
-        self._end = (self.now // GRID + 1) * GRID
+            push *= 1.0 + motor.ripple * sin(RIPPLE_CYCLES * angle + motor.ripple_phase)
+        if push > motor.keep and speed >= 0.0:  # as by far the most stretches are
+            settled = self._settled = self._scale * (push - motor.keep)
+        else:
+            settled = self._settled = settled_speed(motor, push, speed)
+        self._end = (now // GRID + 1) * GRID
         # Only a slowing wheel can come to rest; look closer when it may within this stretch.
         if (settled > 0.0) != (speed > 0.0) or settled == 0.0:
             self._look_for_rest(speed, settled)
@@ -134,43 +147,52 @@ class Wheel:
             self._end, self._halts = end, True
 
     def _move(self, until: int) -> None:
-        settled = self._settled
-        if self._end != NEVER:
-            lag = self.motor.lag
-            past = (until - self._begun) * 1e-9
-            fade = exp(-past / lag)
-            over = self._speed - settled
-            self.speed = settled + over * fade
-            angle = self.angle = self._angle + settled * past + over * lag * (1.0 - fade)
-            if angle >= self._ahead or angle < self._behind:
-                self._cross(angle)
+        """Follow the stretch until `until`, which lies within it."""
+        settled, lag, span = self._settled, self.motor.lag, until - self._begun
+        past = span * 1e-9
+        fade = self._fade if span == GRID else exp(-past / lag)
+        over = self._speed - settled
+        self.speed = 0.0 if self._halts and until == self._end else settled + over * fade
+        angle = self._angle + settled * past + over * lag * (1.0 - fade)
+        if angle >= self._ahead or angle < self._behind:
+            self._cross(angle, past)
+        self.angle = angle
         self.now = until
 
-    def _cross(self, angle: float) -> None:
+    def _cross(self, angle: float, past: float) -> None:
+        """Pass the flanks up to `angle`, which is reached `past` seconds into the stretch.
+
+        Only the rising ones are timed: nothing listens to the others.
+        """
         while angle >= self._ahead:
-            self._change(self._ahead, 1 - self._flank % 2)
+            if self._flank % 2 == 0:
+                self._rise(self._ahead, angle, past)
             self._flank += 1
             self._bracket()
         while angle < self._behind:
             self._flank -= 1
-            self._change(self._behind, self._flank % 2)
+            if self._flank % 2:
+                self._rise(self._behind, angle, past)
             self._bracket()
 
-    def _change(self, place: float, level: int) -> None:
-        time = self._begun + round(self._time_of(place) * SECOND)
+    def _rise(self, place: float, angle: float, past: float) -> None:
+        guess = past * (place - self._angle) / (angle - self._angle)
+        time = self._begun + round(self._time_of(place, guess, past) * SECOND)
         if self._disc.jitter:
             # A light barrier can only be late. Twice the mean delay matters to nobody.
             time += int(abs(self._chance.gauss(0.0, self._disc.jitter)) * SECOND)
         if self._pending:
-            time = max(time, self._pending[-1][0])
-        self._pending.append((time, level))
+            time = max(time, self._pending[-1])
+        self._pending.append(time)
 
-    def _time_of(self, place: float) -> float:
-        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed)."""
+    def _time_of(self, place: float, past: float, high: float) -> float:
+        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).
+
+        `past` is a guess; at `high` seconds the place has been passed.
+        """
         lag, settled, over = self.motor.lag, self._settled, self._speed - self._settled
-        low, high = 0.0, (self._end - self._begun) * 1e-9
+        low = 0.0
         forward = place >= self._angle
-        past = 0.5 * high
         for _ in range(60):  # bisection alone would need 30
             fade = exp(-past / lag)
             error = self._angle + settled * past + over * lag * (1.0 - fade) - place
@@ -196,13 +218,10 @@ class Wheel:
         turn, place = divmod(self._flank - 1, len(flanks))
         self._behind = flanks[place] + turn * 2 * pi - start
 
-    def _due(self, until: int) -> list[tuple[int, int]]:
+    def _due(self, until: int) -> list[int]:
         due = []
-        while self._pending and self._pending[0][0] <= until:
-            change = self._pending.popleft()
-            if change[1] != self.level:
-                self.level = change[1]
-                due.append(change)
+        while self._pending and self._pending[0] <= until:
+            due.append(self._pending.popleft())
         return due
 
 
