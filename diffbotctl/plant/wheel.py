@@ -17,7 +17,7 @@ from typing import NamedTuple
 from diffbotctl.plant.truth import EncoderTruth
 
 SECOND = 1_000_000_000  # ns
-GRID = 5_000_000  # ns; the ripple is taken as constant this long: a tenth of its period at 100 rpm
+GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
 NEVER = 1 << 62  # ns
@@ -71,8 +71,8 @@ class Wheel:
 
     __slots__ = (
         "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_fade", "_flank",
-        "_halts", "_pending", "_scale", "_settled", "_speed", "angle", "duty", "motor", "now",
-        "speed",
+        "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale", "_settled",
+        "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
     def __init__(self, motor: Motor, disc: Disc, chance: Random, now: int = 0) -> None:
@@ -82,6 +82,8 @@ class Wheel:
         self.now = now
         self.angle = self.speed = self.duty = 0.0
         self._pending: deque[int] = deque()
+        self._keep, self._lag = motor.keep, motor.lag
+        self._ripple, self._phase = motor.ripple, motor.ripple_phase
         self._scale = motor.speed / (1.0 - motor.keep)
         self._fade = exp(-GRID * 1e-9 / motor.lag)
         self._flank = bisect_right(disc.flanks, disc.start)
@@ -101,16 +103,13 @@ class Wheel:
 
         Returns the times (ns) at which the pin rose until then, in order.
         """
-        end = self._end
-        if duty != self.duty or self.now == end:
+        if duty != self.duty or self.now == self._end:
             self.duty = duty
             self._begin()
-            end = self._end
-        while until > end:
-            self._move(end)
+        while until > self._end:
+            self._move(self._end)
             self._begin()
-            end = self._end
-        if end == NEVER:
+        if self._end == NEVER:
             self.now = until
         elif until > self.now:
             self._move(until)
@@ -118,20 +117,21 @@ class Wheel:
 
     def _begin(self) -> None:
         """Start a stretch of exact exponential motion at `now`."""
-        motor, speed, push = self.motor, self.speed, self.duty
-        now = self._begun = self.now
-        angle = self._angle = self.angle
-        self._speed = speed
+        now, angle, speed, push = self.now, self.angle, self.speed, self.duty
+        self._begun, self._angle = now, angle
         self._halts = False
-        if speed == 0.0 and -motor.start <= push <= motor.start:
-            self._settled, self._end = 0.0, NEVER
+        start = self.motor.start
+        if speed == 0.0 and -start <= push <= start:
+            self._settled = self._over = 0.0
+            self._end = NEVER
             return
-        if motor.ripple:
-            push *= 1.0 + motor.ripple * sin(RIPPLE_CYCLES * angle + motor.ripple_phase)
-        if push > motor.keep and speed >= 0.0:  # as by far the most stretches are
-            settled = self._settled = self._scale * (push - motor.keep)
+        if self._ripple:
+            push *= 1.0 + self._ripple * sin(RIPPLE_CYCLES * angle + self._phase)
+        if push > self._keep and speed >= 0.0:  # as by far the most stretches are
+            settled = self._scale * (push - self._keep)
         else:
-            settled = self._settled = settled_speed(motor, push, speed)
+            settled = settled_speed(self.motor, push, speed)
+        self._settled, self._over = settled, speed - settled
         self._end = (now // GRID + 1) * GRID
         # Only a slowing wheel can come to rest; look closer when it may within this stretch.
         if (settled > 0.0) != (speed > 0.0) or settled == 0.0:
@@ -148,16 +148,17 @@ class Wheel:
 
     def _move(self, until: int) -> None:
         """Follow the stretch until `until`, which lies within it."""
-        settled, lag, span = self._settled, self.motor.lag, until - self._begun
+        settled, over, lag, span = self._settled, self._over, self._lag, until - self._begun
         past = span * 1e-9
         fade = self._fade if span == GRID else exp(-past / lag)
-        over = self._speed - settled
-        self.speed = 0.0 if self._halts and until == self._end else settled + over * fade
+        self.speed = settled + over * fade
         angle = self._angle + settled * past + over * lag * (1.0 - fade)
         if angle >= self._ahead or angle < self._behind:
             self._cross(angle, past)
         self.angle = angle
         self.now = until
+        if self._halts and until == self._end:
+            self.speed = 0.0
 
     def _cross(self, angle: float, past: float) -> None:
         """Pass the flanks up to `angle`, which is reached `past` seconds into the stretch.
@@ -168,12 +169,12 @@ class Wheel:
             if self._flank % 2 == 0:
                 self._rise(self._ahead, angle, past)
             self._flank += 1
-            self._bracket()
+            self._behind, self._ahead = self._ahead, self._place(self._flank)
         while angle < self._behind:
             self._flank -= 1
             if self._flank % 2:
                 self._rise(self._behind, angle, past)
-            self._bracket()
+            self._behind, self._ahead = self._place(self._flank - 1), self._behind
 
     def _rise(self, place: float, angle: float, past: float) -> None:
         guess = past * (place - self._angle) / (angle - self._angle)
@@ -190,12 +191,12 @@ class Wheel:
 
         `past` is a guess; at `high` seconds the place has been passed.
         """
-        lag, settled, over = self.motor.lag, self._settled, self._speed - self._settled
+        lag, settled, over, begun = self._lag, self._settled, self._over, self._angle
         low = 0.0
-        forward = place >= self._angle
+        forward = place >= begun
         for _ in range(60):  # bisection alone would need 30
             fade = exp(-past / lag)
-            error = self._angle + settled * past + over * lag * (1.0 - fade) - place
+            error = begun + settled * past + over * lag * (1.0 - fade) - place
             if (error > 0.0) == forward:
                 high = past
             else:
@@ -211,12 +212,12 @@ class Wheel:
         return past
 
     def _bracket(self) -> None:
-        """Angles of the flank passed last and of the one to come, going forward."""
-        flanks, start = self._disc.flanks, self._disc.start
-        turn, place = divmod(self._flank, len(flanks))
-        self._ahead = flanks[place] + turn * 2 * pi - start
-        turn, place = divmod(self._flank - 1, len(flanks))
-        self._behind = flanks[place] + turn * 2 * pi - start
+        """Find the angles of the flank passed last and of the one to come, going forward."""
+        self._behind, self._ahead = self._place(self._flank - 1), self._place(self._flank)
+
+    def _place(self, flank: int) -> float:
+        turn, place = divmod(flank, len(self._disc.flanks))
+        return self._disc.flanks[place] + turn * 2 * pi - self._disc.start
 
     def _due(self, until: int) -> list[int]:
         due = []
