@@ -15,7 +15,7 @@ from random import Random
 
 from diffbotctl.hub.recording import RecordingReader
 from prove.row import Row
-from tests.rosserial_device import Device, OnPort
+from tests.book_board import Device, OnPort
 
 PROGRAM = (
     "from diffbotctl.config import registry\n"

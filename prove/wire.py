@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 
 from prove.row import Row
-from tests.rosserial_device import Device, frame
+from tests.book_board import Device, frame
 
 SECONDS = 12.0  # of ticks a run
 ANSWER = 0.004  # s; a command that comes later belongs to the repetition, not to the tick

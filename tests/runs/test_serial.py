@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.rosserial_device import OnPort
+from tests.book_board import OnPort
 
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand"]
