@@ -7,6 +7,7 @@ as many requests as it takes.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from diffbotctl.links.rosserial_frames import LARGEST
@@ -123,14 +124,19 @@ class Topics:
 
     @property
     def complete(self) -> bool:
-        """Everything needed is known, and no subscriber's number can be a damaged one.
+        """Everything needed is known, and no subscriber's number can be a damaged one."""
+        return not self.missing and self.sure(self.subscribers)
 
-        A board numbers its subscribers from 100 without a gap. A number that a bit error made
-        leaves a gap; commands sent to it would make the board call outside its table.
+    def sure(self, names: Iterable[str]) -> bool:
+        """These subscribers are known, and their numbers cannot come from a bit error.
+
+        A board numbers its subscribers from 100 without a gap, and a damaged number leaves one.
+        Commands sent to a number that the board did not give make it call outside its table.
         """
-        if self.missing:
+        numbers = [self.numbers.get(name) for name in names]
+        if None in numbers:
             return False
-        most = max((self.numbers[name] for name in self.subscribers), default=FIRST_TOPIC - 1)
+        most = max((number for number in numbers if number is not None), default=0)
         return all(number in self._heard for number in range(FIRST_TOPIC, most + 1))
 
     def _number_is_free(self, info: TopicInfo) -> bool:
