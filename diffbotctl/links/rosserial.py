@@ -200,7 +200,8 @@ class RosserialHost:
             self._learn(now, topic, payload)
         elif topic == TIME:
             since = divmod(now, SECOND)
-            self._replies.append(encode(TIME, struct.pack("<II", since[0] % (1 << 32), since[1])))
+            answer = encode(TIME, struct.pack("<II", since[0] % (1 << 32), since[1]))
+            self._replies.extend((answer, answer))  # a board without it falls silent after 11 s
         elif topic == PARAMETER:
             self._replies.append(encode(PARAMETER, NOTHING))
         elif topic == LOG:
