@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from struct import unpack_from
 
 from diffbotctl.links.rosserial import RosserialHost
 from diffbotctl.links.rosserial_frames import Decoder, Frame
@@ -27,6 +28,7 @@ class Session:
         self.frames: list[Frame] = []
         self.heard: list[tuple[int, str, Message]] = []
         self.written: list[tuple[int, bytes]] = []
+        self.arrived = b""  # at the last step
         self.now = 0
         self.host.opened(0)
         self.host.stop(0)
@@ -35,7 +37,7 @@ class Session:
         """Go on until `until`; `drive` answers each telemetry message with a command."""
         while self.now < until:
             self.now += STEP
-            data = self.device.advance(self.now)
+            data = self.arrived = self.device.advance(self.now)
             self.frames += self.witness.feed(data)
             heard = self.host.receive(self.now, data) if data else []
             heard += self.host.timed(self.now)
@@ -79,33 +81,54 @@ class Session:
         return lost
 
     def worst_error(self) -> float:
-        """Largest difference of the host's counts from what the wheels made, both counted from the
-        first message of one boot (counts); the board's age of a frame leaves two or three."""
+        """Largest difference of the host's counts from those of the wheels at about that time.
+
+        The host's count is the board's own, so nothing needs to be lined up. The board took it at
+        a pass of its loop between AGE before the message's time and the message's time.
+        """
         times = [time for time, _, _ in self.device.truth]
         worst = 0.0
-        base: dict[int, tuple[float, float]] = {}
         for message in self.encoders:
-            _, left, right = self.device.truth[max(0, bisect_right(times, message.time) - 1)]
-            off = (message.left - left, message.right - right)
-            first = base.setdefault(message.boot, off)
-            worst = max(worst, abs(off[0] - first[0]), abs(off[1] - first[1]))
+            first = max(0, bisect_right(times, message.time - AGE) - 1)
+            last = bisect_right(times, message.time + AGE) + 1
+            for side, count in ((1, message.left), (2, message.right)):
+                wheel = [row[side] for row in self.device.truth[first:last]]
+                worst = max(worst, count - max(wheel), min(wheel) - count)
         return worst
 
-    def one_sided(self) -> int:
-        """Longest time, in ns, for which one wheel's last accepted command was of a pair whose
-        other half had not been accepted, by time of acceptance."""
-        left = [time for time, _ in self.device.commands["set_left_speed"]]
-        right = [time for time, _ in self.device.commands["set_right_speed"]]
-        return max(_lag(left, right, self.now), _lag(right, left, self.now))
+    def mixed(self) -> int:
+        """Longest time, in ns, during which the board drove on a pair that was never sent."""
+        sent = {(0, 0)} | {values for data in self.written if (values := pair_in(data[1]))}
+        events = sorted(
+            (time, side, value)
+            for side, name in enumerate(("set_left_speed", "set_right_speed"))
+            for time, value in self.device.commands[name]
+        )
+        now, worst, since = [0, 0], 0, None
+        for time, side, value in [*events, (self.now, 0, None)]:
+            if since is not None:
+                worst = max(worst, time - since)
+            if value is None:
+                break
+            now[side] = value
+            since = None if (now[0], now[1]) in sent else since or time
+        return worst
+
+    def lone_frames(self) -> int:
+        """Writes of the host that hold a speed for one wheel alone."""
+        return sum(1 for _, data in self.written if data[:5] == SPEED_HEADER and not pair_in(data))
 
 
-def _lag(these: list[int], those: list[int], end: int) -> int:
-    """The longest wait from one of `these` to the next of `those`, not before it."""
-    worst = 0
-    for time in these:
-        at = bisect_right(those, time - LOOP) if those else 0
-        worst = max(worst, (those[at] if at < len(those) else end) - time)
-    return worst
+AGE = 60 * MS  # a pass of the loop, a burst on the wire
+SPEED_HEADER = bytes.fromhex("fffe0400fb")
+SPEED_FRAME = 12  # bytes
 
 
-LOOP = 40 * MS  # the other half may have been accepted one or two passes of the loop earlier
+def pair_in(data: bytes) -> tuple[int, int] | None:
+    """The PWM values of a write that is a left and a right frame, back to back."""
+    if len(data) != 2 * SPEED_FRAME or data[:5] != SPEED_HEADER:
+        return None
+    left, right = data[:SPEED_FRAME], data[SPEED_FRAME:]
+    if (left[5], right[5]) != (100, 101):
+        return None
+    return unpack_from("<i", left, 7)[0], unpack_from("<i", right, 7)[0]

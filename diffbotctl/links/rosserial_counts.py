@@ -29,7 +29,7 @@ class Count:
         self.rate = rate
         self.value = 0  # unwrapped
         self.based = False
-        self.rejected = 0
+        self.taken = self.rejected = 0  # values judged, and those held back though based
         self._last = (0, 0)  # time and raw value of the last accepted one
         self._suspect: tuple[int, int] | None = None
 
@@ -40,6 +40,7 @@ class Count:
     def take(self, now: int, raw: int) -> str:
         """Judge a value that arrived at `now`: `counted`, `suspect`, or `anew`: counting restarted
         from another base, and `value` has nothing to do with the one before."""
+        self.taken += 1
         step = self._step(self._last, now, raw) if self.based else None
         if step is not None:
             self.value += step
