@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from math import pi
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
@@ -13,6 +14,8 @@ from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.rosserial import RosserialHost
 
+SECOND = 1_000_000_000
+TICK_BYTES, BITS = 16, 10  # of the pair of ticks, what is sent after the counts were taken
 NO_DEADMAN = """\
 Note: this board cannot stop by itself when the host falls silent. A guardian process
 does it if diffbotctl dies; nothing can if the cable or the radio fails."""
@@ -47,6 +50,11 @@ def serial_robot(
 
 def host(robot: Robot) -> RosserialHost:
     """The protocol that this robot's board speaks."""
-    sensor = next(iter(robot.sensors), "front")
-    drive = robot.drive
-    return RosserialHost(robot.link.baud, drive.left.motor.rated, drive.left.encoder.slots, sensor)
+    drive, link = robot.drive, robot.link
+    return RosserialHost(
+        drive.left.motor.rated * drive.left.encoder.slots / (2 * pi),
+        baud=link.baud,
+        sensor=next(iter(robot.sensors), "front"),
+        command_delay=round(link.command_delay * SECOND),
+        wire_time=TICK_BYTES * BITS * SECOND // link.baud,
+    )
