@@ -21,6 +21,19 @@ def _code(title: str, text: str) -> Code:
 
 
 CODES: dict[str, Code] = {
+    "E-DEFECT": _code("diffbotctl itself failed", """
+        Something happened that nobody foresaw. The robot was stopped before this was printed. Run
+        the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
+        The robot file names a protocol that this version of diffbotctl speaks to the simulated
+        board only."""),
+    "E-RECORDING": _code("a file is no recording", """
+        Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
+        or holds none of what a recording of diffbotctl begins with."""),
+    "E-RECORDING-CUT": _code("a recording is incomplete", """
+        A recording ends with a record that says it is whole. This one has none: the program was
+        killed, the disk was full, or the recorder could not keep up. What is in the file is true,
+        but nobody can say what is missing, so a comparison would prove nothing."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.

@@ -87,11 +87,14 @@ class Engine:
         except RunError as failure:
             self.failure = failure
             self.end(1, str(failure))
-        except BaseException:
+        except BaseException as error:
+            self.end(1, f"{type(error).__name__}: {error}")
             self._stop()
             raise
+        self.end(0, f"{until / SECOND:g} s are over")
         stopped = self._stop()
-        code, cause = self.ending or (0, f"{until / SECOND:g} s are over")
+        assert self.ending is not None
+        code, cause = self.ending
         return Ending(code, cause, stopped, max(self.last, 0))
 
     def _turn_until(self, until: int) -> None:
