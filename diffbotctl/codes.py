@@ -267,6 +267,10 @@ CODES: dict[str, Code] = {
     "E-PORT-BAUD": _code("the port refuses the baud rate", """
         The adapter or its driver cannot do the baud rate of the robot file. 9600 and 115200 work
         everywhere."""),
+    "E-PORT-OPEN": _code("the serial port cannot be opened", """
+        The device is not there, or it vanished: the cable was pulled, the Bluetooth module lost its
+        pairing, or the name changed after a reconnect. `ls /dev/ttyUSB* /dev/ttyACM* /dev/rfcomm*`
+        shows what there is now."""),
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
