@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any, TypeVar, get_args, get_origin
 
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 from diffbotctl.params import Declaration, Pin, Section, declared
 from diffbotctl.units import KINDS, UnitError, example, quantity
