@@ -114,6 +114,8 @@ class SimulatedRobot:
 
     def advance(self, until: int) -> None:
         """Let time pass until `until`."""
+        if until <= self.now:
+            return
         board = self.board
         while True:
             at = min(self._next_step, self._next_frame, self._next_look, board.due)
