@@ -29,6 +29,10 @@ from diffbotctl.messages import Duty, Encoders, Link, Message, Text, Volts, Whee
 
 SECOND = 1_000_000_000
 ASK_AGAIN = 700_000_000  # ns; a full answer takes 0.55 s at 9600 baud
+FLUSH_AFTER = 2  # questions without an answer
+FLUSH = bytes(128)  # the longest false frame, 512 bytes, is over after four of them
+TIME_AFTER = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
+TIME_AGAIN = SECOND
 SILENCE = SECOND  # without ticks for so long the board is asked again
 BURST = 40_000_000  # ns within which both ticks of one pass arrive: 12.5 ms apart at 9600 baud
 STANDSTILL = 300_000_000  # ns without a new count
@@ -78,7 +82,8 @@ class RosserialHost:
         self._stopping, self._stopped = False, False
         self._zeroed_at: int | None = None  # when the first pair of the stop under way was sent
         self._wire_free = 0
-        self._ask_at = self._report_at = NEVER
+        self._ask_at = self._report_at = self._time_at = NEVER
+        self._asked = 0  # questions for the topics since the last answer
         self._reported = ("", "")
 
     # What the driver asks for
@@ -90,6 +95,7 @@ class RosserialHost:
         self._replies.clear()
         self.state, self._wire_free = "negotiating", now
         self._ask_at = self._report_at = now
+        self._time_at, self._asked = NEVER, 0
         self.speeds.hurry(now)
         self._fall_silent()
 
@@ -98,7 +104,7 @@ class RosserialHost:
         self.state, self.cause = "lost", cause
         self.topics.clear()
         self._replies.clear()
-        self._ask_at = self._report_at = NEVER
+        self._ask_at = self._report_at = self._time_at = NEVER
         self._stopped = False
         self.speeds.want(now, 0.0, 0.0)
         return [self._report(now)]
@@ -144,8 +150,10 @@ class RosserialHost:
         if self._replies:
             data = self._replies.popleft()
         elif self._ask_at <= now:
-            self._ask_at = now + ASK_AGAIN
-            data = encode(REQUEST)
+            data = self._ask(now)
+        elif self._time_at <= now:
+            self._time_at = now + TIME_AGAIN
+            data = _time(now)
         else:
             data = self._speeds(now)
         self._wire_free = now + len(data) * self.byte_time
@@ -176,7 +184,16 @@ class RosserialHost:
     def _send_due(self) -> int:
         if self._replies:
             return 0
-        return min(self._ask_at, self.speeds.due if self._numbers() else NEVER)
+        speeds = self.speeds.due if self._numbers() else NEVER
+        return min(self._ask_at, self._time_at, speeds)
+
+    def _ask(self, now: int) -> bytes:
+        """The question for the topics. A board that does not answer may be reading a frame whose
+        damaged length swallows the questions: it gets its fill of zeros, which start no frame."""
+        flush = FLUSH if self._asked >= FLUSH_AFTER else b""
+        self._asked += 1
+        self._ask_at = now + ASK_AGAIN
+        return flush + encode(REQUEST)
 
     def _speak_due(self) -> int:
         silence = self._heard_at + SILENCE if self.state == "up" else NEVER
@@ -199,9 +216,8 @@ class RosserialHost:
         if topic in (PUBLISHER, SUBSCRIBER):
             self._learn(now, topic, payload)
         elif topic == TIME:
-            since = divmod(now, SECOND)
-            answer = encode(TIME, struct.pack("<II", since[0] % (1 << 32), since[1]))
-            self._replies.extend((answer, answer))  # a board without it falls silent after 11 s
+            self._replies.extend((_time(now), _time(now)))  # twice, since single ones get lost
+            self._time_at = now + TIME_AFTER
         elif topic == PARAMETER:
             self._replies.append(encode(PARAMETER, NOTHING))
         elif topic == LOG:
@@ -214,6 +230,7 @@ class RosserialHost:
         before = self.topics.complete
         if not self.topics.learn(role, payload):
             return
+        self._asked = 0
         if self._silent:
             self._asked_first = True
         if self.topics.complete and not before:
@@ -321,6 +338,12 @@ class RosserialHost:
                 "if this lasts, compare these names with the sketch's"
             )
         return "the board has named its topics, but sends no ticks yet"
+
+
+def _time(now: int) -> bytes:
+    """The answer to a time request: seconds and nanoseconds, 32 bits each."""
+    seconds, rest = divmod(now, SECOND)
+    return encode(TIME, struct.pack("<II", seconds % (1 << 32), rest))
 
 
 def _log(now: int, payload: bytes) -> Heard:
