@@ -20,6 +20,7 @@ STEER = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag 
 MOST_STEER = 1.0  # rad/s; a correction is not a turn
 LESSON = 0.7  # share of a roll's surprise that is believed: the pose has its own errors
 LEAST_LESSON = 0.03  # m/s; slower, the surprise is the pose's alone
+PLAIN = 0.03  # m/s; the release at which half of the surprise is believed
 PIVOT = 2.5  # 1/s; place error to speed while turning
 PIVOT_SHARE = 0.3  # of the rim's speed at most, so that no wheel changes its direction
 LINE = 0.06  # m before the goal, from where the bearing to it says more of noise than of the way
@@ -224,7 +225,9 @@ class GoalFollower(Block):
             same = self._turn_left(odometry) * self.turning > 0.0
             rim = abs(odometry.angular) * 0.5 * self.track
             left = (left if same else -left) - rim * self.roll
-        wanted = self.roll - LESSON * left / self.let_go
+        # A slow release says little: what the pose is wrong by weighs as much as the roll.
+        belief = LESSON * self.let_go / (self.let_go + PLAIN)
+        wanted = self.roll - belief * left / self.let_go
         self.roll = min(max(wanted, 0.4 * self.lag), 2.0 * self.lag)
         self.let_go = 0.0
 
