@@ -28,7 +28,7 @@ from diffbotctl.links.rosserial_topics import (
 from diffbotctl.messages import Duty, Encoders, Link, Message, Text, Volts, Wheels
 
 SECOND = 1_000_000_000
-ASK_AGAIN = 700_000_000  # ns; a full answer takes 0.55 s at 9600 baud
+ASK_AGAIN = 570_000_000  # ns; a full answer takes 0.55 s at 9600 baud
 FLUSH_AFTER = 2  # questions without an answer
 FLUSH = bytes(128)  # the longest false frame, 512 bytes, is over after four of them
 TIME_AFTER = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
