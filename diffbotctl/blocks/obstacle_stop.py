@@ -5,14 +5,15 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from diffbotctl.block import Block, FromRobot, In, Out, action
+from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.messages import Range, Resume, Stop, Twist
 from diffbotctl.params import Param
 
-STALE = "S-RANGE-STALE"
-FAULT = "S-RANGE-FAULT"
-TOO_CLOSE = "S-TOO-CLOSE"
-OBSTACLE = "S-OBSTACLE"
+STALE = "range_stale"
+FAULT = "range_fault"
+TOO_CLOSE = "too_close"
+OBSTACLE = "obstacle"
+CYCLE = 0.0252  # s; a Sharp sensor's longest cycle and its settling (data sheet ED-05G101)
 RELEASE = 0.02  # m farther than it stopped before it drives on; a reading at 20 cm wobbles by 3 mm
 
 
@@ -32,8 +33,9 @@ class ObstacleStop(Block):
         help="Distance between the robot's front and the obstacle where it comes to stand.",
     )  # fmt: skip
     reaction = Param(
-        float, unit="s", default=0.2, least=0.0, most=2.0, live=True,
-        help="Time from the obstacle coming into view to the wheels slowing down.",
+        float, unit="s", default=None, none=True, least=0.0, most=2.0,
+        help="Time from the obstacle coming into view to the wheels slowing down; none: reckoned "
+        "from the sensor's cycle, the telemetry, the debouncing, the command's way and the motors.",
     )  # fmt: skip
     slowest = Param(
         float, unit="m/s", default=0.05, above=0.0, live=True,
@@ -56,6 +58,9 @@ class ObstacleStop(Block):
         help="Sensor that the distance comes from; none: the robot's first.",
     )  # fmt: skip
     braking = FromRobot("limits.braking")
+    telemetry = FromRobot("board.telemetry")
+    command_delay = FromRobot("link.command_delay")
+    lag = FromRobot("drive.left.motor.lag")
     front = FromRobot("body.front")
     sensors = FromRobot("sensors")
 
@@ -68,24 +73,27 @@ class ObstacleStop(Block):
     def reset(self) -> None:
         mounted: Any = self.sensors.get(self.sensor or next(iter(self.sensors), ""))
         self.setback = self.front - mounted.at.x if mounted else 0.0
+        self.react_within = self.reaction
+        if self.reaction is None:
+            self.react_within = reaction_time(
+                self.telemetry, self.debounce, self.command_delay, self.lag
+            )
         self.last_range = -1  # time of the last reading that was counted
         self.blocked = 0  # readings in a row that say stop
         self.free = 0  # readings in a row that say go
         self.held = ("", "")  # code and cause; empty while nothing holds
         self.told = ""  # code of the last Stop that was sent
         self.is_latched = False
-
-    @action
-    def go_on(self, now: int) -> None:
-        """Consent to drive on, as `resume` does."""
-        self.is_latched = False
+        self.consent: Resume | None = None  # the last one that was heard
 
     def react(
         self, now: int, twist: Twist | None, range: Range | None, resume: Resume | None
     ) -> tuple[Twist | None, Stop | None]:
-        if resume is not None and resume.time == now:
-            self.is_latched = False
         gap = self._look(range)
+        if resume is not None and resume is not self.consent:
+            self.consent = resume
+            # Consent while the obstacle still stands there would set the robot off later, unseen.
+            self.is_latched = self.is_latched and self.held[0] != ""
         if twist is None:
             return None, self._tell(now, wants_forward=False)
         wants_forward = twist.linear > 0.0
@@ -94,7 +102,7 @@ class ObstacleStop(Block):
             return twist._replace(time=now), told
         if self.held[0] or self.is_latched:
             return Twist(now, 0.0, twist.angular), told
-        return slowed(twist, allowed(gap - self.margin, self.braking, self.reaction), now), told
+        return slowed(twist, allowed(gap - self.margin, self.braking, self.react_within), now), told
 
     def _look(self, range: Range | None) -> float:
         """Take the newest reading into account; return the free distance before the front."""
@@ -112,7 +120,7 @@ class ObstacleStop(Block):
         elif range.state == "clear":
             self._count(False)
         else:
-            limit = self.margin + stopping_distance(self.slowest, self.braking, self.reaction)
+            limit = self.margin + stopping_distance(self.slowest, self.braking, self.react_within)
             self._count(gap <= limit + (RELEASE if self.held[0] else 0.0), gap)
         return gap if range.state != "clear" else float("inf")
 
@@ -124,7 +132,7 @@ class ObstacleStop(Block):
         self.free = 0 if is_blocked else self.free + 1
         if self.blocked >= self.debounce:
             self._hold(OBSTACLE, f"something stands {max(gap, 0.0) * 100:.0f} cm ahead")
-        elif self.free >= self.debounce or self.held[0] == STALE:
+        elif not is_blocked and (self.free >= self.debounce or self.held[0] == STALE):
             self.held = ("", "")
 
     def _tell(self, now: int, wants_forward: bool) -> Stop | None:
@@ -139,6 +147,15 @@ class ObstacleStop(Block):
             self.told = ""
             return Stop(now, "", "", False)
         return None
+
+
+def reaction_time(rate: float, debounce: int, delay: float, lag: float) -> float:
+    """Seconds from an obstacle coming into view to the wheels slowing down, at the longest.
+
+    `rate` of the telemetry in Hz, readings that must agree, `delay` of a command and `lag` of the
+    motors in s.
+    """
+    return CYCLE + debounce / rate + delay + lag
 
 
 def stopping_distance(speed: float, braking: float, reaction: float) -> float:

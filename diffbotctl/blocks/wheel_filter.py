@@ -32,7 +32,7 @@ class Spread(NamedTuple):
     slot: float = 0.03  # pitches; place of an edge
     open: float = 0.05  # pitches; of OPEN
     stamp: float = 0.0  # s; of a frame's time
-    rough: float = 2.0  # pitches/s per square root of a second: what the model leaves out
+    rough: float = 0.8  # pitches/s per square root of a second: what the model leaves out
     drift: float = 0.3  # pitches/s per square root of a second: how the offset wanders
 
 
@@ -151,13 +151,10 @@ class WheelFilter:
         state[SPEED] = speed - over * (1.0 - fade)
         rise = 1.0 - fade
         by_lag = span * fade
-        z_row = _combine(
-            covariance, (1.0, slide, drive * rest, sign * rest, over * (slide - by_lag)), Z
-        )
-        speed_row = _combine(
-            covariance, (0.0, fade, drive * rise, sign * rise, over * by_lag / lag), SPEED
-        )
-        _put(covariance, z_row, speed_row, slide, fade, drive, sign, rest, rise, over, by_lag, lag)
+        # The rows of F that are not the identity's; gain, offset, lag and phase stand still.
+        to_z = (slide, drive * rest, sign * rest, over * (slide - by_lag))
+        to_speed = (fade, drive * rise, sign * rise, over * by_lag / lag)
+        _spread(covariance, to_z, to_speed)
         spread = self.spread
         if drive or abs(state[SPEED]) > CREEP:
             noise = spread.rough * spread.rough * span
@@ -210,13 +207,16 @@ class WheelFilter:
         for i in range(6):
             state[i] += row[i] * pull
         cut = (1.0 - kept) / variance
-        column = row[:]
-        for i in range(6):
-            factor = column[i] * cut
+        a, b, c, d, e, f = row
+        for line, value in zip(covariance, (a, b, c, d, e, f), strict=True):
+            factor = value * cut
             if factor:
-                line = covariance[i]
-                for j in range(6):
-                    line[j] -= factor * column[j]
+                line[0] -= factor * a
+                line[1] -= factor * b
+                line[2] -= factor * c
+                line[3] -= factor * d
+                line[4] -= factor * e
+                line[5] -= factor * f
 
 
 def bounds(place: float, passed: int, turned_back: bool) -> tuple[float, float]:
@@ -243,38 +243,36 @@ def truncated(below: float, above: float, mass: float) -> tuple[float, float]:
     return mean, max(variance, 0.0)
 
 
-def _combine(
-    covariance: list[list[float]], factors: tuple[float, float, float, float, float], row: int
-) -> list[float]:
-    """One new row of the covariance, mixed from the old rows (phase does not mix)."""
-    a, b, c, d, e = factors
-    z, speed, gain, offset, lag, _ = covariance
-    return [a * z[i] + b * speed[i] + c * gain[i] + d * offset[i] + e * lag[i] for i in range(6)]
+Row = tuple[float, float, float, float]
 
 
-def _put(
-    covariance: list[list[float]],
-    z_row: list[float],
-    speed_row: list[float],
-    slide: float,
-    fade: float,
-    drive: float,
-    sign: int,
-    rest: float,
-    rise: float,
-    over: float,
-    by_lag: float,
-    lag: float,
-) -> None:
-    """Complete F P F' from the two rows of F P that changed."""
-    to_z = (1.0, slide, drive * rest, sign * rest, over * (slide - by_lag))
-    to_speed = (0.0, fade, drive * rise, sign * rise, over * by_lag / lag)
-    zz = sum(z_row[i] * to_z[i] for i in range(5))
-    zs = sum(z_row[i] * to_speed[i] for i in range(5))
-    ss = sum(speed_row[i] * to_speed[i] for i in range(5))
-    covariance[Z], covariance[SPEED] = z_row, speed_row
-    z_row[Z], z_row[SPEED] = zz, zs
-    speed_row[Z], speed_row[SPEED] = zs, ss
-    for i in (GAIN, OFFSET, LAG, PHASE):
-        covariance[i][Z] = z_row[i]
-        covariance[i][SPEED] = speed_row[i]
+def _spread(covariance: list[list[float]], to_z: Row, to_speed: Row) -> None:
+    """Turn the covariance P into F P F'. F's row of z is (1, *to_z, 0), of speed (0, *to_speed, 0).
+
+    Written out, because it runs twice for each wheel and frame.
+    """
+    b, c, d, e = to_z
+    f, g, h, k = to_speed
+    z, v, gain, offset, lag, phase = covariance
+    v0, v1, v2, v3, v4, v5 = v
+    g0, g1, g2, g3, g4, g5 = gain
+    o0, o1, o2, o3, o4, o5 = offset
+    l0, l1, l2, l3, l4, l5 = lag
+    z0 = z[0] + b * v0 + c * g0 + d * o0 + e * l0
+    z1 = z[1] + b * v1 + c * g1 + d * o1 + e * l1
+    z2 = z[2] + b * v2 + c * g2 + d * o2 + e * l2
+    z3 = z[3] + b * v3 + c * g3 + d * o3 + e * l3
+    z4 = z[4] + b * v4 + c * g4 + d * o4 + e * l4
+    z5 = z[5] + b * v5 + c * g5 + d * o5 + e * l5
+    s1 = f * v1 + g * g1 + h * o1 + k * l1
+    s2 = f * v2 + g * g2 + h * o2 + k * l2
+    s3 = f * v3 + g * g3 + h * o3 + k * l3
+    s4 = f * v4 + g * g4 + h * o4 + k * l4
+    s5 = f * v5 + g * g5 + h * o5 + k * l5
+    zs = z1 * f + z2 * g + z3 * h + z4 * k
+    z[:] = (z0 + z1 * b + z2 * c + z3 * d + z4 * e, zs, z2, z3, z4, z5)
+    v[:] = (zs, s1 * f + s2 * g + s3 * h + s4 * k, s2, s3, s4, s5)
+    gain[0], gain[1] = z2, s2
+    offset[0], offset[1] = z3, s3
+    lag[0], lag[1] = z4, s4
+    phase[0], phase[1] = z5, s5

@@ -74,13 +74,12 @@ def command(
 
 def _finish(run: Run) -> int:
     result = run.go()
-    from rich.console import Console
-
-    from diffbotctl.ui.summary import print_summary
+    from diffbotctl.ui.summary import lines
 
     goals = run.operator.given
     last = goals[result.reached - 1] if result.reached else None
-    print_summary(result, last, Console(soft_wrap=True))
+    for line in lines(result, last):
+        click.echo(line)
     if result.failure is not None:
         raise result.failure
     return result.ending.code

@@ -30,6 +30,15 @@ def robot(name: str | None) -> Path:
     return own[0] if len(own) == 1 else find(DEFAULT_ROBOT, "robots")
 
 
+def is_known(name: str, kind: str) -> bool:
+    """True when `name` can be looked up in folder `kind`."""
+    try:
+        find(name, kind)
+    except UsageError:
+        return False
+    return True
+
+
 def find(name: str, kind: str) -> Path:
     """The file of folder `kind` meant by `name`: a path, or a name in ./`kind` or shipped."""
     if is_path(name):
@@ -49,11 +58,20 @@ def is_path(name: str) -> bool:
 
 
 def shown(path: Path) -> str:
-    """`path` as a person would write it from here."""
+    """`path` as a person would write it from here; shipped files stand below `diffbotctl/`."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
     except (ValueError, OSError):
-        return str(path)
+        return f"diffbotctl/{path.parent.name}/{path.name}" if is_shipped(path) else str(path)
+
+
+def is_shipped(path: Path) -> bool:
+    """True when `path` is one of the files that ship with diffbotctl."""
+    folders = [resources.folder(kind) for kind in ("robots", "pipelines")]
+    try:
+        return path.resolve().parent in [folder.resolve() for folder in folders]
+    except (OSError, ValueError):
+        return False
 
 
 def _not_found(name: str, kind: str) -> UsageError:

@@ -30,7 +30,7 @@ def start(
 
     Raises OSError when the file cannot be opened: in the engine, before anything has started.
     """
-    file = path.open("wb")
+    file = open(path, "wb")  # noqa: SIM115 - the child closes it
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
     pid = os.fork()

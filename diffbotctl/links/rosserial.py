@@ -13,7 +13,7 @@ from math import isfinite, nan
 
 from diffbotctl.links.rosserial_counts import Count
 from diffbotctl.links.rosserial_frames import Decoder, Frame, encode
-from diffbotctl.links.rosserial_speeds import LEAST_GAP, NEVER, PERIOD, Speeds, pair
+from diffbotctl.links.rosserial_speeds import NEVER, PERIOD, Speeds, pair
 from diffbotctl.links.rosserial_topics import (
     FIRST_TOPIC,
     LOG,
@@ -68,9 +68,9 @@ class RosserialHost:
         self.names = Names(*(name.lstrip("/") for name in wanted))
         self.topics = Topics(self.names)
         self.decoder = Decoder(self.topics.plausible)
-        self.speeds = Speeds(command_delay)
-        self.counts = {self.names.left_ticks: Count(rate), self.names.right_ticks: Count(rate)}
         self.byte_time = BITS * SECOND // baud
+        self.speeds = Speeds(command_delay, self.byte_time)
+        self.counts = {self.names.left_ticks: Count(rate), self.names.right_ticks: Count(rate)}
         self.sensor, self.range_constant, self.wire_time = sensor, range_constant, wire_time
         self.state, self.cause, self.boot = "opening", "", 0
         self._replies: deque[bytes] = deque()
@@ -207,7 +207,7 @@ class RosserialHost:
             self._zeroed_at = now
         hurried = self._stopping and not self._stopped
         moving = self.state == "up" and not self._stopping
-        return self.speeds.take(now, numbers, moving, LEAST_GAP if hurried else PERIOD)
+        return self.speeds.take(now, numbers, moving, self.speeds.gap if hurried else PERIOD)
 
     # What the board says
 

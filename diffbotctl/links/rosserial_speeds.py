@@ -11,7 +11,7 @@ from diffbotctl.links.rosserial_frames import encode
 
 NEVER = 1 << 62  # ns
 PERIOD = 50_000_000  # ns; repeated this often, since the board loses a quarter of single frames
-LEAST_GAP = 30_000_000  # ns between two pairs: 24 bytes take 25 ms at 9600 baud, replies need room
+GAP_BYTES = 28  # bytes' time between two pairs of 24: the replies need room
 FULL = 255  # PWM value of duty 1
 
 
@@ -27,10 +27,12 @@ class Speeds:
     """What is wanted, what was sent, and what of it is in force by now.
 
     The board echoes nothing: a command is reckoned to take hold `delay` ns after it was sent.
+    `byte_time` is what a byte takes on the wire, in ns.
     """
 
-    def __init__(self, delay: int) -> None:
+    def __init__(self, delay: int, byte_time: int) -> None:
         self.delay = delay
+        self.gap = GAP_BYTES * byte_time
         self.wanted = (0, 0)
         self.due = NEVER
         self._sent_at = -NEVER
@@ -41,7 +43,7 @@ class Speeds:
         pair = (_pwm(left), _pwm(right))
         if pair != self.wanted:
             self.wanted = pair
-            self.due = min(self.due, max(now, self._sent_at + LEAST_GAP))
+            self.due = min(self.due, max(now, self._sent_at + self.gap))
 
     def hurry(self, now: int) -> None:
         """Send again as soon as possible."""

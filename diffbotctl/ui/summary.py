@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from math import degrees, hypot
-
-from rich.console import Console
-from rich.table import Table
+from textwrap import wrap
 
 from diffbotctl.messages import Goal
 from diffbotctl.runs.run import Result
 from diffbotctl.ui import words
 
+WIDTH, MARGIN = 80, 12  # columns of the narrowest terminal in use, and of the names
 
-def print_summary(result: Result, last_goal: Goal | None, console: Console) -> None:
-    """Print goals, errors, stops, link and how it ended."""
-    table = Table.grid(padding=(0, 1))
-    table.add_column(style="bold", justify="right", no_wrap=True)
-    table.add_column()
+
+def lines(result: Result, last_goal: Goal | None) -> list[str]:
+    """The summary as lines: a name, and what there is to say; long ones are folded."""
+    made = []
     for name, text in rows(result, last_goal):
-        table.add_row(name, text)
-    console.print(table, highlight=False)
+        first, *more = wrap(text, WIDTH - MARGIN) or [""]
+        made.append(f"{name:>{MARGIN - 1}} {first}")
+        made += [" " * MARGIN + part for part in more]
+    return made
 
 
 def rows(result: Result, last_goal: Goal | None) -> list[tuple[str, str]]:

@@ -42,9 +42,9 @@ def goal_state(state: GoalState) -> str:
     return f"{state.state.replace('_', ' ')}, {left}" + (f": {state.cause}" if state.cause else "")
 
 
-def speeds(wheels: Wheels | None, odometry: Odometry | None) -> str:
+def speeds(wheels: Wheels, odometry: Odometry | None) -> str:
     """Commanded wheel speeds, and the body's speed as measured."""
-    wanted = "-" if wheels is None else f"{wheels.left:+.2f} {wheels.right:+.2f} rad/s"
+    wanted = f"{wheels.left:+.2f} {wheels.right:+.2f} rad/s"
     if odometry is None:
         return f"commanded {wanted}"
     return f"commanded {wanted}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
@@ -69,7 +69,7 @@ def stop(said: Stop | None) -> str:
     if said is None or not said.code:
         return "none"
     way_out = "; waits for `resume`" if said.latched else "; ends by itself"
-    return f"{said.code.replace('_', ' ')}: {said.cause}{way_out}"
+    return f"{said.code}: {said.cause}{way_out}"
 
 
 def holding(picture: Snapshot) -> Stop | None:

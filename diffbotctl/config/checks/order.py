@@ -5,11 +5,30 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from diffbotctl.config.case import Case
-from diffbotctl.config.checks import loops, names, robot_fields, wires
+from diffbotctl.config.checks import (
+    budget,
+    deadman,
+    fields,
+    loops,
+    names,
+    pins,
+    polarity,
+    reach,
+    speed,
+    tolerance,
+    wires,
+)
 
 CHECKS: tuple[Callable[[Case], None], ...] = (
     names.check,
     wires.check,
     loops.check,
-    robot_fields.check,
+    fields.check,
+    pins.check,
+    budget.check,
+    deadman.check,
+    speed.check,
+    reach.check,
+    tolerance.check,
+    polarity.check,
 )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from diffbotctl.block import robot_fields
 from diffbotctl.config.case import Case
-from diffbotctl.errors import listed, nearest
+from diffbotctl.errors import Place, listed, nearest
+
+SHOWN = 2  # fields that a message names before it says how many there are
 
 
 def check(case: Case) -> None:
@@ -16,13 +18,16 @@ def check(case: Case) -> None:
             continue
         if case.robot is None:
             if case.at("robot") is None:
-                fields = listed(wanted.values(), "and")
+                paths = list(wanted.values())
+                more = [f"{len(paths) - SHOWN} more"] if len(paths) > SHOWN else []
+                fields = listed([*paths[:SHOWN], *more], "and")
                 cause = f"'{name}' needs the robot's {fields}, but the pipeline has no robot"
                 fix = "add `robot: {in: {wheels: ...}}` to the pipeline"
                 case.error("E-ROBOT-MISSING", place.spot, cause, fix)
             continue
         _check_fields(case, name, wanted)
         _check_sensor(case, name)
+    _check_simulated(case)
 
 
 def _check_fields(case: Case, name: str, wanted: dict[str, str]) -> None:
@@ -39,11 +44,21 @@ def _check_fields(case: Case, name: str, wanted: dict[str, str]) -> None:
 
 def _check_sensor(case: Case, name: str) -> None:
     sensor = case.values.get(name, {}).get("sensor")
+    value = case.at("blocks", name, "with", "sensor") or case.at("blocks", name)
+    if isinstance(sensor, str) and value is not None:
+        _check_known(case, sensor, value.spot)
+
+
+def _check_simulated(case: Case) -> None:
+    simulated = case.robot_at("simulation", "sensors")
+    for name, value in simulated.entries.items() if simulated else ():
+        _check_known(case, name, value.key or value.spot)
+
+
+def _check_known(case: Case, sensor: str, place: Place) -> None:
     sensors = case.robot.sensors if case.robot else None
-    if not isinstance(sensor, str) or sensors is None or sensor in sensors:
+    if sensors is None or sensor in sensors:
         return
-    place = case.at("blocks", name, "with", "sensor") or case.at("blocks", name)
-    assert place is not None
     near = nearest(sensor, sensors)
     fix = f"did you mean {near}?" if near else f"it has {listed(sensors, 'and') or 'none'}"
-    case.error("E-SENSOR-UNKNOWN", place.spot, f"the robot has no sensor '{sensor}'", fix)
+    case.error("E-SENSOR-UNKNOWN", place, f"the robot has no sensor '{sensor}'", fix)
