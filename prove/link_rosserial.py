@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -73,7 +73,7 @@ def ticks_read(replayed: Replayed) -> int:
     return sum(count.taken for count in replayed.host.counts.values())
 
 
-def drive_by(seed: int):
+def drive_by(seed: int) -> Callable[[int], Duty]:
     """A new random pair of duties each second."""
     chance = Random(seed)
     pairs = [(chance.uniform(-1, 1), chance.uniform(-1, 1)) for _ in range(61)]

@@ -31,13 +31,13 @@ def until(robot, enough, drive=None):
     """Serve the driver until `enough(heard)`; returns what was heard."""
     heard, begin = [], time.monotonic_ns()
     while not enough(heard):
-        now = time.monotonic_ns() - begin
-        assert now < PATIENCE * 1e9, heard[-3:]
+        now = time.monotonic_ns()
+        assert now - begin < PATIENCE * 1e9, heard[-3:]
         select.select(robot.files(), [], [], min(0.05, max(0, robot.due() - now) / 1e9))
-        for delivery in robot.deliver(time.monotonic_ns() - begin):
+        for delivery in robot.deliver(time.monotonic_ns()):
             heard.append(delivery.message)
             if drive is not None and isinstance(delivery.message, Encoders):
-                robot.command(time.monotonic_ns() - begin, drive)
+                robot.command(time.monotonic_ns(), drive)
     return heard
 
 
