@@ -20,6 +20,7 @@ def main() -> int:
     tables = (
         link_rosserial.rows(options.seed, options.starts),
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
+        link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
     )
     for row in chain.from_iterable(tables):
