@@ -21,6 +21,12 @@ def _code(title: str, text: str) -> Code:
 
 
 CODES: dict[str, Code] = {
+    "E-DEFECT": _code("diffbotctl itself failed", """
+        Something happened that nobody foresaw. The robot was stopped before this was printed. Run
+        the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
+        The robot file names a protocol that this version of diffbotctl speaks to the simulated
+        board only."""),
     "E-RECORDING": _code("a file is no recording", """
         Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
         or holds none of what a recording of diffbotctl begins with."""),
@@ -102,7 +108,8 @@ CODES: dict[str, Code] = {
         stops between two commands; longer, and at 0.3 m/s it drives on blind for more than 15 cm
         after the link is gone. It cannot be switched off."""),
     "E-CHOICE": _code("not one of the known words", """
-        Here one of a few words is possible. They are listed in the message."""),
+        Here only a few words are possible, because each stands for something that the code knows
+        how to do. They are listed in the message; a schema-aware editor offers them too."""),
     "E-VALUE-EMPTY": _code("a key without a value", """
         Nothing stands behind the colon. Either the value was forgotten, or it slipped to the next
         line with the wrong indentation, or a comma too many made a key of its own."""),
@@ -114,7 +121,8 @@ CODES: dict[str, Code] = {
         `$name` stands for a value from the file's `vars:`. There is none of that name. A dollar
         sign itself is written $$."""),
     "W-VAR-UNUSED": _code("a variable that is never used", """
-        It has no effect. Probably the value that it should replace is still written out somewhere."""),
+        It has no effect. Probably the value that it should replace is still written out
+        somewhere."""),
     "E-INCLUDE": _code("an include that cannot be followed", """
         `include` names a file that this one changes: a path from here, or a name in the same
         folder or among the shipped files. Mappings are merged, lists and values replaced, this
@@ -137,7 +145,8 @@ CODES: dict[str, Code] = {
         A block says by FromRobot("drive.track") what it needs of the robot file. This one asks for
         something that no robot file has: the mistake is in the block's own code."""),
     "E-SENSOR-UNKNOWN": _code("a sensor that the robot does not have", """
-        The name must be one of those under `sensors:` in the robot file."""),
+        Sensors are named under `sensors:` in the robot file, and `robot` has one output of each
+        name. A block or the simulation refers to a name that is not there."""),
     "E-BLOCK-UNKNOWN": _code("no block of that kind", """
         `block:` names a kind of block: one that is built in, or one from another installed package.
         `diffbotctl blocks` lists them."""),
@@ -158,7 +167,8 @@ CODES: dict[str, Code] = {
         outputs of a kind; `robot` gives encoders, link, battery and one output for each sensor,
         `operator` gives goal, twist, path and resume."""),
     "E-WIRE-INPUT": _code("a wire to an input that does not exist", """
-        The keys under `in:` are the block's inputs. This is not one of them."""),
+        The keys under `in:` are the block's inputs; the values are where they come from. This key
+        is not one of them. `diffbotctl blocks show KIND` lists the inputs of a kind."""),
     "E-WIRE-MISSING": _code("an input that nothing feeds", """
         The block cannot do its work without this input: it would wait for ever, and the robot
         would stand still without telling why."""),
@@ -174,8 +184,8 @@ CODES: dict[str, Code] = {
         The pipeline has a robot but gives it no wheel speeds, so it will only watch. That may be
         what you want; else add robot: {in: {wheels: kinematics.wheels}}."""),
     "E-PIN-UNKNOWN": _code("a pin that the board does not have", """
-        The number is not on this kind of board. A Mega 2560 has 0 to 53 and A0 to A15, an ATmega328P
-        (Uno, Nano) has 0 to 13 and A0 to A7."""),
+        The number is not on this kind of board. A Mega 2560 has 0 to 53 and A0 to A15, an
+        ATmega328P (Uno, Nano) has 0 to 13 and A0 to A7."""),
     "E-PIN-PWM": _code("a pin without PWM", """
         The enable input of a motor driver takes pulses: the longer they are, the faster the motor
         turns. Only some pins can make such pulses by themselves; on the others the motor could only
@@ -213,8 +223,9 @@ CODES: dict[str, Code] = {
         The board stops its motors by itself when no command came for board.deadman. Commands go out
         with each frame of telemetry; with frames that rare it would stop between any two."""),
     "W-DEADMAN": _code("a dead-man's time of few commands", """
-        Radio links lose a command now and then. When two lost ones outlast the dead-man's time, the
-        robot stutters. Send telemetry, and with it commands, more often, or raise board.deadman."""),
+        Radio links lose a command now and then. When two lost ones outlast the dead-man's time,
+        the robot stutters. Send telemetry, and with it commands, more often, or raise
+        board.deadman."""),
     "E-LIMIT-SPEED": _code("a speed limit that the motors cannot reach", """
         Rated speed times the wheel's radius is the fastest the robot can drive, with a full battery
         and no load. A limit above makes every plan too optimistic: it would brake too late for
@@ -242,7 +253,8 @@ CODES: dict[str, Code] = {
         `diffbotctl calibrate encoders` proves it; or set drive: {polarity: by_hand} when you have
         seen it yourself with the wheels in the air."""),
     "E-CODE": _code("no such code", """
-        `diffbotctl explain` without a code lists them all."""),
+        Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
+        without a code lists them all."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),
@@ -255,12 +267,17 @@ CODES: dict[str, Code] = {
     "E-PORT-BAUD": _code("the port refuses the baud rate", """
         The adapter or its driver cannot do the baud rate of the robot file. 9600 and 115200 work
         everywhere."""),
+    "E-PORT-OPEN": _code("the serial port cannot be opened", """
+        The device is not there, or it vanished: the cable was pulled, the Bluetooth module lost its
+        pairing, or the name changed after a reconnect. `ls /dev/ttyUSB* /dev/ttyACM* /dev/rfcomm*`
+        shows what there is now."""),
     "E-RECORD": _code("the recording cannot be written or read", """
-        The disk may be full, the folder may not exist, or the file is no recording of diffbotctl."""),
+        The disk may be full, the folder may not exist, or the file is no recording of
+        diffbotctl."""),
     "obstacle": _code("something stands ahead", """
-        `obstacle_stop` slows the robot down so that it can always stop, and holds it when no room is
-        left. Turning and backing away stay possible. It drives on when the way is clear, or waits
-        for `resume`, as the pipeline says."""),
+        `obstacle_stop` slows the robot down so that it can always stop, and holds it when no
+        room is left. Turning and backing away stay possible. It drives on when the way is
+        clear, or waits for `resume`, as the pipeline says."""),
     "too_close": _code("something is closer than the sensor can measure", """
         Below 4 cm a Sharp sensor's voltage falls again: 2 cm reads like 5.3 cm. So once something
         came that close, it is believed to be there until the voltage has come back through its
@@ -277,8 +294,8 @@ CODES: dict[str, Code] = {
         robot out of reach. It ends by itself when telemetry comes again soon, else the link counts
         as lost."""),
     "link_lost": _code("the link to the board is gone", """
-        The port was closed, or nothing came for a second. A board with our firmware stops its motors
-        by itself. A stop is the first thing sent when the link is back; then `resume`."""),
+        The port was closed, or nothing came for a second. A board with our firmware stops its
+        motors by itself. A stop is the first thing sent when the link is back; then `resume`."""),
     "reconnect": _code("the link is back", """
         After a lost link the robot stands until a person has seen that it may move: `resume`."""),
     "board_restart": _code("the board restarted while in use", """

@@ -13,14 +13,16 @@ def command(code: str | None) -> int:
     from diffbotctl.errors import Problem, UsageError, nearest
 
     if code is None:
-        for name, entry in CODES.items():
-            click.echo(f"{name:18} {entry.title}")
+        for each, entry in CODES.items():
+            click.echo(f"{each:18} {entry.title}")
         return 0
-    found = CODES.get(code.upper())
+    by_name = {name.upper(): name for name in CODES}
+    name = by_name.get(code.upper(), "")
+    found = CODES.get(name)
     if found is None:
-        near = nearest(code.upper(), CODES)
+        near = by_name.get(nearest(code.upper(), by_name) or "")
         fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists them all"
         raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
-    click.echo(f"{code.upper()}: {found.title}\n")
-    click.echo(found.text)
+    click.echo(f"{name}: {found.title}\n")
+    click.echo(click.wrap_text(found.text, 78, preserve_paragraphs=True))
     return 0

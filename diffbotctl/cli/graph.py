@@ -42,7 +42,7 @@ def command(pipeline: str, robot: str | None, sets: tuple[str, ...], mermaid: bo
 
 
 def wires_of(graph: Graph, command: str | None) -> Iterator[Wire]:
-    """Every wire of the graph, in the order of its blocks, and the one that leaves for the robot."""
+    """Every wire of the graph, in the order of its blocks, and the one that leaves it."""
     for node in graph.nodes:
         for port, wire in node.wires.items():
             source, _, output = wire.partition(".")

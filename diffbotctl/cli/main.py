@@ -76,4 +76,20 @@ def main() -> None:
             raise
         print(error, file=sys.stderr)
         sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.exit(1)  # whoever read our output has gone
+    except Exception as error:
+        if debug:
+            raise
+        print(_defect(error), file=sys.stderr)
+        sys.exit(1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _defect(error: Exception) -> str:
+    """Words for an error that nobody foresaw: ours to mend, not the user's."""
+    from diffbotctl.errors import Problem
+
+    cause = f"diffbotctl itself failed: {type(error).__name__}: {error}"
+    fix = "this is a defect of ours; run again with --debug and send us what it prints"
+    return Problem("E-DEFECT", "diffbotctl", cause, fix).render()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, get_args, get_origin
 
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, nearest
 from diffbotctl.params import Declaration, Section, declared
 
@@ -54,6 +54,10 @@ def paths(kind: type[Section] = Robot, before: str = "") -> list[str]:
 
 
 def _unknown(path: str, place: Any) -> Problem:
+    below = [each for each in paths() if each.startswith(f"{path}.")]
+    if below:
+        cause = f"'{path}' is a whole section; one value at a time is calibrated"
+        return Problem("E-CALIBRATION", place, cause, f"name a field of it, such as {below[0]}")
     near = nearest(path, paths())
     cause = f"the robot file has no field '{path}'"
     fix = f"did you mean {near}?" if near else "name a field by its path, such as drive.track"

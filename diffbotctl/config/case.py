@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from diffbotctl.block import Block
 from diffbotctl.config.pipeline import Pipeline
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Place, Problem
 
 
@@ -41,6 +42,20 @@ class Case:
             if value is not None:
                 return value.spot
         return "robot"
+
+    def blame(self, *paths: str, also: Sequence[Value | None] = ()) -> Place | str:
+        """Where to point when several fields together are wrong: at what the user changed.
+
+        `paths` are fields of the robot file, the most telling first; `also` are values of the
+        pipeline file. A `--set` goes before the user's files, these before shipped ones.
+        """
+        values = [*(self.robot_at(*path.split(".")) for path in paths), *also]
+        places = [value.spot for value in values if value is not None]
+        if not places:
+            return self.robot_place(*paths[0].split("."))
+        return min(
+            places, key=lambda place: (place.source.name != "--set", not place.source.is_own)
+        )
 
     def robot_field(self, path: str) -> Any:
         """The typed field at dotted `path`. Raises AttributeError or KeyError for none."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from diffbotctl.config import lookup, resources, yamlfile
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError
 
 CHAIN = 10  # files deep
@@ -33,7 +33,7 @@ def merge(below: Value, above: Value) -> Value:
 
 
 def _read(path: Path, kind: str, files: list[Path], chain: list[Path]) -> Value:
-    own = yamlfile.read(str(path), lookup.shown(path))
+    own = yamlfile.read(str(path), lookup.shown(path), not lookup.is_shipped(path))
     if path not in files:
         files.append(path)
     wanted = own.entries.get("include")

@@ -25,7 +25,7 @@ from diffbotctl.config.configuration import BlockUse, Configuration, RobotFile
 from diffbotctl.config.pipeline import BlockEntry, Pipeline
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.typed import Reader
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError, nearest
 from diffbotctl.params import declared
 
@@ -162,7 +162,7 @@ class _Loader:
         tree = sets.for_pipeline(tree, self.settings, self.problems)
         tree = variables.substitute(tree, self.problems)
         self.case.tree = tree
-        self.problems += shape.check(tree, schema.of_section(Pipeline), "the pipeline")
+        self.problems += shape.check(tree, schema.of_section(Pipeline), "the pipeline file")
         reader = Reader()
         self.case.pipeline = reader.section(tree, Pipeline)
         self.problems += reader.problems
@@ -207,10 +207,23 @@ class _Loader:
                 return self._robot_in_use(use, pipeline.robot.use)
         return self._robot(wanted)
 
+    def _folder_of(self, value: Value) -> Path:
+        """The folder of the file in which `value` stands."""
+        for file in self.files:
+            if lookup.shown(file) == value.place.source.name:
+                return file.parent
+        return Path()
+
     def _robot_in_use(self, place: Value, use: str) -> Path | None:
         """The robot that the pipeline names; a path is meant from the pipeline's folder."""
         if lookup.is_path(use):
-            return self._robot(str(Path(place.place.source.name).parent / use))
+            before = len(self.problems)
+            file = self._read_robot(self._folder_of(place) / use)
+            self.problems[before:] = [
+                Problem(each.code, place.spot, each.cause, each.fix) if each.line == 0 else each
+                for each in self.problems[before:]
+            ]
+            return file
         try:
             lookup.robot(use)
         except UserError as error:
@@ -221,7 +234,10 @@ class _Loader:
 
     def _robot(self, name: str | None) -> Path | None:
         file = self._found(lambda: lookup.robot(name))
-        tree = self._tree(file, "robots") if file else None
+        return self._read_robot(file) if file else None
+
+    def _read_robot(self, file: Path) -> Path:
+        tree = self._tree(file, "robots")
         if tree is None:
             return file
         tree = sets.for_robot(tree, self.settings)
@@ -230,7 +246,7 @@ class _Loader:
         tree = sides.spread(calibration.apply(tree, self.problems))
         self.case.robot_tree = tree
         whole = schema.of_section(Robot, merged=True)
-        self.problems += shape.check(tree, whole, "the robot")
+        self.problems += shape.check(tree, whole, "the robot file")
         reader = Reader()
         self.case.robot = reader.section(tree, Robot)
         self.problems += reader.problems
@@ -252,6 +268,10 @@ class _Loader:
 def _once(problems: Iterable[Problem]) -> list[Problem]:
     """The problems without repetition, in the order of their files and lines."""
     first: dict[tuple[object, ...], Problem] = {}
+    problems = list(problems)
+    unknown = {str(problem.place) for problem in problems if problem.code == "E-VAR-UNKNOWN"}
     for problem in problems:
+        if str(problem.place) in unknown and problem.code != "E-VAR-UNKNOWN":
+            continue  # what a variable that is not set would have been is no second mistake
         first.setdefault((problem.code, str(problem.place), problem.cause), problem)
     return sorted(first.values(), key=lambda problem: (problem.file, problem.line, problem.column))

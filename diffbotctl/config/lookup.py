@@ -58,11 +58,20 @@ def is_path(name: str) -> bool:
 
 
 def shown(path: Path) -> str:
-    """`path` as a person would write it from here."""
+    """`path` as a person would write it from here; shipped files stand below `diffbotctl/`."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
     except (ValueError, OSError):
-        return str(path)
+        return f"diffbotctl/{path.parent.name}/{path.name}" if is_shipped(path) else str(path)
+
+
+def is_shipped(path: Path) -> bool:
+    """True when `path` is one of the files that ship with diffbotctl."""
+    folders = [resources.folder(kind) for kind in ("robots", "pipelines")]
+    try:
+        return path.resolve().parent in [folder.resolve() for folder in folders]
+    except (OSError, ValueError):
+        return False
 
 
 def _not_found(name: str, kind: str) -> UsageError:

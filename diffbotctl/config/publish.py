@@ -102,7 +102,8 @@ def _or_variable(schema: Schema) -> Schema:
     inside: Schema = _with_variables(schema)
     if not is_value or schema.get("enum") in ([1], ["robot"], ["pipeline"]):
         return inside
-    kept = {key: inside.pop(key) for key in ("description", "x-unit", "default") if key in inside}
+    notes = [key for key in ("description", "x-unit", "default") if key in inside]
+    kept: Schema = {key: inside.pop(key) for key in notes}
     return {"anyOf": [*inside.get("anyOf", [inside]), VARIABLE], **kept}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from diffbotctl.config import cache
 from diffbotctl.config.schema import Schema
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 
 
@@ -47,18 +47,20 @@ def _translated(error: Any, top: Value, where: str) -> Iterator[Problem]:
 
 
 def _within(where: str, path: Any) -> str:
+    """The section at `path` in words: its dotted path, or `where` for the whole."""
     names = [str(step) for step in path if not isinstance(step, int)]
-    return ".".join([where, *names]) if names else where
+    if where.startswith("the "):
+        return ".".join(names) if names else where
+    return ".".join([where, *names])
 
 
 def _unknown(value: Value, error: Any, within: str) -> Iterator[Problem]:
     known = list(error.schema.get("properties", {}))
     absent = [name for name in error.schema.get("required", []) if name not in value.entries]
-    free = [name for name in known if name not in value.entries]
     for name, entry in value.entries.items():
         if name in known:
             continue
-        near = nearest(name, free)
+        near = nearest(name, known)
         place = entry.key or entry.spot
         if near is not None:
             also = ", which must be given" if near in absent else ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any, TypeVar, get_args, get_origin
 
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 from diffbotctl.params import Declaration, Pin, Section, declared
 from diffbotctl.units import KINDS, UnitError, example, quantity
@@ -76,7 +76,7 @@ def read_leaf(value: Value, kind: Any, declaration: Declaration) -> tuple[Any, P
     try:
         data = READERS[kind](value, declaration)
     except UnitError as error:
-        fix = f"write it as {_sample(declaration)}" if _sample(declaration) else ""
+        fix = f"{declaration.key}: {declaration.help}"
         return None, Problem("E-UNIT", value.spot, str(error), fix)
     except _WrongError as wrong:
         return None, Problem("E-TYPE", value.spot, wrong.cause, wrong.fix)
@@ -114,9 +114,8 @@ def _int(value: Value, declaration: Declaration) -> int:
         return data
     if isinstance(data, float) and data.is_integer():
         return int(data)
-    raise _WrongError(
-        f"'{value.text}' is not a whole number", f"write a whole number: {_help(declaration)}"
-    )
+    fix = f"{declaration.key}: {declaration.help}"
+    raise _WrongError(f"'{value.text}' is not a whole number", fix)
 
 
 def _bool(value: Value, declaration: Declaration) -> bool:
@@ -138,10 +137,12 @@ def _str(value: Value, declaration: Declaration) -> str:
 
 
 def _pin(value: Value, declaration: Declaration) -> Pin:
-    if isinstance(value.data, bool) or not PIN.match(value.text):
+    data = value.data
+    name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
+    if not PIN.match(name):
         cause = f"'{value.text}' is not the name of a pin"
         raise _WrongError(cause, "write the number or name printed on the board, such as 5 or A0")
-    return Pin(value.text.lstrip("0") or "0")
+    return Pin(name)
 
 
 READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _str, Pin: _pin}
@@ -181,8 +182,5 @@ def _sample(declaration: Declaration) -> str:
 
 def _write(declaration: Declaration) -> str:
     sample = _sample(declaration)
-    return f"write it as {sample}" if sample else f"write a plain number: {_help(declaration)}"
-
-
-def _help(declaration: Declaration) -> str:
-    return declaration.help[:1].lower() + declaration.help[1:]
+    such_as = f" (such as {sample})" if sample else ""
+    return f"{declaration.key}{such_as}: {declaration.help}"

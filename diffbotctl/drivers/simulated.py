@@ -7,7 +7,8 @@ from diffbotctl.messages import Duty, Encoders, Link, Wheels
 from diffbotctl.plant.robot import SimulatedRobot
 
 SECOND = 1_000_000_000
-STILL = SECOND // 4  # ns without an edge after a stop: at 1 cm/s edges come faster than that
+STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
+COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
 
 
 class Simulated:
@@ -19,7 +20,7 @@ class Simulated:
         self.frames = 0
         self.report_at = 0
         self.counts: tuple[int, int] | None = None
-        self.still_since = 0
+        self.still_since = self.zero_since = 0
         self.stopping = False
         self.stopped = False
 
@@ -54,7 +55,8 @@ class Simulated:
     def stop(self, now: int) -> None:
         """Stop the wheels; `stopped` becomes true when they have stood still for a while."""
         self.stopping, self.stopped = True, False
-        self.still_since, self.counts = now, None
+        self.still_since = self.zero_since = now
+        self.counts = None
         self.command(now, self.zero(now, 0.0, 0.0))
 
     def close(self) -> None:
@@ -62,6 +64,8 @@ class Simulated:
 
     def _watch(self, now: int, encoders: Encoders) -> None:
         counts = (encoders.left, encoders.right)
-        if counts != self.counts or encoders.left_command or encoders.right_command:
+        if encoders.left_command or encoders.right_command:
+            self.zero_since = now
+        if counts != self.counts:
             self.counts, self.still_since = counts, now
-        self.stopped = now - self.still_since >= STILL
+        self.stopped = now - self.still_since >= STILL and now - self.zero_since >= COASTED

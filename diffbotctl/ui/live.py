@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 
 from diffbotctl.hub.latest import Snapshot
-from diffbotctl.messages import Goal, GoalState, Link, Odometry, Range, Wheels
+from diffbotctl.messages import Goal, GoalState, Link, Odometry, Range, Text, Wheels
 from diffbotctl.ui import words
 from diffbotctl.ui.map import Map, Point
 
@@ -42,10 +42,10 @@ class LiveView:
         if isinstance(odometry, Odometry):
             self._extend((odometry.x, odometry.y))
         rows = max(height - ROWS_OF_FACTS - 3, 5)
+        if not any(isinstance(message, Odometry) for message in picture.messages.values()):
+            return Group(title_line(self.scene), facts(picture))
         drawing = self._map(picture, width - 4, rows)
-        title = f"[bold]{self.scene.title}[/]"
-        if self.scene.simulated:
-            title += f"  [black on yellow] {self.scene.simulated} [/]"
+        title = title_line(self.scene)
         return Group(
             Panel(drawing.text(), title=title, border_style="dim", height=rows + 2), facts(picture)
         )
@@ -71,6 +71,12 @@ class LiveView:
         return drawing
 
 
+def title_line(scene: Scene) -> str:
+    """The pipeline's name, and SIMULATED when it is, as rich markup."""
+    title = f"[bold]{scene.title}[/]"
+    return title + (f"  [black on yellow] {scene.simulated} [/]" if scene.simulated else "")
+
+
 def facts(picture: Snapshot) -> Table:
     """Pose, goal, wheels, range, link and stop as a table of two columns."""
     table = Table.grid(padding=(0, 1))
@@ -88,12 +94,18 @@ def facts(picture: Snapshot) -> Table:
     if isinstance(state, GoalState):
         table.add_row("state", words.goal_state(state))
     known = odometry if isinstance(odometry, Odometry) else None
-    table.add_row("wheels", words.speeds(wheels if isinstance(wheels, Wheels) else None, known))
+    if isinstance(wheels, Wheels):
+        table.add_row("wheels", words.speeds(wheels, known))
+    for wire, message in picture.messages.items():
+        if isinstance(message, Text):
+            table.add_row(wire, message.text)
     if isinstance(reading, Range):
         table.add_row("range", words.distance(reading))
     if isinstance(link, Link):
         table.add_row("link", words.link(link))
     stop = words.holding(picture)
+    if known is None and stop is None:
+        return table
     table.add_row("stop", words.stop(stop), style="bold red" if stop else None)
     return table
 

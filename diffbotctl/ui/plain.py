@@ -6,14 +6,16 @@ import sys
 from collections.abc import Iterator
 
 from diffbotctl.hub.latest import Snapshot
-from diffbotctl.messages import Goal, GoalState, Link, Odometry
+from diffbotctl.messages import Goal, GoalState, Link, Odometry, Text
 from diffbotctl.ui import words
 
 
 def lines(pictures: Iterator[Snapshot]) -> Iterator[str]:
     """A line whenever the goal's state, the stop in force or the link's state has changed."""
-    last: tuple[object, ...] = ()
+    last: tuple[object, ...] = (None, None, None)
+    heard: dict[str, int] = {}
     for picture in pictures:
+        yield from _texts(picture, heard)
         state, link = words.newest(picture, GoalState), words.newest(picture, Link)
         stop = words.holding(picture)
         now = (
@@ -24,6 +26,14 @@ def lines(pictures: Iterator[Snapshot]) -> Iterator[str]:
         if now != last:
             last = now
             yield line(picture)
+
+
+def _texts(picture: Snapshot, heard: dict[str, int]) -> Iterator[str]:
+    """A line for each text that is newer than the one `heard` on its wire."""
+    for wire, message in picture.messages.items():
+        if isinstance(message, Text) and heard.get(wire, -1) < message.time:
+            heard[wire] = message.time
+            yield f"{message.time / 1e9:8.2f} s | {wire}: {message.text}"
 
 
 def line(picture: Snapshot) -> str:

@@ -42,9 +42,9 @@ def goal_state(state: GoalState) -> str:
     return f"{state.state.replace('_', ' ')}, {left}" + (f": {state.cause}" if state.cause else "")
 
 
-def speeds(wheels: Wheels | None, odometry: Odometry | None) -> str:
+def speeds(wheels: Wheels, odometry: Odometry | None) -> str:
     """Commanded wheel speeds, and the body's speed as measured."""
-    wanted = "-" if wheels is None else f"{wheels.left:+.2f} {wheels.right:+.2f} rad/s"
+    wanted = f"{wheels.left:+.2f} {wheels.right:+.2f} rad/s"
     if odometry is None:
         return f"commanded {wanted}"
     return f"commanded {wanted}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"

@@ -1,52 +1,37 @@
-"""Which command counts: a person's before the pipeline's, and a stand in between."""
+"""A person's velocity goes before the pipeline's own."""
 
 import pytest
 
 from diffbotctl.blocks.command_mux import CommandMux
-from diffbotctl.graph import Graph, Node
 from diffbotctl.messages import Twist
 
-MS = 1_000_000
-OWN, PERSON = Twist(1, 0.2, 0.0), Twist(2, 0.0, 1.0)
+HAND = Twist(5, 0.1, 0.5)
+OWN = Twist(7, 0.3, 0.0)
 
 
 @pytest.mark.parametrize(
-    "teleop, autonomous, out",
+    "teleop, autonomous, result",
     [
         (None, None, None),
         (None, OWN, OWN),
-        (PERSON, None, Twist(9, 0.0, 1.0)),  # stamped anew: it counts for as long as it is held
-        (PERSON, OWN, Twist(9, 0.0, 1.0)),
+        (HAND, None, Twist(9, 0.1, 0.5)),  # dated now: it is in force now
+        (HAND, OWN, Twist(9, 0.1, 0.5)),
     ],
 )
-def test_selection(teleop, autonomous, out):
-    assert CommandMux().react(9, teleop, autonomous) == out
+def test_who_is_heard(teleop, autonomous, result):
+    assert CommandMux().react(9, teleop, autonomous) == result
 
 
-def test_when_the_person_lets_go_it_stands_until_a_new_command_comes():
+def test_when_a_person_lets_go_the_robot_stands_before_it_goes_on():
     mux = CommandMux()
-    mux.react(1, PERSON, OWN)
-    assert mux.react(2, None, OWN) == Twist(2, 0.0, 0.0)
-    new = Twist(3, 0.1, 0.0)
-    assert mux.react(3, None, new) is new
+    mux.react(9, HAND, OWN)
+    # The engine wakes the block when the person's command has outlived its time.
+    assert mux.react(409, None, OWN) == Twist(409, 0.0, 0.0)
+    assert mux.react(420, None, OWN._replace(time=420)) == Twist(420, 0.3, 0.0)
 
 
-def test_in_a_graph_a_persons_command_outlives_its_400_ms_by_nothing():
-    sources = {"operator.twist": Twist, "follower.twist": Twist}
-    wires = {"teleop": "operator.twist", "autonomous": "follower.twist"}
-    graph = Graph([Node("mux", CommandMux(), wires)], sources)
-    heard = []
-    compiled = graph.compile({"mux.twist": lambda now, twist: heard.append(twist)}, None)
-    compiled.instant(0, None, OWN)
-    compiled.instant(100 * MS, PERSON, None)
-    assert compiled.due() == 500 * MS
-    compiled.instant(499 * MS, None, OWN)  # still the person's
-    compiled.instant(500 * MS, None, None)
-    compiled.instant(600 * MS, None, OWN)
-    assert heard == [
-        OWN,
-        PERSON._replace(time=100 * MS),
-        PERSON._replace(time=499 * MS),
-        Twist(500 * MS, 0.0, 0.0),
-        OWN,
-    ]
+def test_letting_go_stands_also_without_a_pipeline_s_command():
+    mux = CommandMux()
+    mux.react(9, HAND, None)
+    assert mux.react(409, None, None) == Twist(409, 0.0, 0.0)
+    assert mux.react(430, None, None) is None

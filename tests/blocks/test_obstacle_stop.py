@@ -1,4 +1,4 @@
-"""Obstacle stop: how fast it may go, what stops it, and how it lets go."""
+"""Never faster than it can still stop; stopped by doubt; turning and backing away stay free."""
 
 from math import inf
 
@@ -13,147 +13,225 @@ from diffbotctl.blocks.obstacle_stop import (
     slowed,
     stopping_distance,
 )
-from diffbotctl.config.load import load
+from diffbotctl.config.robot import Mount, Sensor
 from diffbotctl.messages import Range, Resume, Twist
 
-BRAKING = 1.5  # m/s2
-# The sensor's 25.2 ms, two frames at 40 Hz, 15 ms to the motor, 100 ms of its lag.
-REACTION = 0.0252 + 0.050 + 0.015 + 0.100
-# Stops within 50 mm and what 0.05 m/s takes: 0.05^2 / 3 m + 0.05 x 0.1902 m are 10.3 mm.
-NEAR, FAR = 0.060, 0.081  # m; just within that, and just beyond its 20 mm more for letting go
-AHEAD = Twist(0, 0.3, 0.6)
+MS = 1_000_000  # ns
+FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 
-def guard(**changes):
-    sensors = load("goal", None, []).nominal.sensors  # `front`, flush with the robot's front
-    known = {
-        "braking": BRAKING, "telemetry": 40.0, "command_delay": 0.015, "lag": 0.1,
-        "front": 0.08, "sensors": sensors,
-    }  # fmt: skip
-    return ObstacleStop(**{**known, **changes})
+def guard(setback=0.0, **values):
+    """A guard whose sensor sits `setback` metres behind the robot's front; braking 1.5 m/s2."""
+    sensor = Sensor(type="sharp_gp2y0a41sk0f", pin="A0", at=Mount(x=0.08 - setback))
+    return ObstacleStop(
+        **{"margin": 0.05, "reaction": 0.2, **values}, braking=1.5, telemetry=40.0,
+        command_delay=0.015, lag=0.1, front=0.08, sensors={"front": sensor},
+    )  # fmt: skip
 
 
-class Driven:
-    """Hands a guard one reading after the other, 25 ms apart."""
+class Course:
+    """Feeds a guard one range and one wish every 25 ms; keeps what came out last."""
 
-    def __init__(self, **changes):
-        self.block, self.now, self.consent = guard(**changes), 0, None
+    def __init__(self, block):
+        self.block = block
+        self.now = 0
+        self.stops = []
 
-    def sees(self, distance=0.0, state="measured", twist=AHEAD):
-        self.now += 25_000_000
-        return self.block.react(self.now, twist, Range(self.now, distance, state), self.consent)
+    def see(self, state, distance=0.0, wish=FORWARD, resume=None):
+        self.now += 25 * MS
+        seen = None if state is None else Range(self.now, distance, state)
+        return self._react(seen, wish, resume)
 
-    def codes(self, *distances):
-        """The codes of all Stops that came."""
-        return [stop.code for d in distances if (stop := self.sees(d)[1]) is not None]
+    def _react(self, seen, wish, resume):
+        twist, stop = self.block.react(self.now, Twist(self.now, *wish), seen, resume)
+        if stop is not None:
+            self.stops.append((stop.code, stop.latched))
+        return twist.linear, twist.angular
+
+
+# By hand, braking 1.5 m/s2 and 0.2 s to react.
+@pytest.mark.parametrize(
+    "speed, distance",
+    [
+        (0.0, 0.0),
+        (0.3, 0.09),  # 0.3^2 / 3 + 0.3 * 0.2 = 0.03 + 0.06
+        (0.6, 0.24),  # 0.12 + 0.12
+    ],
+)
+def test_stopping_distance(speed, distance):
+    assert stopping_distance(speed, 1.5, 0.2) == pytest.approx(distance)
+    assert allowed(distance, 1.5, 0.2) == pytest.approx(speed)
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.1, 10.0), st.floats(0.0, 2.0))
+def test_the_allowed_speed_stops_within_the_free_way(free, braking, reaction):
+    speed = allowed(free, braking, reaction)
+    assert stopping_distance(speed, braking, reaction) <= free + 1e-9
+
+
+@pytest.mark.parametrize("free, speed", [(-1.0, 0.0), (0.0, 0.0), (inf, inf)])
+def test_allowed_at_the_ends(free, speed):
+    assert allowed(free, 1.5, 0.2) == speed
 
 
 def test_reaction_time():
-    assert reaction_time(40.0, 2, 0.015, 0.1) == pytest.approx(REACTION)
+    # the sensor's 25.2 ms, two frames of 25 ms, 15 ms of link, 100 ms of motor
+    assert reaction_time(40.0, 2, 0.015, 0.1) == pytest.approx(0.1902)
+
+
+def test_slowing_keeps_the_curve():
+    assert slowed(Twist(1, 0.3, 0.6), 0.1, 5) == Twist(5, 0.1, pytest.approx(0.2))
+    assert slowed(Twist(1, 0.3, 0.6), 0.4, 5) == Twist(5, 0.3, 0.6)
+
+
+# gap = distance; free way = gap - 5 cm; v = 1.5 * (sqrt(0.04 + 2 free / 1.5) - 0.2)
+@pytest.mark.parametrize(
+    "distance, linear",
+    [
+        (0.30, 0.3),  # free 25 cm would allow 0.62 m/s
+        (0.14, 0.3),  # free 9 cm: just the wished 0.3 m/s
+        (0.10, 1.5 * ((0.04 + 0.1 / 1.5) ** 0.5 - 0.2)),  # free 5 cm: 0.19 m/s
+        (0.07, 1.5 * ((0.04 + 0.04 / 1.5) ** 0.5 - 0.2)),  # free 2 cm: 0.087 m/s
+    ],
+)
+def test_the_slow_zone(distance, linear):
+    course = Course(guard())
+    course.see("measured", distance)
+    assert course.see("measured", distance) == pytest.approx((linear, 2 * linear))
+    assert course.stops == []
+
+
+def test_the_margin_counts_from_the_front_not_from_the_sensor():
+    course = Course(guard(setback=0.04))
+    course.see("measured", 0.18)
+    assert course.see("measured", 0.18)[0] == pytest.approx(0.3)  # 14 cm before the front
+
+
+def test_the_stop_zone_stops_after_two_readings_and_lets_go_after_two():
+    course = Course(guard())
+    course.see("clear", 0.3)
+    # the slowest speed, 0.05 m/s, needs 0.0008 + 0.01 m; with the margin the zone ends at 6.1 cm
+    assert course.see("measured", 0.060)[0] > 0.0  # one reading may be noise; it is slow already
+    assert course.see("measured", 0.060) == (0.0, 0.6)
+    assert course.stops == [("obstacle", False)]
+    course.see("clear", 0.3)
+    assert course.see("clear", 0.3) == FORWARD
+    assert course.stops == [("obstacle", False), ("", False)]
+
+
+def test_it_does_not_flutter_at_the_edge_of_the_zone():
+    course = Course(guard())
+    for distance in (0.06, 0.06, 0.065, 0.075, 0.065, 0.075):  # released from 8.1 cm on
+        out = course.see("measured", distance)
+    assert out == (0.0, 0.6)
+    course.see("measured", 0.085)
+    assert course.see("measured", 0.085)[0] > 0.0
+    assert len(course.stops) == 2
 
 
 @pytest.mark.parametrize(
-    "speed, distance",
-    [(0.0, 0.0), (0.3, 0.09 / 3 + 0.3 * REACTION), (0.15, 0.0225 / 3 + 0.15 * REACTION)],
+    "state, code",
+    [("too_close", "too_close"), ("fault", "range_fault"), (None, "range_stale")],
 )
-def test_stopping_distance_and_its_inverse(speed, distance):
-    assert stopping_distance(speed, BRAKING, REACTION) == pytest.approx(distance)
-    assert allowed(distance, BRAKING, REACTION) == pytest.approx(speed)
+def test_doubt_is_an_obstacle_at_once(state, code):
+    course = Course(guard())
+    course.see("clear", 0.3)
+    assert course.see(state) == (0.0, 0.6)
+    assert course.stops == [(code, False)]
 
 
-@given(st.floats(0.0, 2.0), st.floats(0.1, 5.0), st.floats(0.0, 1.0))
-def test_what_is_allowed_stops_in_time(free, braking, reaction):
-    speed = allowed(free, braking, reaction)
-    assert speed >= 0.0
-    assert stopping_distance(speed, braking, reaction) == pytest.approx(free, abs=1e-9)
+@pytest.mark.parametrize("state", ["too_close", "fault", None])
+@pytest.mark.parametrize("wish", [(0.0, 2.0), (-0.2, 0.0), (-0.1, 0.5), (0.0, 0.0)])
+def test_turning_and_backing_away_stay_allowed(state, wish):
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see(state)  # forward: held, latched
+    assert course.see(state, wish=wish) == wish
 
 
-def test_no_room_no_speed_and_no_end_no_limit():
-    assert allowed(-0.01, BRAKING, REACTION) == 0.0
-    assert allowed(inf, BRAKING, REACTION) == inf
+def test_nothing_is_told_before_anything_is_held_back():
+    course = Course(guard())
+    course.see(None, wish=(0.0, 0.0))  # before the first reading, at rest
+    assert course.stops == []
 
 
-@pytest.mark.parametrize(
-    "linear, angular, limit, out",
-    [(0.3, 1.0, 0.15, (0.15, 0.5)), (0.1, 1.0, 0.15, (0.1, 1.0)), (0.3, 1.0, 0.0, (0.0, 0.0))],
-)
-def test_slowed_on_the_same_curve(linear, angular, limit, out):
-    assert slowed(Twist(1, linear, angular), limit, 5) == Twist(5, *map(pytest.approx, out))
+def test_before_the_first_reading_it_does_not_drive():
+    assert Course(guard()).see(None) == (0.0, 0.6)
 
 
-def test_a_clear_way_changes_nothing():
-    assert Driven().sees(0.3, "clear") == (AHEAD._replace(time=25_000_000), None)
+def test_after_silence_one_clear_reading_is_enough():
+    course = Course(guard())
+    course.see(None)
+    assert course.see("clear", 0.3) == FORWARD
+    assert course.stops == [("range_stale", False), ("", False)]
 
 
-def test_it_slows_down_before_an_obstacle():
-    driven = Driven()
-    # 0.15 m/s needs 0.0225 / 3 + 0.15 x 0.1902 = 36.03 mm, and 50 mm are left as margin.
-    twist, stop = driven.sees(0.05 + 0.03603)
-    assert stop is None
-    assert twist[1:] == pytest.approx((0.15, 0.30), abs=1e-4)
+def test_after_silence_an_obstacle_is_no_clear_reading():
+    course = Course(guard())
+    course.see(None)
+    assert course.see("measured", 0.055) == (0.0, 0.6)
 
 
-def test_a_sensor_behind_the_front_sees_the_front_first():
-    # The front is 30 mm before the sensor: 86 mm + 30 mm of reading allow the same 0.15 m/s.
-    twist, _ = Driven(front=0.11).sees(0.05 + 0.03603 + 0.03)
-    assert twist.linear == pytest.approx(0.15, abs=1e-4)
+def test_waiting_for_a_person():
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see("too_close")
+    for _ in range(5):
+        assert course.see("clear", 0.3) == (0.0, 0.6)
+    assert course.stops == [("too_close", True)]
+    assert course.see("clear", 0.3, resume=Resume(course.now)) == FORWARD
+    assert course.stops[1:] == [("", False)]
 
 
-def test_two_near_readings_stop_it_and_two_far_ones_let_it_go():
-    driven = Driven()
-    assert driven.codes(NEAR) == []
-    twist, stop = driven.sees(NEAR)
-    assert stop.code == "obstacle" and not stop.latched and "6 cm ahead" in stop.cause
-    assert (twist.linear, twist.angular) == (0.0, 0.6)  # turning away stays possible
-    # 7 cm would not have stopped it, but is not enough to let it go.
-    assert driven.codes(0.07, 0.07, 0.07, FAR) == []
-    assert driven.codes(FAR) == [""]
-    assert driven.sees(FAR)[0].linear > 0.05
+def test_consent_counts_only_when_the_way_is_clear():
+    """Else the robot would set off by itself, whenever the obstacle goes away."""
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see("too_close")
+    early = Resume(course.now)
+    course.see("too_close", resume=early)
+    course.see("clear", 0.3, resume=early)  # the engine goes on showing the last message
+    assert course.see("clear", 0.3, resume=early) == (0.0, 0.6)
+    assert course.see("clear", 0.3, resume=Resume(course.now)) == FORWARD
 
 
-def test_one_near_reading_between_far_ones_does_not_stop_it():
-    assert Driven().codes(NEAR, FAR, NEAR, FAR, NEAR) == []
+def test_a_silent_sensor_does_not_wait_for_a_person():
+    course = Course(guard(resume_by="wait"))
+    course.see(None)
+    assert course.stops == [("range_stale", False)]
+    assert course.see("clear", 0.3) == FORWARD
 
 
-def test_the_same_reading_seen_twice_counts_once():
-    block, reading = guard(), Range(5, NEAR, "measured")
-    assert [block.react(now, AHEAD, reading, None)[1] for now in (5, 6, 7)] == [None] * 3
+def test_without_a_wish_nothing_comes_out():
+    twist, stop = guard().react(MS, None, Range(MS, 0.3, "clear"), None)
+    assert (twist, stop) == (None, None)
 
 
-@pytest.mark.parametrize("state, code", [("too_close", "too_close"), ("fault", "range_fault")])
-def test_a_sensor_in_trouble_stops_at_once(state, code):
-    twist, stop = Driven().sees(0.0, state)
-    assert stop.code == code and twist.linear == 0.0
-
-
-def test_no_fresh_distance_stops_at_once_and_one_lets_go():
+def test_the_same_reading_twice_counts_once():
     block = guard()
-    twist, stop = block.react(1, AHEAD, None, None)
-    assert stop.code == "range_stale" and twist.linear == 0.0
-    twist, stop = block.react(2, AHEAD, Range(2, 0.3, "clear"), None)
-    assert stop.code == "" and twist.linear == AHEAD.linear
+    seen = Range(MS, 0.06, "measured")
+    block.react(MS, Twist(MS, 0.05, 0.0), Range(0, 0.3, "clear"), None)
+    for now in (2 * MS, 3 * MS, 4 * MS):  # new wishes, one old reading
+        twist, _ = block.react(now, Twist(now, 0.05, 0.0), seen, None)
+    assert twist.linear > 0.0
 
 
-@pytest.mark.parametrize("away", [Twist(0, -0.2, 0.0), Twist(0, 0.0, 2.0)])
-def test_backing_away_and_turning_are_never_held(away):
-    driven = Driven()
-    driven.codes(NEAR, NEAR)
-    twist, _ = driven.sees(NEAR, twist=away)
-    assert twist[1:] == away[1:]
-
-
-def test_when_told_to_wait_only_resume_lets_it_go_and_only_once_the_way_is_clear():
-    driven = Driven(resume_by="wait")
-    driven.sees(NEAR)
-    assert driven.sees(NEAR)[1].latched
-    driven.consent = Resume(driven.now)
-    assert driven.sees(NEAR)[0].linear == 0.0  # consent while it still stands there counts nothing
-    assert driven.codes(0.3, 0.3, 0.3) == []
-    assert driven.sees(0.3)[0].linear == 0.0
-    driven.consent = Resume(driven.now)
-    twist, stop = driven.sees(0.3)
-    assert stop.code == "" and twist.linear > 0.0
-
-
-def test_no_twist_nothing_moves():
-    assert guard().react(1, None, Range(1, 0.3, "clear"), None) == (None, None)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["clear", "measured", "too_close", "fault", None]),
+            st.floats(0.0, 0.3),
+            st.floats(-0.3, 0.3),
+        ),
+        max_size=30,
+    )
+)
+def test_it_is_never_faster_forward_than_it_can_stop(steps):
+    course = Course(guard())
+    for state, distance, wish in steps:
+        linear, _ = course.see(state, distance, wish=(wish, 0.0))
+        assert linear <= max(wish, 0.0) or linear == wish
+        if state == "measured" and linear > 0.0:
+            assert stopping_distance(linear, 1.5, 0.2) <= distance - 0.05 + 1e-9
+        if state in ("too_close", "fault", None):
+            assert linear <= 0.0

@@ -1,46 +1,45 @@
-"""Paths: the square either way round, waypoints, and once more when asked."""
+"""Squares and waypoints, in one message."""
 
 from math import pi
 
 import pytest
 
-from diffbotctl.blocks.path import PathSource
-from diffbotctl.messages import Goal
+from diffbotctl.block import actions
+from diffbotctl.blocks.path import PathSource, last_heading, square
 
-# The first side along x; the second to the left (+y) when it goes counter-clockwise.
-COUNTER_CLOCKWISE = [(2.0, 0.0), (2.0, 2.0), (0.0, 2.0), (0.0, 0.0)]
-CLOCKWISE = [(2.0, 0.0), (2.0, -2.0), (0.0, -2.0), (0.0, 0.0)]
+
+def test_the_square_ends_where_it_began():
+    assert square(0.5, is_clockwise=False) == [(0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (0.0, 0.0)]
+    assert square(0.5, is_clockwise=True) == [(0.5, 0.0), (0.5, -0.5), (0.0, -0.5), (0.0, 0.0)]
 
 
 @pytest.mark.parametrize(
-    "values, points, heading",
+    "points, heading",
     [
-        ({"side": 2.0}, COUNTER_CLOCKWISE, 0.0),
-        ({"side": 2.0, "direction": "clockwise"}, CLOCKWISE, 0.0),
-        ({"side": 2.0, "loops": 2}, COUNTER_CLOCKWISE * 2, 0.0),
-        # The last leg of these goes straight left, then straight back.
-        ({"shape": "waypoints", "waypoints": [(1.0, 0.0), (1.0, 1.0)]}, [(1, 0), (1, 1)], pi / 2),
-        ({"shape": "waypoints", "waypoints": [(1.0, 0.5), (0.0, 0.5)]}, [(1, 0.5), (0, 0.5)], pi),
-        ({"shape": "waypoints", "waypoints": [(1.0, 0.0)]}, [(1, 0)], None),  # no leg, no heading
-        ({"shape": "waypoints"}, [], None),
+        ([], None),
+        ([(1, 0)], None),
+        ([(0, 0), (1, 0)], 0.0),
+        ([(0, 0), (0, 1)], pi / 2),
+        ([(5, 5), (0, 0), (-1, 0)], pi),
     ],
 )
-def test_goals(values, points, heading):
-    path = PathSource(**values).react(7, 5)
-    assert path.time == 5
-    assert [(g.x, g.y) for g in path.goals] == points
-    assert [g.number for g in path.goals] == list(range(1, len(points) + 1))
-    assert [g.heading for g in path.goals[:-1]] == [None] * max(len(points) - 1, 0)
-    if points:
-        assert path.goals[-1] == Goal(5, len(points), *points[-1], heading)
+def test_the_last_leg_gives_the_heading(points, heading):
+    assert last_heading(points) == (None if heading is None else pytest.approx(heading))
 
 
-def test_it_speaks_once_and_again_when_asked():
-    block = PathSource()
-    assert block.react(1, None) is None  # not before its timer
-    first = block.react(2, 2)
-    assert len(first.goals) == 4
-    assert block.react(3, 3) is None
-    block.again(3)
-    assert [g[1:] for g in block.react(4, 4).goals] == [g[1:] for g in first.goals]
-    assert block.react(5, 5) is None
+def test_it_gives_its_path_once_and_again_when_asked():
+    path = PathSource(side=1.0, loops=2)
+    assert path.react(50, None) is None
+    given = path.react(100, 100)
+    assert [goal.number for goal in given.goals] == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert [goal.heading for goal in given.goals] == [None] * 7 + [0.0]
+    assert path.react(200, 200) is None
+    actions(PathSource)["again"](path, 250)
+    assert path.react(300, 300).goals[0] == given.goals[0]._replace(time=300)
+
+
+def test_waypoints():
+    path = PathSource(shape="waypoints", waypoints=[(1.0, 0.0), (1.0, 2.0)])
+    goals = path.react(100, 100).goals
+    assert [(goal.x, goal.y) for goal in goals] == [(1.0, 0.0), (1.0, 2.0)]
+    assert goals[1].heading == pytest.approx(pi / 2)

@@ -29,7 +29,8 @@ def check(case: Case) -> None:
     fix = f"at most {most} Hz leaves room for replies; or raise link.baud"
     if has_edge_times and protocol == "diffbot":
         fix += ", or set edge_times: false"
-    place = case.robot_place("board", "telemetry")
+    sensors = [f"sensors.{name}" for name in (case.robot.sensors or {})]
+    place = case.blame("board.telemetry", "link.baud", "board.edge_times", *sensors[1:])
     if load > room:
         case.error("E-LINK-BUDGET", place, cause, fix)
     else:

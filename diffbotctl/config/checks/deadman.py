@@ -14,9 +14,7 @@ def check(case: Case) -> None:
         return  # the book's firmware has none; `run` says so
     deadman, rate, _ = known
     commands = deadman * rate
-    place = case.robot_place("board", "deadman")
-    if place == case.robot_place("board"):
-        place = case.robot_place("board", "telemetry")
+    place = case.blame("board.deadman", "board.telemetry")
     cause = (
         f"commands go out with each frame, every {1000 / rate:.0f} ms; "
         f"the board stops {deadman * 1000:.0f} ms after the last"

@@ -6,6 +6,8 @@ from diffbotctl.block import robot_fields
 from diffbotctl.config.case import Case
 from diffbotctl.errors import Place, listed, nearest
 
+SHOWN = 2  # fields that a message names before it says how many there are
+
 
 def check(case: Case) -> None:
     """Check what each block asks of the robot file, and the sensors that parameters name."""
@@ -16,7 +18,9 @@ def check(case: Case) -> None:
             continue
         if case.robot is None:
             if case.at("robot") is None:
-                fields = listed(wanted.values(), "and")
+                paths = list(wanted.values())
+                more = [f"{len(paths) - SHOWN} more"] if len(paths) > SHOWN else []
+                fields = listed([*paths[:SHOWN], *more], "and")
                 cause = f"'{name}' needs the robot's {fields}, but the pipeline has no robot"
                 fix = "add `robot: {in: {wheels: ...}}` to the pipeline"
                 case.error("E-ROBOT-MISSING", place.spot, cause, fix)

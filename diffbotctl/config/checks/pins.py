@@ -31,7 +31,7 @@ def check(case: Case) -> None:
     if known[1] not in board.uarts:
         cause = f"an {board.title} has no uart {known[1]}"
         fix = f"it has uart {listed(board.uarts)}"
-        case.error("E-LINK-UART", case.robot_place("link", "uart"), cause, fix)
+        case.error("E-LINK-UART", case.blame("link.uart", "board.type"), cause, fix)
         return
     serial = serial_pins(board, known[1])
     uses = list(pins_in_use(case, board))
@@ -111,8 +111,8 @@ def _fix(board: Board, use: Use, uses: list[Use], serial: dict[str, str]) -> str
     taken = {each.pin: each.label for each in uses if each is not use}
     free = [pin for pin in candidates if pin not in taken and pin not in serial]
     shown = free[:SHOWN]
-    more = f" or another of {len(free)}" if len(free) > SHOWN else ""
-    choice = f"use {', '.join(shown)}{more}" if more else f"use {listed(shown)}"
+    more = f" ({len(free) - SHOWN} more would do)" if len(free) > SHOWN else ""
+    choice = f"use {listed(shown)}{more}"
     if not free:
         choice = "no pin that could do it is free: move something else first"
     if len(candidates) > SHOWN * 2:
@@ -131,10 +131,14 @@ def _check_shared(case: Case, uses: list[Use]) -> None:
         other = first.setdefault(use.pin, use)
         if other is use:
             continue
-        cause = f"pin {use.pin} is already the {other.label}'s ({_line(other.place)})"
+        cause = f"pin {use.pin} is already the {other.label}'s ({_line(other.place, use.place)})"
         fix = f"give the {use.label} a pin of its own"
         case.error("E-PIN-TAKEN", use.place, cause, fix)
 
 
-def _line(place: Place | str) -> str:
-    return place if isinstance(place, str) else f"line {place.line}"
+def _line(place: Place | str, seen_from: Place | str) -> str:
+    """Where the other one stands, in few words."""
+    if isinstance(place, Place) and isinstance(seen_from, Place):
+        is_near = place.source.name == seen_from.source.name
+        return f"line {place.line}" if is_near else f"{place.source.name}:{place.line}"
+    return str(place)

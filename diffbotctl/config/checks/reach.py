@@ -42,19 +42,22 @@ def _check_guard(case: Case, name: str, kind: type[ObstacleStop]) -> None:
     fix = (
         f"at most {_most(seen - values['margin'], robot['braking'], reaction):g} m/s stops in time"
     )
+    place = _place(case, name, values["sensor"] or next(iter(robot["sensors"]), ""))
     if needed > seen:
-        case.error("E-STOP-REACH", _place(case), cause, fix)
+        case.error("E-STOP-REACH", place, cause, fix)
     else:
         nearer = f"it would stand closer than the margin of {values['margin'] * 100:.0f} cm"
-        case.warn("W-STOP-REACH", _place(case), f"{cause}: {nearer}", fix)
+        case.warn("W-STOP-REACH", place, f"{cause}: {nearer}", fix)
 
 
 def _used(values: dict[str, Any]) -> tuple[Any, ...]:
     return values["debounce"], values["margin"]
 
 
-def _place(case: Case) -> Place | str:
-    return case.robot_place("limits", "speed")
+def _place(case: Case, name: str, sensor: str) -> Place | str:
+    given = [case.at("blocks", name, "with", each) for each in ("reaction", "margin", "debounce")]
+    fields = ("limits.speed", "limits.braking", f"sensors.{sensor}.at.x", "board.telemetry")
+    return case.blame(*fields, also=given)
 
 
 def _most(free: float, braking: float, reaction: float) -> float:

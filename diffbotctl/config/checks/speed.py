@@ -7,6 +7,8 @@ from math import pi
 from diffbotctl.config.case import Case
 from diffbotctl.config.sides import SIDES
 
+FIELDS = ("motor.rated", "wheel.diameter")
+
 
 def check(case: Case) -> None:
     """Compare the speed limit with the wheels' rated speed."""
@@ -22,7 +24,8 @@ def check(case: Case) -> None:
     rpm = top / _radius(case) / (2 * pi) * 60
     cause = f"the wheels reach {top:.2f} m/s at their rated {rpm:.0f} rpm, not {limit[0]:g} m/s"
     fix = f"set limits.speed to at most {int(top * 100) / 100:g} m/s, or correct drive.motor.rated"
-    case.error("E-LIMIT-SPEED", case.robot_place("limits", "speed"), cause, fix)
+    fields = [f"drive.{side}.{field}" for side in SIDES for field in FIELDS]
+    case.error("E-LIMIT-SPEED", case.blame("limits.speed", *fields), cause, fix)
 
 
 def _radius(case: Case) -> float:

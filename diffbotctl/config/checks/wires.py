@@ -6,7 +6,7 @@ from diffbotctl.block import In
 from diffbotctl.config import nodes
 from diffbotctl.config.case import Case
 from diffbotctl.config.nodes import Node
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import listed, nearest
 from diffbotctl.messages import fields
 
@@ -65,10 +65,8 @@ def _check_inputs(case: Case, name: str, value: Value, known: dict[str, Node]) -
 def _unknown_input(
     case: Case, name: str, port: str, given: dict[str, Value], ports: dict[str, In]
 ) -> None:
-    near = nearest(port, [each for each in ports if each not in given])
-    fix = f"did you mean {near}?" if near else f"its inputs are {listed(ports, 'and')}"
-    if not ports:
-        fix = "remove this wire; it has no inputs"
+    near = nearest(port, ports)
+    fix = f"did you mean {near}?" if near else _those("input", list(ports))
     place = given[port].key or given[port].spot
     case.error("E-WIRE-INPUT", place, f"'{name}' has no input '{port}'", fix)
 
@@ -87,6 +85,14 @@ def _unconnected(
     )
     cause = f"input '{port}' of '{name}' is not connected; it needs a {kind}"
     case.error("E-WIRE-MISSING", place.key or place.spot, cause, fix)
+
+
+def _those(what: str, names: list[str]) -> str:
+    if not names:
+        return f"it has no {what}s; remove this wire"
+    if len(names) == 1:
+        return f"its only {what} is {names[0]}"
+    return f"its {what}s are {listed(names, 'and')}"
 
 
 def suitable(kind: type, name: str, known: dict[str, Node]) -> list[str]:
@@ -112,6 +118,8 @@ def _check_source(
         case.error("E-WIRE-NODE", source.spot, cause, "add `robot: {in: {wheels: ...}}` to it")
     elif node not in known:
         _unknown_node(case, source, node, output, known)
+    elif node == "robot" and case.robot is None:
+        return  # its file could not be read, so its sensors are not known
     elif output not in known[node].outputs:
         _unknown_output(case, source, node, output, declared, known)
     elif known[node].outputs[output] is not declared.kind:
@@ -143,12 +151,7 @@ def _unknown_output(
     outputs = known[node].outputs
     fitting = [each for each, kind in outputs.items() if kind is declared.kind]
     near = nearest(output, outputs) or (fitting[0] if len(fitting) == 1 else None)
-    if near:
-        fix = f"did you mean {node}.{near}?"
-    elif outputs:
-        fix = f"its outputs are {listed(outputs, 'and')}"
-    else:
-        fix = "it has no outputs; wire from another block"
+    fix = f"did you mean {node}.{near}?" if near else _those("output", list(outputs))
     case.error("E-WIRE-OUTPUT", source.spot, f"'{node}' has no output '{output}'", fix)
 
 
