@@ -9,7 +9,7 @@ from diffbotctl.messages import Duty, Encoders, Volts, Wheels
 from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
 from diffbotctl.plant.sharp import RESIDUE, volts
 from diffbotctl.plant.speed_loop import Gains
-from diffbotctl.plant.truth import SensorTruth, Simulation, WiringTruth
+from diffbotctl.plant.truth import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.plant.world import Wall, World
 
 MS = 1_000_000
@@ -147,6 +147,18 @@ def test_a_sensor_in_an_empty_world_sees_nothing():
     )
     heard = driven(made, 0.5, 5.0, 5.0)
     assert {m.volts for port, m in heard if port == "front"} == {RESIDUE}
+
+
+@pytest.mark.parametrize(
+    "left, right, supply",  # 4 % of the voltage are lost when both motors take all
+    [(1.0, 1.0, 0.96), (1.0, 0.0, 0.98), (1.0, -1.0, 0.96), (0.5, 0.5, 0.98)],
+)
+def test_the_battery_sags_with_what_the_motors_take(left, right, supply):
+    made = robot("stock", motor=MotorTruth(ripple=0.0))
+    driven(made, 4.0, left, right, Duty)
+    motor = made.motors[0]
+    settled = motor.speed * (supply * left - motor.keep) / (1 - motor.keep)
+    assert made.truth().left_speed == pytest.approx(settled, rel=1e-6)
 
 
 def test_drawn_motors_stay_within_their_spread():

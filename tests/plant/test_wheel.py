@@ -83,6 +83,12 @@ def test_jitter_makes_edges_late_only_and_keeps_their_order():
     assert sum(delays) / len(delays) == pytest.approx(79_800, abs=14_000)
 
 
+def test_edges_never_overtake_each_other():
+    # Delays of the order of the 63 ms between two edges
+    times = list(wheel(IDEAL._replace(jitter=0.05)).advance(20 * SECOND, HALF))
+    assert len(times) > 250 and times == sorted(times)
+
+
 @pytest.mark.parametrize(
     "duty, turns", [(0.12, False), (-0.12, False), (0.121, True), (-0.121, True), (0.0, False)]
 )
@@ -141,6 +147,19 @@ def test_a_reversal_goes_through_rest():
     made.advance(3 * SECOND, HALF)
     made.advance(6 * SECOND, -HALF)
     assert made.speed == pytest.approx(-5.0, abs=1e-6)
+
+
+def test_dry_friction_helps_to_brake_a_reversal():
+    made = wheel(coulomb=True)
+    made.advance(3 * SECOND, -HALF)
+    # Turning backwards, friction pushes forward too: towards 10 x (0.55 + 0.1) / 0.9 = 7.222 rad/s.
+    # From -5 zero is passed after lag ln(12.222 / 7.222) = 52.6 ms.
+    made.advance(3 * SECOND + 52_000_000, HALF)
+    assert made.speed < 0.0
+    made.advance(3 * SECOND + 53_000_000, HALF)
+    assert made.speed > 0.0
+    made.advance(6 * SECOND, HALF)
+    assert made.speed == pytest.approx(5.0)
 
 
 def test_ripple_swings_about_the_same_mean():
