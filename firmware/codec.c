@@ -41,14 +41,14 @@ static uint8_t unstuff(uint8_t *bytes, uint8_t size)
     uint8_t code = 0;
     uint8_t at = 0;
     while (code < size) {
-        uint8_t next = (uint8_t)(code + bytes[code]);
+        uint16_t next = (uint16_t)code + bytes[code]; /* a code may point beyond 255 */
         if (next > size)
             return 0;
-        for (uint8_t i = (uint8_t)(code + 1); i < next; i++)
+        for (uint16_t i = code + 1U; i < next; i++)
             bytes[at++] = bytes[i];
         if (next < size)
             bytes[at++] = 0;
-        code = next;
+        code = (uint8_t)next;
     }
     return at;
 }

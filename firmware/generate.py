@@ -1,4 +1,4 @@
-"""Write protocol.h and diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
+"""Write protocol.h, protocol.c and diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import yaml
 
 HERE = Path(__file__).parent
 HEADER = HERE / "protocol.h"
+TABLES = HERE / "protocol.c"
 MODULE = HERE.parent / "diffbotctl" / "links" / "diffbot_frames.py"
 NOTICE = "Made from firmware/protocol.yaml by firmware/generate.py; change those."
 TYPE_BITS = 4
@@ -37,7 +38,7 @@ def wire(frame: Frame) -> int:
 def header(protocol: dict[str, Any]) -> str:
     """The C header: constants, codes, structures, packing."""
     lines = [f"/* {NOTICE} */", "#ifndef PROTOCOL_H", "#define PROTOCOL_H", ""]
-    lines += ["#include <stdbool.h>", "#include <stdint.h>", "", '#include "bits.h"', ""]
+    lines += ["#include <stdbool.h>", "#include <stdint.h>", "", '#include "fields.h"', ""]
     check = protocol["checksum"]
     lines.append(f"#define PROTOCOL_VERSION {protocol['version']}")
     lines.append(f"#define CHECK_POLYNOMIAL 0x{check['polynomial']:06X}UL")
@@ -68,8 +69,15 @@ def _c_frame(name: str, frame: Frame) -> list[str]:
     if name == "settings":
         members = ", ".join(f"FIELD_{field.upper()}" for field, *_ in fields(frame))
         lines.append(f"enum {{ {members} }};")
-    lines += _c_pack(name, frame) + _c_unpack(name, frame) + [""]
-    return lines
+    pack = f"fields_pack({name}_fields, {frame['type']}, from, bytes);"
+    return [
+        *lines,
+        f"extern const field_t {name}_fields[];",
+        f"static inline void {name}_pack(const {name}_t *from, uint8_t *bytes)",
+        "{", f"    {pack}", "}",
+        f"static inline bool {name}_unpack({name}_t *to, const uint8_t *bytes)",
+        "{", f"    return fields_unpack({name}_fields, to, bytes);", "}", "",
+    ]  # fmt: skip
 
 
 def _c_type(width: int) -> str:
@@ -79,31 +87,17 @@ def _c_type(width: int) -> str:
     return f"int{bits}_t" if width < 0 else f"uint{bits}_t"
 
 
-def _c_pack(name: str, frame: Frame) -> list[str]:
-    lines = [f"static inline void {name}_pack(const {name}_t *from, uint8_t *bytes)", "{"]
-    lines.append("    bits_t at = bits_begin(bytes);")
-    lines.append(f"    bits_put(&at, {frame['type']}, {TYPE_BITS});")
-    for field, width, _, many in fields(frame):
-        if many > 1:
-            lines.append(f"    for (uint8_t i = 0; i < {many}; i++)")
-            lines.append(f"        bits_put(&at, (uint32_t)from->{field}[i], {abs(width)});")
-        else:
-            lines.append(f"    bits_put(&at, (uint32_t)from->{field}, {abs(width)});")
-    return [*lines, "    bits_end(&at);", "}"]
-
-
-def _c_unpack(name: str, frame: Frame) -> list[str]:
-    lines = [f"static inline bool {name}_unpack({name}_t *to, const uint8_t *bytes)", "{"]
-    lines.append("    bits_t at = bits_begin((uint8_t *)bytes);")
-    lines.append(f"    bits_get(&at, {TYPE_BITS});")
-    for field, width, _, many in fields(frame):
-        get = f"bits_get_signed(&at, {-width})" if width < 0 else f"bits_get(&at, {width})"
-        if many > 1:
-            lines.append(f"    for (uint8_t i = 0; i < {many}; i++)")
-            lines.append(f"        to->{field}[i] = ({_c_type(width)}){get};")
-        else:
-            lines.append(f"    to->{field} = ({_c_type(width)}){get};")
-    return [*lines, "    return bits_rest_is_zero(&at);", "}"]
+def tables(protocol: dict[str, Any]) -> str:
+    """The C tables of fields."""
+    lines = [f"/* {NOTICE} */", '#include "protocol.h"', "", "#include <stddef.h>", ""]
+    for name, frame in protocol["frames"].items():
+        lines.append(f"const field_t {name}_fields[] PROGMEM = {{")
+        for field, width, _, many in fields(frame):
+            bits = f"FIELD_SIGNED | {-width}" if width < 0 else str(width)
+            places = [f"{field}[{index}]" for index in range(many)] if many > 1 else [field]
+            lines += [f"    {{offsetof({name}_t, {place}), {bits}}}," for place in places]
+        lines += ["    {0, 0},", "};", ""]
+    return "\n".join(lines)
 
 
 def _c_size(frames: dict[str, Frame]) -> list[str]:
@@ -198,6 +192,7 @@ def main() -> None:
     """Write both files."""
     protocol = load()
     HEADER.write_text(header(protocol))
+    TABLES.write_text(tables(protocol))
     MODULE.write_text(module(protocol))
     for name, frame in protocol["frames"].items():
         print(f"{name:10} {size(frame):3} bytes of payload, {wire(frame):3} on the wire")

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "bits.h"
+#include "fields.h"
 
 #define PROTOCOL_VERSION 1
 #define CHECK_POLYNOMIAL 0x5D6DCBUL
@@ -45,23 +45,14 @@ typedef struct {
 } command_t;
 
 enum { TYPE_COMMAND = 1, SIZE_COMMAND = 5 };
+extern const field_t command_fields[];
 static inline void command_pack(const command_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 1, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->left, 15);
-    bits_put(&at, (uint32_t)from->right, 15);
-    bits_end(&at);
+    fields_pack(command_fields, 1, from, bytes);
 }
 static inline bool command_unpack(command_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->left = (int16_t)bits_get_signed(&at, 15);
-    to->right = (int16_t)bits_get_signed(&at, 15);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(command_fields, to, bytes);
 }
 
 /* raw duty for identification */
@@ -72,23 +63,14 @@ typedef struct {
 } duty_t;
 
 enum { TYPE_DUTY = 2, SIZE_DUTY = 5 };
+extern const field_t duty_fields[];
 static inline void duty_pack(const duty_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 2, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->left, 15);
-    bits_put(&at, (uint32_t)from->right, 15);
-    bits_end(&at);
+    fields_pack(duty_fields, 2, from, bytes);
 }
 static inline bool duty_unpack(duty_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->left = (int16_t)bits_get_signed(&at, 15);
-    to->right = (int16_t)bits_get_signed(&at, 15);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(duty_fields, to, bytes);
 }
 
 /* motors off; also claims the commands when nobody owns them */
@@ -98,21 +80,14 @@ typedef struct {
 } stop_t;
 
 enum { TYPE_STOP = 3, SIZE_STOP = 2 };
+extern const field_t stop_fields[];
 static inline void stop_pack(const stop_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 3, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->guard, 6);
-    bits_end(&at);
+    fields_pack(stop_fields, 3, from, bytes);
 }
 static inline bool stop_unpack(stop_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->guard = (uint8_t)bits_get(&at, 6);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(stop_fields, to, bytes);
 }
 
 /* asks for hello, and for telemetry from now on */
@@ -122,21 +97,14 @@ typedef struct {
 } ask_t;
 
 enum { TYPE_ASK = 4, SIZE_ASK = 2 };
+extern const field_t ask_fields[];
 static inline void ask_pack(const ask_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 4, 4);
-    bits_put(&at, (uint32_t)from->version, 8);
-    bits_put(&at, (uint32_t)from->guard, 4);
-    bits_end(&at);
+    fields_pack(ask_fields, 4, from, bytes);
 }
 static inline bool ask_unpack(ask_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->version = (uint8_t)bits_get(&at, 8);
-    to->guard = (uint8_t)bits_get(&at, 4);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(ask_fields, to, bytes);
 }
 
 /* a small deed */
@@ -146,21 +114,14 @@ typedef struct {
 } action_t;
 
 enum { TYPE_ACTION = 5, SIZE_ACTION = 2 };
+extern const field_t action_fields[];
 static inline void action_pack(const action_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 5, 4);
-    bits_put(&at, (uint32_t)from->action, 4);
-    bits_put(&at, (uint32_t)from->value, 8);
-    bits_end(&at);
+    fields_pack(action_fields, 5, from, bytes);
 }
 static inline bool action_unpack(action_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->action = (uint8_t)bits_get(&at, 4);
-    to->value = (uint8_t)bits_get(&at, 8);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(action_fields, to, bytes);
 }
 
 /* everything the firmware must know of the robot; also the content of an EEPROM slot */
@@ -203,85 +164,14 @@ typedef struct {
 
 enum { TYPE_SETTINGS = 6, SIZE_SETTINGS = 35 };
 enum { FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_RANGE, FIELD_BATTERY, FIELD_BUTTON, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BRAKE, FIELD_BUTTON_HIGH, FIELD_ENCODER_REVERSED_LEFT, FIELD_ENCODER_REVERSED_RIGHT, FIELD_EDGE_TIMES, FIELD_EDGE, FIELD_BAUD, FIELD_RESERVED, FIELD_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_TELEMETRY, FIELD_LEFT_START, FIELD_RIGHT_START, FIELD_LEFT_GAIN, FIELD_RIGHT_GAIN, FIELD_PROPORTIONAL, FIELD_INTEGRAL };
+extern const field_t settings_fields[];
 static inline void settings_pack(const settings_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 6, 4);
-    bits_put(&at, (uint32_t)from->left_enable, 8);
-    bits_put(&at, (uint32_t)from->left_in1, 8);
-    bits_put(&at, (uint32_t)from->left_in2, 8);
-    bits_put(&at, (uint32_t)from->left_encoder, 8);
-    bits_put(&at, (uint32_t)from->left_encoder_b, 8);
-    bits_put(&at, (uint32_t)from->right_enable, 8);
-    bits_put(&at, (uint32_t)from->right_in1, 8);
-    bits_put(&at, (uint32_t)from->right_in2, 8);
-    bits_put(&at, (uint32_t)from->right_encoder, 8);
-    bits_put(&at, (uint32_t)from->right_encoder_b, 8);
-    bits_put(&at, (uint32_t)from->range, 8);
-    bits_put(&at, (uint32_t)from->battery, 8);
-    bits_put(&at, (uint32_t)from->button, 8);
-    bits_put(&at, (uint32_t)from->left_reversed, 1);
-    bits_put(&at, (uint32_t)from->right_reversed, 1);
-    bits_put(&at, (uint32_t)from->enable_inverted, 1);
-    bits_put(&at, (uint32_t)from->brake, 1);
-    bits_put(&at, (uint32_t)from->button_high, 1);
-    bits_put(&at, (uint32_t)from->encoder_reversed_left, 1);
-    bits_put(&at, (uint32_t)from->encoder_reversed_right, 1);
-    bits_put(&at, (uint32_t)from->edge_times, 1);
-    bits_put(&at, (uint32_t)from->edge, 2);
-    bits_put(&at, (uint32_t)from->baud, 3);
-    bits_put(&at, (uint32_t)from->reserved, 3);
-    bits_put(&at, (uint32_t)from->slots, 16);
-    bits_put(&at, (uint32_t)from->glitch, 16);
-    bits_put(&at, (uint32_t)from->deadman, 16);
-    bits_put(&at, (uint32_t)from->telemetry, 8);
-    bits_put(&at, (uint32_t)from->left_start, 16);
-    bits_put(&at, (uint32_t)from->right_start, 16);
-    bits_put(&at, (uint32_t)from->left_gain, 16);
-    bits_put(&at, (uint32_t)from->right_gain, 16);
-    bits_put(&at, (uint32_t)from->proportional, 16);
-    bits_put(&at, (uint32_t)from->integral, 16);
-    bits_end(&at);
+    fields_pack(settings_fields, 6, from, bytes);
 }
 static inline bool settings_unpack(settings_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->left_enable = (uint8_t)bits_get(&at, 8);
-    to->left_in1 = (uint8_t)bits_get(&at, 8);
-    to->left_in2 = (uint8_t)bits_get(&at, 8);
-    to->left_encoder = (uint8_t)bits_get(&at, 8);
-    to->left_encoder_b = (uint8_t)bits_get(&at, 8);
-    to->right_enable = (uint8_t)bits_get(&at, 8);
-    to->right_in1 = (uint8_t)bits_get(&at, 8);
-    to->right_in2 = (uint8_t)bits_get(&at, 8);
-    to->right_encoder = (uint8_t)bits_get(&at, 8);
-    to->right_encoder_b = (uint8_t)bits_get(&at, 8);
-    to->range = (uint8_t)bits_get(&at, 8);
-    to->battery = (uint8_t)bits_get(&at, 8);
-    to->button = (uint8_t)bits_get(&at, 8);
-    to->left_reversed = (bool)bits_get(&at, 1);
-    to->right_reversed = (bool)bits_get(&at, 1);
-    to->enable_inverted = (bool)bits_get(&at, 1);
-    to->brake = (bool)bits_get(&at, 1);
-    to->button_high = (bool)bits_get(&at, 1);
-    to->encoder_reversed_left = (bool)bits_get(&at, 1);
-    to->encoder_reversed_right = (bool)bits_get(&at, 1);
-    to->edge_times = (bool)bits_get(&at, 1);
-    to->edge = (uint8_t)bits_get(&at, 2);
-    to->baud = (uint8_t)bits_get(&at, 3);
-    to->reserved = (uint8_t)bits_get(&at, 3);
-    to->slots = (uint16_t)bits_get(&at, 16);
-    to->glitch = (uint16_t)bits_get(&at, 16);
-    to->deadman = (uint16_t)bits_get(&at, 16);
-    to->telemetry = (uint8_t)bits_get(&at, 8);
-    to->left_start = (uint16_t)bits_get(&at, 16);
-    to->right_start = (uint16_t)bits_get(&at, 16);
-    to->left_gain = (uint16_t)bits_get(&at, 16);
-    to->right_gain = (uint16_t)bits_get(&at, 16);
-    to->proportional = (uint16_t)bits_get(&at, 16);
-    to->integral = (uint16_t)bits_get(&at, 16);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(settings_fields, to, bytes);
 }
 
 /* both wheels at one moment, with the ages of their last edges */
@@ -302,43 +192,14 @@ typedef struct {
 } state_t;
 
 enum { TYPE_STATE = 8, SIZE_STATE = 16 };
+extern const field_t state_fields[];
 static inline void state_pack(const state_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 8, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->boot, 4);
-    bits_put(&at, (uint32_t)from->mode, 3);
-    bits_put(&at, (uint32_t)from->dropped, 1);
-    bits_put(&at, (uint32_t)from->time, 16);
-    bits_put(&at, (uint32_t)from->left, 16);
-    bits_put(&at, (uint32_t)from->right, 16);
-    bits_put(&at, (uint32_t)from->range, 12);
-    bits_put(&at, (uint32_t)from->command, 6);
-    bits_put(&at, (uint32_t)from->command_age, 10);
-    bits_put(&at, (uint32_t)from->left_age, 16);
-    bits_put(&at, (uint32_t)from->right_age, 16);
-    bits_put(&at, (uint32_t)from->reserved, 2);
-    bits_end(&at);
+    fields_pack(state_fields, 8, from, bytes);
 }
 static inline bool state_unpack(state_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->boot = (uint8_t)bits_get(&at, 4);
-    to->mode = (uint8_t)bits_get(&at, 3);
-    to->dropped = (bool)bits_get(&at, 1);
-    to->time = (uint16_t)bits_get(&at, 16);
-    to->left = (uint16_t)bits_get(&at, 16);
-    to->right = (uint16_t)bits_get(&at, 16);
-    to->range = (uint16_t)bits_get(&at, 12);
-    to->command = (uint8_t)bits_get(&at, 6);
-    to->command_age = (uint16_t)bits_get(&at, 10);
-    to->left_age = (uint16_t)bits_get(&at, 16);
-    to->right_age = (uint16_t)bits_get(&at, 16);
-    to->reserved = (uint8_t)bits_get(&at, 2);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(state_fields, to, bytes);
 }
 
 /* the shorter state, for 50 Hz */
@@ -357,39 +218,14 @@ typedef struct {
 } counts_t;
 
 enum { TYPE_COUNTS = 9, SIZE_COUNTS = 12 };
+extern const field_t counts_fields[];
 static inline void counts_pack(const counts_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 9, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->boot, 4);
-    bits_put(&at, (uint32_t)from->mode, 3);
-    bits_put(&at, (uint32_t)from->dropped, 1);
-    bits_put(&at, (uint32_t)from->time, 16);
-    bits_put(&at, (uint32_t)from->left, 16);
-    bits_put(&at, (uint32_t)from->right, 16);
-    bits_put(&at, (uint32_t)from->range, 12);
-    bits_put(&at, (uint32_t)from->command, 6);
-    bits_put(&at, (uint32_t)from->command_age, 10);
-    bits_put(&at, (uint32_t)from->reserved, 2);
-    bits_end(&at);
+    fields_pack(counts_fields, 9, from, bytes);
 }
 static inline bool counts_unpack(counts_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->boot = (uint8_t)bits_get(&at, 4);
-    to->mode = (uint8_t)bits_get(&at, 3);
-    to->dropped = (bool)bits_get(&at, 1);
-    to->time = (uint16_t)bits_get(&at, 16);
-    to->left = (uint16_t)bits_get(&at, 16);
-    to->right = (uint16_t)bits_get(&at, 16);
-    to->range = (uint16_t)bits_get(&at, 12);
-    to->command = (uint8_t)bits_get(&at, 6);
-    to->command_age = (uint16_t)bits_get(&at, 10);
-    to->reserved = (uint8_t)bits_get(&at, 2);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(counts_fields, to, bytes);
 }
 
 /* what changes slowly, once a second */
@@ -411,45 +247,14 @@ typedef struct {
 } status_t;
 
 enum { TYPE_STATUS = 10, SIZE_STATUS = 18 };
+extern const field_t status_fields[];
 static inline void status_pack(const status_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 10, 4);
-    bits_put(&at, (uint32_t)from->uptime, 24);
-    bits_put(&at, (uint32_t)from->reset, 4);
-    bits_put(&at, (uint32_t)from->stored, 1);
-    bits_put(&at, (uint32_t)from->button, 1);
-    bits_put(&at, (uint32_t)from->left_fault, 1);
-    bits_put(&at, (uint32_t)from->right_fault, 1);
-    bits_put(&at, (uint32_t)from->battery, 12);
-    bits_put(&at, (uint32_t)from->free_stack, 16);
-    bits_put(&at, (uint32_t)from->loop, 16);
-    bits_put(&at, (uint32_t)from->left_rejected, 16);
-    bits_put(&at, (uint32_t)from->right_rejected, 16);
-    bits_put(&at, (uint32_t)from->damaged, 16);
-    bits_put(&at, (uint32_t)from->foreign, 8);
-    bits_put(&at, (uint32_t)from->dropped, 8);
-    bits_end(&at);
+    fields_pack(status_fields, 10, from, bytes);
 }
 static inline bool status_unpack(status_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->uptime = (uint32_t)bits_get(&at, 24);
-    to->reset = (uint8_t)bits_get(&at, 4);
-    to->stored = (bool)bits_get(&at, 1);
-    to->button = (bool)bits_get(&at, 1);
-    to->left_fault = (bool)bits_get(&at, 1);
-    to->right_fault = (bool)bits_get(&at, 1);
-    to->battery = (uint16_t)bits_get(&at, 12);
-    to->free_stack = (uint16_t)bits_get(&at, 16);
-    to->loop = (uint16_t)bits_get(&at, 16);
-    to->left_rejected = (uint16_t)bits_get(&at, 16);
-    to->right_rejected = (uint16_t)bits_get(&at, 16);
-    to->damaged = (uint16_t)bits_get(&at, 16);
-    to->foreign = (uint8_t)bits_get(&at, 8);
-    to->dropped = (uint8_t)bits_get(&at, 8);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(status_fields, to, bytes);
 }
 
 /* who this is */
@@ -467,37 +272,14 @@ typedef struct {
 } hello_t;
 
 enum { TYPE_HELLO = 11, SIZE_HELLO = 10 };
+extern const field_t hello_fields[];
 static inline void hello_pack(const hello_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 11, 4);
-    bits_put(&at, (uint32_t)from->version, 8);
-    bits_put(&at, (uint32_t)from->major, 8);
-    bits_put(&at, (uint32_t)from->minor, 8);
-    bits_put(&at, (uint32_t)from->patch, 8);
-    bits_put(&at, (uint32_t)from->board, 8);
-    bits_put(&at, (uint32_t)from->boot, 4);
-    bits_put(&at, (uint32_t)from->reset, 4);
-    bits_put(&at, (uint32_t)from->mode, 3);
-    bits_put(&at, (uint32_t)from->uart, 1);
-    bits_put(&at, (uint32_t)from->settings, 24);
-    bits_end(&at);
+    fields_pack(hello_fields, 11, from, bytes);
 }
 static inline bool hello_unpack(hello_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->version = (uint8_t)bits_get(&at, 8);
-    to->major = (uint8_t)bits_get(&at, 8);
-    to->minor = (uint8_t)bits_get(&at, 8);
-    to->patch = (uint8_t)bits_get(&at, 8);
-    to->board = (uint8_t)bits_get(&at, 8);
-    to->boot = (uint8_t)bits_get(&at, 4);
-    to->reset = (uint8_t)bits_get(&at, 4);
-    to->mode = (uint8_t)bits_get(&at, 3);
-    to->uart = (bool)bits_get(&at, 1);
-    to->settings = (uint32_t)bits_get(&at, 24);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(hello_fields, to, bytes);
 }
 
 /* what became of the settings sent */
@@ -508,23 +290,14 @@ typedef struct {
 } answer_t;
 
 enum { TYPE_ANSWER = 12, SIZE_ANSWER = 5 };
+extern const field_t answer_fields[];
 static inline void answer_pack(const answer_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 12, 4);
-    bits_put(&at, (uint32_t)from->refusal, 4);
-    bits_put(&at, (uint32_t)from->field, 8);
-    bits_put(&at, (uint32_t)from->settings, 24);
-    bits_end(&at);
+    fields_pack(answer_fields, 12, from, bytes);
 }
 static inline bool answer_unpack(answer_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->refusal = (uint8_t)bits_get(&at, 4);
-    to->field = (uint8_t)bits_get(&at, 8);
-    to->settings = (uint32_t)bits_get(&at, 24);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(answer_fields, to, bytes);
 }
 
 /* raw edges, both flanks, unfiltered */
@@ -537,29 +310,14 @@ typedef struct {
 } capture_t;
 
 enum { TYPE_CAPTURE = 13, SIZE_CAPTURE = 21 };
+extern const field_t capture_fields[];
 static inline void capture_pack(const capture_t *from, uint8_t *bytes)
 {
-    bits_t at = bits_begin(bytes);
-    bits_put(&at, 13, 4);
-    bits_put(&at, (uint32_t)from->sequence, 6);
-    bits_put(&at, (uint32_t)from->lost, 1);
-    bits_put(&at, (uint32_t)from->used, 4);
-    bits_put(&at, (uint32_t)from->time, 25);
-    for (uint8_t i = 0; i < 8; i++)
-        bits_put(&at, (uint32_t)from->edges[i], 16);
-    bits_end(&at);
+    fields_pack(capture_fields, 13, from, bytes);
 }
 static inline bool capture_unpack(capture_t *to, const uint8_t *bytes)
 {
-    bits_t at = bits_begin((uint8_t *)bytes);
-    bits_get(&at, 4);
-    to->sequence = (uint8_t)bits_get(&at, 6);
-    to->lost = (bool)bits_get(&at, 1);
-    to->used = (uint8_t)bits_get(&at, 4);
-    to->time = (uint32_t)bits_get(&at, 25);
-    for (uint8_t i = 0; i < 8; i++)
-        to->edges[i] = (uint16_t)bits_get(&at, 16);
-    return bits_rest_is_zero(&at);
+    return fields_unpack(capture_fields, to, bytes);
 }
 
 /* Payload length of a type; 0 when there is no such type. */

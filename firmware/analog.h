@@ -1,0 +1,18 @@
+/* The one converter, shared by the distance sensor and the battery. */
+#ifndef ANALOG_H
+#define ANALOG_H
+
+#include <stdint.h>
+
+#include "protocol.h"
+
+void analog_configure(const settings_t *settings);
+
+/* Starts the next conversion; from the clock's interrupt. */
+void analog_convert(void);
+
+/* Mean of the last sixteen readings by four, or ANALOG_NONE. */
+uint16_t analog_range(void);
+uint16_t analog_battery(void);
+
+#endif

@@ -1,0 +1,177 @@
+#include "link.h"
+
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <util/atomic.h>
+
+#include "codec.h"
+
+#define ROOM_IN 64   /* 5.5 ms at 115200 */
+#define ROOM_OUT 128 /* five state frames */
+#define NO_CHANGE 0xFF
+
+typedef struct {
+    volatile uint8_t in[ROOM_IN];
+    volatile uint8_t out[ROOM_OUT];
+    volatile uint8_t in_head, out_tail;
+    uint8_t in_tail;
+    volatile uint8_t out_head;
+    uint8_t baud; /* code to change to, or NO_CHANGE */
+    bool spoken;
+    codec_t codec;
+} port_t;
+
+static port_t ports[LINKS];
+static uint16_t damaged;
+static uint8_t dropped;
+
+/* Divisors at 16 MHz, double speed: the nearest to 9600, 19200, 38400, 57600, 115200. */
+static const uint8_t divisors[] = {207, 103, 51, 34, 16};
+
+/* The registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. */
+static volatile uint8_t *uart(uint8_t link)
+{
+    return link == 0 ? &UCSR0A : &UCSR1A;
+}
+#define STATE 0
+#define CONTROL 1
+#define FORMAT 2
+#define DIVISOR 4
+
+static void set_divisor(uint8_t link, uint8_t code)
+{
+    uart(link)[STATE] = 1 << U2X0;
+    *(volatile uint16_t *)(uart(link) + DIVISOR) = divisors[code];
+}
+
+void link_start(void)
+{
+    static const uint8_t first[LINKS] = {BAUD_B115200, BAUD_B9600};
+    for (uint8_t link = 0; link < LINKS; link++) {
+        ports[link].baud = NO_CHANGE;
+        set_divisor(link, first[link]);
+        uart(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
+        uart(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+    }
+}
+
+void link_baud(uint8_t link, uint8_t code)
+{
+    ports[link].baud = code;
+}
+
+static inline void received(port_t *port, uint8_t byte)
+{
+    uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
+    if (next == port->in_tail)
+        return; /* the frame that misses this byte fails its checksum */
+    port->in[port->in_head] = byte;
+    port->in_head = next;
+}
+
+static inline bool next_out(port_t *port, uint8_t *byte)
+{
+    if (port->out_tail == port->out_head)
+        return false;
+    *byte = port->out[port->out_tail];
+    port->out_tail = (uint8_t)(port->out_tail + 1) % ROOM_OUT;
+    return true;
+}
+
+ISR(USART0_RX_vect) { received(&ports[0], UDR0); }
+ISR(USART1_RX_vect) { received(&ports[1], UDR1); }
+
+ISR(USART0_UDRE_vect)
+{
+    uint8_t byte;
+    if (next_out(&ports[0], &byte))
+        UDR0 = byte;
+    else
+        UCSR0B &= (uint8_t)~(1 << UDRIE0);
+}
+
+ISR(USART1_UDRE_vect)
+{
+    uint8_t byte;
+    if (next_out(&ports[1], &byte))
+        UDR1 = byte;
+    else
+        UCSR1B &= (uint8_t)~(1 << UDRIE1);
+}
+
+const uint8_t *link_receive(uint8_t link)
+{
+    port_t *port = &ports[link];
+    while (port->in_tail != port->in_head) {
+        uint8_t byte = port->in[port->in_tail];
+        port->in_tail = (uint8_t)(port->in_tail + 1) % ROOM_IN;
+        switch (codec_receive(&port->codec, byte)) {
+        case CODEC_FRAME:
+            port->spoken = true;
+            return port->codec.bytes;
+        case CODEC_DAMAGED:
+            damaged++;
+            break;
+        default:
+            break;
+        }
+    }
+    return 0;
+}
+
+bool link_waiting(void)
+{
+    return ports[0].in_head != ports[0].in_tail || ports[1].in_head != ports[1].in_tail;
+}
+
+bool link_send(uint8_t link, const uint8_t *payload, uint8_t size)
+{
+    port_t *port = &ports[link];
+    uint8_t wire[WIRE_LONGEST];
+    uint8_t used = (uint8_t)(port->out_head - port->out_tail + ROOM_OUT) % ROOM_OUT;
+    if (size + CHECK_BYTES + 2 >= ROOM_OUT - used) {
+        if (dropped != UINT8_MAX)
+            dropped++;
+        return false;
+    }
+    uint8_t length = codec_encode(payload, size, wire);
+    uint8_t head = port->out_head;
+    for (uint8_t i = 0; i < length; i++) {
+        port->out[head] = wire[i];
+        head = (uint8_t)(head + 1) % ROOM_OUT;
+    }
+    port->out_head = head;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        uart(link)[STATE] |= 1 << TXC0; /* TXC tells when the last of these bytes is out */
+        uart(link)[CONTROL] |= 1 << UDRIE0;
+    }
+    return true;
+}
+
+void link_tick(void)
+{
+    for (uint8_t link = 0; link < LINKS; link++) {
+        port_t *port = &ports[link];
+        bool silent = port->out_head == port->out_tail && (uart(link)[STATE] & 1 << TXC0);
+        if (port->baud == NO_CHANGE || !silent)
+            continue;
+        set_divisor(link, port->baud);
+        port->baud = NO_CHANGE;
+    }
+}
+
+bool link_spoken(uint8_t link)
+{
+    return ports[link].spoken;
+}
+
+uint16_t link_damaged(void)
+{
+    return damaged;
+}
+
+uint8_t link_dropped(void)
+{
+    return dropped;
+}
