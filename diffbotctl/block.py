@@ -21,7 +21,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from diffbotctl.params import Declaration, RobotField, declared
+from diffbotctl.params import Declaration, FromRobot, RobotField, declared
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -72,11 +72,18 @@ class Every(Port):
 
 
 class Out(Port):
-    """An output of messages of class `kind`."""
+    """An output of messages of class `kind`.
 
-    def __init__(self, kind: type, *, help: str = "") -> None:
+    `name` is the port's name where an input of the block already has the one that fits.
+    """
+
+    def __init__(self, kind: type, *, name: str = "", help: str = "") -> None:
         self.kind = kind
         self.help = help
+        self.given = name
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = self.given or name
 
 
 def action(method: Method) -> Method:
@@ -132,7 +139,7 @@ def inputs(block: type[Block]) -> dict[str, In | Every]:
 
 def outputs(block: type[Block]) -> dict[str, Out]:
     """Output ports of a block class, in declared order."""
-    return _members(block, (Out,))
+    return {out.name: out for out in _members(block, (Out,)).values()}
 
 
 def robot_fields(block: type[Block]) -> dict[str, str]:
@@ -158,4 +165,15 @@ def _members(owner: type, kinds: tuple[type, ...]) -> dict[str, Any]:
     return found
 
 
-__all__ = ["Block", "Declaration", "Every", "In", "Out", "action", "actions", "inputs", "outputs"]
+__all__ = [
+    "Block",
+    "Declaration",
+    "Every",
+    "FromRobot",
+    "In",
+    "Out",
+    "action",
+    "actions",
+    "inputs",
+    "outputs",
+]

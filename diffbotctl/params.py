@@ -37,6 +37,9 @@ class Declaration:
         choices: tuple[Any, ...],
         live: bool,
         none: bool,
+        key: str = "",
+        reason: str = "",
+        shared: bool = False,
     ) -> None:
         self.kind = kind
         self.default = default
@@ -46,9 +49,18 @@ class Declaration:
         self.choices = choices
         self.live = live
         self.none = none
+        self.key = key
+        self.reason = reason
+        self.shared = shared
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
+        self.key = self.key or name
+
+    @property
+    def is_required(self) -> bool:
+        """True when there is no default: the value must be given."""
+        return isinstance(self.default, Required)
 
     def complaint(self, value: Any) -> str | None:
         """What is wrong with an SI `value`, in words, or None when it is fine."""
@@ -58,7 +70,8 @@ class Declaration:
             return f"must be one of {', '.join(map(str, self.choices))}"
         for word, limit in self.bounds.items():
             if not BOUNDS[word][0](value, limit):
-                return f"must be {BOUNDS[word][1]} {with_unit(limit, self.unit)}"
+                because = f": {self.reason}" if self.reason else ""
+                return f"must be {BOUNDS[word][1]} {with_unit(limit, self.unit)}{because}"
         return None
 
 
@@ -83,16 +96,28 @@ def Param(  # noqa: N802 - reads as a declaration
     choices: tuple[Any, ...] = (),
     live: bool = False,
     none: bool = False,
+    key: str = "",
+    reason: str = "",
+    shared: bool = False,
 ) -> T:
-    """Declare a setting of type `kind`: float, int, bool, str, a Section, or list and dict.
+    """Declare a setting of type `kind`: float, int, bool, str, Pin, a Section, or a list[...],
+    dict[str, ...] or tuple[...] of them (a tuple is a list of fixed length in the file).
 
     `unit` is SI ("" for a plain number or text; "1" for a ratio that may be given in %).
     `above/below` exclude their limit, `least/most` include it. `live`: may change while running.
-    `none`: null is allowed. A setting without default must be given.
+    `none`: the word `none` is allowed. A setting without default must be given. `key` is the word
+    in the file where it cannot be a name in Python (`in`, `with`, `from`). `reason` says in words
+    why the bounds are what they are. `shared`: a Section of which any part may be left out,
+    because it holds what is common to the sections beside it.
     """
     limits = {"above": above, "below": below, "least": least, "most": most}
     bounds = {word: limit for word, limit in limits.items() if limit is not None}
-    return cast(T, Declaration(kind, default, unit, help, bounds, choices, live, none))
+    made = Declaration(kind, default, unit, help, bounds, choices, live, none, key, reason, shared)
+    return cast(T, made)
+
+
+class Pin(str):
+    """A pin of the board by the number or name printed beside it: `5`, `A0`."""
 
 
 def FromRobot(field: str) -> Any:  # noqa: N802 - reads as a declaration

@@ -77,5 +77,6 @@ def _such_as(unit: str) -> str:
 def _nearest(written: str, unit: str) -> str:
     from difflib import get_close_matches
 
-    close = get_close_matches(written, of_kind(unit), n=1, cutoff=0.5)
+    same = [name for name in of_kind(unit) if name.lower() == written.lower()]
+    close = same or get_close_matches(written, of_kind(unit), n=1, cutoff=0.5)
     return f"; did you mean {close[0]}?" if close else f"; use one of {', '.join(of_kind(unit))}"

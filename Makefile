@@ -1,0 +1,41 @@
+# Every target does its own set-up: a virtual environment in .venv, and what it needs in it.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SEED ?= 1
+ROBOTS ?= 300
+SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
+
+.PHONY: demo test prove bench clean
+
+demo: $(VENV)/installed
+	$(BIN)/diffbotctl run pipelines/goal.yaml
+
+test: $(VENV)/tested
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy diffbotctl
+	$(BIN)/python -m pytest
+
+prove: $(VENV)/tested
+	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS)
+
+bench: $(VENV)/tested
+	$(BIN)/python -m prove.bench
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV) 2>/dev/null || { \
+	  echo "installing python3-venv, which Debian keeps apart"; \
+	  $(SUDO) apt-get update -qq && $(SUDO) apt-get install -y -qq python3-venv && \
+	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
+
+$(VENV)/installed: setup.cfg | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q -e .
+	touch $@
+
+$(VENV)/tested: setup.cfg | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q -e '.[test]'
+	touch $@ $(VENV)/installed
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info

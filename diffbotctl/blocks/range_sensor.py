@@ -1,0 +1,133 @@
+"""Distance from a Sharp sensor's voltage: volts in, metres out, doubt told apart from certainty."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.messages import Range, Resume, Volts
+from diffbotctl.params import Param
+
+NEAREST = 0.04  # m; nearer, the GP2Y0A41SK0F's voltage falls again (data sheet ED-05G101)
+REACH = 0.30  # m; farther, its voltage hardly changes
+# Peak over the voltage at 4 cm is 3.03 / 2.72 on the data sheet's typical part; half-way up from
+# there the object is nearer than 3.8 cm, and may pass the peak before the next reading.
+PEAK_SHARE = 1.05
+# An object 5 mm away reads 1.38 V, half the voltage at 4 cm: less means contact, or far away.
+CONTACT_SHARE = 0.5
+ZEROS = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
+FOLDED_WAY = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
+
+
+class RangeSensor(Block):
+    """Turn a voltage into a distance by the sensor's curve, and remember what was too close.
+
+    The curve is volts = a / (distance + b) + c from 4 to 30 cm. Nearer than 3 cm the voltage falls
+    again, and 2 cm reads like 5.3 cm: so what came too close stays `too_close` until its voltage
+    has come back through the peak, or a person resumes. `fault`: no voltage, zero volts, or a
+    voltage that never changes, which a real sensor's noise makes impossible.
+
+    blocks:
+      range: {block: range_sensor, in: {volts: robot.front}, with: {sensor: front}}
+    """
+
+    sensor = Param(str, default="front", help="Name of the sensor in the robot file.")
+    frozen_for = Param(
+        float, unit="s", default=3.0, above=0.0, none=True,
+        help="A voltage that stays exactly equal for so long is not believed; none: believe it.",
+    )  # fmt: skip
+    sensors = FromRobot("sensors")
+    speed = FromRobot("limits.speed")
+
+    volts = In(Volts, help="The sensor's voltage.")
+    resume = In(Resume, optional=True, help="A person says that nothing is too close.")
+    range = Out(Range, help="The distance along the sensor's axis.")
+
+    def reset(self) -> None:
+        curve: Any = self.sensors[self.sensor].curve
+        self.curve = (curve.a, curve.b, curve.c)
+        near = volts_at(NEAREST, *self.curve)
+        self.fold = Fold(near, FOLDED_WAY / self.speed)
+        self.last_volts = float("nan")
+        self.since = 0
+        self.zeros = 0
+        self.consent: Resume | None = None  # the last one that was heard
+
+    def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:
+        if resume is not None and resume is not self.consent:
+            self.consent = resume
+            self.fold.forget()
+        if volts is None:
+            return None
+        if self._is_faulty(volts):
+            return Range(volts.time, 0.0, "fault")
+        if self.fold.is_too_close(volts.time, volts.volts):
+            return Range(volts.time, 0.0, "too_close")
+        distance = distance_at(volts.volts, *self.curve)
+        if distance >= REACH:
+            return Range(volts.time, REACH, "clear")
+        return Range(volts.time, distance, "measured")
+
+    def _is_faulty(self, volts: Volts) -> bool:
+        self.zeros = self.zeros + 1 if volts.volts <= 0.0 else 0
+        if not isfinite(volts.volts) or self.zeros >= ZEROS:
+            self.last_volts = float("nan")
+            return True
+        if volts.volts != self.last_volts:
+            self.last_volts, self.since = volts.volts, volts.time
+        return self.frozen_for is not None and volts.time - self.since >= self.frozen_for * 1e9
+
+
+class Fold:
+    """Whether the object is on the sensor's folded-back side, nearer than the peak at 3 cm.
+
+    `near` is the voltage at the nearest certain distance, `crossing` the shortest time in seconds
+    in which the robot could drive through the folded-back side: a voltage that drops faster belongs
+    to something that went away sideways.
+    """
+
+    def __init__(self, near: float, crossing: float) -> None:
+        self.near = near
+        self.crossing = int(crossing * 1e9)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin as if nothing had been close."""
+        self.is_folded = False
+        self.readings = 0  # in the zone above `near`, since it was entered
+        self.has_peaked = False
+        self.left = 0  # when the zone was left, in ns
+        self.was_folded = False  # before the zone was entered
+
+    def is_too_close(self, now: int, volts: float) -> bool:
+        """Take one voltage above zero; True while the object is, or may be, closer than 4 cm."""
+        if volts >= self.near:
+            self.readings += 1
+            self.has_peaked = self.has_peaked or volts >= PEAK_SHARE * self.near
+            self.left = now
+            return True
+        if self.readings:
+            self._leave()
+        dropped = volts < CONTACT_SHARE * self.near and now - self.left < self.crossing
+        if self.is_folded and not self.was_folded and dropped:
+            self.is_folded = False
+        return self.is_folded
+
+    def _leave(self) -> None:
+        """The voltage fell below that of the nearest certain distance: to which side?"""
+        # One reading in the zone is a fast passage, which may have jumped over the peak.
+        may_have_passed = self.has_peaked or self.readings == 1
+        self.was_folded = self.is_folded
+        self.is_folded = not self.has_peaked if self.is_folded else may_have_passed
+        self.readings, self.has_peaked = 0, False
+
+
+def volts_at(distance: float, a: float, b: float, c: float) -> float:
+    """Voltage of the curve at `distance` in metres: a in V m, b in m, c in V."""
+    return a / (distance + b) + c
+
+
+def distance_at(volts: float, a: float, b: float, c: float) -> float:
+    """Distance in metres at which the curve has this voltage; infinite at or below its end."""
+    return a / (volts - c) - b if volts > c else float("inf")

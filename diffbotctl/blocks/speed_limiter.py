@@ -1,0 +1,82 @@
+"""Keep the body's commanded velocity within the robot's limits, and its changes gentle."""
+
+from __future__ import annotations
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.messages import Twist
+from diffbotctl.params import FromRobot, Param
+
+
+class SpeedLimiter(Block):
+    """Limit speed, turn rate, acceleration and braking of a body velocity.
+
+    Too fast a twist is slowed as a whole, so its curvature stays. It reacts to each twist and takes
+    its time from the messages; after a long silence it begins at rest, as the board then does.
+    """
+
+    silence = Param(
+        float,
+        default=0.3,
+        unit="s",
+        above=0.0,
+        help="Silence after which the robot counts as still.",
+    )
+    first_step = Param(
+        float,
+        default=0.02,
+        unit="s",
+        above=0.0,
+        help="Time that the first twist is taken to cover.",
+    )
+    speed: float = FromRobot("limits.speed")
+    turn_rate: float = FromRobot("limits.turn_rate")
+    acceleration: float = FromRobot("limits.acceleration")
+    braking: float = FromRobot("limits.braking")
+    track: float = FromRobot("drive.track")
+    twist = In(Twist)
+    limited = Out(Twist, name="twist")
+
+    def reset(self) -> None:
+        self.time: int | None = None
+        self.linear = self.angular = 0.0
+
+    def react(self, now: int, twist: Twist | None) -> Twist | None:
+        if twist is None:
+            return None
+        step = self.first_step if self.time is None else (twist.time - self.time) * 1e-9
+        if self.time is None or step > self.silence:
+            self.linear = self.angular = 0.0
+            step = self.first_step
+        self.time = twist.time
+        linear, angular = slowed(twist.linear, twist.angular, self.speed, self.turn_rate)
+        arm = 2.0 / self.track  # a wheel's acceleration times this is the body's turning
+        self.linear = ramped(self.linear, linear, self.acceleration * step, self.braking * step)
+        self.angular = ramped(
+            self.angular, angular, self.acceleration * arm * step, self.braking * arm * step
+        )
+        return Twist(twist.time, self.linear, self.angular)
+
+
+def slowed(linear: float, angular: float, speed: float, turn_rate: float) -> tuple[float, float]:
+    """The twist scaled by one factor into |linear| <= speed and |angular| <= turn_rate."""
+    scale = 1.0
+    if abs(linear) > speed:
+        scale = speed / abs(linear)
+    if abs(angular) * scale > turn_rate:
+        scale = turn_rate / abs(angular)
+    return linear * scale, angular * scale
+
+
+def ramped(before: float, wanted: float, faster: float, slower: float) -> float:
+    """`wanted`, or as near as one step lets: `faster` away from zero, `slower` towards it.
+
+    A change of sign first stops at zero, for one step.
+    """
+    if before < 0.0:
+        return -ramped(-before, -wanted, faster, slower)
+    if wanted >= before:
+        return min(wanted, before + faster)
+    lowest = before - slower
+    if before > 0.0 and wanted < 0.0:
+        return max(lowest, 0.0)
+    return max(wanted, -faster if before == 0.0 else lowest)

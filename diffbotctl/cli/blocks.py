@@ -1,0 +1,124 @@
+"""`diffbotctl blocks`: the blocks there are, and what each takes and gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.block import Block
+    from diffbotctl.params import Declaration
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def command(ctx: click.Context) -> int:
+    """List the blocks there are; `blocks show NAME` tells all about one."""
+    if ctx.invoked_subcommand is not None:
+        return 0
+    from diffbotctl.config import registry
+
+    for name in registry.names():
+        try:
+            sentence = first_sentence(registry.block(name))
+        except registry.RegistryError as error:
+            sentence = f"cannot be used: {error}"
+        click.echo(f"{name:15} {sentence}")
+    clashes = registry.clashes()
+    for clash in clashes:
+        click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
+    return 2 if clashes else 0
+
+
+@command.command()
+@click.argument("name")
+def show(name: str) -> int:
+    """Show the ports and parameters of the block NAME."""
+    from diffbotctl.config import registry
+    from diffbotctl.errors import Problem, UsageError
+
+    try:
+        kind = registry.block(name)
+    except registry.RegistryError as error:
+        raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
+    for line in described(name, kind):
+        click.echo(line)
+    return 0
+
+
+def first_sentence(kind: type[Block]) -> str:
+    """What a block is for, in one line."""
+    return " ".join((kind.__doc__ or "").strip().split("\n\n")[0].split())
+
+
+def described(name: str, kind: type[Block]) -> Iterator[str]:
+    """All that is declared about a block, as lines."""
+    from inspect import cleandoc
+
+    from diffbotctl.block import actions, inputs, outputs, robot_fields
+    from diffbotctl.params import declared
+
+    yield f"{name}\n"
+    yield cleandoc(kind.__doc__ or "")
+    yield from _titled("inputs", [_input(port, each) for port, each in inputs(kind).items()])
+    yield from _titled(
+        "outputs",
+        [(port, f"{each.kind.__name__}  {each.help}") for port, each in outputs(kind).items()],
+    )
+    yield from _titled(
+        "parameters", [(each.key, _parameter(each)) for each in declared(kind).values()]
+    )
+    yield from _titled("from the robot file", [(path, "") for path in robot_fields(kind).values()])
+    yield from _titled(
+        "actions", [(each, (doing.__doc__ or "").strip()) for each, doing in actions(kind).items()]
+    )
+
+
+def _titled(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:
+    if rows:
+        yield f"\n{title}"
+        width = max(len(name) for name, _ in rows)
+        for name, text in rows:
+            yield f"  {name:{width}}  {text}".rstrip()
+
+
+def _input(name: str, port: Any) -> tuple[str, str]:
+    from diffbotctl.block import In
+
+    if not isinstance(port, In):
+        return name, f"timer, every {_seconds(port.period)}"
+    notes = [
+        "optional" if port.optional else "",
+        "" if port.trigger else "only looked at",
+        f"fresh for {_seconds(port.fresh_for)}" if port.fresh_for is not None else "",
+    ]
+    noted = ", ".join(note for note in notes if note)
+    return name, f"{port.kind.__name__}{f' ({noted})' if noted else ''}  {port.help}"
+
+
+def _seconds(period: float | str) -> str:
+    return f"{period:g} s" if isinstance(period, float | int) else f"the parameter {period}"
+
+
+def _parameter(setting: Declaration) -> str:
+    from diffbotctl.params import BOUNDS, with_unit
+
+    unit = setting.unit if setting.unit not in ("", "1") else getattr(setting.kind, "__name__", "")
+    default = "must be given" if setting.is_required else f"default {_written(setting)}"
+    bounds = [
+        f"{BOUNDS[word][1]} {with_unit(limit, setting.unit)}"
+        for word, limit in setting.bounds.items()
+    ]
+    choices = [f"one of {', '.join(map(str, setting.choices))}"] if setting.choices else []
+    live = ["may change while running"] if setting.live else []
+    return f"{unit}, {', '.join([default, *bounds, *choices, *live])}.  {setting.help}"
+
+
+def _written(setting: Declaration) -> str:
+    from diffbotctl.params import with_unit
+
+    if isinstance(setting.default, float):
+        return with_unit(setting.default, setting.unit)
+    return "none" if setting.default is None else str(setting.default)

@@ -1,0 +1,55 @@
+"""`diffbotctl check`: every problem of robot and pipeline files, with its place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.errors import Problem
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.option("--robot", help="Robot for the pipelines; wins over their own.")
+@click.option("--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE", help="Change one value.")
+@click.option("--real", is_flag=True, help="Warn also of what matters only on a real robot.")
+def command(files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool) -> int:
+    """Check robot and pipeline files, or names. Nothing is started.
+
+    Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
+    """
+    problems: list[Problem] = []
+    for file in files:
+        found = _problems(file, robot, sets, real)
+        errors = sum(problem.severity == "error" for problem in found)
+        verdict = f"{_counted(errors, 'error')}" if errors else "fine"
+        warnings = len(found) - errors
+        if warnings:
+            verdict += f", {_counted(warnings, 'warning')}"
+        for problem in found:
+            if problem not in problems:
+                click.echo(f"{problem.render()}\n")
+        problems += found
+        click.echo(f"{file}: {verdict}")
+    if problems:
+        click.echo(f"`diffbotctl explain {problems[0].code}` tells more.")
+    return 2 if any(problem.severity == "error" for problem in problems) else 0
+
+
+def _problems(file: str, robot: str | None, sets: tuple[str, ...], real: bool) -> list[Problem]:
+    from diffbotctl.config.load import check
+    from diffbotctl.config.registry import clashes
+    from diffbotctl.errors import Problem
+
+    found = [
+        Problem(clash.code, "installation", str(clash), clash.fix)
+        for group in ("diffbotctl.blocks", "diffbotctl.drivers")
+        for clash in clashes(group)
+    ]
+    return [*found, *check(file, robot, sets, real=real)]
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,28 @@
+"""`diffbotctl explain`: an error code at length."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command()
+@click.argument("code", required=False)
+def command(code: str | None) -> int:
+    """Explain CODE, such as E-PIN-PWM; without one, list all codes."""
+    from diffbotctl.codes import CODES
+    from diffbotctl.errors import Problem, UsageError, nearest
+
+    if code is None:
+        for each, entry in CODES.items():
+            click.echo(f"{each:18} {entry.title}")
+        return 0
+    by_name = {name.upper(): name for name in CODES}
+    name = by_name.get(code.upper(), "")
+    found = CODES.get(name)
+    if found is None:
+        near = by_name.get(nearest(code.upper(), by_name) or "")
+        fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists them all"
+        raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
+    click.echo(f"{name}: {found.title}\n")
+    click.echo(click.wrap_text(found.text, 78, preserve_paragraphs=True))
+    return 0

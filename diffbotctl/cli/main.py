@@ -1,0 +1,95 @@
+"""`diffbotctl`: finds the command that was named and imports nothing else."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Any
+
+import click
+
+# One line a command: its help stands here too, so that --help need not import it.
+COMMANDS = {
+    "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
+    "check": "Check robot and pipeline files; print every problem with its place.",
+    "explain": "Explain an error code at length.",
+    "graph": "Draw a pipeline's blocks and wires.",
+    "blocks": "List the blocks there are, or show one.",
+    "replay": "Run a recording again, and compare every message.",
+}
+
+
+class Lazy(click.Group):
+    """A group whose commands are modules of diffbotctl.cli."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All commands, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import the module of the command."""
+        if name not in COMMANDS:
+            return None
+        command: click.Command = import_module(f"diffbotctl.cli.{name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The table, without importing anything."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """As click does, with the nearest command named when there is none."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], COMMANDS, n=1)
+            hint = f" Did you mean '{near[0]}'?" if near else " See diffbotctl --help."
+            raise click.UsageError(f"There is no command '{args[0]}'.{hint}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=Lazy, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="diffbotctl")
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.pass_context
+def program(ctx: click.Context, debug: bool) -> None:
+    """Drive a low-cost differential-drive robot from YAML files."""
+    ctx.obj = debug
+
+
+def main() -> None:
+    """Entry point. Errors leave as words and an exit code, never as a traceback."""
+    from diffbotctl.errors import UserError
+
+    debug = "--debug" in sys.argv
+    arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
+    try:
+        code = program.main(arguments, prog_name="diffbotctl", standalone_mode=False)
+    except click.exceptions.Abort:
+        sys.exit(130)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except UserError as error:
+        if debug:
+            raise
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        sys.exit(1)  # whoever read our output has gone
+    except Exception as error:
+        if debug:
+            raise
+        print(_defect(error), file=sys.stderr)
+        sys.exit(1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _defect(error: Exception) -> str:
+    """Words for an error that nobody foresaw: ours to mend, not the user's."""
+    from diffbotctl.errors import Problem
+
+    cause = f"diffbotctl itself failed: {type(error).__name__}: {error}"
+    fix = "this is a defect of ours; run again with --debug and send us what it prints"
+    return Problem("E-DEFECT", "diffbotctl", cause, fix).render()

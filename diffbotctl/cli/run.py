@@ -1,0 +1,145 @@
+"""`diffbotctl run`: a pipeline on the simulated robot, or on a real one."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.config.configuration import Configuration
+    from diffbotctl.hub.latest import Snapshot
+    from diffbotctl.messages import Goal
+    from diffbotctl.runs.run import Run
+
+
+@click.command()
+@click.argument("pipeline")
+@click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
+@click.option("--port", default="sim", show_default=True, help="sim, or a serial device.")
+@click.option(
+    "--goal",
+    "goals",
+    multiple=True,
+    metavar="'X Y [HEADING]'",
+    help="A goal such as '1.0 0.5 90deg', in place of the file's. Repeatable.",
+)
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="BLOCK.PARAM=VALUE",
+    help="Change one value of the files. Repeatable.",
+)
+@click.option("--seed", default=0, show_default=True, help="Draws the simulated robot.")
+@click.option("--fast", is_flag=True, help="Simulate as fast as the machine can.")
+@click.option("--for", "duration", metavar="TIME", help="End after so long, such as 30s.")
+@click.option(
+    "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
+)
+@click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
+@click.option("--quiet", is_flag=True, help="No live view and no lines while it runs.")
+def command(
+    pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
+    seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, quiet: bool,
+) -> int:  # fmt: skip
+    """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
+
+    Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
+    """
+    from diffbotctl.config.load import load
+    from diffbotctl.runs.run import Options, Run
+    from diffbotctl.runs.signals import Signals
+
+    if port in ("auto", "emulated"):
+        raise click.UsageError(
+            f"--port {port} is not there yet; give a device such as /dev/ttyUSB0"
+        )
+    wanted = tuple(_goal(text) for text in goals)
+    seconds = None if duration is None else _quantity(duration, "s", "--for")
+    configuration = load(pipeline, robot, sets, real=port != "sim")
+    for warning in configuration.warnings:
+        click.echo(warning.render(), err=True)
+    _announce(configuration, port, seed)
+    options = Options(port, wanted, seed, fast and port == "sim", seconds, record, digest)
+    run = Run(
+        configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
+    )
+    return _finish(run)
+
+
+def _finish(run: Run) -> int:
+    result = run.go()
+    from diffbotctl.ui.summary import lines
+
+    goals = run.operator.given
+    last = goals[result.reached - 1] if result.reached else None
+    for line in lines(result, last):
+        click.echo(line)
+    if result.failure is not None:
+        raise result.failure
+    return result.ending.code
+
+
+def _announce(configuration: Configuration, port: str, seed: int) -> None:
+    where = f"SIMULATED (seed {seed})" if port == "sim" else f"REAL robot on {port}"
+    name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
+    where = where if configuration.robot is not None else "no robot"
+    click.echo(f"{configuration.file}{name}: {where}")
+
+
+def _shout(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
+    """What the child process runs: it alone imports the drawing."""
+
+    def show(pictures: Iterator[Snapshot]) -> None:
+        if not sys.stdout.isatty():
+            from diffbotctl.ui import plain
+
+            plain.show(pictures)
+            return
+        from diffbotctl.ui import live
+
+        world = configuration.world
+        walls = [(wall.start, wall.end) for wall in world.walls]
+        rounds = [(thing.at, thing.radius) for thing in world.obstacles]
+        simulated = "SIMULATED" if port == "sim" else ""
+        if port != "sim":
+            walls, rounds = [], []
+        live.show(live.Scene(configuration.name, simulated, walls, rounds), pictures)
+
+    return partial(show)
+
+
+def _goal(text: str) -> Goal:
+    from diffbotctl.messages import Goal
+
+    parts = text.replace(",", " ").split()
+    if not 2 <= len(parts) <= 3:
+        raise click.UsageError(
+            f"--goal '{text}': give X Y and, if you like, a heading: '1.0 0.5 90deg'"
+        )
+    x, y = (_quantity(part, "m", "--goal") for part in parts[:2])
+    heading = _quantity(parts[2], "rad", "--goal") if len(parts) == 3 else None
+    return Goal(0, 0, x, y, heading)
+
+
+def _quantity(text: str, unit: str, option: str) -> float:
+    from math import isfinite
+
+    from diffbotctl.units import UnitError, quantity
+
+    try:
+        value = quantity(text, unit)
+    except UnitError as error:
+        raise click.UsageError(f"{option}: {error}") from error
+    if not isfinite(value) or (unit == "s" and value <= 0):
+        raise click.UsageError(f"{option}: {text} makes no sense here")
+    return value

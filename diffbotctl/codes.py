@@ -1,0 +1,299 @@
+"""Every code that a problem or a stop can carry, explained at length for `diffbotctl explain`.
+
+E: cannot work, nothing was started. W: unwise. Small letters: what holds a running robot still.
+"""
+
+from __future__ import annotations
+
+from textwrap import dedent
+from typing import NamedTuple
+
+
+class Code(NamedTuple):
+    """What a code means, in a few words and in a paragraph or two."""
+
+    title: str
+    text: str
+
+
+def _code(title: str, text: str) -> Code:
+    return Code(title, dedent(text).strip())
+
+
+CODES: dict[str, Code] = {
+    "E-DEFECT": _code("diffbotctl itself failed", """
+        Something happened that nobody foresaw. The robot was stopped before this was printed. Run
+        the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-RECORDING": _code("a file is no recording", """
+        Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
+        or holds none of what a recording of diffbotctl begins with."""),
+    "E-RECORDING-CUT": _code("a recording is incomplete", """
+        A recording ends with a record that says it is whole. This one has none: the program was
+        killed, the disk was full, or the recorder could not keep up. What is in the file is true,
+        but nobody can say what is missing, so a comparison would prove nothing."""),
+    "E-FILE-READ": _code("a file cannot be read", """
+        The file does not exist, is a directory or a device, or you may not read it. Names without
+        a slash are looked up in ./pipelines or ./robots first, then among the shipped files.
+
+        Check the spelling and the folder you are in (`pwd`, `ls`). For a permission, `ls -l FILE`
+        shows who may read it."""),
+    "E-FILE-NAME": _code("no file of that name", """
+        A name such as `goal` is looked up as ./pipelines/goal.yaml, then among the pipelines that
+        are shipped with diffbotctl; robots likewise in ./robots. Neither has it.
+
+        Use one of the names listed, or give a path: ./mine.yaml."""),
+    "E-FILE-SIZE": _code("a file is too large", """
+        A robot or pipeline file has a few kB. One of several hundred kB is something else, a
+        recording perhaps, and reading it would only take long to fail."""),
+    "E-FILE-ENCODING": _code("a file is not UTF-8 text", """
+        YAML files are text in UTF-8. A file saved as UTF-16 or Latin-1, or no text at all, cannot
+        be read. Most editors have `save with encoding` in their menu; choose UTF-8."""),
+    "E-YAML-TOP": _code("the file as a whole is no mapping", """
+        A file is made of `key: value` lines from its first column. An empty file, a list that
+        begins with dashes, or a second document behind `---` is something else.
+
+        Begin it with `format: 1` and `kind: robot` or `kind: pipeline`."""),
+    "E-YAML-SYNTAX": _code("the text is not YAML", """
+        The reader lost the thread here. Usual reasons: a brace or bracket that was not closed
+        (then the true place is earlier), a line that is indented unlike its neighbours, a colon
+        without a space behind it, or a quotation mark that does not close."""),
+    "E-YAML-TAB": _code("a tab in the indentation", """
+        YAML shows by indentation what belongs to what, and a tab is as wide as each editor likes.
+        So only spaces are allowed. Let your editor insert spaces for the tab key."""),
+    "E-YAML-DUPLICATE": _code("a key is given twice", """
+        Two values for one thing: most YAML readers silently take the last, and you would look for
+        the reason in the wrong line. Keep one of them."""),
+    "E-YAML-NUMBER": _code("a number that is read in two ways", """
+        A number with a leading zero, such as 017, is fifteen to YAML 1.1 and seventeen to YAML
+        1.2. Pins and counts must not depend on that: write it in decimal without leading zeros.
+        A number too large to hold is refused here too."""),
+    "E-YAML-COMMA": _code("a decimal comma", """
+        In braces a comma ends an entry: `{width: 1,5 m}` is `width: 1` and a second, empty key
+        `5 m`. Write a point: `1.5 m`."""),
+    "E-YAML-KEY": _code("something that cannot be a key", """
+        Keys are plain words. A list, a mapping or an alias cannot be one, and merge keys (`<<`)
+        are not read: what two sides share is written once in `drive`, and whole files are
+        combined by `include`."""),
+    "E-YAML-ANCHOR": _code("an alias without its anchor", """
+        `*name` repeats a value that was marked by `&name` further up. It was not, or it stands
+        inside that value. Write the value itself, or use `vars:` and `$name`."""),
+    "E-YAML-SIZE": _code("nested or unfolded beyond measure", """
+        Aliases of aliases can unfold to millions of values out of ten lines, and brackets can nest
+        thousands deep. No robot needs either, so reading stops early."""),
+    "E-YAML-TAG": _code("a YAML tag", """
+        Tags such as !!python/object ask the reader to build objects, which is a way to run code
+        out of a file. They are not read. Remove the tag; plain values are enough."""),
+    "E-KEY-UNKNOWN": _code("a key that means nothing here", """
+        A key that nobody reads would be silently ignored, and the robot would not do what the file
+        says. So every key must be known. It is often a slip of spelling, or it stands under the
+        wrong section: compare the indentation. `diffbotctl blocks show NAME` lists a block's
+        parameters; the schemas let an editor complete them."""),
+    "E-KEY-MISSING": _code("a key that must be given", """
+        There is no sensible value to assume: the distance between the wheels, or the pin of an
+        encoder, is known only to you. What both sides share may stand once in `drive`."""),
+    "E-TYPE": _code("another kind of value is wanted", """
+        A number, a word, true or false, a list or a mapping was wanted and another one given.
+        YAML's `yes` and `on` are plain words here: write true or false. A text that looks like a
+        number needs quotes."""),
+    "E-UNIT": _code("a unit of the wrong kind", """
+        A quantity is a number in SI units, or a number with a unit: 65 mm, 90 deg, 100 rpm,
+        300 ms. A length in degrees or an unknown unit is a mistake that would otherwise show as a
+        robot that drives off. Letters count: mm is a millimetre, Mm is nothing known here."""),
+    "E-BOUNDS": _code("a value out of bounds", """
+        The value can be read but cannot be right, or is not safe. The limit is given in the
+        message. The board's dead-man's time, for one, is from 100 to 500 ms: shorter, and the robot
+        stops between two commands; longer, and at 0.3 m/s it drives on blind for more than 15 cm
+        after the link is gone. It cannot be switched off."""),
+    "E-CHOICE": _code("not one of the known words", """
+        Here one of a few words is possible. They are listed in the message."""),
+    "E-VALUE-EMPTY": _code("a key without a value", """
+        Nothing stands behind the colon. Either the value was forgotten, or it slipped to the next
+        line with the wrong indentation, or a comma too many made a key of its own."""),
+    "E-NAME": _code("a name that cannot be used", """
+        Names of blocks and sensors appear in wires (`range.range`) and on the command line, so they
+        are made of small letters, digits and _. `robot` and `operator` are nodes that every
+        pipeline has already."""),
+    "E-VAR-UNKNOWN": _code("a variable that is not set", """
+        `$name` stands for a value from the file's `vars:`. There is none of that name. A dollar
+        sign itself is written $$."""),
+    "W-VAR-UNUSED": _code("a variable that is never used", """
+        It has no effect. Probably the value that it should replace is still written out
+        somewhere."""),
+    "E-INCLUDE": _code("an include that cannot be followed", """
+        `include` names a file that this one changes: a path from here, or a name in the same
+        folder or among the shipped files. Mappings are merged, lists and values replaced, this
+        file wins. Files cannot include each other in a circle."""),
+    "E-SET": _code("--set that says nothing", """
+        `--set block.parameter=value` changes one value for this run: --set follower.tolerance='20
+        mm', --set robot.limits.speed='0.2 m/s', --set vars.side='1 m'. Quote it in the shell when
+        it holds a space."""),
+    "E-CALIBRATION": _code("a calibrated field that does not exist", """
+        `calibration:` is written by `diffbotctl calibrate`: each key is the path of a field of the
+        robot file, such as drive.left.wheel.diameter, and its value is used in the field's place.
+        Delete the entry, or correct its path."""),
+    "E-ROBOT-WHICH": _code("several robots, none chosen", """
+        ./robots holds several files, so it would be a guess which robot is meant. Name one by
+        --robot, or by `use:` in the pipeline."""),
+    "E-ROBOT-MISSING": _code("a block needs a robot", """
+        The block takes its geometry from the robot file, so that no number is typed twice, but this
+        pipeline has no `robot:`."""),
+    "E-ROBOT-FIELD": _code("a block asks for a field that robots do not have", """
+        A block says by FromRobot("drive.track") what it needs of the robot file. This one asks for
+        something that no robot file has: the mistake is in the block's own code."""),
+    "E-SENSOR-UNKNOWN": _code("a sensor that the robot does not have", """
+        The name must be one of those under `sensors:` in the robot file."""),
+    "E-BLOCK-UNKNOWN": _code("no block of that kind", """
+        `block:` names a kind of block: one that is built in, or one from another installed package.
+        `diffbotctl blocks` lists them."""),
+    "E-BLOCK-IMPORT": _code("a block's code cannot be loaded", """
+        The block is known, but Python failed to import it; the reason stands in the message. If it
+        comes from another package, that package is broken or lacks something of its own."""),
+    "E-BLOCK-CLASH": _code("two packages claim one name", """
+        Two installed packages bring a block or driver of the same name. Which one would run would
+        be a matter of luck, so neither does."""),
+    "E-BLOCK-RAISED": _code("a block failed while running", """
+        The block's own code raised an error. The robot was stopped at once. `--debug` shows where
+        in the code it happened; the recording holds the messages that led to it."""),
+    "E-WIRE-NODE": _code("a wire from nowhere", """
+        A wire stands at its consumer and names its source: in: {twist: limiter.twist}. There is no
+        block of that name, or the pipeline has no robot."""),
+    "E-WIRE-OUTPUT": _code("a wire from an output that does not exist", """
+        The block is there, but it has no such output. `diffbotctl blocks show KIND` lists the
+        outputs of a kind; `robot` gives encoders, link, battery and one output for each sensor,
+        `operator` gives goal, twist, path and resume."""),
+    "E-WIRE-INPUT": _code("a wire to an input that does not exist", """
+        The keys under `in:` are the block's inputs. This is not one of them."""),
+    "E-WIRE-MISSING": _code("an input that nothing feeds", """
+        The block cannot do its work without this input: it would wait for ever, and the robot
+        would stand still without telling why."""),
+    "E-WIRE-TYPE": _code("a wire that carries something else", """
+        Output and input carry different messages. A Twist is the velocity of the whole body in m/s
+        and rad/s; Wheels are the speeds of two wheels in rad/s: `diff_drive` turns one into the
+        other. Volts become a Range by `range_sensor`."""),
+    "E-WIRE-LOOP": _code("blocks that wait for each other", """
+        In each instant every block reacts once, after those that feed it. In a loop none could be
+        first. Feedback goes through the world: what the robot did comes back with its encoders, and
+        the commands then in force come with them."""),
+    "W-WIRE-WHEELS": _code("nothing drives the wheels", """
+        The pipeline has a robot but gives it no wheel speeds, so it will only watch. That may be
+        what you want; else add robot: {in: {wheels: kinematics.wheels}}."""),
+    "E-PIN-UNKNOWN": _code("a pin that the board does not have", """
+        The number is not on this kind of board. A Mega 2560 has 0 to 53 and A0 to A15, an
+        ATmega328P (Uno, Nano) has 0 to 13 and A0 to A7."""),
+    "E-PIN-PWM": _code("a pin without PWM", """
+        The enable input of a motor driver takes pulses: the longer they are, the faster the motor
+        turns. Only some pins can make such pulses by themselves; on the others the motor could only
+        be off or at full speed. Move the EN wire to one of the pins listed."""),
+    "E-PIN-TIMER": _code("a PWM pin whose timer is taken", """
+        Pulses are made by timers, and each timer serves two or three pins. Timer 0 also keeps the
+        board's clock, by which edges are dated and the dead-man's time runs out. Its pins can
+        switch, but not drive a motor: 4 and 13 on a Mega 2560, 5 and 6 on an ATmega328P."""),
+    "E-PIN-INTERRUPT": _code("a pin that cannot raise an interrupt", """
+        An encoder's slot passes in a few milliseconds. The board catches each edge by an interrupt,
+        and only some pins have one: 2, 3, 18, 19, 20 and 21 on a Mega 2560, 2 and 3 on an
+        ATmega328P. 18 and 19 are also the serial port of the HC-05."""),
+    "E-PIN-ANALOG": _code("a pin that cannot measure", """
+        The distance sensor gives a voltage, and only the analog pins, A0 and up, can measure one.
+        The others see high or low."""),
+    "E-PIN-DIGITAL": _code("a pin that can only measure", """
+        A6 and A7 of an ATmega328P lead to the converter alone; they cannot switch anything or be
+        read as high and low."""),
+    "E-PIN-UART": _code("a pin that carries a serial line", """
+        The pin belongs to the line on which the board and the computer talk. A motor or encoder on
+        it would garble both. Pins 0 and 1 always belong to the USB port."""),
+    "E-PIN-TAKEN": _code("two things on one pin", """
+        Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
+    "E-LINK-UART": _code("a serial port that the board does not have", """
+        A Mega 2560 has the ports 0 (USB) to 3; an ATmega328P has only port 0, which it shares with
+        the USB."""),
+    "E-LINK-BUDGET": _code("more telemetry than the line carries", """
+        Each byte takes ten bits, so 9600 baud carry about 960 bytes a second. Frames beyond that
+        would pile up on the board and be dropped, and the robot would act on old news. Lower
+        board.telemetry, send counts without edge times, or raise the baud rate of the HC-05."""),
+    "W-LINK-BUDGET": _code("telemetry that nearly fills the line", """
+        The line is filled to more than nine tenths. Answers, log lines and settings must fit in
+        between, and a damaged frame cannot be made up for."""),
+    "E-DEADMAN": _code("a dead-man's time shorter than the gap between commands", """
+        The board stops its motors by itself when no command came for board.deadman. Commands go out
+        with each frame of telemetry; with frames that rare it would stop between any two."""),
+    "W-DEADMAN": _code("a dead-man's time of few commands", """
+        Radio links lose a command now and then. When two lost ones outlast the dead-man's time,
+        the robot stutters. Send telemetry, and with it commands, more often, or raise
+        board.deadman."""),
+    "E-LIMIT-SPEED": _code("a speed limit that the motors cannot reach", """
+        Rated speed times the wheel's radius is the fastest the robot can drive, with a full battery
+        and no load. A limit above makes every plan too optimistic: it would brake too late for
+        goals and be stopped by the last gate."""),
+    "E-STOP-REACH": _code("too fast for what the sensor sees", """
+        From full speed the robot needs v x reaction + v^2 / (2 x braking) to stop. The Sharp
+        GP2Y0A41SK0F sees 30 cm. When stopping takes longer, the robot hits what it sees.
+
+        Lower limits.speed, or raise limits.braking if the tyres allow it."""),
+    "W-STOP-REACH": _code("stops, but closer than the margin", """
+        The robot can stop before it touches, but not with the margin that obstacle_stop keeps."""),
+    "E-TOLERANCE": _code("a goal finer than the robot can tell", """
+        A disc of 20 slots on a 65 mm wheel counts each 10.2 mm. Between two counts the place is
+        known to about 2.9 mm, to half of that when the board tells when each edge came, and to
+        about 7 mm with the book's firmware, whose commands arrive at uncertain times. A tolerance
+        below would be met by luck only."""),
+    "W-TOLERANCE": _code("a goal about as fine as the robot can tell", """
+        The tolerance is less than twice the standard deviation of what the robot knows of its own
+        place. Goals will be reached, some of them in several tries."""),
+    "W-POLARITY": _code("nobody has seen the wheels turn the right way", """
+        A one-channel encoder counts alike in both directions. With a motor's wires exchanged the
+        robot would drive backwards and believe to drive forwards. Until it is proven that each
+        motor turns its own wheel the right way, a real robot is held to 0.1 m/s.
+
+        `diffbotctl calibrate encoders` proves it; or set drive: {polarity: by_hand} when you have
+        seen it yourself with the wheels in the air."""),
+    "E-CODE": _code("no such code", """
+        `diffbotctl explain` without a code lists them all."""),
+    "E-PORT-BUSY": _code("the serial port is in use", """
+        Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
+        looks at each new port for some seconds. Two programs on one port garble each other."""),
+    "E-PORT-RIGHTS": _code("you may not use the serial port", """
+        On most systems serial ports belong to the group dialout (uucp on Arch). Join it with
+        `sudo usermod -aG dialout $USER`, then log out and in again. Never chmod 777."""),
+    "E-PORT-KIND": _code("that is no serial port", """
+        The device exists but is not a serial port, or there is none of that name. `ls /dev/ttyUSB*
+        /dev/ttyACM* /dev/rfcomm*` lists the usual ones."""),
+    "E-PORT-BAUD": _code("the port refuses the baud rate", """
+        The adapter or its driver cannot do the baud rate of the robot file. 9600 and 115200 work
+        everywhere."""),
+    "E-RECORD": _code("the recording cannot be written or read", """
+        The disk may be full, the folder may not exist, or the file is no recording of
+        diffbotctl."""),
+    "obstacle": _code("something stands ahead", """
+        `obstacle_stop` slows the robot down so that it can always stop, and holds it when no
+        room is left. Turning and backing away stay possible. It drives on when the way is
+        clear, or waits for `resume`, as the pipeline says."""),
+    "too_close": _code("something is closer than the sensor can measure", """
+        Below 4 cm a Sharp sensor's voltage falls again: 2 cm reads like 5.3 cm. So once something
+        came that close, it is believed to be there until the voltage has come back through its
+        peak. When you see that nothing is there, `resume` says so."""),
+    "range_fault": _code("the distance sensor is not to be believed", """
+        It gives no voltage, zero volts for several readings, or exactly the same voltage for
+        seconds, which a living sensor's noise makes impossible. Check its three wires: red 5 V,
+        black ground, yellow or white to the analog pin."""),
+    "range_stale": _code("no fresh distance", """
+        The last distance is too old to drive by. Usually the whole link is late; see the link's
+        state. It ends by itself when distances come again."""),
+    "telemetry_stale": _code("no telemetry from the board", """
+        Nothing came from the board for several frames. Noise on a radio link does that; so does a
+        robot out of reach. It ends by itself when telemetry comes again soon, else the link counts
+        as lost."""),
+    "link_lost": _code("the link to the board is gone", """
+        The port was closed, or nothing came for a second. A board with our firmware stops its
+        motors by itself. A stop is the first thing sent when the link is back; then `resume`."""),
+    "reconnect": _code("the link is back", """
+        After a lost link the robot stands until a person has seen that it may move: `resume`."""),
+    "board_restart": _code("the board restarted while in use", """
+        Its counts began anew. Usual reasons: the supply dips when both motors start (use separate
+        batteries or a large capacitor), a loose wire, or the reset button."""),
+    "command_stale": _code("the pipeline gave no command", """
+        A robot in motion needs a new command all the time. None came, so something in the pipeline
+        does not react: look at its wires with `diffbotctl graph`."""),
+    "gate_limit": _code("a command beyond the robot's limits", """
+        The last gate lets only commands pass that are finite and within the limits of the robot
+        file. It does not trim them: a command beyond the limits means that a block is wrong."""),
+}  # fmt: skip

@@ -1,0 +1,1 @@
+"""Files to checked configuration, with errors that teach."""

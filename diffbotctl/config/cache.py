@@ -1,0 +1,47 @@
+"""Remembers which contents were found to have the right shape, so that the second start is fast.
+
+What is remembered is a hash of the content, the schema and the version: nothing that could make a
+wrong file pass. Without a writable place everything works, only slower.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from hashlib import sha256
+from json import dumps
+from pathlib import Path
+from typing import Any
+
+from diffbotctl import __version__
+
+KEPT = 400  # entries; an empty file each
+
+
+def key(schema: dict[str, Any], content: Any) -> str:
+    """A name for this content under this schema and version."""
+    text = dumps([__version__, schema, content], default=str)
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def holds(name: str) -> bool:
+    """True when `name` was remembered."""
+    return (folder() / name).exists()
+
+
+def remember(name: str) -> None:
+    """Remember `name`; forget the oldest when there are many."""
+    with suppress(OSError):
+        folder().mkdir(parents=True, exist_ok=True)
+        (folder() / name).touch()
+        entries = list(folder().iterdir())
+        if len(entries) > KEPT:
+            entries.sort(key=lambda entry: entry.stat().st_mtime)
+            for entry in entries[: len(entries) - KEPT // 2]:
+                entry.unlink(missing_ok=True)
+
+
+def folder() -> Path:
+    """Where the entries lie: below the user's cache folder."""
+    root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(root) / "diffbotctl" / "valid"

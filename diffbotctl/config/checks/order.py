@@ -1,0 +1,34 @@
+"""Every check, in the order in which they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from diffbotctl.config.case import Case
+from diffbotctl.config.checks import (
+    budget,
+    deadman,
+    fields,
+    loops,
+    names,
+    pins,
+    polarity,
+    reach,
+    speed,
+    tolerance,
+    wires,
+)
+
+CHECKS: tuple[Callable[[Case], None], ...] = (
+    names.check,
+    wires.check,
+    loops.check,
+    fields.check,
+    pins.check,
+    budget.check,
+    deadman.check,
+    speed.check,
+    reach.check,
+    tolerance.check,
+    polarity.check,
+)

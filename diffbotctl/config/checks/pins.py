@@ -1,0 +1,144 @@
+"""Pins: each can do what it is wired for, and is wired for one thing only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from diffbotctl.config.boards import BOARDS, CLOCK_TIMER, Board
+from diffbotctl.config.case import Case
+from diffbotctl.config.sides import SIDES
+from diffbotctl.errors import Place, listed
+
+SHOWN = 6  # pins that a fix names before it says that there are more
+
+
+class Use(NamedTuple):
+    """One pin in one role: its name on the board, what it does, and where that is written."""
+
+    pin: str
+    role: str
+    label: str
+    place: Place | str
+
+
+def check(case: Case) -> None:
+    """Check every pin of the robot file against the table of its board."""
+    known = case.known("board.type", "link.uart")
+    if known is None:
+        return
+    board = BOARDS[known[0]]
+    if known[1] not in board.uarts:
+        cause = f"an {board.title} has no uart {known[1]}"
+        fix = f"it has uart {listed(board.uarts)}"
+        case.error("E-LINK-UART", case.blame("link.uart", "board.type"), cause, fix)
+        return
+    serial = serial_pins(board, known[1])
+    uses = list(pins_in_use(case, board))
+    for use in uses:
+        _check_use(case, board, use, uses, serial)
+    _check_shared(case, uses)
+
+
+def serial_pins(board: Board, uart: int) -> dict[str, str]:
+    """The pins that carry serial lines, with what they carry."""
+    found = {pin: f"uart {uart}, the link" for pin in board.uarts[uart]}
+    found.update(dict.fromkeys(board.uarts[0], "the USB port"))
+    return found
+
+
+def pins_in_use(case: Case, board: Board) -> Iterator[Use]:
+    """Every pin that the robot file names."""
+    paths: list[tuple[str, str, tuple[str, ...], str]] = [
+        ("digital", "direction input", ("drive", side, "motor", name), side)
+        for side in SIDES
+        for name in ("in1", "in2")
+    ]
+    paths += [("pwm", "motor enable", ("drive", side, "motor", "enable"), side) for side in SIDES]
+    paths += [("interrupt", "encoder", ("drive", side, "encoder", "pin"), side) for side in SIDES]
+    for name in (case.robot.sensors or {}) if case.robot else ():
+        paths.append(("analog", "sensor", ("sensors", name, "pin"), name))
+    paths.append(("digital", "stop button", ("board", "stop_button"), ""))
+    for role, label, steps, owner in paths:
+        found = case.known(".".join(steps))
+        if found is not None:
+            whose = f"{owner} {label}" if owner else label
+            yield Use(board.named(str(found[0])), role, whose, case.robot_place(*steps))
+
+
+def _check_use(case: Case, board: Board, use: Use, uses: list[Use], serial: dict[str, str]) -> None:
+    wrong = _wrong(board, use, serial)
+    if wrong is not None:
+        code, cause = wrong
+        case.error(code, use.place, cause, _fix(board, use, uses, serial))
+
+
+def _wrong(board: Board, use: Use, serial: dict[str, str]) -> tuple[str, str] | None:
+    """The code and the reason why this pin cannot do this, or None when it can."""
+    pin = f"pin {use.pin} of a {board.title}".replace("a ATmega", "an ATmega")
+    if not board.has(use.pin):
+        return "E-PIN-UNKNOWN", f"a {board.title} has no pin {use.pin}".replace("a AT", "an AT")
+    if use.pin in serial:
+        return "E-PIN-UART", f"{pin} carries {serial[use.pin]}"
+    if use.role == "pwm" and use.pin not in board.pwm:
+        return "E-PIN-PWM", f"{pin} has no PWM, so the motor could only be off or at full speed"
+    if use.role == "pwm" and board.pwm[use.pin] == CLOCK_TIMER:
+        cause = f"the PWM of pin {use.pin} comes from timer 0, which keeps the board's clock"
+        return "E-PIN-TIMER", cause
+    if use.role == "interrupt" and use.pin not in board.interrupts:
+        return "E-PIN-INTERRUPT", f"{pin} cannot raise an interrupt, so edges would be missed"
+    if use.role == "analog" and use.pin not in board.analog:
+        return "E-PIN-ANALOG", f"{pin} cannot measure a voltage, only high or low"
+    if use.role != "analog" and use.pin in board.analog_only:
+        return "E-PIN-DIGITAL", f"{pin} can only measure a voltage, not switch"
+    return None
+
+
+def able(board: Board, role: str) -> list[str]:
+    """The pins of `board` that can do `role`, those on the clock's timer left out."""
+    if role == "pwm":
+        usable = [pin for pin, timer in board.pwm.items() if timer != CLOCK_TIMER]
+        return sorted(usable, key=int)
+    if role == "interrupt":
+        return list(board.interrupts)
+    if role == "analog":
+        return list(board.analog)
+    return [pin for pin in (*board.digital, *board.analog) if pin not in board.analog_only]
+
+
+def _fix(board: Board, use: Use, uses: list[Use], serial: dict[str, str]) -> str:
+    candidates = able(board, use.role)
+    taken = {each.pin: each.label for each in uses if each is not use}
+    free = [pin for pin in candidates if pin not in taken and pin not in serial]
+    shown = free[:SHOWN]
+    more = f" ({len(free) - SHOWN} more would do)" if len(free) > SHOWN else ""
+    choice = f"use {listed(shown)}{more}"
+    if not free:
+        choice = "no pin that could do it is free: move something else first"
+    if len(candidates) > SHOWN * 2:
+        return choice
+    notes = [f"{pin} is the {label}'s" for pin, label in taken.items() if pin in candidates]
+    lines = [pin for pin in candidates if pin in serial]
+    if lines:
+        verb = "carries" if len(lines) == 1 else "carry"
+        notes.append(f"{listed(lines, 'and')} {verb} {serial[lines[0]]}")
+    return f"{choice} ({'; '.join(notes)})" if notes else choice
+
+
+def _check_shared(case: Case, uses: list[Use]) -> None:
+    first: dict[str, Use] = {}
+    for use in uses:
+        other = first.setdefault(use.pin, use)
+        if other is use:
+            continue
+        cause = f"pin {use.pin} is already the {other.label}'s ({_line(other.place, use.place)})"
+        fix = f"give the {use.label} a pin of its own"
+        case.error("E-PIN-TAKEN", use.place, cause, fix)
+
+
+def _line(place: Place | str, seen_from: Place | str) -> str:
+    """Where the other one stands, in few words."""
+    if isinstance(place, Place) and isinstance(seen_from, Place):
+        is_near = place.source.name == seen_from.source.name
+        return f"line {place.line}" if is_near else f"{place.source.name}:{place.line}"
+    return str(place)

@@ -1,0 +1,83 @@
+"""From what a person types to a file: `goal`, `pipelines/goal.yaml`, `--robot mine`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from diffbotctl.config import resources
+from diffbotctl.errors import Problem, UsageError, nearest
+
+DEFAULT_ROBOT = "book_2wd"
+
+
+def pipeline(name: str) -> Path:
+    """The pipeline file meant by `name`. Raises UsageError."""
+    return find(name, "pipelines")
+
+
+def robot(name: str | None) -> Path:
+    """The robot file meant by `name`, or by nothing said. Raises UsageError."""
+    if name is not None:
+        return find(name, "robots")
+    own = sorted(Path("robots").glob("*.yaml"))
+    names = [path.stem for path in own]
+    if len(own) > 1 and DEFAULT_ROBOT not in names:
+        cause = f"./robots holds {len(own)} files: {', '.join(names)}"
+        raise UsageError(
+            Problem("E-ROBOT-WHICH", "robots", cause, f"say which: --robot {names[0]}")
+        )
+    return own[0] if len(own) == 1 else find(DEFAULT_ROBOT, "robots")
+
+
+def is_known(name: str, kind: str) -> bool:
+    """True when `name` can be looked up in folder `kind`."""
+    try:
+        find(name, kind)
+    except UsageError:
+        return False
+    return True
+
+
+def find(name: str, kind: str) -> Path:
+    """The file of folder `kind` meant by `name`: a path, or a name in ./`kind` or shipped."""
+    if is_path(name):
+        return Path(name)
+    own = Path(kind) / f"{name}.yaml"
+    if own.is_file():
+        return own
+    shipped = resources.folder(kind) / f"{name}.yaml"
+    if "\0" not in name and shipped.is_file():
+        return shipped
+    raise _not_found(name, kind)
+
+
+def is_path(name: str) -> bool:
+    """True when `name` is meant as a file rather than looked up."""
+    return "/" in name or os.sep in name or name.endswith((".yaml", ".yml"))
+
+
+def shown(path: Path) -> str:
+    """`path` as a person would write it from here; shipped files stand below `diffbotctl/`."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return f"diffbotctl/{path.parent.name}/{path.name}" if is_shipped(path) else str(path)
+
+
+def is_shipped(path: Path) -> bool:
+    """True when `path` is one of the files that ship with diffbotctl."""
+    folders = [resources.folder(kind) for kind in ("robots", "pipelines")]
+    try:
+        return path.resolve().parent in [folder.resolve() for folder in folders]
+    except (OSError, ValueError):
+        return False
+
+
+def _not_found(name: str, kind: str) -> UsageError:
+    known = sorted({*resources.names(kind), *(path.stem for path in Path(kind).glob("*.yaml"))})
+    near = nearest(name, known)
+    what = kind.removesuffix("s")
+    fix = f"did you mean {near}?" if near else f"known are {', '.join(known)}, or give a path"
+    cause = f"there is no {what} called '{name}' in ./{kind} nor among the shipped ones"
+    return UsageError(Problem("E-FILE-NAME", name, cause, fix))

@@ -1,0 +1,52 @@
+"""What can stand at the ends of a wire: the blocks, and the two drivers every pipeline has."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from diffbotctl import block, messages
+from diffbotctl.config.robot import Robot
+
+SENSOR_MESSAGES = {"sharp_gp2y0a41sk0f": messages.Volts}
+OPERATOR: dict[str, type] = {
+    "goal": messages.Goal,
+    "path": messages.Path,
+    "twist": messages.Twist,
+    "resume": messages.Resume,
+    "stop": messages.Stop,
+    "halt": messages.Stop,
+}
+ROBOT: dict[str, type] = {
+    "encoders": messages.Encoders,
+    "link": messages.Link,
+    "battery": messages.Battery,
+    "text": messages.Text,
+    "stop": messages.Stop,
+}
+RESERVED = ("robot", "operator", "gate", "wheel_speed")
+
+
+class Node(NamedTuple):
+    """The ports of one node: message class of each output, input port of each input."""
+
+    outputs: dict[str, type]
+    inputs: dict[str, block.In]
+
+
+def of_block(kind: type[block.Block]) -> Node:
+    """The ports of a block class; timers are no inputs for wires."""
+    inputs = {name: port for name, port in block.inputs(kind).items() if isinstance(port, block.In)}
+    return Node({name: port.kind for name, port in block.outputs(kind).items()}, inputs)
+
+
+def operator() -> Node:
+    """The ports of the operator: what a person, or the list of goals, puts in."""
+    return Node(dict(OPERATOR), {})
+
+
+def robot(which: Robot | None) -> Node:
+    """The ports of a robot: its telemetry, one output for each sensor, and its wheels."""
+    outputs = dict(ROBOT)
+    for name, sensor in (which.sensors or {}).items() if which else ():
+        outputs[name] = SENSOR_MESSAGES.get(getattr(sensor, "type", ""), messages.Volts)
+    return Node(outputs, {"wheels": block.In(messages.Wheels, optional=True)})

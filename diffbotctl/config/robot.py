@@ -1,0 +1,248 @@
+"""The robot file, declared: board, pins, wheels, encoders, sensors, link, limits, body, truth."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from diffbotctl.params import Param, Pin, Section
+from diffbotctl.plant.truth import Simulation
+
+RPM = 2 * pi / 60  # rad/s
+
+
+class Board(Section):
+    """The microcontroller board and how it speaks."""
+
+    type = Param(
+        str, choices=("mega2560", "atmega328p"), default="mega2560",
+        help="Kind of board: its pins decide what can be connected where.",
+    )  # fmt: skip
+    telemetry = Param(
+        float, unit="Hz", default=40.0, least=1.0, most=200.0,
+        help="How often the board reports counts, edge times and sensor voltages.",
+    )  # fmt: skip
+    edge_times = Param(
+        bool, default=True, help="Report when the last edge of each encoder came, not only counts."
+    )
+    deadman = Param(
+        float, unit="s", default=0.3, least=0.1, most=0.5,
+        help="The board stops its motors by itself when no valid command came for so long.",
+        reason="shorter stops the robot between two commands, longer lets it drive blind",
+    )  # fmt: skip
+    stop_button = Param(
+        Pin, none=True, default=None, help="Pin of an emergency stop button, or none."
+    )
+
+
+class Link(Section):
+    """The serial line between host and board."""
+
+    protocol = Param(
+        str, choices=("diffbot", "rosserial"), default="diffbot",
+        help="diffbot: our firmware. rosserial: the book's firmware.",
+    )  # fmt: skip
+    uart = Param(int, default=1, least=0, most=3, help="Serial port of the board; 0 is the USB.")
+    baud = Param(
+        int, default=9600, choices=(9600, 19200, 38400, 57600, 115200),
+        help="Baud rate of that port. A USB port always means 115200.",
+    )  # fmt: skip
+    command_delay = Param(
+        float, unit="s", default=0.015, least=0.0, most=1.0,
+        help="From the host to the motor: the wire, the radio, the board's loop.",
+    )  # fmt: skip
+    stamp_jitter = Param(
+        float, unit="s", default=0.0, least=0.0, most=0.1,
+        help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
+    )  # fmt: skip
+    range_formula = Param(
+        str, none=True, default=None, choices=("13/V",),
+        help="Formula by which a rosserial board turns volts into centimetres, to turn them back.",
+    )  # fmt: skip
+
+
+class Wheel(Section):
+    """One wheel."""
+
+    diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter of the wheel.")
+
+
+class SpeedLoop(Section):
+    """Feed-forward and PI of one wheel's speed, run on the board, or on the host for PWM boards."""
+
+    static = Param(
+        float, unit="1", default=0.10, least=0.0, below=1.0,
+        help="Duty that just overcomes friction.",
+    )  # fmt: skip
+    speed = Param(
+        float, none=True, default=None, above=0.0,
+        help="Duty per rad/s above the static part; none: the rest of the duty at rated speed.",
+    )  # fmt: skip
+    proportional = Param(float, default=0.0, least=0.0, help="Duty per rad/s of speed error.")
+    integral = Param(float, default=0.02, least=0.0, help="Duty per rad of angle error.")
+
+
+class Motor(Section):
+    """One motor and its half of the driver chip."""
+
+    driver = Param(str, choices=("l298n",), default="l298n", help="Motor driver chip.")
+    rated = Param(
+        float, unit="rad/s", above=0.0, default=100 * RPM,
+        help="Speed of the wheel at full duty and full battery.",
+    )  # fmt: skip
+    idle = Param(
+        str, choices=("coast", "brake"), default="coast",
+        help="What a motor at rest does: turn freely, or short its windings.",
+    )  # fmt: skip
+    enable = Param(Pin, help="Pin of the driver's EN input; carries the PWM.")
+    in1 = Param(Pin, help="Pin of the driver's first direction input.")
+    in2 = Param(Pin, help="Pin of the driver's second direction input.")
+    reversed = Param(
+        bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
+    )
+    lag = Param(
+        float, unit="s", default=0.1, above=0.0, below=2.0,
+        help="Time constant from duty to speed.",
+    )  # fmt: skip
+    start_duty = Param(
+        float, unit="1", default=0.12, least=0.0, below=1.0,
+        help="Duty at which a wheel at rest begins to turn.",
+    )  # fmt: skip
+    keep_duty = Param(
+        float, unit="1", default=0.096, least=0.0, below=1.0,
+        help="Duty below which a turning wheel stops.",
+    )  # fmt: skip
+    loop = Param(SpeedLoop, default=SpeedLoop(), help="The wheel's speed loop.")
+
+
+class Encoder(Section):
+    """One wheel encoder."""
+
+    channels = Param(
+        int, choices=(1,), default=1, help="Channels; one channel cannot tell the direction."
+    )
+    slots = Param(int, least=1, most=4096, help="Slots of the disc: counts per turn of the wheel.")
+    edge = Param(
+        str, choices=("rising", "falling"), default="rising", help="Which flank of a slot counts."
+    )
+    glitch = Param(
+        float, unit="s", default=0.002, least=0.0, most=0.05,
+        help="An edge this soon after the last is noise and is not counted.",
+    )  # fmt: skip
+    pin = Param(Pin, help="Pin of the encoder's output; must raise interrupts.")
+
+
+class Side(Section):
+    """One side of the drive: what is written here, over what both sides share."""
+
+    wheel = Param(Wheel, shared=True, help="This side's wheel.")
+    motor = Param(Motor, shared=True, help="This side's motor.")
+    encoder = Param(Encoder, shared=True, help="This side's encoder.")
+
+
+class Drive(Section):
+    """The two driven wheels. `wheel`, `motor` and `encoder` here hold for both sides."""
+
+    type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
+    track = Param(
+        float, unit="m", above=0.02, below=2.0,
+        help="Distance between the middles of the tyres.",
+    )  # fmt: skip
+    polarity = Param(
+        str, choices=("unproven", "by_hand", "calibrated"), default="unproven",
+        help="Who has seen that each motor turns its own wheel the right way.",
+    )  # fmt: skip
+    wheel: Any = Param(Wheel, shared=True, default=None, help="What both wheels share.")
+    motor: Any = Param(Motor, shared=True, default=None, help="What both motors share.")
+    encoder: Any = Param(Encoder, shared=True, default=None, help="What both encoders share.")
+    left = Param(Side, help="The left side.")
+    right = Param(Side, help="The right side.")
+
+
+class Mount(Section):
+    """Where a sensor sits, seen from the middle of the axle (base_link)."""
+
+    x = Param(float, unit="m", default=0.0, help="Forward.")
+    y = Param(float, unit="m", default=0.0, help="Left.")
+    heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
+
+
+class Curve(Section):
+    """A Sharp sensor's curve: volts = a / (distance + b) + c."""
+
+    a = Param(float, default=0.1498, above=0.0, help="Steepness, in V m.")
+    b = Param(float, unit="m", default=0.0134, least=0.0, help="Shift of the distance.")
+    c = Param(float, unit="V", default=-0.047, help="Shift of the voltage.")
+
+
+class Sensor(Section):
+    """One distance sensor."""
+
+    type = Param(str, choices=("sharp_gp2y0a41sk0f",), help="Part name of the sensor.")
+    pin = Param(Pin, help="Analog pin that reads its voltage.")
+    at = Param(Mount, default=Mount(), help="Where it sits on the robot.")
+    curve = Param(Curve, default=Curve(), help="Its curve; the data sheet's typical part.")
+
+
+class Body(Section):
+    """The robot's outline, measured from the middle of the axle."""
+
+    front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
+    back = Param(float, unit="m", least=0.0, default=0.15, help="How far it reaches backward.")
+    width = Param(float, unit="m", above=0.0, default=0.14, help="Its whole width.")
+
+
+class Limits(Section):
+    """What the robot may do at most."""
+
+    speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Forward and backward speed.")
+    turn_rate = Param(float, unit="rad/s", above=0.0, default=4.0, help="Turning speed.")
+    acceleration = Param(
+        float, unit="m/s2", above=0.0, default=1.0, help="Speeding up, at a wheel."
+    )
+    braking = Param(float, unit="m/s2", above=0.0, default=1.5, help="Slowing down, at a wheel.")
+
+
+class Battery(Section):
+    """The motor supply."""
+
+    low = Param(
+        float, unit="V", least=0.0, default=0.0,
+        help="Below this voltage the battery counts as low.",
+    )  # fmt: skip
+
+
+class Calibrated(Section):
+    """One value that a calibration found, and how."""
+
+    value: Any = Param(object, help="The value, written as the field itself would be.")
+    sd: Any = Param(object, none=True, default=None, help="Its standard deviation.")
+    date = Param(str, none=True, default=None, help="When it was found.")
+    method = Param(str, none=True, default=None, help="The calibration that found it.")
+    volts = Param(
+        float, unit="V", none=True, default=None, help="Battery voltage during the calibration."
+    )
+    recording = Param(str, none=True, default=None, help="Recording that it was found from.")
+
+
+class Robot(Section):
+    """One robot: what is bolted, soldered and plugged where, and what it may do."""
+
+    format = Param(int, choices=(1,), help="Version of this file's shape.")
+    kind = Param(str, choices=("robot",), help="What this file describes.")
+    include: Any = Param(
+        object, none=True, default=None,
+        help="A robot file, or a list of them, that this one changes.",
+    )  # fmt: skip
+    vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
+    board = Param(Board, default=Board(), help="The microcontroller board.")
+    link = Param(Link, default=Link(), help="The serial line to the board.")
+    drive = Param(Drive, help="Wheels, motors and encoders.")
+    sensors = Param(dict[str, Sensor], default={}, help="Distance sensors by name.")
+    body = Param(Body, default=Body(), help="The outline.")
+    limits = Param(Limits, default=Limits(), help="What it may do at most.")
+    battery = Param(Battery, default=Battery(), help="The motor supply.")
+    simulation = Param(Simulation, default=Simulation(), help="What the simulated robot is like.")
+    calibration = Param(
+        dict[str, Calibrated], default={}, help="Written by calibrate: field path to value."
+    )

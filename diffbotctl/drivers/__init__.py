@@ -1,0 +1,1 @@
+"""Blocks at the edge that touch the world: links, the simulator, the operator."""

@@ -1,0 +1,108 @@
+"""The operator: hands out goals, echoes what holds the robot, and decides how the run ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.graph import NEVER
+from diffbotctl.messages import Goal, GoalState, Message, Path, Resume, Stop
+
+ENDED = {"reached", "blocked", "stuck", "timed_out"}
+
+
+class Operator:
+    """A driver that speaks for the person: goals from the files or the command line, in turn.
+
+    What it delivers in answer to a message comes one nanosecond after it: feedback from the end of
+    the graph to its beginning goes through here, so that the graph itself has no loop.
+    """
+
+    def __init__(self, goals: Sequence[Goal], end: Callable[[int, str], None]) -> None:
+        self.waiting = list(goals)
+        self.end = end
+        self.given: list[Goal] = []
+        self.under_way: Goal | None = None
+        self.outbox: list[Delivery] = []
+        self.at = 0
+        self.number = 0
+        self.reached = 0
+        self.stops: list[Stop] = []
+        self.holding: dict[str, Stop] = {}
+        self.state: GoalState | None = None
+        self._next(0)
+
+    def due(self) -> int:
+        """At once when something waits to be delivered."""
+        return self.at if self.outbox else NEVER
+
+    def files(self) -> list[int]:
+        """None: goals of a file need no waiting."""
+        return []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Hand out what waits, stamped with `now`."""
+        out = [Delivery(wire, _stamped(message, now)) for wire, message in self.outbox]
+        self.outbox = []
+        return out
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def hear_goal_state(self, now: int, state: GoalState) -> None:
+        """Take the follower's word: the next goal when one is reached, the end when one failed."""
+        self.state = state
+        if self.under_way is None or state.number != self.under_way.number:
+            return
+        if state.state == "reached":
+            self.reached += 1
+            self._next(now)
+        elif state.state in ENDED:
+            self.under_way = None
+            self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
+
+    def hear_path(self, now: int, path: Path) -> None:
+        """Take all waypoints of a path as the goals to visit."""
+        self.waiting += path.goals
+        if self.under_way is None:
+            self._next(now)
+
+    def hear_stop(self, source: str) -> Callable[[int, Stop], None]:
+        """A sink for the stops of the block `source`: noted for the summary, and echoed."""
+
+        def hear(now: int, stop: Stop) -> None:
+            if stop.code:
+                self.stops.append(stop)
+                self.holding[source] = stop
+            else:
+                self.holding.pop(source, None)
+            self._say(now, "stop", self._gravest(now))
+
+        return hear
+
+    def resume(self, now: int) -> None:
+        """Consent to move again."""
+        self._say(now, "resume", Resume(now))
+
+    def _gravest(self, now: int) -> Stop:
+        ranked = sorted(self.holding.values(), key=lambda stop: not stop.latched)
+        return ranked[0] if ranked else Stop(now, "", "", False)
+
+    def _next(self, now: int) -> None:
+        if not self.waiting:
+            if self.under_way is not None:
+                self.end(0, "all goals reached")
+            self.under_way = None
+            return
+        self.number += 1
+        self.under_way = self.waiting.pop(0)._replace(number=self.number)
+        self.given.append(self.under_way)
+        self._say(now, "goal", self.under_way)
+
+    def _say(self, now: int, port: str, message: Message) -> None:
+        self.outbox.append(Delivery(f"operator.{port}", message))
+        self.at = now + 1
+
+
+def _stamped(message: Message, now: int) -> Message:
+    return message._replace(time=now)

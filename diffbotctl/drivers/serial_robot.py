@@ -1,0 +1,130 @@
+"""The robot behind a serial port: bytes of the port to the protocol, and its bytes to the port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from diffbotctl.drivers.port import Port
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.errors import RunError
+from diffbotctl.graph import NEVER
+from diffbotctl.links.protocol import LinkProtocol
+from diffbotctl.messages import Duty, Message, Wheels
+
+MILLISECOND = 1_000_000
+FIRST_RETRY = 200 * MILLISECOND  # a replugged board needs about this long to appear
+LONGEST_RETRY = 2_000 * MILLISECOND
+
+
+class SerialRobot:
+    """A driver. Reopens a port that vanished, with growing pauses; a stop comes first after it.
+
+    `open_port` raises OSError while the device is away. `on_open` is told each newly opened port,
+    for the guardian's sake.
+    """
+
+    def __init__(
+        self,
+        protocol: LinkProtocol,
+        open_port: Callable[[], Port],
+        on_open: Callable[[Port], None] | None = None,
+    ) -> None:
+        self.protocol = protocol
+        self.open_port = open_port
+        self.on_open = on_open
+        self.port: Port | None = None
+        self.retry_at = 0
+        self.retry_pause = FIRST_RETRY
+        self.unsent = b""
+
+    def due(self) -> int:
+        """The protocol's next wish, or the next try to open the port."""
+        return self.retry_at if self.port is None else self.protocol.due()
+
+    def files(self) -> list[int]:
+        """The port while it is open."""
+        return [] if self.port is None else [self.port.fd]
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Read, let time speak, write what is due."""
+        if self.port is None:
+            return self._reopen(now)
+        try:
+            data = self.port.read()
+            heard = self.protocol.receive(now, data) if data else []
+            heard += self.protocol.timed(now)
+            self._write(now)
+        except OSError as error:
+            return self._lost(now, error)
+        return _addressed(heard)
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """Hand the command to the protocol and send it at once if the wire is free."""
+        self.protocol.command(now, wanted)
+        self._write_or_lose(now)
+
+    def stop(self, now: int) -> None:
+        """Discard what waits here and in the kernel, then stop, again and again."""
+        self.unsent = b""
+        if self.port is not None:
+            self.port.discard_unsent()
+        self.protocol.stop(now)
+        self._write_or_lose(now)
+
+    @property
+    def stopped(self) -> bool:
+        """True when the board's telemetry shows it."""
+        return self.protocol.stopped
+
+    def close(self) -> None:
+        """Close the port."""
+        if self.port is not None:
+            self.port.close()
+
+    def _write_or_lose(self, now: int) -> None:
+        try:
+            self._write(now)
+        except OSError:
+            self.retry_at = now  # `deliver` meets the same error and reports it
+
+    def _write(self, now: int) -> None:
+        if self.port is None:
+            return
+        if not self.unsent and self.protocol.due() <= now:
+            self.unsent = self.protocol.send(now)
+        if self.unsent:
+            self.unsent = self.unsent[self.port.write(self.unsent) :]
+
+    def _lost(self, now: int, error: OSError) -> list[Delivery]:
+        cause = error.strerror or str(error)
+        if self.port is not None:
+            self.port.close()
+        self.port, self.unsent = None, b""
+        self.retry_at, self.retry_pause = now + FIRST_RETRY, FIRST_RETRY
+        return _addressed(self.protocol.closed(now, cause))
+
+    def _reopen(self, now: int) -> list[Delivery]:
+        if now < self.retry_at:
+            return []
+        try:
+            port = self.open_port()
+        except (OSError, RunError):
+            self.retry_pause = min(2 * self.retry_pause, LONGEST_RETRY)
+            self.retry_at = now + self.retry_pause
+            return []
+        self.adopt(now, port)
+        return []
+
+    def adopt(self, now: int, port: Port) -> None:
+        """Use an open port: negotiate anew, and make a stop the first command on it."""
+        self.port, self.unsent = port, b""
+        self.protocol.opened(now)
+        self.protocol.stop(now)
+        self.retry_at = NEVER
+        if self.on_open is not None:
+            self.on_open(port)
+        self._write_or_lose(now)
+
+
+def _addressed(heard: list[tuple[str, Message]]) -> list[Delivery]:
+    return [Delivery(f"robot.{port}", message) for port, message in heard]

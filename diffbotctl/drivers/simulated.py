@@ -1,0 +1,71 @@
+"""The simulated robot behind the node `robot`."""
+
+from __future__ import annotations
+
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.messages import Duty, Encoders, Link, Wheels
+from diffbotctl.plant.robot import SimulatedRobot
+
+SECOND = 1_000_000_000
+STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
+COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
+
+
+class Simulated:
+    """A driver that lets the plant's time pass and hands out what its board sends."""
+
+    def __init__(self, robot: SimulatedRobot, takes_duty: bool) -> None:
+        self.robot = robot
+        self.zero: type[Duty] | type[Wheels] = Duty if takes_duty else Wheels
+        self.frames = 0
+        self.report_at = 0
+        self.counts: tuple[int, int] | None = None
+        self.still_since = self.zero_since = 0
+        self.stopping = False
+        self.stopped = False
+
+    def due(self) -> int:
+        """When the next message arrives."""
+        return self.robot.due()
+
+    def files(self) -> list[int]:
+        """None."""
+        return []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Let the plant's time pass until `now`."""
+        self.robot.advance(now)
+        heard = []
+        for port, message in self.robot.deliver():
+            heard.append(Delivery(f"robot.{port}", message))
+            if isinstance(message, Encoders):
+                self.frames += 1
+                if self.stopping:
+                    self._watch(now, message)
+        if heard and now >= self.report_at:
+            self.report_at = now + SECOND
+            heard.append(Delivery("robot.link", Link(now, "up", received=self.frames)))
+        return heard
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """Send a command to the simulated board."""
+        self.robot.advance(now)
+        self.robot.command(now, wanted)
+
+    def stop(self, now: int) -> None:
+        """Stop the wheels; `stopped` becomes true when they have stood still for a while."""
+        self.stopping, self.stopped = True, False
+        self.still_since = self.zero_since = now
+        self.counts = None
+        self.command(now, self.zero(now, 0.0, 0.0))
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _watch(self, now: int, encoders: Encoders) -> None:
+        counts = (encoders.left, encoders.right)
+        if encoders.left_command or encoders.right_command:
+            self.zero_since = now
+        if counts != self.counts:
+            self.counts, self.still_since = counts, now
+        self.stopped = now - self.still_since >= STILL and now - self.zero_since >= COASTED

@@ -1,0 +1,84 @@
+"""Clocks: they say when it is, and wait. Logical time is ns since the start of the run."""
+
+from __future__ import annotations
+
+import select
+import time
+from typing import Protocol
+
+from diffbotctl.graph import NEVER
+
+MILLISECOND = 1_000_000
+
+
+class Clock(Protocol):
+    """Waits for a logical time or for a file that can be read."""
+
+    def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
+        """Return (the logical time it is, files ready) at `until` or as soon as a file is ready."""
+
+
+class VirtualClock:
+    """Time jumps to the next event: simulation and replay as fast as they go."""
+
+    def __init__(self) -> None:
+        self.poller = _Poller()
+        self.turns = 0
+
+    def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
+        """Jump to `until`; files are looked at only now and then, for they mean people."""
+        self.turns += 1
+        ready = self.poller.ready(0, files) if files and self.turns % LOOK_EVERY == 0 else []
+        return until, ready
+
+
+LOOK_EVERY = 64  # instants: about a millisecond of an unpaced run between two looks for a person
+
+
+class PacedClock:
+    """Time of the wall since the start, for real robots and for simulation at real speed.
+
+    `exact`: report the time that was asked for rather than the moment of waking, so that a paced
+    simulation has the same logical times as an unpaced one.
+    """
+
+    def __init__(self, exact: bool) -> None:
+        self.exact = exact
+        self.poller = _Poller()
+        self.start = time.monotonic_ns()
+
+    def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
+        """Sleep until `until` or until a file can be read."""
+        left = until - (time.monotonic_ns() - self.start)
+        ready = self.poller.ready(max(left, 0), files)
+        if self.exact and not ready:
+            return until, ready
+        return time.monotonic_ns() - self.start, ready
+
+
+class _Poller:
+    """Waits with nanoseconds; poll() alone knows only whole milliseconds."""
+
+    def __init__(self) -> None:
+        self.epoll = select.epoll()
+        self.files: list[int] = []
+
+    def ready(self, left: int, files: list[int]) -> list[int]:
+        if files != self.files:
+            self._watch(files)
+        if not files:
+            time.sleep(min(left, LONGEST) / 1e9)
+            return []
+        # epoll rounds up to a millisecond; sleep the rest short of it so that timers stay sharp.
+        seconds = min(left, LONGEST) / 1e9
+        return [file for file, _ in self.epoll.poll(seconds)]
+
+    def _watch(self, files: list[int]) -> None:
+        self.epoll.close()
+        self.epoll = select.epoll()
+        for file in files:
+            self.epoll.register(file, select.EPOLLIN)
+        self.files = list(files)
+
+
+LONGEST = min(NEVER, 3600 * 1_000_000_000)

@@ -1,0 +1,203 @@
+"""The engine: one loop that moves messages along the wires and passes time.
+
+Before anything is delivered at time t, every timer due before t fires at its nominal time; what is
+due at t merges with what arrives at t. Each instant is later than the one before. Two messages for
+one wire never share an instant: the second waits a nanosecond.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, Protocol
+
+from diffbotctl.engine.clock import Clock
+from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.graph import NEVER, SECOND, Graph, Sink
+
+INTERRUPTED = 130  # exit code, as shells have it
+STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed
+
+
+class Signals(Protocol):
+    """Something that hears of signals: `file` is readable when `cause` has been set."""
+
+    file: int
+    cause: str | None
+
+
+class Ending(NamedTuple):
+    """How a run ended. `code` is the exit code; `stopped` is None without a robot.
+
+    `time` is the logical time of the last instant.
+    """
+
+    code: int
+    cause: str
+    stopped: bool | None
+    time: int
+
+
+class Engine:
+    """A graph, its drivers and a clock. `run` returns only after the robot was told to stop.
+
+    `record` takes each instant as one tuple; `idle` is called after each turn, when whatever the
+    instant commanded has left.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        drivers: list[Driver],
+        clock: Clock,
+        *,
+        robot: RobotDriver | None = None,
+        sinks: dict[str, list[Sink]] | None = None,
+        record: Callable[[tuple[Any, ...]], object] | None = None,
+        idle: Callable[[], None] | None = None,
+        signals: Signals | None = None,
+    ) -> None:
+        self.graph = graph
+        self.drivers = drivers
+        self.clock = clock
+        self.robot = robot
+        self.record = record
+        self.idle = idle
+        self.place = {wire: i for i, wire in enumerate(graph.sources)}
+        self.empty: list[Any] = [None] * len(graph.sources)
+        joined = {wire: _joined(many) for wire, many in (sinks or {}).items()}
+        self.compiled = graph.compile(joined, record)
+        self.last = -1
+        self.ending: tuple[int, str] | None = None
+        self.failure: RunError | None = None
+        self.signals = signals
+
+    def end(self, code: int, cause: str) -> None:
+        """Ask the loop to end after this instant; the first cause stands."""
+        if self.ending is None:
+            self.ending = (code, cause)
+
+    def run(self, until: int = NEVER) -> Ending:
+        """Run until `end` is called or logical time reaches `until`, then stop the robot."""
+        gc.collect()
+        gc.freeze()  # what lives now lives to the end; collections need not walk it again
+        try:
+            self._turn_until(until)
+        except RunError as failure:
+            self.failure = failure
+            self.end(1, str(failure))
+        except BaseException as error:
+            self.end(1, f"{type(error).__name__}: {error}")
+            self._stop()
+            raise
+        self.end(0, f"{until / SECOND:g} s are over")
+        stopped = self._stop()
+        assert self.ending is not None
+        code, cause = self.ending
+        return Ending(code, cause, stopped, max(self.last, 0))
+
+    def _turn_until(self, until: int) -> None:
+        while self.ending is None:
+            if not self.turn(until):
+                return
+
+    def turn(self, until: int) -> bool:
+        """Wait for the next thing, and do it. False when logical time has reached `until`."""
+        graph_due = self.compiled.due()
+        wake = min(graph_due, until)
+        for driver in self.drivers:
+            wake = min(wake, driver.due())
+        now, ready = self.clock.wait(wake, self._files())
+        if self.signals is not None and self.signals.cause:
+            self.end(INTERRUPTED, self.signals.cause)
+            return False
+        if now >= until:
+            self._catch_up(until)
+            return False
+        deliveries: list[Delivery] = []
+        for driver in self.drivers:
+            if driver.due() <= now or (ready and not set(ready).isdisjoint(driver.files())):
+                deliveries += driver.deliver(now)
+        if deliveries:
+            self.deliver(now, deliveries)
+        else:
+            self._catch_up(now + 1)
+        if self.idle is not None:
+            self.idle()
+        return True
+
+    def deliver(self, now: int, deliveries: Iterable[Delivery]) -> None:
+        """Run the instant at `now`, and as many more as the deliveries need."""
+        now = max(now, self.last + 1)
+        values = self.empty.copy()
+        for wire, message in deliveries:
+            place = self.place[wire]
+            if values[place] is not None:
+                self._instant(now, values)
+                now, values = now + 1, self.empty.copy()
+            values[place] = message
+        self._instant(now, values)
+
+    def _catch_up(self, before: int) -> None:
+        """Fire every timer that is due earlier than `before`, each at its nominal time."""
+        while (due := self.compiled.due()) < before:
+            self._react(due, self.empty)
+
+    def _instant(self, now: int, values: list[Any]) -> None:
+        self._catch_up(now)
+        self._react(now, values)
+
+    def _react(self, now: int, values: list[Any]) -> None:
+        self.last = now
+        try:
+            self.compiled.instant(now, *values)
+        except Exception as error:
+            self._blame(now, values, error)
+
+    def _blame(self, now: int, values: list[Any], error: Exception) -> None:
+        name = self.compiled.culprit(error)
+        if name is None:
+            raise error
+        if self.record is not None:
+            blank = [None] * (len(self.graph.wires) - len(values))
+            self.record((now, *values, *blank))
+        cause = f"it raised {type(error).__name__}: {error}"
+        fix = "the robot was stopped; run again with --debug to see where in the block"
+        raise RunError(Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)) from error
+
+    def _files(self) -> list[int]:
+        files = [file for driver in self.drivers for file in driver.files()]
+        return files if self.signals is None else [*files, self.signals.file]
+
+    def _stop(self) -> bool | None:
+        """Stop the robot and wait for the proof; None without a robot, False when not confirmed."""
+        if self.robot is None:
+            return None
+        now, _ = self.clock.wait(max(self.last, 0), [])
+        self.robot.stop(now)
+        deadline = now + STOP_PATIENCE
+        while now < deadline and not self.robot.stopped:
+            now, _ = self.clock.wait(min(deadline, self.robot.due()), self.robot.files())
+            deliveries = self.robot.deliver(now)
+            if deliveries and self.failure is None:
+                self._last_words(now, deliveries)
+        return self.robot.stopped
+
+    def _last_words(self, now: int, deliveries: list[Delivery]) -> None:
+        """Let the graph see the robot come to rest; its commands no longer count."""
+        try:
+            self.deliver(now, deliveries)
+        except RunError as failure:
+            self.failure = failure
+
+
+def _joined(sinks: list[Sink]) -> Sink:
+    if len(sinks) == 1:
+        return sinks[0]
+
+    def all_of_them(now: int, message: Any) -> None:
+        for sink in sinks:
+            sink(now, message)
+
+    return all_of_them

@@ -1,0 +1,171 @@
+"""What went wrong, said to a person: where it stands, what is wrong, what to do about it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from unicodedata import east_asian_width
+
+WIDTH = 80  # columns of the narrowest terminal in common use
+CONTEXT = 24  # columns of the user's line kept in front of the caret when it must be shortened
+NARROWEST = 34  # columns below which a cause beside the caret becomes a thin tower of words
+SLACK = 12  # columns that breaking between words may cost
+CUT = "..."
+
+
+class Source:
+    """A text that problems can point into: a file, or the words of a command line."""
+
+    def __init__(self, name: str, text: str, is_own: bool = True) -> None:
+        """`is_own`: the user wrote it, as opposed to a file that ships with diffbotctl."""
+        self.name = name
+        self.is_own = is_own
+        self.lines = re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
+
+    def line(self, number: int) -> str:
+        """Line `number`, counted from 1; empty beyond the end."""
+        return self.lines[number - 1] if 0 < number <= len(self.lines) else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A stretch of one line of a source; line and column count from 1."""
+
+    source: Source
+    line: int
+    column: int
+    length: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.source.name}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake: a code to look up, its place, its cause in words, and the way out."""
+
+    code: str
+    place: Place | str
+    cause: str
+    fix: str = ""
+    severity: str = "error"
+
+    @property
+    def file(self) -> str:
+        return self.place if isinstance(self.place, str) else self.place.source.name
+
+    @property
+    def line(self) -> int:
+        """Line of the mistake from 1; 0 when the whole file is meant."""
+        return 0 if isinstance(self.place, str) else self.place.line
+
+    @property
+    def column(self) -> int:
+        """Column of the mistake from 1; 0 when the whole file is meant."""
+        return 0 if isinstance(self.place, str) else self.place.column
+
+    @property
+    def length(self) -> int:
+        return 0 if isinstance(self.place, str) else self.place.length
+
+    def render(self, width: int = WIDTH) -> str:
+        """The problem as a person reads it, in at most `width` columns where its words allow."""
+        mark = "  (warning)" if self.severity == "warning" else ""
+        head = [f"{self.place}  {self.code}{mark}"]
+        if isinstance(self.place, str):
+            body = _wrapped(self.cause, "  ", width)
+        else:
+            body = _quoted(self.place, self.cause, width)
+        return "\n".join(head + body + _wrapped(self.fix, "  ", width))
+
+
+class UserError(Exception):
+    """Something that a person can mend; carries the problems and the exit code to leave with."""
+
+    exit_code = 2
+
+    def __init__(self, problems: Iterable[Problem] | Problem) -> None:
+        self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        super().__init__("\n\n".join(problem.render() for problem in self.problems))
+
+
+class ConfigurationError(UserError):
+    """The files are wrong: every problem of all of them at once. Nothing has started."""
+
+
+class UsageError(UserError):
+    """The command line is wrong."""
+
+
+class RunError(UserError):
+    """It ran, and failed."""
+
+    exit_code = 1
+
+
+def nearest(word: str, words: Iterable[str]) -> str | None:
+    """The one of `words` that was probably meant by `word`, or None when none is near."""
+    from difflib import get_close_matches
+
+    found = get_close_matches(word[:80], list(words), n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def listed(words: Iterable[object], joint: str = "or") -> str:
+    """`a, b or c`."""
+    texts = [str(word) for word in words]
+    if len(texts) < 2:
+        return "".join(texts)
+    return f"{', '.join(texts[:-1])} {joint} {texts[-1]}"
+
+
+def printable(text: str) -> str:
+    """`text` with every character that would upset a terminal replaced by one that does not."""
+    return "".join(
+        character if character.isprintable() else " " if character == "\t" else "\N{MIDDLE DOT}"
+        for character in text
+    )
+
+
+def _quoted(place: Place, cause: str, width: int) -> list[str]:
+    """The user's own line, and below it the caret with the cause behind it."""
+    number = f"  {place.line} "
+    room = width - len(number) - 2
+    line = printable(place.source.line(place.line))
+    before, here = line[: place.column - 1], max(1, min(place.length, len(line) - place.column + 1))
+    after_caret = here + 1 + len(cause)
+    if _columns(line) > room or _columns(before) + after_caret > room:
+        keep = max(CONTEXT, room - after_caret)
+        if len(before) > keep:
+            line = CUT + line[len(before) - keep + len(CUT) :]
+            before = CUT + before[len(before) - keep + len(CUT) :]
+        if _columns(line) > room:
+            line = line[: max(room - len(CUT), len(before) + 1)] + CUT
+        here = min(here, max(1, room - len(before)))
+    margin = " " * (len(number)) + "| "
+    caret = margin + " " * _columns(before) + "^" * here
+    beside = width - len(caret) - 1
+    first = f"{number}| {line}".rstrip()
+    if len(cause) <= beside or (beside >= NARROWEST and len(cause) <= 2 * beside - SLACK):
+        lines = _wrapped(cause, " " * (len(caret) - len(margin) + 1), width - len(margin))
+        rest = [margin + text for text in lines[1:]]
+        return [first, f"{caret} {lines[0].lstrip()}", *rest]
+    return [first, caret, *(margin + text for text in _wrapped(cause, "", width - len(margin)))]
+
+
+def _columns(text: str) -> int:
+    return sum(2 if east_asian_width(character) in "WF" else 1 for character in text)
+
+
+def _wrapped(text: str, indent: str, width: int) -> list[str]:
+    from textwrap import wrap
+
+    return wrap(
+        text,
+        max(width, len(indent) + 20),
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

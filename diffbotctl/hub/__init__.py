@@ -1,0 +1,1 @@
+"""What watches and remembers a run, in processes of its own: recordings, screens, sockets."""

@@ -1,0 +1,58 @@
+"""What a run last said, for screens: the newest message of each kind, sent on ten times a second.
+
+The channel drops: a screen that is slow, stopped or dead costs the engine nothing.
+"""
+
+from __future__ import annotations
+
+import pickle
+import socket
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from diffbotctl.messages import Message
+
+PERIOD = 100_000_000  # ns of logical time between two pictures
+
+
+class Snapshot(NamedTuple):
+    """The newest message of each wire that a screen shows, by wire, and how the goals go."""
+
+    time: int
+    messages: dict[str, Message]
+    reached: int
+    goals: int
+
+
+class Latest:
+    """Keeps the newest message of each watched wire, and sends a Snapshot now and then."""
+
+    def __init__(self, channel: socket.socket, progress: Callable[[], tuple[int, int]]) -> None:
+        self.channel = channel
+        self.progress = progress
+        self.messages: dict[str, Message] = {}
+        self.next = 0
+        channel.setblocking(False)
+
+    def sink(self, wire: str) -> Callable[[int, Any], None]:
+        """A sink that keeps what comes on `wire`."""
+        messages = self.messages
+
+        def keep(now: int, message: Any) -> None:
+            messages[wire] = message
+
+        return keep
+
+    def idle(self, now: int) -> None:
+        """Send a picture when one is due."""
+        if now < self.next:
+            return
+        self.next = now + PERIOD
+        self.send(Snapshot(now, self.messages, *self.progress()))
+
+    def send(self, item: object) -> None:
+        """Send one datagram; a full channel drops it."""
+        try:
+            self.channel.send(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
+        except (BlockingIOError, ConnectionRefusedError, BrokenPipeError, ConnectionResetError):
+            return

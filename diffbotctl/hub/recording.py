@@ -1,0 +1,122 @@
+"""Recordings: MCAP files with one JSON channel a wire, flushed each second.
+
+A file that was ended properly carries the metadata record `end`; without it the file was cut, and
+is readable up to its last flush.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from diffbotctl.engine.replay import Recorded
+from diffbotctl.links.json_messages import decoder, encoder, json_schema
+from diffbotctl.messages import BUILT_IN
+
+CHUNK = 256 << 10  # bytes; an unpaced run fills it in a few ms, a paced one flushes each second
+
+
+class Recording:
+    """Writes instants to an MCAP file. All methods may raise OSError when the disk is full."""
+
+    def __init__(
+        self, file: IO[bytes], wires: dict[str, type], sources: int, about: dict[str, str]
+    ) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self.file = file
+        self.writer: Any = Writer(file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+        self.writer.start(library="diffbotctl")
+        self.writer.add_metadata("run", about)
+        self.epoch = int(about["epoch"])
+        self.instants = 0
+        self.channels: list[tuple[int, Any]] = []
+        schemas: dict[type, int] = {}
+        for place, (wire, kind) in enumerate(wires.items()):
+            if kind not in schemas:
+                schema = json.dumps(json_schema(kind)).encode()
+                schemas[kind] = self.writer.register_schema(kind.__name__, "jsonschema", schema)
+            origin = "driver" if place < sources else "block"
+            channel = self.writer.register_channel(
+                wire, "json", schemas[kind], {"from": origin, "kind": kind.__name__}
+            )
+            self.channels.append((channel, encoder(kind)))
+
+    def write(self, instant: tuple[Any, ...]) -> None:
+        """Write the messages of one instant: (time, message or None for each wire)."""
+        time = self.epoch + instant[0]
+        for (channel, encode), message in zip(self.channels, instant[1:], strict=True):
+            if message is not None:
+                self.writer.add_message(channel, time, encode(message), time, self.instants)
+        self.instants += 1
+
+    def flush(self) -> None:
+        """Bring what was written to the disk, as a chunk that a reader can open."""
+        self.writer.flush()
+        self.file.flush()
+        os.fsync(self.file.fileno())
+
+    def finish(self, summary: dict[str, str]) -> None:
+        """End the file; without this it counts as cut."""
+        self.writer.add_metadata("end", summary)
+        self.writer.finish()
+        self.file.flush()
+
+
+class RecordingReader:
+    """Reads a recording, also one that was cut: up to its last flush."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.about: dict[str, str] = {}
+        self.end: dict[str, str] | None = None
+        self.wires: dict[str, tuple[str, str]] = {}
+        self.cut: str | None = None
+
+    def messages(self) -> Iterator[Recorded]:
+        """All messages in the order of writing. Fills `about`, `end`, `wires` and `cut`."""
+        from mcap.records import Channel, Message, Metadata
+        from mcap.stream_reader import StreamReader
+
+        decoders: dict[int, Any] = {}
+        channels: dict[int, Any] = {}
+        with self.path.open("rb") as file:
+            records = StreamReader(file, validate_crcs=True).records
+            for record in self._until_cut(records):
+                if isinstance(record, Metadata):
+                    self._note(record.name, dict(record.metadata))
+                elif isinstance(record, Channel) and record.id not in channels:
+                    channels[record.id] = record
+                    decoders[record.id] = decoder(BUILT_IN[record.metadata["kind"]])
+                    self.wires[record.topic] = (record.metadata["kind"], record.metadata["from"])
+                elif isinstance(record, Message):
+                    channel = channels[record.channel_id]
+                    message = decoders[record.channel_id](record.data)
+                    yield Recorded(
+                        record.log_time - int(self.about["epoch"]),
+                        channel.topic,
+                        channel.metadata["from"] == "driver",
+                        message,
+                        record.data,
+                        record.sequence,
+                    )
+
+    def _note(self, name: str, values: dict[str, str]) -> None:
+        if name == "run":
+            self.about = values
+        elif name == "end":
+            self.end = values
+
+    def _until_cut(self, records: Any) -> Iterator[Any]:
+        iterator = iter(records)
+        while True:
+            try:
+                yield next(iterator)
+            except StopIteration:
+                return
+            except Exception as error:  # the reader raises whatever its decompressor raises
+                self.cut = f"{type(error).__name__}: {error}"
+                return

@@ -1,0 +1,53 @@
+"""A screen in a process of its own, at idle scheduling priority: it can never slow the engine."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+from diffbotctl.hub.latest import Snapshot
+
+LARGEST = 1 << 18  # bytes of one picture
+LINES = 64 << 10  # bytes the channel may hold: a few pictures, older ones are of no use
+
+
+def start(show: Callable[[Iterator[Snapshot]], None]) -> tuple[socket.socket, int]:
+    """Fork a process that runs `show` over the pictures sent to the returned channel."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    pid = os.fork()
+    if pid:
+        theirs.close()
+        return ours, pid
+    ours.close()
+    try:
+        _quiet()
+        show(_pictures(theirs))
+    except BrokenPipeError:
+        pass
+    finally:
+        os._exit(0)
+
+
+def _quiet() -> None:
+    signal.set_wakeup_fd(-1)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+
+
+def _pictures(channel: socket.socket) -> Iterator[Snapshot]:
+    """Pictures until the engine ends or dies."""
+    while True:
+        data = channel.recv(LARGEST)
+        if not data:
+            return
+        picture = pickle.loads(data)
+        if picture is None:
+            return
+        yield picture

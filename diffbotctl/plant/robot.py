@@ -1,0 +1,268 @@
+"""A whole simulated robot: two wheels, a body, sensors, a board and its link, in virtual time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from math import cos, pi, sin
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.messages import Duty, Encoders, Message, Volts, Wheels
+from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind, Side
+from diffbotctl.plant.body import Body, Pose
+from diffbotctl.plant.sharp import Sharp
+from diffbotctl.plant.speed_loop import Gains
+from diffbotctl.plant.truth import SensorTruth, Simulation
+from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
+from diffbotctl.plant.world import World
+
+STEP = 5_000_000  # ns between two steps of the body: 1.5 mm at 0.3 m/s, 0.02 rad at 4 rad/s
+
+
+class Mounting(NamedTuple):
+    """Where a distance sensor sits, in base_link (m, rad)."""
+
+    name: str
+    x: float
+    y: float = 0.0
+    heading: float = 0.0
+
+
+class Machine(NamedTuple):
+    """What the robot file says of the robot, as the plant needs it."""
+
+    track: float  # m
+    left_diameter: float  # m
+    right_diameter: float  # m
+    rated: float  # rad/s at full duty
+    slots: int
+    glitch: int  # ns
+    deadman: int  # ns
+    gains: tuple[Gains, Gains]  # of the board's speed loop, left and right
+    reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
+    sensors: tuple[Mounting, ...] = ()
+
+
+class Truth(NamedTuple):
+    """The plant's truth at `time`: for tests and the summary only, never for a block."""
+
+    time: int
+    pose: Pose
+    left_angle: float  # rad
+    right_angle: float
+    left_speed: float  # rad/s
+    right_speed: float
+    travel: float  # m, length of the path
+    turned: float  # rad, sum of all turning
+
+
+class SimulatedRobot:
+    """A robot drawn from its truth by a seeded generator, driven in virtual time.
+
+    `due` says when it next has a message; `advance` lets time pass; `deliver` hands out what has
+    arrived by then; `command` is what the host sends, at a time not after the last `advance`.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        machine: Machine,
+        simulation: Simulation,
+        chance: Random,
+        world: World | None = None,
+        start: Pose | None = None,
+    ) -> None:
+        """`kind`: `stock`, `counts` or `edges`. `start`: where in the world frame `odom` begins."""
+        self._kind: Kind = KINDS[kind]
+        self._chance = chance
+        self.machine = machine
+        self.motors = _draw_motors(machine, simulation, chance)
+        self.discs = tuple(draw_disc(simulation.encoder, machine.slots, chance) for _ in range(2))
+        self.body = _draw_body(machine, simulation, chance)
+        self._start = start or Pose()
+        self._world = world or World()
+        self._sensors = _draw_sensors(machine.sensors, simulation.sensors, chance)
+        # Own generators for what happens often, so that one wheel's luck does not move the other's.
+        seeds = [chance.getrandbits(64) for _ in range(3)]
+        self.wheels = tuple(
+            Wheel(motor, disc, Random(seed))
+            for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
+        )
+        self.board = Board(
+            self._kind, machine.gains, machine.slots, machine.glitch, machine.deadman,
+            Random(seeds[2]),
+        )  # fmt: skip
+        self._sag = simulation.battery.sag
+        self._outputs = _outputs(machine, simulation)
+        self._floating = tuple(
+            getattr(simulation.wiring, side) == "floating" for side in ("left", "right")
+        )
+        self.now = 0
+        self._next_step = STEP
+        self._next_frame = self._kind.period
+        self._waiting: deque[tuple[int, str, Message]] = deque()
+        self._sees = bool(self._sensors) and not self._world.empty
+
+    def due(self) -> int:
+        """When the next message arrives at the host, as far as it is known; never in the past."""
+        if self._waiting:
+            return max(self.now, self._waiting[0][0])
+        return self._next_frame + self._kind.frame
+
+    def advance(self, until: int) -> None:
+        """Let time pass until `until`."""
+        board = self.board
+        while True:
+            at = min(self._next_step, self._next_frame, board.due)
+            if at > until:
+                break
+            self._move(at)
+            if at >= board.due:
+                board.serve(at)
+            if at >= self._next_step:
+                self._next_step += STEP
+                if self._sees:
+                    self._look(at)
+            if at >= self._next_frame:
+                self._next_frame += self._kind.period
+                self._sample(at)
+        if until > self.now:
+            self._move(until)
+
+    def deliver(self) -> list[tuple[str, Message]]:
+        """What has arrived at the host by now, in order, as (port, message)."""
+        arrived = []
+        while self._waiting and self._waiting[0][0] <= self.now:
+            _, port, message = self._waiting.popleft()
+            arrived.append((port, message))
+        return arrived
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """The host sends `wanted` at `now`. Raises TypeError where the board takes the other."""
+        self.board.command(now, wanted)
+
+    def truth(self) -> Truth:
+        """Where the robot truly is now, in the frame `odom`."""
+        left, right = self.wheels
+        body = self.body
+        return Truth(
+            self.now, Pose(body.x, body.y, body.heading), left.angle, right.angle,
+            left.speed, right.speed, body.travel, body.turned,
+        )  # fmt: skip
+
+    def _move(self, until: int) -> None:
+        left, right = self.wheels
+        a, b = self.board.sides
+        to_left, to_right = self._duties(a.duty, b.duty)
+        for level_left in left.advance(until, to_left):
+            self._pin(a, 0, level_left)
+        for level_right in right.advance(until, to_right):
+            self._pin(b, 1, level_right)
+        self.body.roll(left.angle, right.angle)
+        self.now = until
+
+    def _duties(self, left: float, right: float) -> tuple[float, float]:
+        """Share of the battery's rest voltage at each motor, forward positive."""
+        if not left and not right:
+            return 0.0, 0.0
+        supply = 1.0 - self._sag * 0.5 * (abs(left) + abs(right))
+        (ll, lr), (rl, rr) = self._outputs
+        return supply * (ll * left + lr * right), supply * (rl * left + rr * right)
+
+    def _pin(self, side: Side, number: int, change: tuple[int, int]) -> None:
+        time, level = change
+        if level and not self._floating[number]:
+            self.board.edge(side, time)
+
+    def _sample(self, now: int) -> None:
+        kind = self._kind
+        late = 0
+        if kind.stamp_jitter:
+            share = self._chance.gauss(0.0, 1.0)
+            late = int(min(max(share, -MOST_JITTER), MOST_JITTER) * kind.stamp_jitter)
+        arrival = now + kind.frame + late
+        frame: Encoders = self.board.sample(now)
+        if late:  # the driver dates a frame by its arrival, less the usual delay
+            frame = frame._replace(time=now + late)
+        self._waiting.append((arrival, "encoders", frame))
+        for mounting, sensor in self._sensors:
+            volts = Volts(now + late, sensor.output(now))
+            self._waiting.append((arrival, mounting.name, volts))
+
+    def _look(self, now: int) -> None:
+        for mounting, sensor in self._sensors:
+            while sensor.due <= now:
+                sensor.measure(self._distance(mounting))
+
+    def _distance(self, mounting: Mounting) -> float:
+        start, body = self._start, self.body
+        facing = start.heading + body.heading
+        base_x = start.x + body.x * cos(start.heading) - body.y * sin(start.heading)
+        base_y = start.y + body.x * sin(start.heading) + body.y * cos(start.heading)
+        x = base_x + mounting.x * cos(facing) - mounting.y * sin(facing)
+        y = base_y + mounting.x * sin(facing) + mounting.y * cos(facing)
+        return self._world.distance(x, y, facing + mounting.heading)
+
+
+def _draw_motors(machine: Machine, simulation: Simulation, chance: Random) -> tuple[Motor, Motor]:
+    truth = simulation.motor
+    lag = chance.uniform(*truth.lag)
+    drawn = []
+    for _ in range(2):
+        start = chance.uniform(*truth.start_duty)
+        drawn.append(
+            Motor(
+                speed=machine.rated * (1.0 + chance.uniform(-1.0, 1.0) * truth.gain_spread),
+                lag=lag * (1.0 + chance.uniform(-1.0, 1.0) * truth.lag_spread),
+                start=start,
+                keep=start * truth.keep_share,
+                ripple=truth.ripple,
+                ripple_phase=chance.uniform(0.0, 2 * pi),
+                coulomb=truth.coasting == "coulomb",
+            )
+        )
+    return drawn[0], drawn[1]
+
+
+def _draw_body(machine: Machine, simulation: Simulation, chance: Random) -> Body:
+    truth = simulation.geometry
+    track = machine.track * (1.0 + chance.uniform(-1.0, 1.0) * truth.track_spread)
+    radii = [
+        0.5 * diameter * (1.0 + chance.uniform(-1.0, 1.0) * truth.diameter_spread)
+        for diameter in (machine.left_diameter, machine.right_diameter)
+    ]
+    return Body(track, radii[0], radii[1], simulation.slip, Random(chance.getrandbits(64)))
+
+
+def _draw_sensors(
+    mountings: Sequence[Mounting], errors: Mapping[str, SensorTruth], chance: Random
+) -> list[tuple[Mounting, Sharp]]:
+    drawn = []
+    for mounting in mountings:
+        truth = errors.get(mounting.name) or SensorTruth()
+        sensor = Sharp(truth.noise, truth.offset, Random(chance.getrandbits(64)))
+        drawn.append((mounting, sensor))
+    return drawn
+
+
+def _outputs(
+    machine: Machine, simulation: Simulation
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """How each motor (row) follows each driver output (column): 1, -1, or 0 for not at all.
+
+    The robot file's `reversed` undoes leads that are soldered the other way round.
+    """
+    wiring = (simulation.wiring.left, simulation.wiring.right)
+    table = [[0.0, 0.0], [0.0, 0.0]]
+    for motor in (0, 1):
+        if wiring[motor] == "dead":
+            continue
+        output = 1 - motor if wiring[motor] == "swapped" else motor
+        leads = -1.0 if wiring[motor] == "reversed" else 1.0
+        undone = -1.0 if machine.reversed[output] else 1.0
+        table[motor][output] = leads * undone
+    return (table[0][0], table[0][1]), (table[1][0], table[1][1])
+
+
+__all__ = ["NEVER", "Disc", "Machine", "Mounting", "SimulatedRobot", "Truth"]

@@ -1,0 +1,169 @@
+"""What the simulated robot truly is: the `simulation` section of a robot file.
+
+Values are drawn from these spreads by a seeded generator when the plant is built. No block can read
+them; that is what makes a simulated figure worth something.
+"""
+
+from __future__ import annotations
+
+from diffbotctl.params import Param, Section
+
+
+class MotorTruth(Section):
+    """Spreads of the two gear motors."""
+
+    lag = Param(
+        tuple[float, float],
+        default=(0.060, 0.150),
+        unit="s",
+        help="Range of the time constant from duty to speed; one is drawn for both motors.",
+    )
+    lag_spread = Param(
+        float,
+        default=0.05,
+        unit="1",
+        least=0.0,
+        most=0.5,
+        help="Largest difference of each motor's lag from the drawn one.",
+    )
+    gain_spread = Param(
+        float,
+        default=0.10,
+        unit="1",
+        least=0.0,
+        most=0.5,
+        help="Largest difference of each motor's speed from the rated one at full duty.",
+    )
+    start_duty = Param(
+        tuple[float, float],
+        default=(0.08, 0.16),
+        unit="1",
+        help="Range of the duty at which a resting wheel breaks loose; drawn for each motor.",
+    )
+    keep_share = Param(
+        float,
+        default=0.8,
+        unit="1",
+        above=0.0,
+        most=1.0,
+        help="Share of the starting duty that keeps a turning wheel turning.",
+    )
+    ripple = Param(
+        float, default=0.02, unit="1", least=0.0, most=0.5, help="Amplitude of the torque ripple."
+    )
+    coasting = Param(
+        str,
+        default="linear",
+        choices=("linear", "coulomb"),
+        help="Without drive the speed dies exponentially, or dry friction stops it in finite time.",
+    )
+
+
+class EncoderTruth(Section):
+    """Spreads of the two slotted discs and their light barriers."""
+
+    phase = Param(
+        str,
+        default="random",
+        choices=("random", "zero"),
+        help="Where in a slot the wheels stand at the start.",
+    )
+    slot_spread = Param(
+        float,
+        default=0.03,
+        unit="1",
+        least=0.0,
+        most=0.15,
+        help="Standard deviation of a slot's place, as a share of the pitch.",
+    )
+    duty_spread = Param(
+        float,
+        default=0.05,
+        unit="1",
+        least=0.0,
+        most=0.15,
+        help="Standard deviation of the open share of the pitch, about one half, per disc.",
+    )
+    jitter = Param(
+        float,
+        default=50e-6,
+        unit="s",
+        least=0.0,
+        most=2e-3,
+        help="Standard deviation of the delay of an edge.",
+    )
+
+
+class GeometryTruth(Section):
+    """How far the true geometry is from the robot file's."""
+
+    track_spread = Param(
+        float, default=0.0, unit="1", least=0.0, most=0.2, help="Largest error of the track."
+    )
+    diameter_spread = Param(
+        float,
+        default=0.0,
+        unit="1",
+        least=0.0,
+        most=0.2,
+        help="Largest error of each wheel's diameter.",
+    )
+
+
+class SensorTruth(Section):
+    """Errors of one distance sensor."""
+
+    noise = Param(
+        float, default=0.010, unit="V", least=0.0, help="Standard deviation of each reading."
+    )
+    offset = Param(float, default=0.0, unit="V", help="Constant error of the voltage.")
+
+
+class WiringTruth(Section):
+    """How the simulated robot was soldered together."""
+
+    left = Param(
+        str,
+        default="plain",
+        choices=("plain", "reversed", "swapped", "dead", "floating"),
+        help="Left side: motor leads, motors exchanged, motor dead, encoder pin floating.",
+    )
+    right = Param(
+        str,
+        default="plain",
+        choices=("plain", "reversed", "swapped", "dead", "floating"),
+        help="Right side: motor leads, motors exchanged, motor dead, encoder pin floating.",
+    )
+
+
+class BatteryTruth(Section):
+    """The motor supply of the simulated robot."""
+
+    sag = Param(
+        float,
+        default=0.04,
+        unit="1",
+        least=0.0,
+        most=0.5,
+        help="Share of the voltage that is lost while both motors take full duty.",
+    )
+
+
+class Simulation(Section):
+    """The plant's truth: spreads to draw from, and errors to add."""
+
+    motor = Param(MotorTruth, default=MotorTruth(), help="The gear motors.")
+    encoder = Param(EncoderTruth, default=EncoderTruth(), help="The slotted discs.")
+    geometry = Param(GeometryTruth, default=GeometryTruth(), help="The true geometry.")
+    slip = Param(
+        float,
+        default=0.0005,
+        unit="m",
+        least=0.0,
+        help="Slip of each wheel, standard deviation per square root of a metre of its travel.",
+    )
+    battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
+    sensors = Param(
+        dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name."
+    )
+    wiring = Param(WiringTruth, default=WiringTruth(), help="How it was soldered together.")

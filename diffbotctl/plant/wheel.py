@@ -1,0 +1,222 @@
+"""One wheel of the simulated robot: motor, gear, friction and a slotted disc.
+
+Between two breaks (a change of duty, a step of the ripple's grid, coming to rest) the speed follows
+an exponential exactly, so that neither the angle nor the time of an edge depends on how the caller
+cuts time into steps. Speeds are rad/s, angles rad, times integer nanoseconds.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from math import exp, inf, log, pi, sin
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.plant.truth import EncoderTruth
+
+SECOND = 1_000_000_000  # ns
+GRID = 5_000_000  # ns; the ripple is taken as constant this long: a tenth of its period at 100 rpm
+RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
+REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
+NEVER = 1 << 62  # ns
+CLOSE = 1e-10  # s; an edge's time is found to this, a tenth of the clock's nanosecond
+
+
+class Motor(NamedTuple):
+    """The truth about one motor with its gear.
+
+    At duty u a turning wheel settles at `speed` * (u - keep) / (1 - keep), with the time constant
+    `lag`; a resting one breaks loose above `start`. `coulomb`: friction goes on braking when the
+    drive is gone, otherwise the speed then dies exponentially.
+    """
+
+    speed: float  # rad/s at full duty
+    lag: float  # s
+    start: float  # duty
+    keep: float  # duty
+    ripple: float = 0.0
+    ripple_phase: float = 0.0  # rad
+    coulomb: bool = False
+
+
+class Disc(NamedTuple):
+    """A slotted disc: where its flanks lie in one turn, rising and falling in turn, in rad."""
+
+    flanks: tuple[float, ...]
+    start: float  # rad; the disc's angle under the light barrier at the start
+    jitter: float  # s; standard deviation of an edge's delay
+
+
+def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
+    """Draw a disc with `slots` slots."""
+    pitch = 2 * pi / slots
+    duty = _within(chance.gauss(0.5, truth.duty_spread), 0.3, 0.7)
+    flanks = []
+    for slot in range(slots):
+        # A slot and a bar never swap places: a quarter of the pitch is left on either side.
+        place = slot + _within(chance.gauss(0.0, truth.slot_spread), -0.12, 0.12)
+        end = slot + duty + _within(chance.gauss(0.0, truth.slot_spread), -0.12, 0.12)
+        flanks += [place * pitch, end * pitch]
+    start = chance.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
+    return Disc(tuple(flanks), start, truth.jitter)
+
+
+class Wheel:
+    """A wheel that turns as its motor is driven, and the level of its encoder's pin.
+
+    `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
+    """
+
+    __slots__ = (
+        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_flank", "_halts",
+        "_pending", "_settled", "_speed", "angle", "duty", "level", "motor", "now", "speed",
+    )  # fmt: skip
+
+    def __init__(self, motor: Motor, disc: Disc, chance: Random, now: int = 0) -> None:
+        self.motor = motor
+        self._disc = disc
+        self._chance = chance
+        self.now = now
+        self.angle = self.speed = self.duty = 0.0
+        self._pending: deque[tuple[int, int]] = deque()
+        self._flank = bisect_right(disc.flanks, disc.start)
+        self._bracket()
+        while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
+            self._flank += 1
+            self._bracket()
+        self.level = self._flank % 2  # after an odd number of flanks the slot lies open
+        self._begin()
+
+    def advance(self, until: int, duty: float) -> list[tuple[int, int]]:
+        """Drive with `duty` (-1 to 1) from `now` until `until`.
+
+        Returns the pin's changes in that time as (time in ns, new level), in order.
+        """
+        if duty != self.duty:
+            self.duty = duty
+            self._begin()
+        while until >= self._end:
+            self._move(self._end)
+            if self._halts:
+                self.speed = 0.0
+            self._begin()
+        if until > self.now:
+            self._move(until)
+        if not self._pending:
+            return []
+        return self._due(until)
+
+    def _begin(self) -> None:
+        """Start a stretch of exact exponential motion at `now`."""
+        motor, speed = self.motor, self.speed
+        self._begun, self._angle, self._speed = self.now, self.angle, speed
+        self._halts = False
+        push = self.duty
+        if speed == 0.0 and -motor.start <= push <= motor.start:
+            self._settled, self._end = 0.0, NEVER
+            return
+        if motor.ripple:
+            push *= 1.0 + motor.ripple * sin(RIPPLE_CYCLES * self.angle + motor.ripple_phase)
+        settled = self._settled = settled_speed(motor, push, speed)
+        self._end = (self.now // GRID + 1) * GRID
+        # Only a slowing wheel can come to rest; look closer when it may within this stretch.
+        if (settled > 0.0) != (speed > 0.0) or settled == 0.0:
+            self._look_for_rest(speed, settled)
+
+    def _look_for_rest(self, speed: float, settled: float) -> None:
+        if speed == 0.0:
+            return
+        ratio = abs(speed) / REST if settled == 0.0 else (speed - settled) / -settled
+        left = self.motor.lag * log(ratio) if ratio > 1.0 else 0.0
+        end = self.now + int(left * SECOND) + 1
+        if end <= self._end:
+            self._end, self._halts = end, True
+
+    def _move(self, until: int) -> None:
+        settled = self._settled
+        if self._end != NEVER:
+            lag = self.motor.lag
+            past = (until - self._begun) * 1e-9
+            fade = exp(-past / lag)
+            over = self._speed - settled
+            self.speed = settled + over * fade
+            angle = self.angle = self._angle + settled * past + over * lag * (1.0 - fade)
+            if angle >= self._ahead or angle < self._behind:
+                self._cross(angle)
+        self.now = until
+
+    def _cross(self, angle: float) -> None:
+        while angle >= self._ahead:
+            self._change(self._ahead, 1 - self._flank % 2)
+            self._flank += 1
+            self._bracket()
+        while angle < self._behind:
+            self._flank -= 1
+            self._change(self._behind, self._flank % 2)
+            self._bracket()
+
+    def _change(self, place: float, level: int) -> None:
+        time = self._begun + round(self._time_of(place) * SECOND)
+        if self._disc.jitter:
+            # A light barrier can only be late. Twice the mean delay matters to nobody.
+            time += int(abs(self._chance.gauss(0.0, self._disc.jitter)) * SECOND)
+        if self._pending:
+            time = max(time, self._pending[-1][0])
+        self._pending.append((time, level))
+
+    def _time_of(self, place: float) -> float:
+        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed)."""
+        lag, settled, over = self.motor.lag, self._settled, self._speed - self._settled
+        low, high = 0.0, (self._end - self._begun) * 1e-9
+        forward = place >= self._angle
+        past = 0.5 * high
+        for _ in range(60):  # bisection alone would need 30
+            fade = exp(-past / lag)
+            error = self._angle + settled * past + over * lag * (1.0 - fade) - place
+            if (error > 0.0) == forward:
+                high = past
+            else:
+                low = past
+            speed = settled + over * fade
+            step = error / speed if speed else inf
+            following = past - step
+            if not low <= following <= high:
+                following = 0.5 * (low + high)
+            if abs(following - past) < CLOSE:
+                return following
+            past = following
+        return past
+
+    def _bracket(self) -> None:
+        """Angles of the flank passed last and of the one to come, going forward."""
+        flanks, start = self._disc.flanks, self._disc.start
+        turn, place = divmod(self._flank, len(flanks))
+        self._ahead = flanks[place] + turn * 2 * pi - start
+        turn, place = divmod(self._flank - 1, len(flanks))
+        self._behind = flanks[place] + turn * 2 * pi - start
+
+    def _due(self, until: int) -> list[tuple[int, int]]:
+        due = []
+        while self._pending and self._pending[0][0] <= until:
+            change = self._pending.popleft()
+            if change[1] != self.level:
+                self.level = change[1]
+                due.append(change)
+        return due
+
+
+def settled_speed(motor: Motor, duty: float, speed: float) -> float:
+    """Speed (rad/s) towards which a wheel tends that turns at `speed` and is driven with `duty`."""
+    scale = motor.speed / (1.0 - motor.keep)
+    if motor.coulomb and speed != 0.0:
+        return scale * (duty - motor.keep if speed > 0.0 else duty + motor.keep)
+    if duty > motor.keep:
+        return scale * (duty - motor.keep)
+    if duty < -motor.keep:
+        return scale * (duty + motor.keep)
+    return 0.0
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)

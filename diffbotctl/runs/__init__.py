@@ -1,0 +1,1 @@
+"""Whole runs: files in, a robot that was stopped out."""

@@ -1,0 +1,117 @@
+"""From a checked configuration to a graph with its drivers' wires: what the builder adds.
+
+Added to every pipeline with a robot: the last gate behind the wheels' wire; behind it, for a board
+that takes only PWM, `wheel_speed`; the echo of what holds the robot, to blocks that ask for it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from diffbotctl.block import Block, In, inputs, outputs, robot_fields
+from diffbotctl.config import nodes as ends
+from diffbotctl.config import registry
+from diffbotctl.config.configuration import BlockUse, Configuration
+from diffbotctl.config.robot import Robot
+from diffbotctl.engine.gate import Gate
+from diffbotctl.graph import Graph, Node
+from diffbotctl.messages import Resume, Stop
+from diffbotctl.runs.simulation import takes_duty
+
+UNPROVEN_SPEED = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
+GATE, WHEEL_SPEED = "gate", "wheel_speed"
+
+
+class Assembly(NamedTuple):
+    """A graph, and where it meets its drivers. `command` is the wire that leaves for the robot."""
+
+    graph: Graph
+    command: str | None
+    unproven: bool
+
+
+def assemble(configuration: Configuration, real: bool) -> Assembly:
+    """Build the graph. `real`: a real robot moves, so that unproven wiring slows it down."""
+    robot = configuration.robot
+    unproven = real and robot is not None and robot.drive.polarity == "unproven"
+    made = [_node(use, robot, unproven) for use in configuration.blocks]
+    command = None
+    if robot is not None and "wheels" in configuration.robot_wires:
+        made.append(_gate(robot, configuration.robot_wires["wheels"]))
+        command = f"{GATE}.wheels"
+        if takes_duty(robot):
+            made.append(_wheel_speed(robot))
+            command = f"{WHEEL_SPEED}.duty"
+    return Assembly(Graph(made, sources(robot)), command, unproven)
+
+
+def sources(robot: Robot | None) -> dict[str, type]:
+    """Every wire that a driver delivers on, with its message class."""
+    found = {f"operator.{port}": kind for port, kind in ends.OPERATOR.items()}
+    if robot is not None:
+        found.update({f"robot.{port}": kind for port, kind in ends.robot(robot).outputs.items()})
+    return found
+
+
+def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
+    values = dict(use.values)
+    if unproven:
+        for attribute, field in robot_fields(use.cls).items():
+            if field == "limits.speed":
+                values[attribute] = min(values[attribute], UNPROVEN_SPEED)
+    wires = dict(use.wires)
+    for port, wanted in inputs(use.cls).items():
+        if isinstance(wanted, In) and wanted.optional and port not in wires:
+            echo = ECHOES.get(wanted.kind)
+            if echo is not None:
+                wires[port] = echo
+    return Node(use.name, use.cls(**values), wires)
+
+
+# Optional inputs of these kinds hear the operator unless the pipeline says otherwise.
+ECHOES: dict[type, str] = {Stop: "operator.stop", Resume: "operator.resume"}
+
+
+def _gate(robot: Robot, command: str) -> Node:
+    period = 1.0 / robot.board.telemetry
+    gate = _made(Gate, robot, telemetry_timeout=min(0.5, max(0.25, FRAMES_MISSED * period)))
+    wires = {
+        "command": command,
+        "encoders": "robot.encoders",
+        "link": "robot.link",
+        "board": "robot.stop",
+        "operator": "operator.halt",
+        "resume": "operator.resume",
+    }
+    return Node(GATE, gate, wires)
+
+
+FRAMES_MISSED = 4  # telemetry frames that noise may swallow before the robot is stopped
+
+
+def _wheel_speed(robot: Robot) -> Node:
+    kind = registry.block(WHEEL_SPEED)
+    wires = {"wheels": f"{GATE}.wheels", "encoders": "robot.encoders"}
+    return Node(WHEEL_SPEED, _made(kind, robot), wires)
+
+
+def _made(kind: type[Block], robot: Robot, **values: Any) -> Block:
+    fields = {name: _field(robot, path) for name, path in robot_fields(kind).items()}
+    return kind(**values, **fields)
+
+
+def _field(robot: Robot, path: str) -> Any:
+    value: Any = robot
+    for step in path.split("."):
+        value = value[step] if isinstance(value, dict) else getattr(value, step)
+    return value
+
+
+def wires_of(assembly: Assembly, kind: type) -> list[str]:
+    """The block outputs that carry messages of class `kind`."""
+    return [
+        f"{node.name}.{port}"
+        for node in assembly.graph.nodes
+        for port, out in outputs(type(node.block)).items()
+        if out.kind is kind
+    ]

@@ -1,0 +1,70 @@
+"""From a robot file to its simulated self."""
+
+from __future__ import annotations
+
+from random import Random
+
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.robot import Robot, Side
+from diffbotctl.drivers.simulated import Simulated
+from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
+from diffbotctl.plant.speed_loop import Gains
+from diffbotctl.plant.world import Round, Wall, World
+
+SECOND = 1_000_000_000
+
+
+def simulated(configuration: Configuration, seed: int) -> Simulated:
+    """The simulated robot of a configuration, drawn by `seed` from its `simulation` section."""
+    robot = configuration.nominal
+    assert robot is not None
+    plant = SimulatedRobot(
+        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
+    )
+    return Simulated(plant, takes_duty(robot))
+
+
+def board_kind(robot: Robot) -> str:
+    """`stock`, `counts` or `edges`: how this robot's board answers."""
+    if robot.link.protocol == "rosserial":
+        return "stock"
+    return "edges" if robot.board.edge_times else "counts"
+
+
+def takes_duty(robot: Robot) -> bool:
+    """True for a board that has no wheel-speed loop of its own."""
+    return robot.link.protocol == "rosserial"
+
+
+def machine(robot: Robot) -> Machine:
+    """What the plant must know of the robot file."""
+    drive = robot.drive
+    return Machine(
+        track=drive.track,
+        left_diameter=drive.left.wheel.diameter,
+        right_diameter=drive.right.wheel.diameter,
+        rated=drive.left.motor.rated,
+        slots=drive.left.encoder.slots,
+        glitch=round(drive.left.encoder.glitch * SECOND),
+        deadman=round(robot.board.deadman * SECOND),
+        gains=(gains(drive.left), gains(drive.right)),
+        reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
+        sensors=tuple(
+            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
+            for name, sensor in robot.sensors.items()
+        ),
+    )
+
+
+def gains(side: Side) -> Gains:
+    """Gains of one wheel's speed loop, with the feed-forward's slope worked out if none is set."""
+    loop, rated = side.motor.loop, side.motor.rated
+    slope = loop.speed if loop.speed is not None else (1.0 - loop.static) / rated
+    return Gains(loop.static, slope, loop.proportional, loop.integral)
+
+
+def world(configuration: Configuration) -> World:
+    """Walls and obstacles of the pipeline."""
+    walls = [Wall(*wall.start, *wall.end) for wall in configuration.world.walls]
+    rounds = [Round(*obstacle.at, obstacle.radius) for obstacle in configuration.world.obstacles]
+    return World(walls, rounds)

@@ -1,0 +1,1 @@
+"""Screens: rich renderables made from what a run last said."""

@@ -1,0 +1,119 @@
+"""The live view of a run on a terminal, drawn with rich from the newest messages."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+
+from diffbotctl.hub.latest import Snapshot
+from diffbotctl.messages import Goal, GoalState, Link, Odometry, Range, Text, Wheels
+from diffbotctl.ui import words
+from diffbotctl.ui.map import Map, Point
+
+TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
+ROWS_OF_FACTS = 11
+
+
+class Scene(NamedTuple):
+    """What does not change during a run: its title and the walls and round obstacles to draw."""
+
+    title: str
+    simulated: str
+    walls: list[tuple[Point, Point]]
+    obstacles: list[tuple[Point, float]]
+
+
+class LiveView:
+    """Turns pictures into renderables; keeps the trail."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.trail: list[Point] = []
+
+    def render(self, picture: Snapshot, width: int, height: int) -> RenderableType:
+        """The whole view for a terminal of `width` x `height` characters."""
+        odometry = words.newest(picture, Odometry)
+        if isinstance(odometry, Odometry):
+            self._extend((odometry.x, odometry.y))
+        rows = max(height - ROWS_OF_FACTS - 3, 5)
+        if not any(isinstance(message, Odometry) for message in picture.messages.values()):
+            return Group(title_line(self.scene), facts(picture))
+        drawing = self._map(picture, width - 4, rows)
+        title = title_line(self.scene)
+        return Group(
+            Panel(drawing.text(), title=title, border_style="dim", height=rows + 2), facts(picture)
+        )
+
+    def _extend(self, at: Point) -> None:
+        last = self.trail[-1] if self.trail else None
+        if last is None or abs(at[0] - last[0]) + abs(at[1] - last[1]) > TRAIL_STEP:
+            self.trail.append(at)
+
+    def _map(self, picture: Snapshot, width: int, height: int) -> Map:
+        goal = words.newest(picture, Goal)
+        odometry = words.newest(picture, Odometry)
+        goal_at = [(goal.x, goal.y)] if isinstance(goal, Goal) and goal.number else []
+        drawing = Map(width, height, [*self.trail, *goal_at, (-0.1, -0.1), (0.1, 0.1)])
+        for start, end in self.scene.walls:
+            drawing.line(start, end)
+        for at in self.trail:
+            drawing.dot(at)
+        for at in goal_at:
+            drawing.mark(at, "◎", "bold magenta")
+        if isinstance(odometry, Odometry):
+            drawing.robot((odometry.x, odometry.y), odometry.heading)
+        return drawing
+
+
+def title_line(scene: Scene) -> str:
+    """The pipeline's name, and SIMULATED when it is, as rich markup."""
+    title = f"[bold]{scene.title}[/]"
+    return title + (f"  [black on yellow] {scene.simulated} [/]" if scene.simulated else "")
+
+
+def facts(picture: Snapshot) -> Table:
+    """Pose, goal, wheels, range, link and stop as a table of two columns."""
+    table = Table.grid(padding=(0, 1))
+    table.add_column(style="bold", justify="right", no_wrap=True)
+    table.add_column(overflow="ellipsis")
+    odometry = words.newest(picture, Odometry)
+    state, goal = words.newest(picture, GoalState), words.newest(picture, Goal)
+    wheels, reading = words.newest(picture, Wheels), words.newest(picture, Range)
+    link = words.newest(picture, Link)
+    table.add_row("time", f"{picture.time / 1e9:.1f} s")
+    if isinstance(odometry, Odometry):
+        table.add_row("pose", words.pose(odometry))
+    if isinstance(goal, Goal) and goal.number:
+        table.add_row("goal", words.goal(goal.number, picture.goals, goal))
+    if isinstance(state, GoalState):
+        table.add_row("state", words.goal_state(state))
+    known = odometry if isinstance(odometry, Odometry) else None
+    if isinstance(wheels, Wheels):
+        table.add_row("wheels", words.speeds(wheels, known))
+    for wire, message in picture.messages.items():
+        if isinstance(message, Text):
+            table.add_row(wire, message.text)
+    if isinstance(reading, Range):
+        table.add_row("range", words.distance(reading))
+    if isinstance(link, Link):
+        table.add_row("link", words.link(link))
+    stop = words.holding(picture)
+    if known is None and stop is None:
+        return table
+    table.add_row("stop", words.stop(stop), style="bold red" if stop else None)
+    return table
+
+
+def show(scene: Scene, pictures: Iterator[Snapshot]) -> None:
+    """Draw pictures on the terminal until they end; the last one stays."""
+    console = Console(file=sys.stdout)
+    view = LiveView(scene)
+    with Live(console=console, auto_refresh=False, transient=True) as live:
+        for picture in pictures:
+            live.update(view.render(picture, console.width, console.height), refresh=True)

@@ -1,0 +1,1 @@
+"""The tables of figures that diffbotctl must show, each beside its target."""

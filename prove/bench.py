@@ -1,0 +1,211 @@
+"""The timing rows: overhead, start-up, memory, speed of simulation. Ratios within one run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from math import inf
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from diffbotctl.block import Block
+from diffbotctl.config.load import load
+from diffbotctl.engine.recorder import Recorder
+from diffbotctl.hub import recorder_process
+from diffbotctl.messages import Encoders, Goal
+from diffbotctl.runs.assembly import assemble
+from diffbotctl.runs.run import Options, Run
+from prove.row import Row
+
+TICKS = 8000  # a side
+PERIOD = 0.001  # s
+CHAIN = ["world.walls=[]"]
+
+
+def quantile(values: list[float], part: float) -> float:
+    """The value below which `part` of the values lie."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+
+
+def five_steps() -> tuple[Any, list[Block]]:
+    """The graph of five steps (odometry to kinematics), and the same blocks once more."""
+    setup = load(str(Path(__file__).parent / "five_steps.yaml"))
+    graph = assemble(setup, real=False).graph
+    names = ["odometry", "follower", "mux", "limiter", "kinematics"]
+    again = assemble(setup, real=False).graph
+    return graph, [again.block(name) for name in names]
+
+
+def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
+    """The same maths as five direct calls."""
+    odometry, follower, mux, limiter, kinematics = (block.react for block in blocks)
+
+    def step(now: int, encoders: Any, goal: Any) -> Any:
+        pose = odometry(now, encoders)
+        twist, _ = follower(now, pose, goal, None)
+        return kinematics(now, limiter(now, mux(now, None, twist)))
+
+    return step
+
+
+def overhead() -> Iterator[Row]:
+    """Engine against direct calls, alternating at 1 kHz, recording on."""
+    graph, blocks = five_steps()
+    calls = direct(blocks)
+    with tempfile.TemporaryDirectory() as folder:
+        about = {"epoch": "0"}
+        path = Path(folder) / "bench.mcap"
+        channel, _ = recorder_process.start(path, graph.kinds, len(graph.sources), about)
+        recorder = Recorder(channel, waits=False, tell=print)
+        left: list[Any] = []
+        compiled = graph.compile({"gate.wheels": lambda now, m: left.append(m)}, recorder.record)
+        engine_times, direct_times = alternate(graph, compiled, calls, recorder)
+        recorder.close({})
+    extra = (median(engine_times) - median(direct_times)) * 1e6
+    ratio = quantile(engine_times, 0.999) / quantile(direct_times, 0.999)
+    yield Row(
+        "engine over five direct calls (gate included), median",
+        f"{extra:.2f} us",
+        "<= 5 us",
+        extra <= 5,
+    )
+    yield Row("engine over direct calls, p99.9", f"x{ratio:.2f}", "<= x3", ratio <= 3)
+
+
+def alternate(
+    graph: Any, compiled: Any, calls: Callable[..., Any], recorder: Recorder
+) -> tuple[list[float], list[float]]:
+    """Times of both sides, tick by tick, from the encoders' message to the wheels'."""
+    place = graph.sources.index("robot.encoders")
+    goal_place = graph.sources.index("operator.goal")
+    goal = Goal(0, 1, 1.0e6, 0.5, None)
+    times: tuple[list[float], list[float]] = ([], [])
+    clock = time.perf_counter
+    for tick in range(TICKS):
+        now = (tick + 1) * 1_000_000
+        count = tick // 10
+        values: list[Any] = [None] * len(graph.sources)
+        values[place] = Encoders(now, count, count, now - 500, now - 700, 9.0, 9.0)
+        values[goal_place] = goal if tick == 0 else None
+        first, second = (0, 1) if tick % 2 else (1, 0)
+        for side in (first, second):
+            while clock() % PERIOD > PERIOD / 20:
+                pass
+            began = clock()
+            if side == 0:
+                compiled.instant(now, *values)
+                times[0].append(clock() - began)
+                recorder.drain()
+            else:
+                calls(now, values[place], goal)
+                times[1].append(clock() - began)
+    return times
+
+
+def command(*words: str) -> list[str]:
+    """The installed program as a command line."""
+    return [str(Path(sys.executable).parent / "diffbotctl"), *words]
+
+
+def start_up() -> Iterator[Row]:
+    """`--help`, and `run` to its end on a goal that is already there."""
+    rows = [
+        ("diffbotctl --help", ["--help"], 0.100, {}),
+        ("run to first command, files checked before",
+         ["run", "goal", "--for", "30ms", "--fast", "--quiet"], 0.120, {}),
+        ("run to first command, files never checked",
+         ["run", "goal", "--for", "30ms", "--fast", "--quiet"], 0.250, {"fresh": True}),
+    ]  # fmt: skip
+    for what, words, most, how in rows:
+        times = []
+        for _ in range(15):
+            environment = dict(os.environ)
+            with tempfile.TemporaryDirectory() as folder:
+                if how:
+                    environment["XDG_CACHE_HOME"] = folder
+                began = time.perf_counter()
+                subprocess.run(command(*words), env=environment, stdout=subprocess.DEVNULL,
+                               check=False)  # fmt: skip
+                times.append(time.perf_counter() - began)
+        figure = median(times)
+        yield Row(
+            f"{what} (whole process)",
+            f"{figure * 1000:.0f} ms",
+            f"<= {most * 1000:.0f} ms",
+            figure <= most,
+        )
+
+
+def memory() -> Iterator[Row]:
+    """PSS of a headless run that does not record."""
+    process = subprocess.Popen(command("run", "goal", "--goal", "2 0", "--quiet"),
+                               stdout=subprocess.DEVNULL)  # fmt: skip
+    try:
+        time.sleep(2.0)  # well into the drive: what a run needs has been imported
+        pss = rss = 0
+        for pid in [process.pid, *children(process.pid)]:
+            text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+            facts = {line.split(":")[0]: line.split() for line in text.splitlines()[1:]}
+            pss += int(facts["Pss"][1])
+            rss += int(facts["Rss"][1])
+    finally:
+        process.terminate()
+        process.wait()
+    yield Row(
+        "memory headless, PSS (RSS)",
+        f"{pss / 1024:.1f} MB ({rss / 1024:.1f})",
+        "<= 28 MB",
+        pss / 1024 <= 28,
+    )
+
+
+def children(pid: int) -> list[int]:
+    """Child processes of `pid`."""
+    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(word) for word in text.split()]
+
+
+def simulated_speed() -> Iterator[Row]:
+    """Simulated seconds per second of the whole goal pipeline, unrecorded and recorded."""
+    setup = load("goal", None, CHAIN)
+    goals = tuple(Goal(0, 0, x, 0.0, None) for x in (2.0, 0.0) * 4)
+    for what, target, recorded in (
+        ("unrecorded", 400, False),
+        ("every message recorded", 200, True),
+    ):
+        best = []
+        for seed in range(5):
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / "speed.mcap" if recorded else None
+                run = Run(setup, Options(goals=goals, seed=seed, fast=True, record=path))
+                began = time.perf_counter()
+                result = run.go()
+                best.append(result.ending.time / 1e9 / (time.perf_counter() - began))
+        figure = median(best) if best else inf
+        yield Row(
+            f"simulation over real time, {what}",
+            f"x{figure:.0f}",
+            f">= x{target}",
+            figure >= target,
+        )
+
+
+def main() -> int:
+    """Print the rows."""
+    missed = 0
+    for part in (overhead, start_up, memory, simulated_speed):
+        for row in part():
+            print(row.line(), flush=True)
+            missed += not row.met
+    print(f"{missed} rows missed")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

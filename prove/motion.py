@@ -1,0 +1,232 @@
+"""How well simulated robots reach their goals: the shipped pipeline, engine and all, by seed."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from math import cos, degrees, hypot, pi, sin
+from random import Random
+from statistics import median, pstdev
+from typing import NamedTuple
+
+from diffbotctl.blocks.rest_to_rest import Limits, rest_to_rest_time
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.load import load
+from diffbotctl.messages import Goal
+from diffbotctl.runs.run import Options, Run
+from prove.row import Row
+
+ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
+OPEN_FLOOR = ["world.walls=[]"]
+# A stock board's counts cannot tell 10 mm: its row asks for 20 mm and 3 deg.
+TOLERANCES = {"stock": ("follower.tolerance=20 mm", "follower.heading_tolerance=3 deg")}
+LONGEST = 120.0  # s of simulated time for one goal
+
+
+class Trip(NamedTuple):
+    """One goal of one robot: pose errors in odom and in truth (m, rad), and times (s)."""
+
+    reached: bool
+    error: float
+    heading_error: float
+    true_error: float
+    true_heading_error: float
+    farther: float
+    ratio: float
+    x: float
+    y: float
+
+
+def turn(angle: float) -> float:
+    """The short way round."""
+    return (angle + pi) % (2 * pi) - pi
+
+
+def configuration(kind: str, *sets: str) -> Configuration:
+    """The shipped goal pipeline for one kind of board, on an open floor."""
+    return load("goal", ROBOTS[kind], [*OPEN_FLOOR, *TOLERANCES.get(kind, ()), *sets])
+
+
+def trip(setup: Configuration, goal: Goal, seed: int) -> Trip:
+    """Run one goal on the robot that `seed` draws."""
+    run = Run(setup, Options(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
+    start = hypot(goal.x, goal.y)
+    farthest = [0.0]
+    plant = run.robot.robot
+    wire = run.engine.compiled  # the truth is looked at after each turn of the loop
+    assert wire is not None
+
+    def look() -> None:
+        body = plant.body
+        farthest[0] = max(farthest[0], hypot(goal.x - body.x, goal.y - body.y) - start)
+
+    run.engine.idle = look
+    began = seconds_of_goal(run)
+    result = run.go()
+    pose, at = result.odometry, result.truth.pose
+    heading = goal.heading or 0.0
+    assert setup.robot is not None
+    limits = setup.robot.limits
+    bound = rest_to_rest_time(
+        goal.x, goal.y, goal.heading,
+        Limits(limits.speed, limits.turn_rate, limits.acceleration, limits.braking,
+               setup.robot.drive.track),
+        reverse=False,
+    )  # fmt: skip
+    return Trip(
+        result.reached == 1,
+        hypot(goal.x - pose.x, goal.y - pose.y),
+        abs(turn(heading - pose.heading)),
+        hypot(goal.x - at.x, goal.y - at.y),
+        abs(turn(heading - at.heading)),
+        farthest[0],
+        began() / bound,
+        at.x - goal.x,
+        at.y - goal.y,
+    )
+
+
+def seconds_of_goal(run: Run):
+    """A function that tells how long the goal was under way: from the first frame to `reached`."""
+    ended = [0]
+    hear = run.operator.hear_goal_state
+
+    def note(now, state):
+        if state.state == "reached" and not ended[0]:
+            ended[0] = now
+        hear(now, state)
+
+    for sinks in [run.engine.compiled]:
+        assert sinks is not None
+    run.operator.hear_goal_state = note
+    return lambda: (ended[0] or run.engine.last) / 1e9
+
+
+def goals_within(nearest: float, farthest: float, chance: Random) -> Goal:
+    """A goal at a random place between two distances, with a random heading."""
+    away = (nearest**2 + chance.random() * (farthest**2 - nearest**2)) ** 0.5
+    bearing = chance.uniform(-pi, pi)
+    return Goal(0, 0, away * cos(bearing), away * sin(bearing), chance.uniform(-pi, pi))
+
+
+def share(values: list[float], part: float) -> float:
+    """The quantile `part` of the values."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+
+
+def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
+    """The rows on motion, one after the other."""
+    for kind in kinds:
+        chance = Random(f"{seed} {kind}")
+        setup = configuration(kind)
+        stock = kind == "stock"
+        trips = [
+            trip(setup, goals_within(0.05, 2.0, chance), chance.getrandbits(32))
+            for _ in range(robots)
+        ]
+        near, tolerance = (0.02, 3.0) if stock else (0.01, 2.0)
+        good = sum(
+            t.reached and t.error <= near and degrees(t.heading_error) <= tolerance for t in trips
+        ) / len(trips)
+        wanted = 0.97 if stock else 0.99
+        yield Row(
+            f"{kind}: goals within 2 m reached", f"{good:.1%}", f">= {wanted:.0%}", good >= wanted
+        )
+        far = max(t.farther for t in trips)
+        yield Row(f"{kind}: most ever farther away", f"{far:.2f} m", "<= 0.50 m", far <= 0.5)
+        off = sum(degrees(t.true_heading_error) > 3.5 for t in trips) / len(trips)
+        most = {"edges": 0.005, "counts": 0.02, "stock": 0.05}[kind]
+        yield Row(
+            f"{kind}: true heading off by > 3.5 deg", f"{off:.1%}", f"<= {most:.1%}", off <= most
+        )
+        yield from truth_rows(kind, trips)
+        yield from ratio_row(kind, trips)
+        chance = Random(f"{seed} {kind} metre")
+        middle = [
+            trip(setup, goals_within(0.8, 1.2, chance), chance.getrandbits(32))
+            for _ in range(robots)
+        ]
+        typical = median(t.true_error for t in middle) * 1000
+        target = {"edges": 10, "counts": 12, "stock": 20}[kind]
+        yield Row(
+            f"{kind}: true position, 0.8 to 1.2 m, median",
+            f"{typical:.1f} mm",
+            f"<= {target} mm",
+            typical <= target,
+        )
+        yield straight(kind, seed, robots, "model")
+    yield straight("edges", seed, robots, "count")
+
+
+def truth_rows(kind: str, trips: list[Trip]) -> Iterator[Row]:
+    """True position p95, true heading median and p95 of goals within 2 m."""
+    place = share([t.true_error for t in trips], 0.95) * 1000
+    target = {"edges": 30.0, "counts": 40.0}.get(kind)
+    yield Row(
+        f"{kind}: true position within 2 m, p95",
+        f"{place:.1f} mm",
+        f"<= {target:.0f} mm" if target else "(none)",
+        target is None or place <= target,
+    )
+    headings = [degrees(t.true_heading_error) for t in trips]
+    half, most = median(headings), share(headings, 0.95)
+    met = kind == "stock" or (half <= 1.0 and most <= 2.5)
+    yield Row(
+        f"{kind}: true heading, median and p95",
+        f"{half:.2f}, {most:.2f} deg",
+        "<= 1, <= 2.5 deg" if kind != "stock" else "(none)",
+        met,
+    )
+
+
+def ratio_row(kind: str, trips: list[Trip]) -> Iterator[Row]:
+    """Time over the rest-to-rest bound."""
+    ratio = median(t.ratio for t in trips)
+    met = kind == "stock" or ratio <= 1.3
+    yield Row(
+        f"{kind}: time over the bound, median",
+        f"{ratio:.2f}",
+        "<= 1.30" if kind != "stock" else "(none)",
+        met,
+    )
+
+
+def straight(kind: str, seed: int, robots: int, method: str) -> Row:
+    """True lateral deviation after a straight metre."""
+    chance = Random(f"{seed} {kind} straight")
+    setup = configuration(kind, f"odometry.method={method}")
+    aside = [
+        trip(setup, Goal(0, 0, 1.0, 0.0, None), chance.getrandbits(32)).y * 1000
+        for _ in range(robots)
+    ]
+    spread = pstdev(aside)
+    if method == "count":
+        return Row(
+            "naive counting: straight metre, lateral sd", f"{spread:.1f} mm", "(about 33)", True
+        )
+    target = {"edges": 6, "counts": 10, "stock": 17}[kind]
+    return Row(
+        f"{kind}: straight metre, lateral sd",
+        f"{spread:.1f} mm",
+        f"<= {target} mm",
+        spread <= target,
+    )
+
+
+def main() -> int:
+    """Print the rows; exit 1 when one is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--robots", type=int, default=300)
+    parser.add_argument("--kinds", nargs="+", default=list(ROBOTS))
+    options = parser.parse_args()
+    missed = 0
+    for row in rows(options.seed, options.robots, options.kinds):
+        print(row.line(), flush=True)
+        missed += not row.met
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

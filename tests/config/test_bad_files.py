@@ -1,0 +1,82 @@
+"""Every file in bad/ is wrong in the way its name says; its first lines hold what must be said.
+
+`python tests/config/test_bad_files.py` writes the expected text anew: read the difference.
+"""
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.codes import CODES
+from diffbotctl.config.load import check
+
+BAD = Path(__file__).parent / "bad"
+FILES = sorted(BAD.glob("*.yaml"))
+# What only the installation, a run or the command line can bring about, not a file.
+NOT_FROM_FILES = {
+    "E-BLOCK-CLASH", "E-BLOCK-IMPORT", "E-BLOCK-RAISED", "E-CODE", "E-DEFECT", "E-FILE-ENCODING",
+    "E-FILE-SIZE", "E-RECORD", "E-RECORDING", "E-RECORDING-CUT", "E-ROBOT-FIELD", "E-ROBOT-WHICH",
+}  # fmt: skip
+
+
+def answer(file: Path) -> str:
+    """What `diffbotctl check` says to the file, called as its first line tells."""
+    words = shlex.split(file.read_text().split("\n", 1)[0])[4:]
+    sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+    problems = check(f"./{file.name}", None, sets, real="--real" in words)
+    return "\n\n".join(problem.render() for problem in problems)
+
+
+def expected(file: Path) -> str:
+    lines = []
+    for line in file.read_text().split("\n")[1:]:
+        if not line.startswith("#"):
+            break
+        lines.append(line[2:])
+    return "\n".join(lines)
+
+
+@pytest.fixture(autouse=True)
+def there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(BAD)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
+def test_the_answer_is_the_one_in_the_file(file):
+    assert answer(file) == expected(file)
+
+
+@pytest.mark.parametrize("code", sorted(code for code in CODES if code[:2] in ("E-", "W-")))
+def test_three_files_show_each_mistake(code):
+    if code in NOT_FROM_FILES or code.startswith("E-PORT"):
+        assert not any(f" {code}" in expected(file) for file in FILES), "then it belongs below"
+        return
+    assert sum(f" {code}" in expected(file) for file in FILES) >= 3
+
+
+def test_no_line_is_wider_than_a_terminal():
+    for file in FILES:
+        for line in expected(file).split("\n"):
+            assert len(line) <= 80, f"{file.name}: {line}"
+
+
+def _update() -> None:
+    import os
+
+    os.chdir(BAD)
+    for file in FILES:
+        first, _, rest = file.read_text().partition("\n")
+        lines = rest.split("\n")
+        while lines and lines[0].startswith("#"):
+            lines.pop(0)
+        before, now = None, ""
+        while now != before:  # the answer names line numbers, which its own length moves
+            before = now
+            head = [first, *(f"# {line}".rstrip() for line in now.split("\n"))]
+            file.write_text("\n".join([*head, *lines]))
+            now = answer(file)
+
+
+if __name__ == "__main__":
+    _update()

@@ -1,0 +1,126 @@
+"""The last gate: what leaves, what holds the robot, and how it lets go."""
+
+from math import inf, nan, pi
+
+import pytest
+
+from diffbotctl.engine.gate import Gate
+from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
+
+MS = 1_000_000
+RATED = 100 * 2 * pi / 60  # rad/s: 100 rpm
+
+
+def gate():
+    return Gate(
+        left_rated=RATED, right_rated=RATED, left_diameter=0.065, right_diameter=0.065,
+        track=0.125, speed=0.3, turn_rate=4.0,
+    )  # fmt: skip
+
+
+class Held:
+    """Feeds a gate as the engine does: each input holds its last message."""
+
+    def __init__(self):
+        self.gate = gate()
+        self.inputs = dict.fromkeys(["command", "encoders", "link", "board", "operator", "resume"])
+
+    def at(self, now, **new):
+        self.inputs.update(new)
+        return self.gate.react(now, *self.inputs.values())
+
+
+def started():
+    held = Held()
+    held.at(1, encoders=Encoders(1, 0, 0))
+    return held
+
+
+def test_nothing_but_zero_leaves_before_the_first_telemetry():
+    wheels, stop = Held().at(5, command=Wheels(5, 3.0, 3.0))
+    assert wheels == Wheels(5, 0.0, 0.0) and stop is None
+
+
+def test_a_sound_command_leaves_as_it_is():
+    command = Wheels(2, 3.0, -3.0)
+    assert started().at(2, command=command) == (command, None)
+
+
+@pytest.mark.parametrize(
+    "left, right, words",
+    [
+        (nan, 1.0, "not a number"),
+        (1.0, inf, "not a number"),
+        (RATED * 1.001, 0.0, "left wheel is above"),
+        (0.0, -RATED * 1.001, "right wheel is above"),
+        (9.5, 9.5, "m/s is above"),  # 9.5 rad/s on 32.5 mm is 0.309 m/s
+        (-7.8, 7.8, "turn limit"),  # 2 x 7.8 x 32.5 mm over 125 mm is 4.06 rad/s
+    ],
+)
+def test_a_command_beyond_the_limits_stops_and_latches(left, right, words):
+    held = started()
+    wheels, stop = held.at(2, command=Wheels(2, left, right))
+    assert wheels == Wheels(2, 0.0, 0.0)
+    assert stop.code == "gate_limit" and stop.latched and words in stop.cause
+    wheels, _ = held.at(3, command=Wheels(3, 1.0, 1.0))
+    assert wheels == Wheels(3, 0.0, 0.0)  # a sound command does not end a latched stop
+
+
+def test_limits_themselves_may_be_used():
+    rim = 0.3 / 0.0325  # rad/s at the speed limit
+    command = Wheels(2, rim, rim)
+    assert started().at(2, command=command)[0] is command
+
+
+def test_resume_ends_a_latched_stop():
+    held = started()
+    held.at(2, command=Wheels(2, nan, 0.0))
+    _, stop = held.at(3, command=Wheels(3, 1.0, 1.0), resume=Resume(3))
+    assert stop.code == ""
+    assert held.at(4, command=Wheels(4, 1.0, 1.0))[0] == Wheels(4, 1.0, 1.0)
+
+
+def test_stale_telemetry_stops_at_once_and_ends_by_itself():
+    held = started()
+    held.at(2, command=Wheels(2, 1.0, 1.0))
+    wheels, stop = held.at(300 * MS, encoders=None)
+    assert wheels == Wheels(300 * MS, 0.0, 0.0)
+    assert stop.code == "telemetry_stale" and not stop.latched
+    _, stop = held.at(400 * MS, encoders=Encoders(400 * MS, 0, 0))
+    assert stop.code == ""
+
+
+def test_a_second_of_silence_latches_when_the_board_is_back():
+    held = started()
+    held.at(300 * MS, encoders=None)
+    _, stop = held.at(1500 * MS, encoders=Encoders(1500 * MS, 0, 0))
+    assert stop.code == "reconnect" and stop.latched
+
+
+def test_a_restarted_board_latches():
+    _, stop = started().at(20 * MS, encoders=Encoders(20 * MS, 0, 0, boot=1))
+    assert stop.code == "board_restart" and stop.latched
+
+
+def test_a_lost_link_latches_and_says_why():
+    wheels, stop = started().at(20 * MS, link=Link(20 * MS, "lost", cause="cable out"))
+    assert wheels == Wheels(20 * MS, 0.0, 0.0)
+    assert stop.code == "link_lost" and stop.latched and "cable out" in stop.cause
+
+
+def test_blocks_that_fall_silent_in_motion_latch():
+    held = started()
+    held.at(2, command=Wheels(2, 1.0, 1.0))
+    wheels, stop = held.at(400 * MS, command=None, encoders=Encoders(390 * MS, 1, 1))
+    assert wheels == Wheels(400 * MS, 0.0, 0.0) and stop.code == "command_stale"
+
+
+def test_blocks_that_fall_silent_at_rest_do_not():
+    held = started()
+    held.at(2, command=Wheels(2, 0.0, 0.0))
+    assert held.at(400 * MS, command=None)[1] is None
+
+
+def test_a_person_stops_it():
+    _, stop = started().at(9, operator=Stop(9, "operator", "stop was asked for", True))
+    assert stop.code == "operator" and stop.latched

@@ -1,0 +1,127 @@
+"""Every way out ends in a stop: what a person sees, and the exit code."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.config.load import load
+from diffbotctl.messages import Goal, Twist
+from diffbotctl.runs.run import Options, Run
+
+FAR = ["run", "goal", "--goal", "2 0", "--set", "world.walls=[]"]
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+
+
+def start(*words):
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *words],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+
+
+def read_until(process, words):
+    """Lines up to the one with `words`; fails by itself when the process ends without it."""
+    for line in process.stdout:
+        if words in line:
+            return
+    raise AssertionError(f"the run ended without saying '{words}'")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
+    process = start(*FAR)
+    read_until(process, "driving")
+    process.send_signal(number)
+    rest = process.communicate(timeout=20)[0]
+    assert "final stop confirmed" in rest
+    assert process.returncode == 130
+
+
+def test_the_end_of_the_time_is_a_confirmed_stop():
+    run = Run(load("goal", None, ["world.walls=[]"]), Options(fast=True, duration=2.0))
+    result = run.go()
+    assert result.ending.stopped is True and result.ending.code == 0
+    left, right = (wheel.speed for wheel in run.robot.robot.wheels)
+    assert abs(left) < 0.01 and abs(right) < 0.01
+
+
+class Breaks(Block):
+    """Raises when it has driven for a while."""
+
+    twist = In(Twist)
+    out = Out(Twist, name="twist")
+
+    def reset(self):
+        self.count = 0
+
+    def react(self, now, twist):
+        self.count += 1
+        return Twist(now, 1 / (60 - self.count), 0.0)._replace(linear=0.1)
+
+
+def test_a_block_that_raises_is_named_and_the_robot_stopped(tmp_path, monkeypatch):
+    from diffbotctl.config import registry
+
+    monkeypatch.setitem(registry.BLOCKS, "breaks", f"{__name__}:Breaks")
+    file = tmp_path / "breaks.yaml"
+    file.write_text(
+        """
+format: 1
+kind: pipeline
+robot: {use: book_2wd, in: {wheels: kinematics.wheels}}
+blocks:
+  odometry: {block: odometry, in: {encoders: robot.encoders}}
+  follower: {block: goal_follower, in: {odometry: odometry.odometry, goal: operator.goal}}
+  bad: {block: breaks, in: {twist: follower.twist}}
+  kinematics: {block: diff_drive, in: {twist: bad.twist}}
+"""
+    )
+    options = Options(fast=True, goals=(Goal(0, 0, 2.0, 0.0, None),), record=tmp_path / "r.mcap")
+    result = Run(load(str(file)), options).go()
+    assert result.ending.code == 1 and result.ending.stopped is True
+    text = str(result.failure)
+    assert "block bad" in text and "ZeroDivisionError" in text
+
+
+def test_a_full_disk_is_told_at_once_and_the_run_goes_on():
+    told = []
+    setup = load("goal", None, ["world.walls=[]"])
+    run = Run(setup, Options(fast=True, record="/dev/full"), tell=told.append)
+    result = run.go()
+    assert result.reached == 1 and result.ending.stopped is True
+    assert "No space left" in result.recording
+    assert len(told) == 1 and "RECORDING STOPPED" in told[0]
+
+
+def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):
+    from diffbotctl.errors import RunError
+    from diffbotctl.hub.recording import RecordingReader
+    from diffbotctl.runs.again import replay
+
+    path = tmp_path / "killed.mcap"
+    process = start(*FAR, "--record", str(path))
+    read_until(process, "driving")
+    reader = threading.Thread(target=process.stdout.read)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    reader.start()
+    reader.join(timeout=20)  # the children hold the pipe: when it ends they have written all
+    recorded = list(RecordingReader(path).messages())
+    assert any(item.wire == "gate.wheels" for item in recorded)
+    with pytest.raises(RunError, match="incomplete"):
+        replay(path, check=True)
+    assert replay(path, check=False).ending.code == 0
+
+
+def test_a_replay_is_the_run_again_bit_for_bit(tmp_path):
+    from diffbotctl.runs.again import replay
+
+    path = tmp_path / "whole.mcap"
+    result = Run(load("goal"), Options(fast=True, record=path, digest=True, seed=8)).go()
+    again = replay(path, check=True)
+    assert again.difference is None and again.digest == result.digest and again.compared > 1000
