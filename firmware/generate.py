@@ -1,4 +1,4 @@
-"""Write protocol.h, protocol.c and diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
+"""Write protocol.h, protocol.c, diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
 
 from __future__ import annotations
 
@@ -116,7 +116,9 @@ def module(protocol: dict[str, Any]) -> str:
     lines.append(f"VERSION = {protocol['version']}")
     lines.append(f"CHECK_POLYNOMIAL = 0x{check['polynomial']:06X}")
     lines.append(f"CHECK_START = 0x{check['start']:06X}")
-    lines += [f"{name} = {value}  # {help}" for name, (value, help) in protocol["constants"].items()]
+    lines += [
+        f"{name} = {value}  # {help}" for name, (value, help) in protocol["constants"].items()
+    ]
     for group, codes in protocol["codes"].items():
         members = ", ".join(f"{spec[0]}: {code!r}" for code, spec in codes.items())
         lines.append(f"{group.upper()} = {{{members}}}")
@@ -157,14 +159,14 @@ def _python_frame(name: str, frame: Frame) -> list[str]:
     lines.append("        return (")
     lines.append("            " + "\n            | ".join(terms))
     lines.append(f"        ).to_bytes({size(frame)}, 'big')")
-    lines += ["", "    @classmethod", f"    def unpack(cls, payload: bytes) -> {_class(name)} | None:",
+    lines += ["", "    @classmethod", "    def unpack(cls, payload: bytes) -> " f"{_class(name)} | None:",
               '        """The frame in a payload of this type, or None when it is malformed."""',
               f"        if len(payload) != {size(frame)}:", "            return None",
               "        bits = int.from_bytes(payload, 'big')"]  # fmt: skip
     if shift:
         lines += [f"        if bits & {(1 << shift) - 1}:", "            return None"]
     shift = rest - TYPE_BITS
-    for field, width, _, many in fields(frame):
+    for _field, width, _, many in fields(frame):
         each = []
         for _index in range(many):
             shift -= abs(width)

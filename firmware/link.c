@@ -17,7 +17,7 @@ typedef struct {
     uint8_t in_tail;
     volatile uint8_t out_head;
     uint8_t baud; /* code to change to, or NO_CHANGE */
-    bool spoken;
+    bool spoken, sent;
     codec_t codec;
 } port_t;
 
@@ -141,6 +141,7 @@ bool link_send(uint8_t link, const uint8_t *payload, uint8_t size)
         head = (uint8_t)(head + 1) % ROOM_OUT;
     }
     port->out_head = head;
+    port->sent = true;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         uart(link)[STATE] |= 1 << TXC0; /* TXC tells when the last of these bytes is out */
@@ -153,7 +154,8 @@ void link_tick(void)
 {
     for (uint8_t link = 0; link < LINKS; link++) {
         port_t *port = &ports[link];
-        bool silent = port->out_head == port->out_tail && (uart(link)[STATE] & 1 << TXC0);
+        bool silent = port->out_head == port->out_tail
+            && (!port->sent || uart(link)[STATE] & 1 << TXC0);
         if (port->baud == NO_CHANGE || !silent)
             continue;
         set_divisor(link, port->baud);

@@ -1,5 +1,6 @@
 #include "reset.h"
 
+#include <avr/eeprom.h>
 #include <avr/io.h>
 #include <avr/wdt.h>
 
@@ -10,6 +11,9 @@
 /* The watchdog bites after 250 ms; a loop that had not passed for most of that was hung. */
 #define BITTEN_MS 200
 #define PAINT 0xA5
+/* EEPROM cell that counts power-ups, behind the slots of the settings: after one, no number in
+   memory tells this start from the last. */
+#define POWER_UPS ((uint8_t *)128)
 
 /* Memory that a restart leaves as it was. The bootloader clears the chip's own record (MCUSR), so
    the cause is told from this when that is empty. */
@@ -57,8 +61,10 @@ static uint8_t cause(void)
 void reset_begin(void)
 {
     reset_cause = cause();
-    if (kept.magic != MAGIC)
-        kept.boots = 0;
+    if (kept.magic != MAGIC) {
+        kept.boots = (uint8_t)(eeprom_read_byte(POWER_UPS) + 1);
+        eeprom_write_byte(POWER_UPS, kept.boots); /* takes 3 ms of its own, nobody waits */
+    }
     kept.magic = MAGIC;
     kept.boots++;
     kept.silent = 0;

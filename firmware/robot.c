@@ -80,16 +80,6 @@ static void use(const uint8_t *payload)
     deadman_ready(&deadman);
 }
 
-void robot_start(void)
-{
-    uint8_t payload[SIZE_SETTINGS];
-    uint8_t field;
-    deadman_begin(&deadman);
-    if (store_load(payload) && settings_unpack(&settings, payload)
-        && settings_check(&settings, &field) == REFUSAL_NONE)
-        use(payload);
-}
-
 static bool resting(void)
 {
     return rest_ms >= REST_MS && wheels[0].duty == 0 && wheels[1].duty == 0;
@@ -136,6 +126,19 @@ static void hello(uint8_t link)
     };
     hello_pack(&frame, out);
     link_send(link, out, SIZE_HELLO);
+}
+
+void robot_start(void)
+{
+    uint8_t payload[SIZE_SETTINGS];
+    uint8_t field;
+    deadman_begin(&deadman);
+    if (store_load(payload) && settings_unpack(&settings, payload)
+        && settings_check(&settings, &field) == REFUSAL_NONE)
+        use(payload);
+    link_tick();
+    for (uint8_t link = 0; link < LINKS; link++)
+        hello(link); /* a host that was driving learns at once that the board has restarted */
 }
 
 static void face(uint8_t wheel, int16_t wanted)

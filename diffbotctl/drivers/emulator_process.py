@@ -10,17 +10,9 @@ import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
-FIRMWARE = next(
-    (
-        folder
-        for folder in (
-            Path(__file__).resolve().parents[2] / "firmware",
-            Path(__file__).resolve().parents[1] / "firmware",
-        )
-        if folder.is_dir()
-    ),
-    Path(__file__).resolve().parents[2] / "firmware",
-)
+from diffbotctl.config.resources import folder
+
+FIRMWARE = folder("firmware")
 IMAGE = FIRMWARE / "diffbot_mega2560.hex"
 BOOTLOADER = Path(
     "/usr/share/arduino/hardware/arduino/avr/bootloaders/stk500v2/stk500boot_v2_mega2560.hex"
@@ -103,8 +95,8 @@ def build(cache: Path | None = None) -> Path:
     mark = hashlib.sha256()
     for source in sorted(SOURCES.glob("*.[ch]")):
         mark.update(source.read_bytes())
-    folder = cache or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
-    program = folder / f"emulator-{mark.hexdigest()[:16]}"
+    place = cache or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
+    program = place / f"emulator-{mark.hexdigest()[:16]}"
     if not program.exists():
         _compile(sources, program)
     return program
@@ -113,8 +105,9 @@ def build(cache: Path | None = None) -> Path:
 def _compile(sources: list[Path], program: Path) -> None:
     compiler = shutil.which("gcc")
     if compiler is None:
-        raise EmulatorError("the emulated board needs a compiler: sudo apt-get install gcc libc6-dev "
-                            "libsimavr-dev")  # fmt: skip
+        raise EmulatorError(
+            "the emulated board needs a compiler: sudo apt-get install gcc libc6-dev libsimavr-dev"
+        )
     if not Path("/usr/include/simavr/sim_avr.h").exists():
         raise EmulatorError("the emulated board needs simavr: sudo apt-get install libsimavr-dev")
     program.parent.mkdir(parents=True, exist_ok=True)
@@ -135,7 +128,9 @@ def bootloader() -> Path:
     Raises EmulatorError naming the Debian package when it is not installed.
     """
     if not BOOTLOADER.exists():
-        raise EmulatorError("the stock bootloader is not here: sudo apt-get install arduino-core-avr")
+        raise EmulatorError(
+            "the stock bootloader is not here: sudo apt-get install arduino-core-avr"
+        )
     return BOOTLOADER
 
 
