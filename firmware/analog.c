@@ -64,19 +64,9 @@ ISR(ADC_vect)
         start(1);
 }
 
-static uint16_t mean(uint8_t input)
+uint16_t analog_mean(uint8_t input)
 {
     uint16_t value;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) value = inputs[input].mean;
     return value;
-}
-
-uint16_t analog_range(void)
-{
-    return mean(0);
-}
-
-uint16_t analog_battery(void)
-{
-    return mean(1);
 }

@@ -11,8 +11,8 @@ void analog_configure(const settings_t *settings);
 /* Starts the next conversion; from the clock's interrupt. */
 void analog_convert(void);
 
-/* Mean of the last sixteen readings by four, or ANALOG_NONE. */
-uint16_t analog_range(void);
-uint16_t analog_battery(void);
+/* Mean of the last sixteen readings by four, or ANALOG_NONE; input 0 is the distance sensor, 1 the
+   battery. */
+uint16_t analog_mean(uint8_t input);
 
 #endif

@@ -5,34 +5,24 @@
 #include <avr/io.h>
 #endif
 
-#include "progmem.h"
 #include "protocol.h"
 
 const uint8_t board_code = BOARD_MEGA2560;
 const uint8_t board_analogs = 16;
+const uint8_t board_first_analog = 54;
 
-/* Data addresses of PINx. */
-enum {
-    A = 0x20, B = 0x23, C = 0x26, D = 0x29, E = 0x2C, F = 0x2F, G = 0x32,
-    H = 0x100, J = 0x103, K = 0x106, L = 0x109
-};
-/* Bits COMnA1, COMnB1, COMnC1 of every TCCRnA. */
-enum { OUT_A = 7, OUT_B = 5, OUT_C = 3 };
-#define PLAIN(port, bit) {port, 1 << bit, BOARD_NONE, BOARD_NONE, false}
-#define LINK(port, bit) {port, 1 << bit, BOARD_NONE, BOARD_NONE, true}
-#define PWM(port, bit, output) {port, 1 << bit, output, BOARD_NONE, false}
-#define EDGE(port, bit, number) {port, 1 << bit, BOARD_NONE, number, false}
-#define BOTH(port, bit, output, number) {port, 1 << bit, output, number, false}
+/* One word a pin: port, bit, ability, number of the PWM output, number of the interrupt. */
+enum { A, B, C, D, E, F, G, H, J, K, L };
+#define PIN(port, bit, ability, pwm, interrupt) \
+    (port | bit << 4 | ability << 7 | pwm << 9 | interrupt << 13)
+#define PLAIN(port, bit) PIN(port, bit, ABLE_NOTHING, 0, 0)
+#define LINK(port, bit) PIN(port, bit, ABLE_LINK, 0, 0)
+#define PWM(port, bit, output) PIN(port, bit, ABLE_PWM, output, 0)
+#define EDGE(port, bit, number) PIN(port, bit, ABLE_INTERRUPT, 0, number)
+/* The pins with both: interrupts above 3 tell them from those without PWM. */
+#define BOTH(port, bit, output, number) PIN(port, bit, ABLE_INTERRUPT, output, number)
 
-static const pwm_t outputs[] PROGMEM = {
-    {0x44, 0x47, OUT_A, false}, {0x44, 0x48, OUT_B, false},                            /* 0, 1 */
-    {0xB0, 0xB3, OUT_A, false}, {0xB0, 0xB4, OUT_B, false},                            /* 2, 3 */
-    {0x90, 0x98, OUT_A, true}, {0x90, 0x9A, OUT_B, true}, {0x90, 0x9C, OUT_C, true},  /* 4-6 */
-    {0xA0, 0xA8, OUT_A, true}, {0xA0, 0xAA, OUT_B, true}, {0xA0, 0xAC, OUT_C, true},  /* 7-9 */
-    {0x120, 0x128, OUT_A, true}, {0x120, 0x12A, OUT_B, true}, {0x120, 0x12C, OUT_C, true},
-};
-
-static const pin_t pins[] PROGMEM = {
+static const uint16_t pins[] PROGMEM = {
     LINK(E, 0), LINK(E, 1), BOTH(E, 4, 5, 4), BOTH(E, 5, 6, 5), PWM(G, 5, 1),            /* 0-4 */
     PWM(E, 3, 4), PWM(H, 3, 7), PWM(H, 4, 8), PWM(H, 5, 9), PWM(H, 6, 3),                /* 5-9 */
     PWM(B, 4, 2), PLAIN(B, 5), PLAIN(B, 6), PWM(B, 7, 0), PLAIN(J, 1),                   /* 10-14 */
@@ -49,19 +39,53 @@ static const pin_t pins[] PROGMEM = {
     PLAIN(K, 3), PLAIN(K, 4), PLAIN(K, 5), PLAIN(K, 6), PLAIN(K, 7),                     /* 65-69 */
 };
 
+/* Data addresses of TCCRnA and OCRnx, and the bit COMnx1. */
+static const struct {
+    uint16_t control, compare;
+    uint8_t connect;
+} outputs[] PROGMEM = {
+    {0x44, 0x47, 7},   {0x44, 0x48, 5},                      /* 0, 1: timer 0 */
+    {0xB0, 0xB3, 7},   {0xB0, 0xB4, 5},                      /* 2, 3: timer 2 */
+    {0x90, 0x98, 7},   {0x90, 0x9A, 5},   {0x90, 0x9C, 3},   /* 4 to 6: timer 3 */
+    {0xA0, 0xA8, 7},   {0xA0, 0xAA, 5},   {0xA0, 0xAC, 3},   /* 7 to 9: timer 4 */
+    {0x120, 0x128, 7}, {0x120, 0x12A, 5}, {0x120, 0x12C, 3}, /* 10 to 12: timer 5 */
+};
+
+/* Data address of PINx: A to G stand in a row, H to L further up. */
+static uint16_t port_address(uint8_t port)
+{
+    return port < H ? 0x20 + 3 * port : 0x100 + 3 * (port - H);
+}
+
 bool board_pin(uint8_t number, pin_t *pin)
 {
     if (number >= sizeof pins / sizeof *pins)
         return false;
-    memcpy_P(pin, &pins[number], sizeof *pin);
+    uint16_t word = pgm_read_word(&pins[number]);
+    uint8_t high = (uint8_t)(word >> 8);
+    pin->port = (register_t *)(uintptr_t)port_address(word & 0xF);
+    pin->mask = (uint8_t)(1 << (word >> 4 & 7));
+    pin->ability = (uint8_t)(word >> 7 & 3);
+    pin->interrupt = pin->ability == ABLE_INTERRUPT ? high >> 5 : BOARD_NONE;
+    bool pwm = pin->ability == ABLE_PWM || (pin->ability == ABLE_INTERRUPT && pin->interrupt > 3);
+    pin->pwm = pwm ? high >> 1 & 0xF : BOARD_NONE;
     return true;
 }
 
-pwm_t board_pwm(uint8_t number)
+void board_pwm(uint8_t number, pwm_t *output)
 {
-    pwm_t output;
-    memcpy_P(&output, &outputs[number], sizeof output);
-    return output;
+    output->control = (register_t *)(uintptr_t)pgm_read_word(&outputs[number].control);
+    output->compare = (register_t *)(uintptr_t)pgm_read_word(&outputs[number].compare);
+    output->connect = (uint8_t)(1 << pgm_read_byte(&outputs[number].connect));
+}
+
+bool board_input(uint8_t number, pin_t *pin)
+{
+    if (!board_pin(number, pin))
+        return false;
+    pin->port[1] &= (uint8_t)~pin->mask;
+    pin->port[2] |= pin->mask;
+    return true;
 }
 
 #ifdef __AVR__
@@ -71,26 +95,21 @@ void board_start_timers(void)
     TCCR0B = 1 << CS01 | 1 << CS00;
     TCCR2A = 1 << WGM21 | 1 << WGM20;
     TCCR2B = 1 << CS22;
-    TCCR3A = 1 << WGM30;
-    TCCR3B = 1 << WGM32 | 1 << CS31 | 1 << CS30;
-    TCCR4A = 1 << WGM40;
-    TCCR4B = 1 << WGM42 | 1 << CS41 | 1 << CS40;
-    TCCR5A = 1 << WGM50;
-    TCCR5B = 1 << WGM52 | 1 << CS51 | 1 << CS50;
+    TCCR3A = TCCR4A = TCCR5A = 1 << WGM30;
+    TCCR3B = TCCR4B = TCCR5B = 1 << WGM32 | 1 << CS31 | 1 << CS30;
 }
 
 void board_sense(uint8_t number, uint8_t sense)
 {
-    volatile uint8_t *control = number < 4 ? &EICRA : &EICRB;
-    uint8_t shift = (uint8_t)(2 * (number & 3));
-    EIMSK &= (uint8_t)~(1 << number);
-    *control = (uint8_t)((*control & ~(3 << shift)) | sense << shift);
-    EIFR = (uint8_t)(1 << number);
-    EIMSK |= (uint8_t)(1 << number);
-}
-
-void board_interrupts_off(void)
-{
-    EIMSK = 0;
+    register_t *control = number < 4 ? &EICRA : &EICRB;
+    uint8_t mask = (uint8_t)(1 << number), field = 3;
+    for (uint8_t i = number & 3; i != 0; i--) {
+        sense = (uint8_t)(sense << 2);
+        field = (uint8_t)(field << 2);
+    }
+    EIMSK &= (uint8_t)~mask;
+    *control = (uint8_t)((*control & ~field) | sense);
+    EIFR = mask;
+    EIMSK |= mask;
 }
 #endif

@@ -15,15 +15,18 @@ typedef struct {
     uint8_t used; /* one more than the buffer holds: too long, wait for the delimiter */
 } codec_t;
 
-uint32_t codec_check(const uint8_t *bytes, uint8_t size);
+uint32_t codec_check(const void *payload, uint8_t size);
+
+/* The checksum as bytes, in the order of the wire. */
+void codec_sign(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES]);
 
 /* Writes a frame to `wire` (WIRE_LONGEST bytes) and returns its length. */
-uint8_t codec_encode(const uint8_t *payload, uint8_t size, uint8_t *wire);
+uint8_t codec_encode(const void *payload, uint8_t size, uint8_t *wire);
 
 enum { CODEC_MORE, CODEC_FRAME, CODEC_DAMAGED };
 
-/* Takes one byte. After CODEC_FRAME the payload stands at the start of `bytes`, and its length is
-   that of its type; it stays until the next byte comes. */
+/* Takes one byte. After CODEC_FRAME the payload stands in `bytes` from the second on, and its length
+   is that of its type; it stays until the next byte comes. */
 uint8_t codec_receive(codec_t *codec, uint8_t byte);
 
 #endif

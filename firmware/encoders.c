@@ -12,160 +12,140 @@
 #define OLD_TICKS ((uint32_t)AGE_NONE * 16)
 
 typedef struct {
-    volatile uint8_t *in; /* PINx */
-    uint8_t mask;
-    volatile uint8_t *in_b; /* second channel; null with one channel */
-    uint8_t mask_b;
-    bool level;        /* last one seen, when both flanks interrupt */
-    bool counts_high;  /* a rising edge counts */
-    bool counts_low;   /* a falling edge counts */
-    bool reversed;     /* quadrature counts the other way */
-    bool any;          /* there is a last edge, not too old */
+    register_t *in; /* PINx; null before there are settings */
+    register_t *in_b; /* of the second channel; null with one channel */
+    uint8_t mask, mask_b, interrupt;
+    bool level;     /* last one seen, when both flanks interrupt */
+    bool reversed;  /* quadrature counts the other way */
+    bool any;       /* there is a last edge, not too old */
     bool moved;
     int8_t direction;
-    uint8_t run;       /* edges since the start from rest, up to 2 */
-    uint8_t interrupt;
-    uint16_t count;
-    uint16_t rejected;
-    uint32_t changed;  /* when the level last changed */
-    uint32_t last;     /* when the last edge counted */
+    uint8_t run;    /* edges since the start from rest, up to 2 */
+    uint16_t count, rejected;
+    uint32_t changed; /* when the level last changed */
+    uint32_t last;    /* when the last edge counted */
     uint32_t period;
 } sensor_t;
 
-static volatile sensor_t states[2];
-static uint8_t wheel_of[8];
-static uint32_t glitch;     /* ticks; 0: no filter */
-static bool any_flank;      /* interrupts on both flanks */
-static volatile bool capturing;
+/* Written by interrupts; everybody else reads them with interrupts off. */
+static sensor_t sensors[2];
+static uint8_t left_interrupt;
+static uint32_t glitch; /* ticks; 0: no filter */
 static uint8_t edge_kind;
+static bool any_flank; /* interrupts on both flanks */
+static bool capturing;
 
-static inline void counted(volatile sensor_t *state, bool level, uint32_t now)
+static void counted(sensor_t *sensor, bool level, uint32_t now)
 {
-    int8_t direction = state->direction;
-    if (state->in_b) {
-        bool other = (*state->in_b & state->mask_b) != 0;
-        direction = (level == other) != state->reversed ? -1 : 1;
-        if (direction != state->direction)
-            state->run = 0;
-        state->direction = direction;
+    if (sensor->in_b) {
+        bool other = *sensor->in_b & sensor->mask_b;
+        int8_t direction = (level == other) != sensor->reversed ? -1 : 1;
+        if (direction != sensor->direction)
+            sensor->run = 0;
+        sensor->direction = direction;
     }
-    state->count = (uint16_t)(state->count + direction);
-    state->period = now - state->last;
-    state->last = now;
-    state->any = state->moved = true;
-    if (state->run < 2)
-        state->run++;
+    sensor->count = (uint16_t)(sensor->count + sensor->direction);
+    sensor->period = now - sensor->last;
+    sensor->last = now;
+    sensor->any = sensor->moved = true;
+    if (sensor->run < 2)
+        sensor->run++;
 }
 
 /* An edge counts when the level that it ends had lasted the glitch time: bounce of either flank
    makes only short levels, so neither adds a count. */
-static inline void edge(uint8_t wheel)
+static void edge(uint8_t interrupt)
 {
-    volatile sensor_t *state = &states[wheel];
+    uint8_t wheel = interrupt != left_interrupt;
+    sensor_t *sensor = &sensors[wheel];
     uint32_t now = clock_now();
-    bool level = (*state->in & state->mask) != 0;
-    if (!any_flank) {
-        counted(state, level, now);
-        return;
+    bool level = *sensor->in & sensor->mask;
+    if (any_flank) {
+        if (capturing)
+            capture_put(wheel, level, now);
+        uint32_t lasted = now - sensor->changed;
+        bool same = level == sensor->level; /* there and back before this interrupt ran */
+        sensor->changed = now;
+        sensor->level = level;
+        if (!same && edge_kind == (level ? EDGE_FALLING : EDGE_RISING))
+            return;
+        if (same || lasted < glitch) {
+            sensor->rejected++;
+            return;
+        }
     }
-    if (capturing)
-        capture_put(wheel, level, now);
-    uint32_t lasted = now - state->changed;
-    state->changed = now;
-    if (level == state->level) {
-        state->rejected++; /* there and back again before this interrupt ran */
-        return;
-    }
-    state->level = level;
-    if (!(level ? state->counts_high : state->counts_low))
-        return;
-    if (lasted < glitch)
-        state->rejected++;
-    else
-        counted(state, level, now);
+    counted(sensor, level, now);
 }
 
-ISR(INT0_vect) { edge(wheel_of[0]); }
-ISR(INT1_vect) { edge(wheel_of[1]); }
-ISR(INT2_vect) { edge(wheel_of[2]); }
-ISR(INT3_vect) { edge(wheel_of[3]); }
-ISR(INT4_vect) { edge(wheel_of[4]); }
-ISR(INT5_vect) { edge(wheel_of[5]); }
+ISR(INT0_vect) { edge(0); }
+ISR(INT1_vect) { edge(1); }
+ISR(INT4_vect) { edge(4); }
+ISR(INT5_vect) { edge(5); }
 
 static void sense(void)
 {
     any_flank = glitch != 0 || capturing || edge_kind == EDGE_BOTH;
     uint8_t how = any_flank ? SENSE_ANY : edge_kind == EDGE_FALLING ? SENSE_FALLING : SENSE_RISING;
     for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        states[wheel].level = (*states[wheel].in & states[wheel].mask) != 0;
-        board_sense(states[wheel].interrupt, how);
+        sensors[wheel].level = *sensors[wheel].in & sensors[wheel].mask;
+        board_sense(sensors[wheel].interrupt, how);
     }
 }
 
-static volatile uint8_t *input(uint8_t number, volatile uint8_t *mask)
+/* `pins` are the first and the second channel, as they stand in the settings. */
+static void configure(sensor_t *sensor, const uint8_t *pins, bool reversed)
 {
     pin_t pin;
-    board_pin(number, &pin);
-    volatile uint8_t *in = (volatile uint8_t *)pin.port;
-    in[1] &= (uint8_t)~pin.mask;
-    in[2] |= pin.mask; /* pull-up: open collector outputs need it */
-    *mask = pin.mask;
-    wheel_of[pin.interrupt & 7] = 0;
-    return in;
-}
-
-static void configure(uint8_t wheel, uint8_t number, uint8_t number_b, bool reversed)
-{
-    volatile sensor_t *state = &states[wheel];
-    pin_t pin;
-    uint16_t count = state->count;
-    *state = (sensor_t){.direction = 1, .count = count, .reversed = reversed};
-    state->in = input(number, &state->mask);
-    if (number_b != PIN_NONE)
-        state->in_b = input(number_b, &state->mask_b);
-    board_pin(number, &pin);
-    state->interrupt = pin.interrupt;
-    state->counts_high = edge_kind != EDGE_FALLING;
-    state->counts_low = edge_kind != EDGE_RISING;
-    wheel_of[pin.interrupt] = wheel;
+    sensor->reversed = reversed;
+    sensor->direction = 1;
+    sensor->in_b = 0;
+    if (board_input(pins[1], &pin)) {
+        sensor->in_b = pin.port;
+        sensor->mask_b = pin.mask;
+    }
+    board_input(pins[0], &pin);
+    sensor->in = pin.port;
+    sensor->mask = pin.mask;
+    sensor->interrupt = pin.interrupt;
 }
 
 void encoders_configure(const settings_t *settings)
 {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        board_interrupts_off();
+        EIMSK = 0;
         glitch = settings->glitch / 4;
         edge_kind = settings->edge;
-        configure(0, settings->left_encoder, settings->left_encoder_b,
-                  settings->encoder_reversed_left);
-        configure(1, settings->right_encoder, settings->right_encoder_b,
-                  settings->encoder_reversed_right);
+        configure(&sensors[0], &settings->left_encoder, settings->left_encoder_reversed);
+        configure(&sensors[1], &settings->right_encoder, settings->right_encoder_reversed);
+        left_interrupt = sensors[0].interrupt;
         sense();
     }
 }
 
-void encoders_direct(uint8_t wheel, int8_t direction)
+void encoders_face(uint8_t wheel, int16_t wanted)
 {
-    if (!states[wheel].in_b)
-        states[wheel].direction = direction;
+    if (wanted != 0 && !sensors[wheel].in_b)
+        sensors[wheel].direction = wanted < 0 ? -1 : 1;
 }
 
-void encoders_read(encoder_t both[2], uint32_t *now)
+uint32_t encoders_read(encoder_t both[2])
 {
+    uint32_t now;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        *now = clock_now();
+        now = clock_now();
         for (uint8_t wheel = 0; wheel < 2; wheel++) {
-            volatile sensor_t *state = &states[wheel];
-            both[wheel].count = state->count;
-            both[wheel].rejected = state->rejected;
-            both[wheel].age = *now - state->last;
-            if (both[wheel].age >= OLD_TICKS)
-                state->any = false;
-            both[wheel].any = state->any;
+            sensor_t *sensor = &sensors[wheel];
+            uint32_t age = now - sensor->last;
+            if (age >= OLD_TICKS)
+                sensor->any = false;
+            both[wheel].count = sensor->count;
+            both[wheel].rejected = sensor->rejected;
+            both[wheel].age = sensor->any ? (uint16_t)(age >> 4) : AGE_NONE;
         }
     }
+    return now;
 }
 
 speed_edges_t encoders_edges(uint8_t wheel)
@@ -173,35 +153,31 @@ speed_edges_t encoders_edges(uint8_t wheel)
     speed_edges_t edges;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        edges.edges = states[wheel].run;
-        edges.period = states[wheel].period;
-        edges.age = clock_now() - states[wheel].last;
+        uint32_t age = clock_now() - sensors[wheel].last;
+        edges.edges = sensors[wheel].run;
+        edges.period = sensors[wheel].period;
+        if (age > edges.period)
+            edges.period = age;
     }
     return edges;
 }
 
 void encoders_forget(uint8_t wheel)
 {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) states[wheel].run = 0;
+    sensors[wheel].run = 0;
 }
 
 bool encoders_moved(uint8_t wheel)
 {
-    bool moved;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        moved = states[wheel].moved;
-        states[wheel].moved = false;
-    }
+    volatile bool *flag = &sensors[wheel].moved;
+    bool moved = *flag;
+    *flag = false; /* an edge just between is seen by the next one */
     return moved;
 }
 
 void encoders_capture(bool on)
 {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        capturing = on;
-        if (states[0].in)
-            sense();
-    }
+    capturing = on;
+    if (sensors[0].in)
+        ATOMIC_BLOCK(ATOMIC_RESTORESTATE) sense();
 }

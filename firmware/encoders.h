@@ -11,17 +11,16 @@
 typedef struct {
     uint16_t count;
     uint16_t rejected;
-    uint32_t age; /* since the last edge, ticks of 4 us */
-    bool any;     /* false when there was none, or too long ago to tell */
+    uint16_t age; /* since the last edge, 64 us; AGE_NONE when there was none, or long ago */
 } encoder_t;
 
 void encoders_configure(const settings_t *settings);
 
-/* Which way a wheel turns, as its motor is commanded: 1 or -1. Quadrature knows better. */
-void encoders_direct(uint8_t wheel, int8_t direction);
+/* Which way a wheel turns, as the sign of what its motor is commanded. Quadrature knows better. */
+void encoders_face(uint8_t wheel, int16_t wanted);
 
-/* Both wheels at the same moment, which is `now`. */
-void encoders_read(encoder_t both[2], uint32_t *now);
+/* Both wheels at the same moment, which is returned. */
+uint32_t encoders_read(encoder_t both[2]);
 
 /* What the speed loop wants to know. */
 speed_edges_t encoders_edges(uint8_t wheel);

@@ -9,7 +9,6 @@ import yaml
 
 HERE = Path(__file__).parent
 HEADER = HERE / "protocol.h"
-TABLES = HERE / "protocol.c"
 MODULE = HERE.parent / "diffbotctl" / "links" / "diffbot_frames.py"
 NOTICE = "Made from firmware/protocol.yaml by firmware/generate.py; change those."
 TYPE_BITS = 4
@@ -27,7 +26,9 @@ def fields(frame: Frame) -> list[tuple[str, int, str, int]]:
 def size(frame: Frame) -> int:
     """Payload length in bytes."""
     bits = TYPE_BITS + sum(abs(width) * many for _, width, _, many in fields(frame))
-    return (bits + 7) // 8
+    if bits % 8:
+        raise ValueError(f"{frame['help']}: {bits} bits are no whole bytes")
+    return bits // 8
 
 
 def wire(frame: Frame) -> int:
@@ -38,7 +39,7 @@ def wire(frame: Frame) -> int:
 def header(protocol: dict[str, Any]) -> str:
     """The C header: constants, codes, structures, packing."""
     lines = [f"/* {NOTICE} */", "#ifndef PROTOCOL_H", "#define PROTOCOL_H", ""]
-    lines += ["#include <stdbool.h>", "#include <stdint.h>", "", '#include "fields.h"', ""]
+    lines += ["#include <stdint.h>", ""]
     check = protocol["checksum"]
     lines.append(f"#define PROTOCOL_VERSION {protocol['version']}")
     lines.append(f"#define CHECK_POLYNOMIAL 0x{check['polynomial']:06X}UL")
@@ -59,51 +60,35 @@ def header(protocol: dict[str, Any]) -> str:
 
 
 def _c_frame(name: str, frame: Frame) -> list[str]:
-    lines = [f"/* {frame['help']} */", "typedef struct {"]
+    """A packed structure that is the payload: gcc lays bit-fields from the lowest bit up."""
+    lines = [f"/* {frame['help']} */", "typedef struct __attribute__((packed)) {"]
+    lines.append("    uint8_t type : 4;")
+    offset = TYPE_BITS
     for field, width, meaning, many in fields(frame):
         array = f"[{many}]" if many > 1 else ""
-        lines.append(f"    {_c_type(width)} {field}{array}; /* {meaning} */")
-    lines += [f"}} {name}_t;", ""]
-    lines.append(f"enum {{ TYPE_{name.upper()} = {frame['type']}, SIZE_{name.upper()} = "
-                 f"{size(frame)} }};")  # fmt: skip
+        whole = abs(width) in (8, 16, 32) and offset % 8 == 0
+        bits = "" if whole else f" : {abs(width)}"
+        lines.append(f"    {_c_type(width)} {field}{array}{bits}; /* {meaning} */")
+        offset += abs(width) * many
+    upper = name.upper()
+    lines += [f"}} {name}_t;", f"enum {{ TYPE_{upper} = {frame['type']} }};"]
+    check = f"sizeof({name}_t) == {size(frame)}"
+    lines.append(f'_Static_assert({check}, "the structure is the payload");')
     if name == "settings":
         members = ", ".join(f"FIELD_{field.upper()}" for field, *_ in fields(frame))
         lines.append(f"enum {{ {members} }};")
-    pack = f"fields_pack({name}_fields, {frame['type']}, from, bytes);"
-    return [
-        *lines,
-        f"extern const field_t {name}_fields[];",
-        f"static inline void {name}_pack(const {name}_t *from, uint8_t *bytes)",
-        "{", f"    {pack}", "}",
-        f"static inline bool {name}_unpack({name}_t *to, const uint8_t *bytes)",
-        "{", f"    return fields_unpack({name}_fields, to, bytes);", "}", "",
-    ]  # fmt: skip
+    return [*lines, ""]
 
 
 def _c_type(width: int) -> str:
-    if width == 1:
-        return "bool"
     bits = next(size for size in (8, 16, 32) if abs(width) <= size)
     return f"int{bits}_t" if width < 0 else f"uint{bits}_t"
-
-
-def tables(protocol: dict[str, Any]) -> str:
-    """The C tables of fields."""
-    lines = [f"/* {NOTICE} */", '#include "protocol.h"', "", "#include <stddef.h>", ""]
-    for name, frame in protocol["frames"].items():
-        lines.append(f"const field_t {name}_fields[] PROGMEM = {{")
-        for field, width, _, many in fields(frame):
-            bits = f"FIELD_SIGNED | {-width}" if width < 0 else str(width)
-            places = [f"{field}[{index}]" for index in range(many)] if many > 1 else [field]
-            lines += [f"    {{offsetof({name}_t, {place}), {bits}}}," for place in places]
-        lines += ["    {0, 0},", "};", ""]
-    return "\n".join(lines)
 
 
 def _c_size(frames: dict[str, Frame]) -> list[str]:
     lines = ["/* Payload length of a type; 0 when there is no such type. */"]
     lines += ["static inline uint8_t payload_size(uint8_t type)", "{", "    switch (type) {"]
-    lines += [f"    case TYPE_{name.upper()}: return SIZE_{name.upper()};" for name in frames]
+    lines += [f"    case TYPE_{name.upper()}: return sizeof({name}_t);" for name in frames]
     return [*lines, "    default: return 0;", "    }", "}", ""]
 
 
@@ -145,40 +130,41 @@ def _python_frame(name: str, frame: Frame) -> list[str]:
     for field, _, meaning, many in fields(frame):
         kind = "tuple[int, ...]" if many > 1 else "int"
         lines.append(f"    {field}: {kind}  # {meaning}")
-    rest = size(frame) * 8
-    lines += ["", "    def pack(self) -> bytes:", '        """Payload bytes."""']
-    shift = rest - TYPE_BITS
-    terms = [f"{frame['type']} << {shift}"]
-    parts: list[str] = []
+    lines += _python_pack(frame) + _python_unpack(name, frame)
+    return lines
+
+
+def _python_pack(frame: Frame) -> list[str]:
+    terms = [str(frame["type"])]
+    shift = TYPE_BITS
     for field, width, _, many in fields(frame):
         mask = (1 << abs(width)) - 1
         for index in range(many):
-            shift -= abs(width)
             source = f"self.{field}[{index}]" if many > 1 else f"self.{field}"
             terms.append(f"({source} & {mask}) << {shift}")
-    lines.append("        return (")
-    lines.append("            " + "\n            | ".join(terms))
-    lines.append(f"        ).to_bytes({size(frame)}, 'big')")
-    lines += ["", "    @classmethod", "    def unpack(cls, payload: bytes) -> " f"{_class(name)} | None:",
-              '        """The frame in a payload of this type, or None when it is malformed."""',
-              f"        if len(payload) != {size(frame)}:", "            return None",
-              "        bits = int.from_bytes(payload, 'big')"]  # fmt: skip
-    if shift:
-        lines += [f"        if bits & {(1 << shift) - 1}:", "            return None"]
-    shift = rest - TYPE_BITS
+            shift += abs(width)
+    return ["", "    def pack(self) -> bytes:", '        """Payload bytes."""', "        return (",
+            "            " + "\n            | ".join(terms),
+            f"        ).to_bytes({size(frame)}, 'little')"]  # fmt: skip
+
+
+def _python_unpack(name: str, frame: Frame) -> list[str]:
+    lines = ["", "    @classmethod",
+             f"    def unpack(cls, payload: bytes) -> {_class(name)} | None:",
+             '        """The frame in a payload of this type, or None when it is malformed."""',
+             f"        if len(payload) != {size(frame)}:", "            return None",
+             "        bits = int.from_bytes(payload, 'little')", "        return cls("]  # fmt: skip
+    shift = TYPE_BITS
     for _field, width, _, many in fields(frame):
         each = []
         for _index in range(many):
-            shift -= abs(width)
             got = f"(bits >> {shift} & {(1 << abs(width)) - 1})"
             if width < 0:
                 got = f"(({got} ^ {1 << (-width - 1)}) - {1 << (-width - 1)})"
             each.append(got)
-        parts.append(f"({', '.join(each)})" if many > 1 else each[0])
-    lines.append("        return cls(")
-    lines += [f"            {part}," for part in parts]
-    lines.append("        )")
-    return lines
+            shift += abs(width)
+        lines.append(f"            {'(' + ', '.join(each) + ')' if many > 1 else each[0]},")
+    return [*lines, "        )"]
 
 
 def load() -> dict[str, Any]:
@@ -194,7 +180,6 @@ def main() -> None:
     """Write both files."""
     protocol = load()
     HEADER.write_text(header(protocol))
-    TABLES.write_text(tables(protocol))
     MODULE.write_text(module(protocol))
     for name, frame in protocol["frames"].items():
         print(f"{name:10} {size(frame):3} bytes of payload, {wire(frame):3} on the wire")

@@ -99,7 +99,7 @@ ISR(USART1_UDRE_vect)
         UCSR1B &= (uint8_t)~(1 << UDRIE1);
 }
 
-const uint8_t *link_receive(uint8_t link)
+const void *link_receive(uint8_t link)
 {
     port_t *port = &ports[link];
     while (port->in_tail != port->in_head) {
@@ -108,7 +108,7 @@ const uint8_t *link_receive(uint8_t link)
         switch (codec_receive(&port->codec, byte)) {
         case CODEC_FRAME:
             port->spoken = true;
-            return port->codec.bytes;
+            return port->codec.bytes + 1;
         case CODEC_DAMAGED:
             damaged++;
             break;
@@ -124,7 +124,7 @@ bool link_waiting(void)
     return ports[0].in_head != ports[0].in_tail || ports[1].in_head != ports[1].in_tail;
 }
 
-bool link_send(uint8_t link, const uint8_t *payload, uint8_t size)
+bool link_send(uint8_t link, const void *payload, uint8_t size)
 {
     port_t *port = &ports[link];
     uint8_t wire[WIRE_LONGEST];

@@ -13,10 +13,10 @@ void link_start(void);
 void link_baud(uint8_t link, uint8_t code);
 
 /* The next whole frame of a link, or null. It stays valid until the next call for that link. */
-const uint8_t *link_receive(uint8_t link);
+const void *link_receive(uint8_t link);
 
 /* Queues a frame; false, and counted, when it does not fit. Never waits. */
-bool link_send(uint8_t link, const uint8_t *payload, uint8_t size);
+bool link_send(uint8_t link, const void *payload, uint8_t size);
 
 /* Changes a baud rate that waits for silence. */
 void link_tick(void);

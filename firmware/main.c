@@ -7,24 +7,20 @@
 #include "link.h"
 #include "reset.h"
 #include "robot.h"
-#include "telemetry.h"
-
-static volatile uint8_t *const sleeping = &SMCR;
 
 static void listen(void)
 {
     for (uint8_t link = 0; link < LINKS; link++) {
-        const uint8_t *payload;
+        const void *payload;
         while ((payload = link_receive(link)) != 0)
             robot_obey(link, payload);
     }
 }
 
-static void sleep_unless(bool work)
+static void sleep_if_idle(void)
 {
-    *sleeping = 1 << SE;
     cli();
-    if (work || link_waiting()) {
+    if (link_waiting()) {
         sei();
         return;
     }
@@ -39,22 +35,21 @@ int main(void)
     clock_start();
     link_start();
     robot_start();
+    SMCR = 1 << SE; /* idle: timers and serial ports go on */
     sei();
     uint16_t longest = 0;
     for (;;) {
-        uint32_t begun = clock_now();
+        uint16_t begun = (uint16_t)clock_now();
         reset_feed();
         listen();
         uint8_t milliseconds = clock_elapsed();
         for (uint8_t i = 0; i < milliseconds; i++)
             robot_tick();
-        if (milliseconds)
-            robot_tell((uint16_t)(longest * 4));
-        if (telemetry_second())
+        if (milliseconds && robot_tell((uint16_t)(longest * 4)))
             longest = 0;
-        uint32_t took = clock_now() - begun;
+        uint16_t took = (uint16_t)(clock_now() - begun); /* the watchdog bites long before it wraps */
         if (took > longest)
-            longest = took > UINT16_MAX / 4 ? UINT16_MAX / 4 : (uint16_t)took;
-        sleep_unless(false);
+            longest = took;
+        sleep_if_idle();
     }
 }

@@ -5,9 +5,9 @@
 #ifdef __AVR__
 #include <avr/pgmspace.h>
 #else
-#include <string.h>
 #define PROGMEM
-#define memcpy_P memcpy
+#define pgm_read_byte(at) (*(const uint8_t *)(at))
+#define pgm_read_word(at) (*(const uint16_t *)(at))
 #endif
 
 #endif

@@ -21,22 +21,19 @@
 #define VERSION_MINOR 1
 #define VERSION_PATCH 0
 #define LIGHT_PIN 13
-/* A wheel without an edge for this long stands still. */
-#define REST_MS 300
+/* A wheel without an edge for this many loop periods stands still: 300 ms. */
+#define REST_PERIODS (300 / SPEED_PERIOD_MS)
 /* The button must be seen for this long, so that a spike of the motors is no press. */
 #define PRESS_MS 3
 
 static deadman_t deadman;
 static settings_t settings;
-static uint8_t payload_in_use[SIZE_SETTINGS];
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
 static speed_t wheels[2];
 static speed_gains_t gains[2];
 static uint32_t limit; /* of the dead-man, ticks */
-static uint8_t faults, period_ms, press_ms;
-static uint16_t rest_ms;
-static pin_t button, light;
-static bool lit;
+static uint8_t faults, period_ms, press_ms, rest;
+static pin_t button;
 
 static void release(void)
 {
@@ -47,201 +44,145 @@ static void release(void)
     }
 }
 
-static void gain(uint8_t wheel, uint16_t start, uint16_t forward)
+static void use(void)
 {
-    gains[wheel] = (speed_gains_t){start, forward, settings.proportional, settings.integral,
-                                   speed_pitch(settings.slots)};
-}
-
-static void watch_button(void)
-{
-    if (settings.button == PIN_NONE || !board_pin(settings.button, &button))
-        return;
-    volatile uint8_t *in = (volatile uint8_t *)button.port;
-    in[1] &= (uint8_t)~button.mask;
-    in[2] |= button.mask;
-}
-
-static void use(const uint8_t *payload)
-{
-    memcpy(payload_in_use, payload, SIZE_SETTINGS);
-    settings_mark = codec_check(payload, SIZE_SETTINGS);
+    settings_mark = codec_check(&settings, sizeof settings);
     limit = settings.deadman * (TICKS_PER_SECOND / 1000);
-    gain(0, settings.left_start, settings.left_gain);
-    gain(1, settings.right_start, settings.right_gain);
-    faults = 0;
+    for (uint8_t wheel = 0; wheel < 2; wheel++) {
+        memcpy(&gains[wheel].start, wheel ? &settings.right_start : &settings.left_start, 4);
+        gains[wheel].proportional = settings.proportional;
+        gains[wheel].integral = settings.integral;
+        gains[wheel].pitch = speed_pitch(settings.slots);
+    }
     motors_configure(&settings);
     encoders_configure(&settings);
     analog_configure(&settings);
     telemetry_configure(&settings);
-    watch_button();
+    if (!board_input(settings.button, &button))
+        button.mask = 0;
     link_baud(1, settings.baud);
+    faults = 0;
     release();
     deadman_ready(&deadman);
 }
 
-static bool resting(void)
+/* What becomes of new settings: a refusal, and the field that is to blame. */
+static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
 {
-    return rest_ms >= REST_MS && wheels[0].duty == 0 && wheels[1].duty == 0;
-}
-
-static uint8_t take(uint8_t link, const uint8_t *payload, uint8_t *field)
-{
-    settings_t wanted;
     *field = 0;
     if (!deadman_allows(&deadman, link))
         return REFUSAL_OWNED;
-    if (deadman.mode != MODE_UNSET && !resting())
+    if (settings_mark != 0 && rest < REST_PERIODS)
         return REFUSAL_MOVING;
-    if (!settings_unpack(&wanted, payload))
-        return REFUSAL_RANGE;
-    uint8_t refusal = settings_check(&wanted, field);
+    uint8_t refusal = settings_check(wanted, field);
     if (refusal != REFUSAL_NONE)
         return refusal;
-    bool same = settings_mark != 0 && memcmp(payload, payload_in_use, SIZE_SETTINGS) == 0;
-    settings = wanted;
-    use(payload);
-    if (!same)
-        store_begin(payload);
+    if (settings_mark == 0 || memcmp(wanted, &settings, sizeof settings) != 0)
+        store_begin(wanted);
+    settings = *wanted;
+    use();
     return REFUSAL_NONE;
 }
 
-static void answer(uint8_t link, const uint8_t *payload)
+static void answer(uint8_t link, const void *payload)
 {
-    uint8_t out[SIZE_ANSWER];
-    answer_t frame = {0};
-    frame.refusal = take(link, payload, &frame.field);
+    uint8_t field;
+    answer_t frame = {.type = TYPE_ANSWER};
+    frame.refusal = take(link, payload, &field);
+    frame.field = field;
     frame.settings = settings_mark;
-    answer_pack(&frame, out);
-    link_send(link, out, SIZE_ANSWER);
+    link_send(link, &frame, sizeof frame);
 }
 
 static void hello(uint8_t link)
 {
-    uint8_t out[SIZE_HELLO];
     hello_t frame = {
-        .version = PROTOCOL_VERSION, .major = VERSION_MAJOR, .minor = VERSION_MINOR,
-        .patch = VERSION_PATCH, .board = board_code, .boot = reset_boot(), .reset = reset_cause,
-        .mode = deadman.mode, .uart = link != 0, .settings = settings_mark,
+        .type = TYPE_HELLO, .version = PROTOCOL_VERSION,
+        .major = VERSION_MAJOR, .minor = VERSION_MINOR, .patch = VERSION_PATCH,
     };
-    hello_pack(&frame, out);
-    link_send(link, out, SIZE_HELLO);
+    frame.boot = reset_boot();
+    frame.board = board_code;
+    frame.reset = reset_cause;
+    frame.mode = deadman.mode;
+    frame.uart = link;
+    frame.settings = settings_mark;
+    link_send(link, &frame, sizeof frame);
 }
 
 void robot_start(void)
 {
-    uint8_t payload[SIZE_SETTINGS];
     uint8_t field;
     deadman_begin(&deadman);
-    if (store_load(payload) && settings_unpack(&settings, payload)
-        && settings_check(&settings, &field) == REFUSAL_NONE)
-        use(payload);
+    if (store_load(&settings) && settings_check(&settings, &field) == REFUSAL_NONE)
+        use();
     link_tick();
     for (uint8_t link = 0; link < LINKS; link++)
         hello(link); /* a host that was driving learns at once that the board has restarted */
 }
 
-static void face(uint8_t wheel, int16_t wanted)
+/* A command and a duty frame have the same shape. */
+static void drive(uint8_t link, const command_t *frame)
 {
-    if (wanted != 0)
-        encoders_direct(wheel, wanted > 0 ? 1 : -1);
-}
-
-static void drive(uint8_t link, const uint8_t *payload)
-{
-    command_t frame;
-    if (!command_unpack(&frame, payload))
+    uint8_t mode = frame->type == TYPE_DUTY ? MODE_DUTY : MODE_SPEED;
+    bool changes = deadman.mode != mode;
+    if (!deadman_command(&deadman, link, mode, frame->sequence, clock_now()))
         return;
-    bool from_duty = deadman.mode == MODE_DUTY;
-    if (!deadman_command(&deadman, link, MODE_SPEED, frame.sequence, clock_now()))
-        return;
-    if (from_duty)
+    if (changes)
         release();
-    const int16_t targets[2] = {frame.left, frame.right};
     for (uint8_t wheel = 0; wheel < 2; wheel++) {
+        int16_t wanted = wheel ? frame->right : frame->left;
         speed_edges_t edges = encoders_edges(wheel);
-        if (speed_command(&wheels[wheel], &gains[wheel], edges, targets[wheel]))
-            encoders_forget(wheel);
-        face(wheel, targets[wheel]);
+        encoders_face(wheel, wanted);
+        if (mode == MODE_DUTY) {
+            wheels[wheel].duty = wanted;
+        } else {
+            speed_command(&wheels[wheel], &gains[wheel], &edges, wanted);
+            if (edges.edges == 0)
+                encoders_forget(wheel);
+        }
         motors_set(wheel, wheels[wheel].duty);
     }
-}
-
-static void drive_raw(uint8_t link, const uint8_t *payload)
-{
-    duty_t frame;
-    if (!duty_unpack(&frame, payload))
-        return;
-    if (!deadman_command(&deadman, link, MODE_DUTY, frame.sequence, clock_now()))
-        return;
-    const int16_t duties[2] = {frame.left, frame.right};
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        int32_t scaled = (int32_t)duties[wheel] * DUTY_FULL / DUTY_ONE;
-        wheels[wheel].duty = (int16_t)(scaled > DUTY_FULL ? DUTY_FULL
-                                       : scaled < -DUTY_FULL ? -DUTY_FULL : scaled);
-        face(wheel, duties[wheel]);
-        motors_set(wheel, wheels[wheel].duty);
-    }
-}
-
-static void stop(uint8_t link, const uint8_t *payload)
-{
-    stop_t frame;
-    if (!stop_unpack(&frame, payload) || frame.guard != 0x2A)
-        return;
-    release();
-    deadman_stop(&deadman, link, frame.sequence, clock_now());
-}
-
-static void set_light(uint8_t how)
-{
-    board_pin(LIGHT_PIN, &light);
-    volatile uint8_t *in = (volatile uint8_t *)light.port;
-    lit = how == 2 ? !lit : how != 0;
-    in[1] |= light.mask;
-    if (lit)
-        in[2] |= light.mask;
-    else
-        in[2] &= (uint8_t)~light.mask;
 }
 
 /* Pin 13 is the light only as long as the settings leave it free. */
-static bool light_is_free(void)
+static void light(uint8_t how)
 {
-    const uint8_t taken[] = {settings.left_enable, settings.left_in1, settings.left_in2,
-                             settings.right_enable, settings.right_in1, settings.right_in2,
-                             settings.left_encoder_b, settings.right_encoder_b, settings.button};
-    return settings_mark == 0 || !memchr(taken, LIGHT_PIN, sizeof taken);
+    pin_t pin;
+    if (memchr(&settings.left_enable, LIGHT_PIN, &settings.range - &settings.left_enable))
+        return;
+    board_pin(LIGHT_PIN, &pin);
+    bool lit = how == 2 ? !(pin.port[2] & pin.mask) : how;
+    pin.port[1] |= pin.mask;
+    pin.port[2] &= (uint8_t)~pin.mask;
+    if (lit)
+        pin.port[2] |= pin.mask;
 }
 
-static void act(uint8_t link, const uint8_t *payload)
+static void act(uint8_t link, const action_t *frame)
 {
-    action_t frame;
-    if (!action_unpack(&frame, payload))
-        return;
-    if (frame.action == ACTION_LIGHT && light_is_free())
-        set_light(frame.value);
+    if (frame->action == ACTION_LIGHT)
+        light(frame->value);
     if (!deadman_allows(&deadman, link))
         return;
-    if (frame.action == ACTION_CLEAR) {
+    if (frame->action == ACTION_CLEAR) {
         faults = 0;
         deadman_clear(&deadman);
     }
-    if (frame.action == ACTION_CAPTURE)
-        telemetry_capture(frame.value != 0);
+    if (frame->action == ACTION_CAPTURE)
+        telemetry_capture(frame->value);
 }
 
-void robot_obey(uint8_t link, const uint8_t *payload)
+void robot_obey(uint8_t link, const void *payload)
 {
-    switch (payload[0] >> 4) {
+    const stop_t *frame = payload; /* type and sequence stand alike in every frame to the board */
+    switch (frame->type) {
     case TYPE_COMMAND:
+    case TYPE_DUTY:
         drive(link, payload);
         break;
-    case TYPE_DUTY:
-        drive_raw(link, payload);
-        break;
     case TYPE_STOP:
-        stop(link, payload);
+        release();
+        deadman_stop(&deadman, link, frame->sequence, clock_now());
         break;
     case TYPE_ASK:
         hello(link);
@@ -260,9 +201,9 @@ void robot_obey(uint8_t link, const uint8_t *payload)
 static void check_button(void)
 {
     bool pressed = false;
-    if (settings_mark != 0 && settings.button != PIN_NONE) {
-        volatile uint8_t *in = (volatile uint8_t *)button.port;
-        pressed = ((*in & button.mask) != 0) == settings.button_high;
+    if (button.mask) {
+        bool high = *button.port & button.mask;
+        pressed = high == settings.button_high;
     }
     if (!pressed)
         press_ms = 0;
@@ -273,31 +214,30 @@ static void check_button(void)
 
 static void loop(void)
 {
-    bool still = true;
+    if (rest < REST_PERIODS)
+        rest++;
     for (uint8_t wheel = 0; wheel < 2; wheel++) {
+        speed_t *speed = &wheels[wheel];
         bool edge = encoders_moved(wheel);
-        still = still && !edge && wheels[wheel].duty == 0;
         if (deadman.mode == MODE_SPEED) {
-            speed_step(&wheels[wheel], &gains[wheel], encoders_edges(wheel));
-            motors_set(wheel, wheels[wheel].duty);
+            speed_edges_t edges = encoders_edges(wheel);
+            speed_step(speed, &gains[wheel], &edges);
+            motors_set(wheel, speed->duty);
         }
-        if (speed_stalled(&wheels[wheel], wheels[wheel].duty, edge))
+        if (edge || speed->duty != 0)
+            rest = 0;
+        if (speed_stalled(speed, edge)) {
             faults |= (uint8_t)(1 << wheel);
+            deadman_fault(&deadman);
+        }
     }
-    if (!still)
-        rest_ms = 0;
-    else if (rest_ms < REST_MS)
-        rest_ms += SPEED_PERIOD_MS;
-    if (faults && deadman_drives(&deadman))
-        deadman_fault(&deadman);
 }
 
 void robot_tick(void)
 {
     bool drove = deadman_drives(&deadman);
     check_button();
-    if (settings_mark != 0)
-        deadman_tick(&deadman, limit, clock_now());
+    deadman_tick(&deadman, limit, clock_now());
     if (++period_ms == SPEED_PERIOD_MS) {
         period_ms = 0;
         loop();
@@ -308,7 +248,7 @@ void robot_tick(void)
     link_tick();
 }
 
-void robot_tell(uint16_t longest_us)
+bool robot_tell(uint16_t longest_us)
 {
-    telemetry_tick(&deadman, faults, longest_us);
+    return telemetry_tick(&deadman, faults, longest_us);
 }

@@ -1,22 +1,32 @@
 #include "settings.h"
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "board.h"
 
-/* Pin of analog channel 0. */
-#define FIRST_ANALOG_PIN 54
-/* Half a million counts a metre would be ten times what any hobby encoder gives. */
-#define SLOTS_MAXIMUM 10000
+enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, OPTIONAL = 0x10 };
 
-enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN };
+/* What the pins of the settings frame are for, in its order from left_enable on. */
+#define PINS 11
+static const uint8_t roles[PINS] PROGMEM = {
+    PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL,
+    PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL, PLAIN_PIN | OPTIONAL,
+};
+
+/* Lowest and highest of the numbers of the settings frame, in its order from telemetry on. */
+#define NUMBERS 7
+static const uint16_t limits[NUMBERS][2] PROGMEM = {
+    {1, TELEMETRY_MAXIMUM}, {1, SLOTS_MAXIMUM}, {0, GLITCH_MAXIMUM},
+    {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, INT16_MAX}, {0, UINT16_MAX}, {0, INT16_MAX},
+};
 
 static uint8_t suits(uint8_t number, uint8_t role)
 {
     pin_t pin;
     if (!board_pin(number, &pin))
         return REFUSAL_PIN_MISSING;
-    if (pin.link)
+    if (pin.ability == ABLE_LINK)
         return REFUSAL_PIN_LINK;
     if (role == PWM_PIN && pin.pwm == BOARD_NONE)
         return REFUSAL_PIN_PWM;
@@ -25,90 +35,62 @@ static uint8_t suits(uint8_t number, uint8_t role)
     return REFUSAL_NONE;
 }
 
-/* A pin of each role, optional or not, in the order of the settings frame. */
-static uint8_t check_pins(const settings_t *settings, uint8_t *field)
+static uint8_t check_pins(const uint8_t *pins, uint8_t *index)
 {
-    const struct {
-        uint8_t number, role, field;
-        bool optional;
-    } pins[] = {
-        {settings->left_enable, PWM_PIN, FIELD_LEFT_ENABLE, false},
-        {settings->left_in1, PLAIN_PIN, FIELD_LEFT_IN1, false},
-        {settings->left_in2, PLAIN_PIN, FIELD_LEFT_IN2, false},
-        {settings->left_encoder, INTERRUPT_PIN, FIELD_LEFT_ENCODER, false},
-        {settings->left_encoder_b, PLAIN_PIN, FIELD_LEFT_ENCODER_B, true},
-        {settings->right_enable, PWM_PIN, FIELD_RIGHT_ENABLE, false},
-        {settings->right_in1, PLAIN_PIN, FIELD_RIGHT_IN1, false},
-        {settings->right_in2, PLAIN_PIN, FIELD_RIGHT_IN2, false},
-        {settings->right_encoder, INTERRUPT_PIN, FIELD_RIGHT_ENCODER, false},
-        {settings->right_encoder_b, PLAIN_PIN, FIELD_RIGHT_ENCODER_B, true},
-        {settings->button, PLAIN_PIN, FIELD_BUTTON, true},
-    };
-    const uint8_t many = sizeof pins / sizeof *pins;
-    for (uint8_t i = 0; i < many; i++) {
-        *field = pins[i].field;
-        if (pins[i].optional && pins[i].number == PIN_NONE)
+    for (uint8_t i = 0; i < PINS; i++) {
+        uint8_t role = pgm_read_byte(&roles[i]);
+        *index = i;
+        if (pins[i] == PIN_NONE && role & OPTIONAL)
             continue;
-        uint8_t refusal = suits(pins[i].number, pins[i].role);
+        uint8_t refusal = suits(pins[i], role & (uint8_t)~OPTIONAL);
         if (refusal != REFUSAL_NONE)
             return refusal;
         for (uint8_t j = 0; j < i; j++)
-            if (pins[j].number == pins[i].number)
+            if (pins[j] == pins[i])
                 return REFUSAL_PIN_TWICE;
-        bool range = settings->range != PIN_NONE
-            && pins[i].number == FIRST_ANALOG_PIN + settings->range;
-        bool battery = settings->battery != PIN_NONE
-            && pins[i].number == FIRST_ANALOG_PIN + settings->battery;
-        if (range || battery)
-            return REFUSAL_PIN_TWICE;
+        for (uint8_t j = PINS; j < PINS + 2; j++) /* range and battery are analog channels */
+            if (pins[j] != PIN_NONE && board_first_analog + pins[j] == pins[i])
+                return REFUSAL_PIN_TWICE;
     }
-    return REFUSAL_NONE;
+    for (uint8_t j = PINS; j < PINS + 2; j++) {
+        *index = j;
+        if (pins[j] != PIN_NONE && pins[j] >= board_analogs)
+            return REFUSAL_PIN_ANALOG;
+    }
+    return pins[PINS] == pins[PINS + 1] && pins[PINS] != PIN_NONE ? REFUSAL_PIN_TWICE
+                                                                  : REFUSAL_NONE;
 }
 
-static uint8_t check_analog(const settings_t *settings, uint8_t *field)
+static bool numbers_fit(const settings_t *settings, uint8_t *index)
 {
-    *field = FIELD_RANGE;
-    if (settings->range != PIN_NONE && settings->range >= board_analogs)
-        return REFUSAL_PIN_ANALOG;
-    *field = FIELD_BATTERY;
-    if (settings->battery == PIN_NONE)
-        return REFUSAL_NONE;
-    if (settings->battery >= board_analogs)
-        return REFUSAL_PIN_ANALOG;
-    return settings->battery == settings->range ? REFUSAL_PIN_TWICE : REFUSAL_NONE;
-}
-
-static uint8_t check_values(const settings_t *settings, uint8_t *field)
-{
-    const struct {
-        uint16_t value, low, high;
-        uint8_t field;
-    } values[] = {
-        {settings->edge, EDGE_RISING, EDGE_BOTH, FIELD_EDGE},
-        {settings->baud, BAUD_B9600, BAUD_B115200, FIELD_BAUD},
-        {settings->reserved, 0, 0, FIELD_RESERVED},
-        {settings->slots, 1, SLOTS_MAXIMUM, FIELD_SLOTS},
-        {settings->glitch, 0, GLITCH_MAXIMUM, FIELD_GLITCH},
-        {settings->deadman, DEADMAN_MINIMUM, DEADMAN_MAXIMUM, FIELD_DEADMAN},
-        {settings->telemetry, 1, TELEMETRY_MAXIMUM, FIELD_TELEMETRY},
-        {settings->left_start, 0, INT16_MAX, FIELD_LEFT_START},
-        {settings->right_start, 0, INT16_MAX, FIELD_RIGHT_START},
-    };
-    for (uint8_t i = 0; i < sizeof values / sizeof *values; i++) {
-        *field = values[i].field;
-        if (values[i].value < values[i].low || values[i].value > values[i].high)
-            return REFUSAL_RANGE;
+    const uint8_t *at = (const uint8_t *)settings + offsetof(settings_t, telemetry);
+    for (uint8_t i = 0; i < NUMBERS; i++, at += 2) {
+        uint16_t number = (uint16_t)(at[0] | at[1] << 8);
+        *index = i;
+        if (number < pgm_read_word(&limits[i][0]) || number > pgm_read_word(&limits[i][1]))
+            return false;
     }
-    *field = 0;
-    return REFUSAL_NONE;
+    return true;
 }
 
 uint8_t settings_check(const settings_t *settings, uint8_t *field)
 {
-    uint8_t refusal = check_pins(settings, field);
-    if (refusal == REFUSAL_NONE)
-        refusal = check_analog(settings, field);
-    if (refusal == REFUSAL_NONE)
-        refusal = check_values(settings, field);
-    return refusal;
+    uint8_t index;
+    const uint8_t *pins = (const uint8_t *)settings + offsetof(settings_t, left_enable);
+    uint8_t refusal = check_pins(pins, &index);
+    *field = (uint8_t)(FIELD_LEFT_ENABLE + index);
+    if (refusal != REFUSAL_NONE)
+        return refusal;
+    bool fits = numbers_fit(settings, &index);
+    *field = (uint8_t)(FIELD_TELEMETRY + index);
+    if (!fits)
+        return REFUSAL_RANGE;
+    *field = FIELD_EDGE;
+    if (settings->edge > EDGE_BOTH)
+        return REFUSAL_RANGE;
+    *field = FIELD_RESERVED;
+    if (settings->reserved != 0)
+        return REFUSAL_RANGE;
+    *field = FIELD_BAUD;
+    return settings->baud > BAUD_B115200 ? REFUSAL_RANGE : REFUSAL_NONE;
 }

@@ -12,7 +12,7 @@
 #define SLEW 1638
 /* Duty above 0.3 for 500 ms must give an edge. */
 #define STALL_DUTY 9830
-#define STALL_MS 500
+#define STALL_PERIODS (500 / SPEED_PERIOD_MS)
 
 uint32_t speed_pitch(uint16_t slots)
 {
@@ -21,105 +21,76 @@ uint32_t speed_pitch(uint16_t slots)
 
 void speed_stop(speed_t *speed)
 {
-    speed->target = 0;
-    speed->duty = 0;
-    speed->sum = 0;
-    speed->slewing = false;
-    speed->stalled = 0;
+    *speed = (speed_t){0};
 }
 
-static int8_t sign(int16_t value)
+static int32_t within(int32_t value, int32_t limit)
 {
-    return (int8_t)((value > 0) - (value < 0));
+    return value > limit ? limit : value < -limit ? -limit : value;
 }
 
-/* Target less measured speed; 0 while the speed is not known. */
-static int16_t error(const speed_t *speed, const speed_gains_t *gains, speed_edges_t edges)
+/* Speed that the wheel lacks, in the direction of its target; 0 while its speed is not known. */
+static int16_t lack(int16_t target, const speed_gains_t *gains, const speed_edges_t *edges)
 {
-    if (edges.edges < 2 || edges.age > AGE_UNKNOWN)
+    if (edges->edges < 2 || edges->period > AGE_UNKNOWN)
         return 0;
-    uint32_t period = edges.period > edges.age ? edges.period : edges.age;
-    uint32_t measured = gains->pitch / (period ? period : 1);
-    if (measured > INT16_MAX / 2)
-        measured = INT16_MAX / 2;
-    return (int16_t)(speed->target - sign(speed->target) * (int16_t)measured);
+    uint32_t measured = gains->pitch / (edges->period | 1);
+    return (int16_t)(target - (measured > INT16_MAX ? INT16_MAX : (int16_t)measured));
 }
 
-static int32_t wanted(const speed_t *speed, const speed_gains_t *gains, int16_t error)
+/* All in the direction of the target, so that signs need no care: the loop is symmetric. */
+static void drive(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges, bool step)
 {
-    int32_t forward = sign(speed->target) * (int32_t)gains->start;
-    forward += (int32_t)gains->gain * speed->target / 256;
-    return forward + (int32_t)gains->proportional * error / 256 + speed->sum / INTEGRATOR_ONE;
+    bool backwards = speed->target < 0;
+    int16_t target = backwards ? (int16_t)-speed->target : speed->target;
+    if (target == 0)
+        return;
+    int16_t error = lack(target, gains, edges);
+    int32_t wanted = gains->start + (int32_t)((uint32_t)gains->gain * (uint16_t)target >> 8);
+    wanted += ((int32_t)gains->proportional * error) / 256 + speed->sum / INTEGRATOR_ONE;
+    int32_t duty = wanted > DUTY_FULL ? DUTY_FULL : wanted < 0 ? 0 : wanted;
+    if (step && (wanted == duty || (wanted > duty) != (error > 0))) {
+        int32_t more = within((int32_t)gains->integral * error, INTEGRATOR_LIMIT);
+        speed->sum = within(speed->sum + more, INTEGRATOR_LIMIT);
+    }
+    if (backwards)
+        duty = -duty;
+    if (speed->slewing) {
+        int32_t change = within(duty - speed->duty, step ? SLEW : 0);
+        speed->slewing = speed->duty + change != duty;
+        duty = speed->duty + change;
+    }
+    speed->duty = (int16_t)duty;
 }
 
-static int16_t limited(int32_t duty, int16_t target)
+void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target)
 {
-    int32_t high = target > 0 ? DUTY_FULL : 0;
-    int32_t low = target < 0 ? -DUTY_FULL : 0;
-    return (int16_t)(duty > high ? high : duty < low ? low : duty);
-}
-
-static void approach(speed_t *speed, int16_t duty)
-{
-    int32_t change = (int32_t)duty - speed->duty;
-    if (change > SLEW)
-        change = SLEW;
-    else if (change < -SLEW)
-        change = -SLEW;
-    else
-        speed->slewing = false;
-    speed->duty = (int16_t)(speed->duty + change);
-}
-
-bool speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t edges, int16_t target)
-{
-    int8_t before = sign(speed->target);
-    bool changed = before != sign(target);
-    speed->target = target;
+    int16_t before = speed->target;
+    bool turned = (before < 0) != (target < 0);
+    if (before == 0 || target == 0 || turned)
+        edges->edges = 0;
     if (target == 0) {
         speed_stop(speed);
-        return changed;
-    }
-    if (changed) {
-        speed->sum = 0;
-        speed->slewing = before != 0;
-        edges.edges = 0;
-    }
-    if (!speed->slewing)
-        speed->duty = limited(wanted(speed, gains, error(speed, gains, edges)), target);
-    return changed;
-}
-
-void speed_step(speed_t *speed, const speed_gains_t *gains, speed_edges_t edges)
-{
-    if (speed->target == 0)
         return;
-    int16_t miss = error(speed, gains, edges);
-    int32_t ideal = wanted(speed, gains, miss);
-    int16_t duty = limited(ideal, speed->target);
-    if (speed->slewing)
-        approach(speed, duty);
-    else
-        speed->duty = duty;
-    if ((ideal > duty && miss > 0) || (ideal < duty && miss < 0))
-        return; /* saturated, and the error would push further */
-    /* gain times error fits 31 bits: 65535 * 32767; the sum is bounded before it can overflow */
-    int32_t step = (int32_t)gains->integral * miss;
-    if (step > INTEGRATOR_LIMIT)
-        step = INTEGRATOR_LIMIT;
-    if (step < -INTEGRATOR_LIMIT)
-        step = -INTEGRATOR_LIMIT;
-    int32_t sum = speed->sum + step;
-    speed->sum = sum > INTEGRATOR_LIMIT ? INTEGRATOR_LIMIT
-        : sum < -INTEGRATOR_LIMIT       ? -INTEGRATOR_LIMIT
-                                        : sum;
+    }
+    if (before != 0 && turned) {
+        speed->sum = 0;
+        speed->slewing = true;
+    }
+    speed->target = target == INT16_MIN ? -INT16_MAX : target;
+    drive(speed, gains, edges, false);
 }
 
-bool speed_stalled(speed_t *speed, int16_t duty, bool edge)
+void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges)
 {
-    if (edge || (duty <= STALL_DUTY && duty >= -STALL_DUTY))
+    drive(speed, gains, edges, true);
+}
+
+bool speed_stalled(speed_t *speed, bool edge)
+{
+    if (edge || (speed->duty <= STALL_DUTY && speed->duty >= -STALL_DUTY))
         speed->stalled = 0;
     else
-        speed->stalled += SPEED_PERIOD_MS;
-    return speed->stalled >= STALL_MS;
+        speed->stalled++;
+    return speed->stalled >= STALL_PERIODS;
 }

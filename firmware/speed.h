@@ -18,12 +18,11 @@ typedef struct {
     uint32_t pitch;        /* 1/256 rad/s times ticks: one slot's angle */
 } speed_gains_t;
 
-/* What the encoder knows: edges since the start from rest (0, 1, 2 for more), the time between the
-   last two, the time since the last. */
+/* What the encoder knows: edges since the start from rest (0, 1, 2 for more), and the larger of the
+   time between the last two and the time since the last. */
 typedef struct {
     uint8_t edges;
     uint32_t period;
-    uint32_t age;
 } speed_edges_t;
 
 typedef struct {
@@ -31,7 +30,7 @@ typedef struct {
     int16_t duty;
     int32_t sum; /* integrator, duty scaled by INTEGRATOR_ONE */
     bool slewing;
-    uint16_t stalled; /* ms with power and without an edge */
+    uint8_t stalled; /* loop periods with power and without an edge */
 } speed_t;
 
 /* One slot's angle in the units of `pitch`, for `slots` counts a turn. */
@@ -39,13 +38,14 @@ uint32_t speed_pitch(uint16_t slots);
 
 void speed_stop(speed_t *speed);
 
-/* A new target; the feed-forward acts at once. True when the edges' history must be forgotten. */
-bool speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t edges, int16_t target);
+/* A new target; its feed-forward acts at once. When it starts the wheel or turns it round, the
+   edges' history counts no more: `edges` is told so, and so must the encoder be. */
+void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target);
 
 /* One period of the loop. */
-void speed_step(speed_t *speed, const speed_gains_t *gains, speed_edges_t edges);
+void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges);
 
-/* Counts time with power and without edges, once a period. True when the wheel must be faulted. */
-bool speed_stalled(speed_t *speed, int16_t duty, bool edge);
+/* To be called once a period: true when the wheel has had power for long and gave no edge. */
+bool speed_stalled(speed_t *speed, bool edge);
 
 #endif

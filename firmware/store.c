@@ -15,14 +15,14 @@ typedef struct {
     uint8_t marker;
     uint8_t version; /* of the protocol, which gives the payload its meaning */
     uint8_t generation;
-    uint8_t payload[SIZE_SETTINGS];
+    settings_t settings;
     uint8_t check[CHECK_BYTES];
 } slot_t;
 
 #define BODY (sizeof(slot_t) - 1)
 #define STEPS (BODY + 2)
 
-static slot_t writing;
+static slot_t image; /* being written, or just read */
 static uint8_t slot, generation;
 static uint8_t step = STEPS; /* of a write: 0 erases the marker, the last sets it */
 static bool done;
@@ -32,48 +32,38 @@ static uint8_t *address(uint8_t number)
     return (uint8_t *)(uintptr_t)(number * SLOT_ROOM);
 }
 
-static void sign(slot_t *image)
+static bool read(uint8_t number)
 {
-    uint32_t check = codec_check(&image->version, BODY - CHECK_BYTES);
-    image->check[0] = (uint8_t)(check >> 16);
-    image->check[1] = (uint8_t)(check >> 8);
-    image->check[2] = (uint8_t)check;
+    uint8_t check[CHECK_BYTES];
+    eeprom_read_block(&image, address(number), sizeof image);
+    codec_sign(&image.version, BODY - CHECK_BYTES, check);
+    return image.marker == COMPLETE && image.version == PROTOCOL_VERSION
+        && memcmp(check, image.check, CHECK_BYTES) == 0;
 }
 
-static bool read(uint8_t number, slot_t *image)
+bool store_load(settings_t *settings)
 {
-    slot_t wanted;
-    eeprom_read_block(image, address(number), sizeof *image);
-    wanted = *image;
-    sign(&wanted);
-    return image->marker == COMPLETE && image->version == PROTOCOL_VERSION
-        && memcmp(wanted.check, image->check, CHECK_BYTES) == 0;
-}
-
-bool store_load(uint8_t payload[SIZE_SETTINGS])
-{
-    slot_t image;
     for (uint8_t number = 0; number < SLOTS; number++) {
-        if (!read(number, &image) || (done && (int8_t)(image.generation - generation) < 0))
+        if (!read(number) || (done && (int8_t)(image.generation - generation) < 0))
             continue;
         slot = number;
         generation = image.generation;
-        memcpy(payload, image.payload, SIZE_SETTINGS);
+        *settings = image.settings;
         done = true;
     }
     return done;
 }
 
-void store_begin(const uint8_t payload[SIZE_SETTINGS])
+void store_begin(const settings_t *settings)
 {
     if (step == STEPS) { /* a write under way starts anew in its own slot */
-        slot = (uint8_t)(slot + 1) % SLOTS;
+        slot ^= 1;
         generation++;
     }
-    writing.version = PROTOCOL_VERSION;
-    writing.generation = generation;
-    memcpy(writing.payload, payload, SIZE_SETTINGS);
-    sign(&writing);
+    image.version = PROTOCOL_VERSION;
+    image.generation = generation;
+    image.settings = *settings;
+    codec_sign(&image.version, BODY - CHECK_BYTES, image.check);
     step = 0;
     done = false;
 }
@@ -86,7 +76,7 @@ void store_tick(void)
     if (step == 0)
         eeprom_write_byte(to, ERASED);
     else if (step <= BODY)
-        eeprom_write_byte(to + step, ((const uint8_t *)&writing)[step]);
+        eeprom_write_byte(to + step, ((const uint8_t *)&image)[step]);
     else
         eeprom_write_byte(to, COMPLETE);
     if (++step == STEPS)

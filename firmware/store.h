@@ -7,16 +7,16 @@
 
 #include "protocol.h"
 
-/* Payload of the newest valid slot; false when there is none. Waits for nothing at start-up. */
-bool store_load(uint8_t payload[SIZE_SETTINGS]);
+/* Settings of the newest valid slot; false when there is none. */
+bool store_load(settings_t *settings);
 
-/* Begins to write a payload into the older slot. */
-void store_begin(const uint8_t payload[SIZE_SETTINGS]);
+/* Begins to write settings into the older slot. */
+void store_begin(const settings_t *settings);
 
 /* Writes the next byte once the last one is done. */
 void store_tick(void);
 
-/* True when the payload last begun or loaded stands in the EEPROM. */
+/* True when the settings last begun or loaded stand in the EEPROM. */
 bool store_done(void);
 
 #endif

@@ -8,7 +8,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import Decoder, encode
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, Settings, name_of
 from diffbotctl.links.diffbot_stranger import SIGN_ON, describe
-from diffbotctl.links.diffbot_telemetry import SECOND, SEQUENCES, Sent, Telemetry, volts_of
+from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, Sent, Telemetry, volts_of
 from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
 
 MILLISECOND = 1_000_000
@@ -148,7 +148,7 @@ class DiffbotHost:
         self._actions.append(frames.Action(_action(name), value))
 
     def _claim(self, now: int) -> None:
-        self._sequence = (self._sequence + 1) % SEQUENCES
+        self._sequence = (self._sequence + 1) % COMMANDS
         self._stop_sequence, self._stop_at, self._confirmed = self._sequence, now, False
 
     def _release(self, now: int) -> None:
@@ -205,10 +205,10 @@ class DiffbotHost:
             self._stop_at = now + STOP_EVERY
             self._commanded = now
             self._telemetry.wrote(self._stop_sequence, Sent(now, 0.0, 0.0, "wheels"))
-            return frames.Stop(self._stop_sequence, 0x2A)
+            return frames.Stop(self._stop_sequence)
         if now >= self._ask_at:
             self._ask_at = now + ASK_EVERY
-            return frames.Ask(frames.VERSION, 0xA)
+            return frames.Ask(frames.VERSION)
         if now >= self._settings_at:
             self._settings_at = now + SETTINGS_EVERY
             return self._frame
@@ -240,7 +240,7 @@ class DiffbotHost:
         ):  # fmt: skip
             self._claim(now)  # the board may have given the commands up: claim them first
             return self._next_frame(now)
-        self._sequence = (self._sequence + 1) % SEQUENCES
+        self._sequence = (self._sequence + 1) % COMMANDS
         self._repeat_at = now + REPEAT_EVERY
         self._commanded = now
         self._confirmed = False
@@ -414,7 +414,7 @@ class DiffbotHost:
 
 def _quantised(now: int, sequence: int, wanted: Wheels | Duty) -> tuple[frames.Frame, Sent]:
     """A command in the board's units, and the values that these mean."""
-    most = (1 << 14) - 1
+    most = (1 << 15) - 1
     one = frames.SPEED_ONE if isinstance(wanted, Wheels) else frames.DUTY_ONE
     left, right = (
         max(-most, min(most, round(value * one))) for value in (wanted.left, wanted.right)

@@ -90,18 +90,25 @@ class Settings:
         """
         left, right = self.left, self.right
         return frames.Settings(
-            left.enable, left.in1, left.in2, left.encoder, _pin(left.encoder_b),
-            right.enable, right.in1, right.in2, right.encoder, _pin(right.encoder_b),
-            _pin(self.range_channel), _pin(self.battery_channel), _pin(self.button),
-            int(left.reversed), int(right.reversed), int(self.enable_inverted), int(self.brake),
-            int(self.button_high), int(left.encoder_reversed), int(right.encoder_reversed),
-            int(self.edge_times), EDGES[self.edge], BAUDS[self.baud], 0,
-            _whole("slots", self.slots), _whole("glitch", round(self.glitch / MICROSECOND)),
-            _whole("dead-man", round(self.deadman / 1_000_000)),
-            _whole("telemetry", self.telemetry, 255),
-            _gain("start", left.start), _gain("start", right.start),
-            _gain("gain", left.gain), _gain("gain", right.gain),
-            _gain("proportional", self.proportional), _gain("integral", self.integral),
+            edge=EDGES[self.edge], edge_times=int(self.edge_times), brake=int(self.brake),
+            left_reversed=int(left.reversed), right_reversed=int(right.reversed),
+            left_encoder_reversed=int(left.encoder_reversed),
+            right_encoder_reversed=int(right.encoder_reversed),
+            enable_inverted=int(self.enable_inverted), button_high=int(self.button_high),
+            reserved=0, baud=BAUDS[self.baud],
+            left_enable=left.enable, left_in1=left.in1, left_in2=left.in2,
+            left_encoder=left.encoder, left_encoder_b=_pin(left.encoder_b),
+            right_enable=right.enable, right_in1=right.in1, right_in2=right.in2,
+            right_encoder=right.encoder, right_encoder_b=_pin(right.encoder_b),
+            button=_pin(self.button), range=_pin(self.range_channel),
+            battery=_pin(self.battery_channel), telemetry=_whole("telemetry", self.telemetry),
+            slots=_whole("slots", self.slots),
+            glitch=_whole("glitch", round(self.glitch / MICROSECOND)),
+            deadman=_whole("dead-man", round(self.deadman / 1_000_000)),
+            left_start=_gain("start", left.start), left_gain=_gain("gain", left.gain),
+            right_start=_gain("start", right.start), right_gain=_gain("gain", right.gain),
+            proportional=_gain("proportional", self.proportional),
+            integral=_gain("integral", self.integral),
         )  # fmt: skip
 
     def mark(self) -> int:

@@ -13,7 +13,8 @@ SECOND = 1_000_000_000
 WRAP = 1 << 16
 TICK = frames.TICK_NANOSECONDS
 EDGE_SLACK = 3 * TICK  # the stamp of one edge, from two frames, may differ by rounding
-SEQUENCES = 64
+SEQUENCES = 64  # of state frames
+COMMANDS = 16  # numbers of commands
 
 State = frames.State | frames.Counts
 
@@ -46,7 +47,7 @@ class Telemetry:
         self.lost = 0
         self.latency = float("nan")
         self._sent: dict[int, Sent] = {}
-        self._awaited: int | None = None
+        self._echoed: int | None = None
         self.forget()
 
     def forget(self) -> None:
@@ -65,9 +66,8 @@ class Telemetry:
         self.forget()
 
     def wrote(self, sequence: int, sent: Sent) -> None:
-        """A command has been written; its echo is awaited."""
+        """A command has been written."""
         self._sent[sequence] = sent
-        self._awaited = sequence
 
     def read(self, now: int, frame: State) -> Encoders:
         """One state frame that arrived at `now`."""
@@ -109,9 +109,12 @@ class Telemetry:
         self._sequence = sequence
 
     def _measure_latency(self, now: int, frame: State) -> None:
-        if frame.command == self._awaited:
-            self.latency = (now - self._sent[frame.command].time) / SECOND
-            self._awaited = None
+        if frame.command == self._echoed:
+            return
+        self._echoed = frame.command
+        sent = self._sent.get(frame.command)
+        if sent is not None and now - sent.time < SECOND:
+            self.latency = (now - sent.time) / SECOND
 
     def _unwrap_count(self, side: int, raw: int) -> int:
         step = (raw - self._raw[side] + WRAP // 2) % WRAP - WRAP // 2
