@@ -1,6 +1,5 @@
 #include "analog.h"
 
-#include <avr/interrupt.h>
 #include <avr/io.h>
 #include <util/atomic.h>
 
@@ -51,7 +50,7 @@ void analog_convert(void)
         start(1);
 }
 
-ISR(ADC_vect)
+void analog_converted(void)
 {
     uint8_t input = current;
     inputs[input].sum += ADC;

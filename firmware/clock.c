@@ -1,6 +1,5 @@
 #include "clock.h"
 
-#include <avr/interrupt.h>
 #include <avr/io.h>
 #include <util/atomic.h>
 
@@ -22,12 +21,12 @@ void clock_start(void)
     TIMSK1 = 1 << TOIE1 | 1 << OCIE1A | 1 << OCIE1B;
 }
 
-ISR(TIMER1_OVF_vect)
+void clock_overflow(void)
 {
     overflows++;
 }
 
-ISR(TIMER1_COMPA_vect)
+void clock_millisecond(void)
 {
     OCR1A += TICKS_PER_MS;
     elapsed++;
@@ -35,7 +34,7 @@ ISR(TIMER1_COMPA_vect)
         motors_release();
 }
 
-ISR(TIMER1_COMPB_vect)
+void clock_sample(void)
 {
     OCR1B += CLOCK_SAMPLE_TICKS;
     analog_convert();

@@ -8,6 +8,11 @@
 
 void clock_start(void);
 
+/* From the timer's interrupts. */
+void clock_overflow(void);
+void clock_millisecond(void);
+void clock_sample(void);
+
 /* Time now. May be called with interrupts on or off. */
 uint32_t clock_now(void);
 

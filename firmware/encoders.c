@@ -1,6 +1,5 @@
 #include "encoders.h"
 
-#include <avr/interrupt.h>
 #include <avr/io.h>
 #include <util/atomic.h>
 
@@ -54,7 +53,7 @@ static void counted(sensor_t *sensor, bool level, uint32_t now)
 
 /* An edge counts when the level that it ends had lasted the glitch time: bounce of either flank
    makes only short levels, so neither adds a count. */
-static void edge(uint8_t interrupt)
+void encoders_edge(uint8_t interrupt)
 {
     uint8_t wheel = interrupt != left_interrupt;
     sensor_t *sensor = &sensors[wheel];
@@ -76,11 +75,6 @@ static void edge(uint8_t interrupt)
     }
     counted(sensor, level, now);
 }
-
-ISR(INT0_vect) { edge(0); }
-ISR(INT1_vect) { edge(1); }
-ISR(INT4_vect) { edge(4); }
-ISR(INT5_vect) { edge(5); }
 
 static void sense(void)
 {

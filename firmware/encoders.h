@@ -14,6 +14,9 @@ typedef struct {
     uint16_t age; /* since the last edge, 64 us; AGE_NONE when there was none, or long ago */
 } encoder_t;
 
+/* From the external interrupt of that number. */
+void encoders_edge(uint8_t interrupt);
+
 void encoders_configure(const settings_t *settings);
 
 /* Which way a wheel turns, as the sign of what its motor is commanded. Quadrature knows better. */

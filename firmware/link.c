@@ -1,6 +1,5 @@
 #include "link.h"
 
-#include <avr/interrupt.h>
 #include <avr/io.h>
 #include <util/atomic.h>
 
@@ -37,6 +36,7 @@ static volatile uint8_t *uart(uint8_t link)
 #define CONTROL 1
 #define FORMAT 2
 #define DIVISOR 4
+#define DATA 6
 
 static void set_divisor(uint8_t link, uint8_t code)
 {
@@ -60,8 +60,10 @@ void link_baud(uint8_t link, uint8_t code)
     ports[link].baud = code;
 }
 
-static inline void received(port_t *port, uint8_t byte)
+void link_received(uint8_t link)
 {
+    port_t *port = &ports[link];
+    uint8_t byte = uart(link)[DATA];
     uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
     if (next == port->in_tail)
         return; /* the frame that misses this byte fails its checksum */
@@ -69,34 +71,16 @@ static inline void received(port_t *port, uint8_t byte)
     port->in_head = next;
 }
 
-static inline bool next_out(port_t *port, uint8_t *byte)
+void link_empty(uint8_t link)
 {
-    if (port->out_tail == port->out_head)
-        return false;
-    *byte = port->out[port->out_tail];
-    port->out_tail = (uint8_t)(port->out_tail + 1) % ROOM_OUT;
-    return true;
-}
-
-ISR(USART0_RX_vect) { received(&ports[0], UDR0); }
-ISR(USART1_RX_vect) { received(&ports[1], UDR1); }
-
-ISR(USART0_UDRE_vect)
-{
-    uint8_t byte;
-    if (next_out(&ports[0], &byte))
-        UDR0 = byte;
-    else
-        UCSR0B &= (uint8_t)~(1 << UDRIE0);
-}
-
-ISR(USART1_UDRE_vect)
-{
-    uint8_t byte;
-    if (next_out(&ports[1], &byte))
-        UDR1 = byte;
-    else
-        UCSR1B &= (uint8_t)~(1 << UDRIE1);
+    port_t *port = &ports[link];
+    uint8_t tail = port->out_tail;
+    if (tail == port->out_head) {
+        uart(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
+        return;
+    }
+    uart(link)[DATA] = port->out[tail];
+    port->out_tail = (uint8_t)(tail + 1) % ROOM_OUT;
 }
 
 const void *link_receive(uint8_t link)

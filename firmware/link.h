@@ -9,6 +9,10 @@
 
 void link_start(void);
 
+/* From the interrupts of a UART: a byte has come; there is room for one to go. */
+void link_received(uint8_t link);
+void link_empty(uint8_t link);
+
 /* A BAUD_... code for a link; takes hold when what waits has gone out. */
 void link_baud(uint8_t link, uint8_t code);
 

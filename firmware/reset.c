@@ -11,6 +11,7 @@
 /* The watchdog bites after 250 ms; a loop that had not passed for most of that was hung. */
 #define BITTEN_MS 200
 #define PAINT 0xA5
+#define GAP 48
 /* EEPROM cell that counts power-ups, behind the slots of the settings: after one, no number in
    memory tells this start from the last. */
 #define POWER_UPS ((uint8_t *)128)
@@ -25,6 +26,7 @@ static struct {
 
 uint8_t reset_cause;
 extern uint8_t _end;
+static uint8_t *lowest; /* of the stack, as far as it was ever used */
 
 /* A watchdog left running by a watchdog reset would bite during start-up. */
 static uint8_t flags __attribute__((section(".noinit")));
@@ -38,6 +40,7 @@ void reset_early(void)
 
 static void paint_stack(void)
 {
+    lowest = (uint8_t *)SP - 9;
     for (uint8_t *at = &_end; at < (uint8_t *)SP - 8; at++)
         *at = PAINT;
 }
@@ -92,8 +95,11 @@ bool reset_hung(void)
 
 uint16_t reset_free_stack(void)
 {
-    const uint8_t *at = &_end;
-    while (*at == PAINT)
-        at++;
-    return (uint16_t)(at - &_end);
+    /* A called function leaves no gap of this many untouched bytes. */
+    for (uint8_t clean = 0; clean < GAP && lowest - clean > &_end; clean++)
+        if (lowest[-clean] != PAINT) {
+            lowest -= clean + 1;
+            clean = 0;
+        }
+    return (uint16_t)(lowest - &_end);
 }
