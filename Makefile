@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SEED ?= 1
 ROBOTS ?= 300
+TRIALS ?= 50
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 .PHONY: demo test prove bench clean
@@ -18,7 +19,7 @@ test: $(VENV)/tested
 	$(BIN)/python -m pytest
 
 prove: $(VENV)/tested
-	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS)
+	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench

@@ -24,6 +24,9 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
+        The robot file names a protocol that this version of diffbotctl speaks to the simulated
+        board only."""),
     "E-RECORDING": _code("a file is no recording", """
         Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
         or holds none of what a recording of diffbotctl begins with."""),
@@ -105,7 +108,8 @@ CODES: dict[str, Code] = {
         stops between two commands; longer, and at 0.3 m/s it drives on blind for more than 15 cm
         after the link is gone. It cannot be switched off."""),
     "E-CHOICE": _code("not one of the known words", """
-        Here one of a few words is possible. They are listed in the message."""),
+        Here only a few words are possible, because each stands for something that the code knows
+        how to do. They are listed in the message; a schema-aware editor offers them too."""),
     "E-VALUE-EMPTY": _code("a key without a value", """
         Nothing stands behind the colon. Either the value was forgotten, or it slipped to the next
         line with the wrong indentation, or a comma too many made a key of its own."""),
@@ -141,7 +145,8 @@ CODES: dict[str, Code] = {
         A block says by FromRobot("drive.track") what it needs of the robot file. This one asks for
         something that no robot file has: the mistake is in the block's own code."""),
     "E-SENSOR-UNKNOWN": _code("a sensor that the robot does not have", """
-        The name must be one of those under `sensors:` in the robot file."""),
+        Sensors are named under `sensors:` in the robot file, and `robot` has one output of each
+        name. A block or the simulation refers to a name that is not there."""),
     "E-BLOCK-UNKNOWN": _code("no block of that kind", """
         `block:` names a kind of block: one that is built in, or one from another installed package.
         `diffbotctl blocks` lists them."""),
@@ -162,7 +167,8 @@ CODES: dict[str, Code] = {
         outputs of a kind; `robot` gives encoders, link, battery and one output for each sensor,
         `operator` gives goal, twist, path and resume."""),
     "E-WIRE-INPUT": _code("a wire to an input that does not exist", """
-        The keys under `in:` are the block's inputs. This is not one of them."""),
+        The keys under `in:` are the block's inputs; the values are where they come from. This key
+        is not one of them. `diffbotctl blocks show KIND` lists the inputs of a kind."""),
     "E-WIRE-MISSING": _code("an input that nothing feeds", """
         The block cannot do its work without this input: it would wait for ever, and the robot
         would stand still without telling why."""),
@@ -247,7 +253,8 @@ CODES: dict[str, Code] = {
         `diffbotctl calibrate encoders` proves it; or set drive: {polarity: by_hand} when you have
         seen it yourself with the wheels in the air."""),
     "E-CODE": _code("no such code", """
-        `diffbotctl explain` without a code lists them all."""),
+        Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
+        without a code lists them all."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),
@@ -260,6 +267,10 @@ CODES: dict[str, Code] = {
     "E-PORT-BAUD": _code("the port refuses the baud rate", """
         The adapter or its driver cannot do the baud rate of the robot file. 9600 and 115200 work
         everywhere."""),
+    "E-PORT-OPEN": _code("the serial port cannot be opened", """
+        The device is not there, or it vanished: the cable was pulled, the Bluetooth module lost its
+        pairing, or the name changed after a reconnect. `ls /dev/ttyUSB* /dev/ttyACM* /dev/rfcomm*`
+        shows what there is now."""),
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),

@@ -11,6 +11,7 @@ WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT = 24  # columns of the user's line kept in front of the caret when it must be shortened
 NARROWEST = 34  # columns below which a cause beside the caret becomes a thin tower of words
 SLACK = 12  # columns that breaking between words may cost
+LONGEST = 500  # characters of a cause or a fix; ours have at most half of it
 CUT = "..."
 
 
@@ -72,12 +73,13 @@ class Problem:
     def render(self, width: int = WIDTH) -> str:
         """The problem as a person reads it, in at most `width` columns where its words allow."""
         mark = "  (warning)" if self.severity == "warning" else ""
-        head = [f"{self.place}  {self.code}{mark}"]
+        head = [f"{printable(str(self.place))}  {self.code}{mark}"]
+        cause, fix = _spoken(self.cause), _spoken(self.fix)
         if isinstance(self.place, str):
-            body = _wrapped(self.cause, "  ", width)
+            body = _wrapped(cause, "  ", width)
         else:
-            body = _quoted(self.place, self.cause, width)
-        return "\n".join(head + body + _wrapped(self.fix, "  ", width))
+            body = _quoted(self.place, cause, width)
+        return "\n".join(head + body + _wrapped(fix, "  ", width))
 
 
 class UserError(Exception):
@@ -126,6 +128,11 @@ def printable(text: str) -> str:
         character if character.isprintable() else " " if character == "\t" else "\N{MIDDLE DOT}"
         for character in text
     )
+
+
+def _spoken(text: str) -> str:
+    """Words that may quote a file: nothing in them steers the terminal, nor fills it."""
+    return printable(text if len(text) <= LONGEST else text[:LONGEST] + CUT)
 
 
 def _quoted(place: Place, cause: str, width: int) -> list[str]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from itertools import chain
 
-from prove import motion
+from prove import faults, motion
 
 
 def main() -> int:
@@ -12,9 +13,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
+    parser.add_argument("--trials", type=int, default=50)
     options = parser.parse_args()
     missed = 0
-    for row in motion.rows(options.seed, options.robots, list(motion.ROBOTS)):
+    tables = (
+        motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
+        faults.rows(options.seed, options.trials),
+    )
+    for row in chain.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
     print(f"{missed} rows missed")

@@ -20,6 +20,7 @@ from diffbotctl.hub import recorder_process
 from diffbotctl.messages import Encoders, Goal
 from diffbotctl.runs.assembly import assemble
 from diffbotctl.runs.run import Options, Run
+from prove import wire
 from prove.row import Row
 
 TICKS = 8000  # a side
@@ -114,32 +115,37 @@ def command(*words: str) -> list[str]:
 
 
 def start_up() -> Iterator[Row]:
-    """`--help`, and `run` to its end on a goal that is already there."""
-    rows = [
-        ("diffbotctl --help", ["--help"], 0.100, {}),
-        ("run to first command, files checked before",
-         ["run", "goal", "--for", "30ms", "--fast", "--quiet"], 0.120, {}),
-        ("run to first command, files never checked",
-         ["run", "goal", "--for", "30ms", "--fast", "--quiet"], 0.250, {"fresh": True}),
-    ]  # fmt: skip
-    for what, words, most, how in rows:
-        times = []
-        for _ in range(15):
-            environment = dict(os.environ)
-            with tempfile.TemporaryDirectory() as folder:
-                if how:
-                    environment["XDG_CACHE_HOME"] = folder
-                began = time.perf_counter()
-                subprocess.run(command(*words), env=environment, stdout=subprocess.DEVNULL,
-                               check=False)  # fmt: skip
-                times.append(time.perf_counter() - began)
-        figure = median(times)
-        yield Row(
-            f"{what} (whole process)",
-            f"{figure * 1000:.0f} ms",
-            f"<= {most * 1000:.0f} ms",
-            figure <= most,
-        )
+    """`--help`, and `run` in simulation until the first command that turns a wheel leaves."""
+    times = []
+    for _ in range(15):
+        began = time.perf_counter()
+        subprocess.run(command("--help"), stdout=subprocess.DEVNULL, check=True)
+        times.append(time.perf_counter() - began)
+    yield milliseconds("diffbotctl --help", times, 100)
+    known, fresh = ([first_command(new) for _ in range(15)] for new in (False, True))
+    yield milliseconds("run to first command, files checked before", known, 120)
+    yield milliseconds("run to first command, files never checked", fresh, 250)
+
+
+def milliseconds(what: str, times: list[float], most: int) -> Row:
+    """A row for the median of some times."""
+    figure = median(times) * 1000
+    return Row(what, f"{figure:.0f} ms", f"<= {most} ms", figure <= most)
+
+
+def first_command(fresh: bool) -> float:
+    """Seconds from the start of the process to the first command. Unpaced: the simulated board's
+    first frame, 51 ms of virtual time, costs no waiting; what is measured is the start."""
+    environment = dict(os.environ)
+    words = [sys.executable, "-m", "prove.first_command", str(time.monotonic())]
+    with tempfile.TemporaryDirectory() as folder:
+        if fresh:
+            environment["XDG_CACHE_HOME"] = folder
+        out = subprocess.run(
+            [*words, "run", "goal", "--fast", "--quiet"], env=environment, text=True,
+            stdout=subprocess.PIPE, check=True,
+        ).stdout  # fmt: skip
+    return float(out.split("FIRST ")[1])
 
 
 def memory() -> Iterator[Row]:
@@ -199,7 +205,7 @@ def simulated_speed() -> Iterator[Row]:
 def main() -> int:
     """Print the rows."""
     missed = 0
-    for part in (overhead, start_up, memory, simulated_speed):
+    for part in (overhead, start_up, memory, simulated_speed, wire.rows):
         for row in part():
             print(row.line(), flush=True)
             missed += not row.met

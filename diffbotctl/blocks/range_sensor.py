@@ -9,15 +9,16 @@ from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.messages import Range, Resume, Volts
 from diffbotctl.params import Param
 
-NEAREST = 0.04  # m; nearer, the GP2Y0A41SK0F's voltage falls again (data sheet ED-05G101)
+NEAREST = 0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet), its curve to 2 mm
 REACH = 0.30  # m; farther, its voltage hardly changes
-# Peak over the voltage at 4 cm is 3.03 / 2.72 on the data sheet's typical part; half-way up from
-# there the object is nearer than 3.8 cm, and may pass the peak before the next reading.
-PEAK_SHARE = 1.05
-# An object 5 mm away reads 1.38 V, half the voltage at 4 cm: less means contact, or far away.
+# The peak, 3.03 V, is 1.14 times the voltage at 4.2 cm. The voltage is above 1.09 times it over
+# 9 mm (typical part: from 3.7 to 2.8 cm), so readings that are closer together must see it.
+PEAK_SHARE = 1.09
+PEAK_WAY = 0.009  # m
+# An object 5 mm away reads 1.38 V, half the voltage at 4.2 cm: less means contact, or far away.
 CONTACT_SHARE = 0.5
-ZEROS = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
 FOLDED_WAY = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
+ZEROS = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
 
 
 class RangeSensor(Block):
@@ -48,7 +49,7 @@ class RangeSensor(Block):
         curve: Any = self.sensors[self.sensor].curve
         self.curve = (curve.a, curve.b, curve.c)
         near = volts_at(NEAREST, *self.curve)
-        self.fold = Fold(near, FOLDED_WAY / self.speed)
+        self.fold = Fold(near, self.speed)
         self.last_volts = float("nan")
         self.since = 0
         self.zeros = 0
@@ -82,45 +83,51 @@ class RangeSensor(Block):
 class Fold:
     """Whether the object is on the sensor's folded-back side, nearer than the peak at 3 cm.
 
-    `near` is the voltage at the nearest certain distance, `crossing` the shortest time in seconds
-    in which the robot could drive through the folded-back side: a voltage that drops faster belongs
-    to something that went away sideways.
+    A voltage above `near`, that of the nearest certain distance, is too close on either side of the
+    peak. When it falls below again, the way tells the side: who was seen at the peak may have
+    passed it, and so may who could drive over it at `speed` in m/s between two readings. Back on
+    the certain side is only who was seen at the peak again, or whose voltage drops faster than the
+    robot could drive: that object went away sideways.
     """
 
-    def __init__(self, near: float, crossing: float) -> None:
+    def __init__(self, near: float, speed: float) -> None:
         self.near = near
-        self.crossing = int(crossing * 1e9)
+        self.over_peak = int(PEAK_WAY / speed * 1e9)  # ns
+        self.to_contact = int(FOLDED_WAY / speed * 1e9)  # ns
         self.forget()
 
     def forget(self) -> None:
         """Begin as if nothing had been close."""
         self.is_folded = False
-        self.readings = 0  # in the zone above `near`, since it was entered
-        self.has_peaked = False
-        self.left = 0  # when the zone was left, in ns
         self.was_folded = False  # before the zone was entered
+        self.is_inside = False  # of the zone above `near`
+        self.has_peaked = False  # since it was entered
+        self.has_jumped = False  # as far as over the peak, since the reading before that
+        self.last = 0  # time of the last reading, in ns
+        self.inside = 0  # last time inside, in ns
 
     def is_too_close(self, now: int, volts: float) -> bool:
-        """Take one voltage above zero; True while the object is, or may be, closer than 4 cm."""
+        """Take one voltage at `now` ns; True while the object is, or may be, closer than 4 cm."""
+        is_jump, self.last = now - self.last >= self.over_peak, now
         if volts >= self.near:
-            self.readings += 1
+            self.is_inside, self.inside = True, now
             self.has_peaked = self.has_peaked or volts >= PEAK_SHARE * self.near
-            self.left = now
+            self.has_jumped = self.has_jumped or is_jump
             return True
-        if self.readings:
-            self._leave()
-        dropped = volts < CONTACT_SHARE * self.near and now - self.left < self.crossing
-        if self.is_folded and not self.was_folded and dropped:
+        if self.is_inside:
+            self._leave(is_jump)
+        dropped = volts < CONTACT_SHARE * self.near and now - self.inside < self.to_contact
+        if dropped and not self.was_folded:
             self.is_folded = False
         return self.is_folded
 
-    def _leave(self) -> None:
-        """The voltage fell below that of the nearest certain distance: to which side?"""
-        # One reading in the zone is a fast passage, which may have jumped over the peak.
-        may_have_passed = self.has_peaked or self.readings == 1
+    def _leave(self, is_jump: bool) -> None:
         self.was_folded = self.is_folded
-        self.is_folded = not self.has_peaked if self.is_folded else may_have_passed
-        self.readings, self.has_peaked = 0, False
+        if self.is_folded:
+            self.is_folded = not self.has_peaked
+        else:
+            self.is_folded = self.has_peaked or self.has_jumped or is_jump
+        self.is_inside = self.has_peaked = self.has_jumped = False
 
 
 def volts_at(distance: float, a: float, b: float, c: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, get_args, get_origin
 
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, nearest
 from diffbotctl.params import Declaration, Section, declared
 

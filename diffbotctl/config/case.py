@@ -9,7 +9,7 @@ from typing import Any
 from diffbotctl.block import Block
 from diffbotctl.config.pipeline import Pipeline
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Place, Problem
 
 

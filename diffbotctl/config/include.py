@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from diffbotctl.config import lookup, resources, yamlfile
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError
 
 CHAIN = 10  # files deep

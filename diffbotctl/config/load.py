@@ -25,7 +25,7 @@ from diffbotctl.config.configuration import BlockUse, Configuration, RobotFile
 from diffbotctl.config.pipeline import BlockEntry, Pipeline
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.typed import Reader
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError, nearest
 from diffbotctl.params import declared
 

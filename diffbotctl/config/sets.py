@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from diffbotctl.config.yamlfile import Value, parse_any
+from diffbotctl.config.value import Value
+from diffbotctl.config.yamlfile import parse_any
 from diffbotctl.errors import ConfigurationError, Place, Problem, Source, nearest
 
 SHAPE = "write --set block.parameter=value, such as --set follower.tolerance='20 mm'"

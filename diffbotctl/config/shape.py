@@ -7,7 +7,7 @@ from typing import Any
 
 from diffbotctl.config import cache
 from diffbotctl.config.schema import Schema
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diffbotctl.config.include import merge
 from diffbotctl.config.robot import Side
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.params import declared
 
 SIDES = ("left", "right")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any, TypeVar, get_args, get_origin
 
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 from diffbotctl.params import Declaration, Pin, Section, declared
 from diffbotctl.units import KINDS, UnitError, example, quantity
@@ -137,10 +137,12 @@ def _str(value: Value, declaration: Declaration) -> str:
 
 
 def _pin(value: Value, declaration: Declaration) -> Pin:
-    if isinstance(value.data, bool) or not PIN.match(value.text):
+    data = value.data
+    name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
+    if not PIN.match(name):
         cause = f"'{value.text}' is not the name of a pin"
         raise _WrongError(cause, "write the number or name printed on the board, such as 5 or A0")
-    return Pin(value.text.lstrip("0") or "0")
+    return Pin(name)
 
 
 READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _str, Pin: _pin}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from diffbotctl.config.scalar import ScalarError, resolve
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import Problem, listed, nearest
 
 NAME = r"[A-Za-z_][A-Za-z0-9_]*"

@@ -94,7 +94,7 @@ def _make_raw(fd: int, baud: int) -> None:
     control = termios.CS8 | termios.CREAD | termios.CLOCAL
     try:
         special = termios.tcgetattr(fd)[6]
-        special[termios.VMIN], special[termios.VTIME] = 0, 0
+        special[termios.VMIN], special[termios.VTIME] = 1, 0  # so that empty means hung up
         settings: list[object] = [0, 0, control, 0, speed, speed, special]
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
         termios.tcflush(fd, termios.TCIOFLUSH)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from diffbotctl.drivers.guardian import Guardian
 from diffbotctl.drivers.port import Port
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import RunError
@@ -19,19 +20,19 @@ LONGEST_RETRY = 2_000 * MILLISECOND
 class SerialRobot:
     """A driver. Reopens a port that vanished, with growing pauses; a stop comes first after it.
 
-    `open_port` raises OSError while the device is away. `on_open` is told each newly opened port,
-    for the guardian's sake.
+    `open_port` raises OSError while the device is away. The guardian, if there is one, is handed
+    each newly opened port and the frames that stop the board.
     """
 
     def __init__(
         self,
         protocol: LinkProtocol,
         open_port: Callable[[], Port],
-        on_open: Callable[[Port], None] | None = None,
+        guardian: Guardian | None = None,
     ) -> None:
         self.protocol = protocol
         self.open_port = open_port
-        self.on_open = on_open
+        self.guardian = guardian
         self.port: Port | None = None
         self.retry_at = 0
         self.retry_pause = FIRST_RETRY
@@ -54,6 +55,8 @@ class SerialRobot:
             heard = self.protocol.receive(now, data) if data else []
             heard += self.protocol.timed(now)
             self._write(now)
+            if self.guardian is not None:
+                self.guardian.arm(self.protocol.farewell())
         except OSError as error:
             return self._lost(now, error)
         return _addressed(heard)
@@ -77,7 +80,9 @@ class SerialRobot:
         return self.protocol.stopped
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the port. The robot has been stopped, or cannot be reached: no guardian either."""
+        if self.guardian is not None:
+            self.guardian.dismiss()
         if self.port is not None:
             self.port.close()
 
@@ -121,8 +126,8 @@ class SerialRobot:
         self.protocol.opened(now)
         self.protocol.stop(now)
         self.retry_at = NEVER
-        if self.on_open is not None:
-            self.on_open(port)
+        if self.guardian is not None:
+            self.guardian.watch(port.fd)
         self._write_or_lose(now)
 
 

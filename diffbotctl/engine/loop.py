@@ -104,10 +104,8 @@ class Engine:
 
     def turn(self, until: int) -> bool:
         """Wait for the next thing, and do it. False when logical time has reached `until`."""
-        graph_due = self.compiled.due()
-        wake = min(graph_due, until)
-        for driver in self.drivers:
-            wake = min(wake, driver.due())
+        dues = [driver.due() for driver in self.drivers]
+        wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
         if self.signals is not None and self.signals.cause:
             self.end(INTERRUPTED, self.signals.cause)
@@ -116,8 +114,8 @@ class Engine:
             self._catch_up(until)
             return False
         deliveries: list[Delivery] = []
-        for driver in self.drivers:
-            if driver.due() <= now or (ready and not set(ready).isdisjoint(driver.files())):
+        for driver, due in zip(self.drivers, dues, strict=True):
+            if due <= now or (ready and not set(ready).isdisjoint(driver.files())):
                 deliveries += driver.deliver(now)
         if deliveries:
             self.deliver(now, deliveries)

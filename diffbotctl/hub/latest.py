@@ -50,6 +50,13 @@ class Latest:
         self.next = now + PERIOD
         self.send(Snapshot(now, self.messages, *self.progress()))
 
+    def finish(self, now: int) -> None:
+        """Send the last picture, waiting for the screen, and say that it was the last."""
+        self.channel.setblocking(True)
+        self.send(Snapshot(now, self.messages, *self.progress()))
+        self.send(None)
+        self.channel.close()
+
     def send(self, item: object) -> None:
         """Send one datagram; a full channel drops it."""
         try:

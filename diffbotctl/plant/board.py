@@ -101,19 +101,27 @@ class Board:
     def serve(self, now: int) -> None:
         """Let everything happen that is due at `now`."""
         for side in self.sides:
-            while side.coming and side.coming[0][0] <= now:
-                self._take(side, *side.coming.popleft())
+            coming = side.coming
+            while coming and coming[0][0] <= now:
+                self._take(side, *coming.popleft())
         if now >= self._silent:
             self._silent = NEVER
             for side in self.sides:
                 if side.hold:
                     self._hold(side, now, 0.0)
         if now >= self._tick:
-            self._tick += TICK
-            for side in self.sides:
-                if side.loop is not None:
-                    side.duty = side.loop.tick(now)
+            self._run_loops(now)
         self._look_ahead()
+
+    def _run_loops(self, now: int) -> None:
+        """Run the speed loops, and not again before a command comes if they have come to rest."""
+        at_rest = True
+        for side in self.sides:
+            loop = side.loop
+            if loop is not None:
+                side.duty = loop.tick(now)
+                at_rest = at_rest and loop.resting
+        self._tick = NEVER if at_rest else now + TICK
 
     def edge(self, side: Side, time: int) -> None:
         """A rising edge at the pin of `side`."""
@@ -172,14 +180,14 @@ class Board:
             side.sign = -1 if value < 0.0 else 1  # the published code counts forward at zero
         else:
             side.loop.command(time, value)
+            if self._tick == NEVER:
+                self._tick = -(-time // TICK) * TICK  # the timer has gone on; this is its next
             side.sign = side.loop.direction
             side.duty = side.loop.duty
 
     def _look_ahead(self) -> None:
-        left, right = self.sides
-        self.due = min(
-            self._tick,
-            self._silent,
-            left.coming[0][0] if left.coming else NEVER,
-            right.coming[0][0] if right.coming else NEVER,
-        )
+        due = self._tick if self._tick < self._silent else self._silent
+        for side in self.sides:
+            if side.coming and side.coming[0][0] < due:
+                due = side.coming[0][0]
+        self.due = due

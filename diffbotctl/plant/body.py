@@ -38,6 +38,8 @@ class Body:
 
     def roll(self, left: float, right: float) -> None:
         """Move on to the wheel angles `left` and `right` (rad since the start)."""
+        if left == self._left and right == self._right:
+            return
         ahead_left = (left - self._left) * self.left_radius
         ahead_right = (right - self._right) * self.right_radius
         self._left, self._right = left, right
@@ -45,13 +47,14 @@ class Body:
             self._due_left += abs(ahead_left)
             self._due_right += abs(ahead_right)
             if self._due_left > SLIP_STEP:
-                ahead_left += self._chance.gauss(0.0, self._slip * sqrt(self._due_left))
+                ahead_left += self._slipped(self._due_left)
                 self._due_left = 0.0
             if self._due_right > SLIP_STEP:
-                ahead_right += self._chance.gauss(0.0, self._slip * sqrt(self._due_right))
+                ahead_right += self._slipped(self._due_right)
                 self._due_right = 0.0
         ahead = 0.5 * (ahead_left + ahead_right)
-        half = 0.5 * (ahead_right - ahead_left) / self.track
+        turn = (ahead_right - ahead_left) / self.track
+        half = 0.5 * turn
         # The chord of an arc: its length by sin(h)/h, its direction the mean heading.
         chord = ahead * (sin(half) / half) if half else ahead
         middle = self.heading + half
@@ -59,4 +62,7 @@ class Body:
         self.y += chord * sin(middle)
         self.heading = middle + half
         self.travel += abs(ahead)
-        self.turned += abs(2.0 * half)
+        self.turned += abs(turn)
+
+    def _slipped(self, travel: float) -> float:
+        return self._chance.gauss(0.0, self._slip * sqrt(travel))

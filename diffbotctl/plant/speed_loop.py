@@ -62,12 +62,17 @@ class SpeedLoop:
             self.direction = 1 if target > 0.0 else -1
         self._drive(now, 0.0)
 
+    @property
+    def resting(self) -> bool:
+        """True when `tick` would change nothing: no motion is wanted, none is driven."""
+        return self.target == 0.0 and self.duty == 0.0
+
     def tick(self, now: int) -> float:
         """Run the loop once, each TICK; returns the duty."""
         if self.target == 0.0 or self.fault:
             self.duty = 0.0
             return 0.0
-        if abs(self.duty) <= STALL_DUTY:
+        if -STALL_DUTY <= self.duty <= STALL_DUTY:
             self._moved = now
         elif now - self._moved > STALL_TIME:
             self.fault = True
@@ -78,29 +83,46 @@ class SpeedLoop:
 
     def measured(self, now: int) -> float | None:
         """Speed (rad/s) from the last period and the age of the last edge, or None."""
-        if self._last is None or self._before is None or now - self._last > SILENCE:
+        last, before = self._last, self._before
+        if last is None or before is None:
             return None
-        longest = max(self._last - self._before, now - self._last)
+        age, period = now - last, last - before
+        if age > SILENCE:
+            return None
+        longest = age if age > period else period
         return self.direction * self._pitch / (longest * 1e-9)
 
     def _drive(self, now: int, step: float) -> None:
-        target, gains = self.target, self._gains
+        target = self.target
         if target == 0.0 or self.fault:
             self.duty = 0.0
             return
+        static, slope, proportional, integral = self._gains
         speed = self.measured(now)
         error = 0.0 if speed is None else target - speed
-        ahead = self.direction * gains.static + gains.slope * target
-        wanted = ahead + gains.proportional * error + self._integral
-        change = gains.integral * error * step
-        if abs(wanted) < 1.0 or wanted * change < 0.0:
-            self._integral = min(max(self._integral + change, -MOST_INTEGRAL), MOST_INTEGRAL)
-        wanted = min(max(wanted, -1.0), 1.0)
+        ahead = self.direction * static + slope * target
+        wanted = ahead + proportional * error + self._integral
+        change = integral * error * step
+        if -1.0 < wanted < 1.0:
+            self._gather(change)
+        else:
+            if wanted * change < 0.0:
+                self._gather(change)
+            wanted = 1.0 if wanted > 0.0 else -1.0
         if wanted * target < 0.0:
             wanted = 0.0
-        if self._slewing:
-            limit = SLEW if step else 0.0
-            move = min(max(wanted - self.duty, -limit), limit)
-            self._slewing = self.duty + move != wanted
-            wanted = self.duty + move
-        self.duty = wanted
+        self.duty = self._slewed(wanted, step) if self._slewing else wanted
+
+    def _gather(self, change: float) -> None:
+        total = self._integral + change
+        if -MOST_INTEGRAL <= total <= MOST_INTEGRAL:
+            self._integral = total
+        else:
+            self._integral = MOST_INTEGRAL if total > 0.0 else -MOST_INTEGRAL
+
+    def _slewed(self, wanted: float, step: float) -> float:
+        """The next duty on the way to `wanted` through a reversal."""
+        limit = SLEW if step else 0.0
+        move = min(max(wanted - self.duty, -limit), limit)
+        self._slewing = self.duty + move != wanted
+        return self.duty + move

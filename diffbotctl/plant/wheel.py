@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from math import exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from typing import NamedTuple
 from diffbotctl.plant.truth import EncoderTruth
 
 SECOND = 1_000_000_000  # ns
-GRID = 5_000_000  # ns; the ripple is taken as constant this long: a tenth of its period at 100 rpm
+GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
 NEVER = 1 << 62  # ns
@@ -63,14 +64,15 @@ def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
 
 
 class Wheel:
-    """A wheel that turns as its motor is driven, and the level of its encoder's pin.
+    """A wheel that turns as its motor is driven, and its encoder's pin.
 
     `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
     """
 
     __slots__ = (
-        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_flank", "_halts",
-        "_pending", "_settled", "_speed", "angle", "duty", "level", "motor", "now", "speed",
+        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_fade", "_flank",
+        "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale", "_settled",
+        "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
     def __init__(self, motor: Motor, disc: Disc, chance: Random, now: int = 0) -> None:
@@ -79,47 +81,58 @@ class Wheel:
         self._chance = chance
         self.now = now
         self.angle = self.speed = self.duty = 0.0
-        self._pending: deque[tuple[int, int]] = deque()
+        self._pending: deque[int] = deque()
+        self._keep, self._lag = motor.keep, motor.lag
+        self._ripple, self._phase = motor.ripple, motor.ripple_phase
+        self._scale = motor.speed / (1.0 - motor.keep)
+        self._fade = exp(-GRID * 1e-9 / motor.lag)
         self._flank = bisect_right(disc.flanks, disc.start)
         self._bracket()
         while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
             self._flank += 1
             self._bracket()
-        self.level = self._flank % 2  # after an odd number of flanks the slot lies open
         self._begin()
 
-    def advance(self, until: int, duty: float) -> list[tuple[int, int]]:
+    @property
+    def level(self) -> int:
+        """Level of the pin: 1 while a slot lies open, which it does after an odd flank."""
+        return self._flank % 2
+
+    def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
 
-        Returns the pin's changes in that time as (time in ns, new level), in order.
+        Returns the times (ns) at which the pin rose until then, in order.
         """
-        if duty != self.duty:
+        if duty != self.duty or self.now == self._end:
             self.duty = duty
             self._begin()
-        while until >= self._end:
+        while until > self._end:
             self._move(self._end)
-            if self._halts:
-                self.speed = 0.0
             self._begin()
-        if until > self.now:
+        if self._end == NEVER:
+            self.now = until
+        elif until > self.now:
             self._move(until)
-        if not self._pending:
-            return []
-        return self._due(until)
+        return self._due(until) if self._pending else ()
 
     def _begin(self) -> None:
         """Start a stretch of exact exponential motion at `now`."""
-        motor, speed = self.motor, self.speed
-        self._begun, self._angle, self._speed = self.now, self.angle, speed
+        now, angle, speed, push = self.now, self.angle, self.speed, self.duty
+        self._begun, self._angle = now, angle
         self._halts = False
-        push = self.duty
-        if speed == 0.0 and -motor.start <= push <= motor.start:
-            self._settled, self._end = 0.0, NEVER
+        start = self.motor.start
+        if speed == 0.0 and -start <= push <= start:
+            self._settled = self._over = 0.0
+            self._end = NEVER
             return
-        if motor.ripple:
-            push *= 1.0 + motor.ripple * sin(RIPPLE_CYCLES * self.angle + motor.ripple_phase)
-        settled = self._settled = settled_speed(motor, push, speed)
-        self._end = (self.now // GRID + 1) * GRID
+        if self._ripple:
+            push *= 1.0 + self._ripple * sin(RIPPLE_CYCLES * angle + self._phase)
+        if push > self._keep and speed >= 0.0:  # as by far the most stretches are
+            settled = self._scale * (push - self._keep)
+        else:
+            settled = settled_speed(self.motor, push, speed)
+        self._settled, self._over = settled, speed - settled
+        self._end = (now // GRID + 1) * GRID
         # Only a slowing wheel can come to rest; look closer when it may within this stretch.
         if (settled > 0.0) != (speed > 0.0) or settled == 0.0:
             self._look_for_rest(speed, settled)
@@ -134,46 +147,56 @@ class Wheel:
             self._end, self._halts = end, True
 
     def _move(self, until: int) -> None:
-        settled = self._settled
-        if self._end != NEVER:
-            lag = self.motor.lag
-            past = (until - self._begun) * 1e-9
-            fade = exp(-past / lag)
-            over = self._speed - settled
-            self.speed = settled + over * fade
-            angle = self.angle = self._angle + settled * past + over * lag * (1.0 - fade)
-            if angle >= self._ahead or angle < self._behind:
-                self._cross(angle)
+        """Follow the stretch until `until`, which lies within it."""
+        settled, over, lag, span = self._settled, self._over, self._lag, until - self._begun
+        past = span * 1e-9
+        fade = self._fade if span == GRID else exp(-past / lag)
+        self.speed = settled + over * fade
+        angle = self._angle + settled * past + over * lag * (1.0 - fade)
+        if angle >= self._ahead or angle < self._behind:
+            self._cross(angle, past)
+        self.angle = angle
         self.now = until
+        if self._halts and until == self._end:
+            self.speed = 0.0
 
-    def _cross(self, angle: float) -> None:
+    def _cross(self, angle: float, past: float) -> None:
+        """Pass the flanks up to `angle`, which is reached `past` seconds into the stretch.
+
+        Only the rising ones are timed: nothing listens to the others.
+        """
         while angle >= self._ahead:
-            self._change(self._ahead, 1 - self._flank % 2)
+            if self._flank % 2 == 0:
+                self._rise(self._ahead, angle, past)
             self._flank += 1
-            self._bracket()
+            self._behind, self._ahead = self._ahead, self._place(self._flank)
         while angle < self._behind:
             self._flank -= 1
-            self._change(self._behind, self._flank % 2)
-            self._bracket()
+            if self._flank % 2:
+                self._rise(self._behind, angle, past)
+            self._behind, self._ahead = self._place(self._flank - 1), self._behind
 
-    def _change(self, place: float, level: int) -> None:
-        time = self._begun + round(self._time_of(place) * SECOND)
+    def _rise(self, place: float, angle: float, past: float) -> None:
+        guess = past * (place - self._angle) / (angle - self._angle)
+        time = self._begun + round(self._time_of(place, guess, past) * SECOND)
         if self._disc.jitter:
             # A light barrier can only be late. Twice the mean delay matters to nobody.
             time += int(abs(self._chance.gauss(0.0, self._disc.jitter)) * SECOND)
         if self._pending:
-            time = max(time, self._pending[-1][0])
-        self._pending.append((time, level))
+            time = max(time, self._pending[-1])
+        self._pending.append(time)
 
-    def _time_of(self, place: float) -> float:
-        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed)."""
-        lag, settled, over = self.motor.lag, self._settled, self._speed - self._settled
-        low, high = 0.0, (self._end - self._begun) * 1e-9
-        forward = place >= self._angle
-        past = 0.5 * high
+    def _time_of(self, place: float, past: float, high: float) -> float:
+        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).
+
+        `past` is a guess; at `high` seconds the place has been passed.
+        """
+        lag, settled, over, begun = self._lag, self._settled, self._over, self._angle
+        low = 0.0
+        forward = place >= begun
         for _ in range(60):  # bisection alone would need 30
             fade = exp(-past / lag)
-            error = self._angle + settled * past + over * lag * (1.0 - fade) - place
+            error = begun + settled * past + over * lag * (1.0 - fade) - place
             if (error > 0.0) == forward:
                 high = past
             else:
@@ -189,20 +212,17 @@ class Wheel:
         return past
 
     def _bracket(self) -> None:
-        """Angles of the flank passed last and of the one to come, going forward."""
-        flanks, start = self._disc.flanks, self._disc.start
-        turn, place = divmod(self._flank, len(flanks))
-        self._ahead = flanks[place] + turn * 2 * pi - start
-        turn, place = divmod(self._flank - 1, len(flanks))
-        self._behind = flanks[place] + turn * 2 * pi - start
+        """Find the angles of the flank passed last and of the one to come, going forward."""
+        self._behind, self._ahead = self._place(self._flank - 1), self._place(self._flank)
 
-    def _due(self, until: int) -> list[tuple[int, int]]:
+    def _place(self, flank: int) -> float:
+        turn, place = divmod(flank, len(self._disc.flanks))
+        return self._disc.flanks[place] + turn * 2 * pi - self._disc.start
+
+    def _due(self, until: int) -> list[int]:
         due = []
-        while self._pending and self._pending[0][0] <= until:
-            change = self._pending.popleft()
-            if change[1] != self.level:
-                self.level = change[1]
-                due.append(change)
+        while self._pending and self._pending[0] <= until:
+            due.append(self._pending.popleft())
         return due
 
 

@@ -24,6 +24,7 @@ from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
+from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
 
@@ -143,7 +144,9 @@ class Run:
     def _robot(self) -> RobotDriver | None:
         if self.configuration.robot is None:
             return None
-        return simulated(self.configuration, self.options.seed)
+        if self.options.port == "sim":
+            return simulated(self.configuration, self.options.seed)
+        return serial_robot(self.configuration, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks: dict[str, list[Sink]] = {}
@@ -262,10 +265,7 @@ class Run:
             self.recorder.close(summary)
             incomplete = self.recorder.lost
         if self.latest is not None:
-            self.latest.idle(NEVER)
-            self.latest.channel.setblocking(True)
-            self.latest.send(None)
-            self.latest.channel.close()
+            self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
             driver.close()
         for pid in self.children:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diffbotctl.config.case import Case
 from diffbotctl.config.nodes import RESERVED
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 
 
 def check(case: Case) -> None:

@@ -7,7 +7,7 @@ import re
 from diffbotctl.config.case import Case
 from diffbotctl.config.nodes import RESERVED, ROBOT
 from diffbotctl.config.schema import NAME
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 
 
 def check(case: Case) -> None:

@@ -6,7 +6,7 @@ from diffbotctl.block import In
 from diffbotctl.config import nodes
 from diffbotctl.config.case import Case
 from diffbotctl.config.nodes import Node
-from diffbotctl.config.yamlfile import Value
+from diffbotctl.config.value import Value
 from diffbotctl.errors import listed, nearest
 from diffbotctl.messages import fields
 

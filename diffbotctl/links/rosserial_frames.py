@@ -1,0 +1,141 @@
+"""Frames of the rosserial wire protocol, version 2: written, and found again in a damaged stream.
+
+A frame is ff fe, the payload's length (16 bits, little endian), 255 less the sum of those two
+bytes, the topic's number (16 bits, little endian), the payload, and 255 less the sum of topic and
+payload, all sums modulo 256.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+SYNC, VERSION = 0xFF, 0xFE  # the second byte tells protocol 2 (since rosserial 0.5) from others
+HEADER = 7  # bytes before the payload
+OVERHEAD = HEADER + 1  # and the sum behind it
+LARGEST = 512  # bytes of payload: the client library's buffer on a Mega, the largest it has
+
+
+class Frame(NamedTuple):
+    """One frame whose sums were right."""
+
+    topic: int
+    payload: bytes
+
+
+def encode(topic: int, payload: bytes = b"") -> bytes:
+    """The bytes of one frame. Raises struct.error when topic or length exceed 16 bits."""
+    length = struct.pack("<H", len(payload))
+    body = struct.pack("<H", topic) + payload
+    return bytes((SYNC, VERSION)) + length + _check(length) + body + _check(body)
+
+
+def _check(data: bytes) -> bytes:
+    return bytes((255 - sum(data) % 256,))
+
+
+def any_length(topic: int, length: int) -> bool:
+    """A rule for `Decoder` while nothing is known of the topics."""
+    return length <= LARGEST
+
+
+class Decoder:
+    """Finds frames in bytes as they come; how the bytes are cut into pieces makes no difference.
+
+    Every ff may start a frame, and all such candidates are followed side by side. So a false header
+    never holds back the intact frames that its length claims to contain; when one of them is
+    complete, the candidates that began before it were false. `plausible(topic, length)` says
+    whether a payload of that length may belong to that topic; what it denies is not waited for.
+    """
+
+    def __init__(self, plausible: Callable[[int, int], bool] = any_length) -> None:
+        self.plausible = plausible
+        self.frames = 0
+        self._taken = 0  # bytes that belonged to delivered frames
+        self._seen = 0
+        self._covered = 0  # position in the stream behind the last delivered frame
+        self._buffer = bytearray()  # from the oldest candidate on
+        self._starts: list[int] = []  # of the candidates, in the buffer, oldest first
+
+    @property
+    def damaged(self) -> int:
+        """Bytes thrown away so far: in no intact frame, and in none that may yet become one."""
+        waiting = self._seen - max(self._covered, self._seen - len(self._buffer))
+        return self._seen - self._taken - waiting
+
+    def clear(self) -> None:
+        """Give up what is half read, as after the port was opened again."""
+        self._buffer.clear()
+        self._starts.clear()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take more bytes of the stream; return the frames that they complete."""
+        found: list[Frame] = []
+        for byte in data:
+            self._seen += 1
+            if byte == SYNC:
+                self._starts.append(len(self._buffer))
+            elif not self._starts:
+                continue
+            self._buffer.append(byte)
+            frame = self._advance()
+            if frame is not None:
+                found.append(frame)
+        return found
+
+    def _advance(self) -> Frame | None:
+        """Let every candidate judge the newest byte; return the frame that it completes."""
+        frame = None
+        alive: list[int] = []
+        for start in self._starts:
+            verdict = self._judge(start)
+            if verdict == COMPLETE:
+                frame = self._deliver(start)
+                alive.clear()
+            elif verdict == OPEN:
+                alive.append(start)
+        self._starts = alive
+        self._forget()
+        return frame
+
+    def _judge(self, start: int) -> int:
+        buffer = self._buffer
+        have = len(buffer) - start
+        if have < HEADER:
+            return OPEN if have in (1, 3, 6) or self._header_fits(start, have) else FALSE
+        length = buffer[start + 2] | buffer[start + 3] << 8
+        if have == HEADER:
+            topic = buffer[start + 5] | buffer[start + 6] << 8
+            return OPEN if self.plausible(topic, length) else FALSE
+        if have < OVERHEAD + length:
+            return OPEN
+        return COMPLETE if sum(buffer[start + 5 :]) % 256 == 255 else FALSE
+
+    def _header_fits(self, start: int, have: int) -> bool:
+        buffer = self._buffer
+        if have == 2:
+            return buffer[start + 1] == VERSION
+        if have == 4:  # a length of -1 reads as 65535 here
+            return buffer[start + 2] | buffer[start + 3] << 8 <= LARGEST
+        return (buffer[start + 2] + buffer[start + 3] + buffer[start + 4]) % 256 == 255
+
+    def _deliver(self, start: int) -> Frame:
+        begin = self._seen - len(self._buffer) + start
+        self._taken += self._seen - max(begin, self._covered)
+        self._covered = self._seen
+        self.frames += 1
+        body = self._buffer[start + 5 : -1]
+        return Frame(body[0] | body[1] << 8, bytes(body[2:]))
+
+    def _forget(self) -> None:
+        """Drop what lies before the oldest candidate."""
+        if not self._starts:
+            self._buffer.clear()
+        elif self._starts[0]:
+            first = self._starts[0]
+            del self._buffer[:first]
+            self._starts = [start - first for start in self._starts]
+
+
+FALSE, OPEN, COMPLETE = range(3)  # what is known of a candidate

@@ -1,0 +1,166 @@
+"""Which number stands for which topic: what a rosserial board tells of itself, gathered bit by bit.
+
+The board acknowledges nothing and its answers may be lost or damaged, so the table is filled over
+as many requests as it takes.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from diffbotctl.links.rosserial_frames import LARGEST
+
+REQUEST = 0  # towards the board: tell me your topics
+PUBLISHER, SUBSCRIBER = 0, 1  # from the board: one TopicInfo
+SERVICES = (2, 3, 4, 5)
+PARAMETER, LOG, TIME = 6, 7, 10
+FIRST_TOPIC = 100  # numbers of a board's own topics start here, its subscribers first
+LEAST_INFO = 2 + 3 * 4 + 4  # bytes of a TopicInfo whose three texts are empty
+
+INT32 = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7")
+FLOAT32 = ("std_msgs/Float32", "73fcbf46b49191e672908e50842a83d4")
+BOOL = ("std_msgs/Bool", "8b94c1b53db61fb6aed406028ad6332a")
+EMPTY = ("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")
+SIZES = {INT32: 4, FLOAT32: 4, BOOL: 1, EMPTY: 0}  # bytes of payload
+
+
+class Names(NamedTuple):
+    """What the sketch calls its topics. An empty name means that the sketch has no such topic."""
+
+    left_ticks: str = "left_ticks"
+    right_ticks: str = "right_ticks"
+    distance: str = "obstacle_distance"
+    left_speed: str = "set_left_speed"
+    right_speed: str = "set_right_speed"
+    reset: str = "reset"
+
+
+class TopicInfo(NamedTuple):
+    """What the board says of one topic. `kind` is the message type and its md5."""
+
+    number: int
+    name: str
+    kind: tuple[str, str]
+    buffer: int
+
+
+def read_topic_info(payload: bytes) -> TopicInfo | None:
+    """A TopicInfo from its bytes, or None where they do not add up. Leading slashes are dropped."""
+    texts: list[str] = []
+    at = 2
+    for _ in range(3):
+        if at + 4 > len(payload):
+            return None
+        (length,) = struct.unpack_from("<I", payload, at)
+        texts.append(payload[at + 4 : at + 4 + length].decode("ascii", "replace"))
+        at += 4 + length
+    if at + 4 != len(payload):
+        return None
+    (number,) = struct.unpack_from("<H", payload)
+    (buffer,) = struct.unpack_from("<i", payload, at)
+    return TopicInfo(number, texts[0].lstrip("/"), (texts[1], texts[2]), buffer)
+
+
+class Topics:
+    """The numbers found so far. `wrong` says what is amiss with the sketch's own declarations."""
+
+    def __init__(self, names: Names) -> None:
+        self.publishers = {name.lstrip("/") for name in names[:3]} - {""}
+        self.subscribers = {name.lstrip("/") for name in names[3:]} - {""}
+        self.kinds = {name.lstrip("/"): (INT32,) for name in names if name} | {
+            names.distance.lstrip("/"): (FLOAT32,),
+            names.reset.lstrip("/"): (BOOL, EMPTY),
+        }
+        self.numbers: dict[str, int] = {}
+        self.sizes: dict[int, int] = {}  # bytes of payload of each known publisher
+        self.wrong: dict[str, str] = {}
+        self._heard: dict[int, str] = {}  # subscribers by number, wanted or not
+
+    def clear(self) -> None:
+        """Forget the board."""
+        for table in (self.numbers, self.sizes, self.wrong, self._heard):
+            table.clear()
+
+    def learn(self, role: int, payload: bytes) -> bool:
+        """Take a TopicInfo; False where it is damaged or cannot be right.
+
+        `role` is PUBLISHER or SUBSCRIBER. Two topics never share a number: what contradicts an
+        earlier answer drops that one too, since either may be the damaged one.
+        """
+        info = read_topic_info(payload)
+        if info is None or info.number < FIRST_TOPIC or info.buffer <= 0:
+            return False
+        wanted = self.publishers if role == PUBLISHER else self.subscribers
+        if not self._number_is_free(info):
+            return False
+        if role == SUBSCRIBER:
+            self._heard = {n: name for n, name in self._heard.items() if name != info.name}
+            self._heard[info.number] = info.name
+        if info.name in wanted and self._kind_fits(info):
+            self.sizes.pop(self.numbers.get(info.name, -1), None)
+            self.numbers[info.name] = info.number
+            if role == PUBLISHER:
+                self.sizes[info.number] = SIZES[info.kind]
+        return True
+
+    def plausible(self, topic: int, length: int) -> bool:
+        """Whether the board can send `length` bytes on `topic`, by all that is known."""
+        if topic in (PUBLISHER, SUBSCRIBER, *SERVICES):
+            return LEAST_INFO <= length <= LARGEST
+        if topic == TIME:
+            return length in (0, 8)
+        if topic in (PARAMETER, LOG):
+            return length <= LARGEST
+        if topic < FIRST_TOPIC:
+            return False
+        return length == self.sizes.get(topic, length)
+
+    @property
+    def missing(self) -> list[str]:
+        """Names still unknown, in alphabetical order."""
+        return sorted((self.publishers | self.subscribers) - self.numbers.keys())
+
+    @property
+    def complete(self) -> bool:
+        """Everything needed is known, and no subscriber's number can be a damaged one."""
+        return not self.missing and self.sure(self.subscribers)
+
+    def sure(self, names: Iterable[str]) -> bool:
+        """These subscribers are known, and their numbers cannot come from a bit error.
+
+        A board numbers its subscribers from 100 without a gap, and a damaged number leaves one.
+        Commands sent to a number that the board did not give make it call outside its table.
+        """
+        numbers = [self.numbers.get(name) for name in names]
+        if None in numbers:
+            return False
+        most = max((number for number in numbers if number is not None), default=0)
+        return all(number in self._heard for number in range(FIRST_TOPIC, most + 1))
+
+    def _number_is_free(self, info: TopicInfo) -> bool:
+        """Drop other names that claim the same number."""
+        free = self._heard.get(info.number, info.name) == info.name
+        for name in [n for n, number in self.numbers.items() if number == info.number]:
+            if name != info.name:
+                self.sizes.pop(self.numbers.pop(name), None)
+                free = False
+        if not free:
+            self._heard.pop(info.number, None)
+        return free
+
+    def _kind_fits(self, info: TopicInfo) -> bool:
+        kinds = self.kinds[info.name]
+        if info.kind in kinds:
+            self.wrong.pop(info.name, None)
+            return True
+        self.wrong[info.name] = (
+            f"the sketch declares {info.name} as {_printable(info.kind[0])}, "
+            f"this driver speaks {' or '.join(kind[0] for kind in kinds)}"
+        )
+        return False
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)

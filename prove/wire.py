@@ -1,0 +1,138 @@
+"""Wire to wire: a tick frame goes in on a pseudo-terminal, a changed wheel command comes out."""
+
+from __future__ import annotations
+
+import os
+import select
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+
+from prove.row import Row
+from tests.book_board import Device, frame
+
+SECONDS = 12.0  # of ticks a run
+ANSWER = 0.004  # s; a command that comes later belongs to the repetition, not to the tick
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+
+
+def command(port: str, recording: Path) -> list[str]:
+    """The product on a line so fast that no pacing is in the way, recording all the time."""
+    return [
+        sys.executable, "-c", PROGRAM, "run", "goal", "--port", port, "--robot", "book_2wd_stock",
+        "--set", "robot.drive.polarity=by_hand", "--set", "robot.link.baud=115200",
+        "--goal", "9 0", "--goal", "0 9", "--record", str(recording),
+    ]  # fmt: skip
+
+
+class Answers:
+    """Counts the command frames that come out of the port."""
+
+    def __init__(self, port: int) -> None:
+        self.port = port
+        self.rest = b""
+
+    def wait(self, seconds: float) -> bool:
+        """True when a whole pair of commands has come in that time."""
+        end = time.perf_counter() + seconds
+        while (left := end - time.perf_counter()) > 0:
+            if not select.select([self.port], [], [], left)[0]:
+                return False
+            self.rest += os.read(self.port, 4096)
+            if len(self.rest) >= 24:
+                self.rest = b""
+                return True
+        return False
+
+
+def measure(rate: float, screen: bool) -> list[float]:
+    """Seconds from the right tick's last byte to the pair that answers it."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    with tempfile.TemporaryDirectory() as folder:
+        terminal, shown = os.openpty()
+        words = command(os.ttyname(slave), Path(folder) / "wire.mcap")
+        process = subprocess.Popen(
+            words if screen else [*words, "--quiet"], stdout=shown, stderr=subprocess.DEVNULL
+        )
+        swallow = threading.Thread(target=drain, args=(terminal,), daemon=True)
+        swallow.start()
+        try:
+            negotiate(master)
+            return stimulate(master, rate)
+        finally:
+            process.terminate()
+            process.wait()
+            for fd in (master, slave, terminal, shown):
+                os.close(fd)
+
+
+def drain(terminal: int) -> None:
+    """Read away what the screen draws."""
+    try:
+        while os.read(terminal, 65536):
+            pass
+    except OSError:
+        return
+
+
+def negotiate(port: int) -> None:
+    """Answer the topic request as the board does."""
+    board = Device()
+    while not board.configured:
+        board.take(os.read(port, 4096))
+    for _, data, _ in board.out:
+        os.write(port, data)
+
+
+def stimulate(port: int, rate: float) -> list[float]:
+    """Send tick pairs at `rate`, turning now left and now right, and time the answers."""
+    answers = Answers(port)
+    times: list[float] = []
+    begin = time.perf_counter()
+    due = begin
+    places = [0.0, 0.0]
+    while time.perf_counter() - begin < SECONDS:
+        due += 1.0 / rate
+        answers.wait(max(due - time.perf_counter(), 0.0))
+        answers.rest = b""
+        curve = 8.0 if int((due - begin) * 2) % 2 else -8.0
+        places[0] += (20.0 - curve) / rate
+        places[1] += (20.0 + curve) / rate
+        os.write(port, frame(127, struct.pack("<f", 25.0 + (int(due * rate) % 3))))
+        os.write(port, frame(125, struct.pack("<i", int(places[0]))))
+        os.write(port, frame(126, struct.pack("<i", int(places[1]))))
+        sent = time.perf_counter()
+        if answers.wait(ANSWER):
+            times.append(time.perf_counter() - sent)
+    return times
+
+
+def rows() -> Iterator[Row]:
+    """The latency rows, headless and with the screen, at 50 and 200 Hz."""
+    for screen, most in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
+        for rate in (50.0, 200.0):
+            times = sorted(measure(rate, screen))
+            name = f"wire to wire at {rate:.0f} Hz, {'with the screen' if screen else 'headless'}"
+            if len(times) < 20:
+                yield Row(name, f"{len(times)} answers", "enough to tell", False)
+                continue
+            half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+            yield Row(
+                f"{name} (n={len(times)})",
+                f"{half:.2f}, p99 {tail:.2f} ms",
+                f"<= {most[0]}, p99 <= {most[1]} ms",
+                half <= most[0] and tail <= most[1],
+            )
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(row.line(), flush=True)

@@ -1,0 +1,237 @@
+"""Never faster than it can still stop; stopped by doubt; turning and backing away stay free."""
+
+from math import inf
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diffbotctl.blocks.obstacle_stop import (
+    ObstacleStop,
+    allowed,
+    reaction_time,
+    slowed,
+    stopping_distance,
+)
+from diffbotctl.config.robot import Mount, Sensor
+from diffbotctl.messages import Range, Resume, Twist
+
+MS = 1_000_000  # ns
+FORWARD = (0.3, 0.6)  # m/s, rad/s
+
+
+def guard(setback=0.0, **values):
+    """A guard whose sensor sits `setback` metres behind the robot's front; braking 1.5 m/s2."""
+    sensor = Sensor(type="sharp_gp2y0a41sk0f", pin="A0", at=Mount(x=0.08 - setback))
+    return ObstacleStop(
+        **{"margin": 0.05, "reaction": 0.2, **values}, braking=1.5, telemetry=40.0,
+        command_delay=0.015, lag=0.1, front=0.08, sensors={"front": sensor},
+    )  # fmt: skip
+
+
+class Course:
+    """Feeds a guard one range and one wish every 25 ms; keeps what came out last."""
+
+    def __init__(self, block):
+        self.block = block
+        self.now = 0
+        self.stops = []
+
+    def see(self, state, distance=0.0, wish=FORWARD, resume=None):
+        self.now += 25 * MS
+        seen = None if state is None else Range(self.now, distance, state)
+        return self._react(seen, wish, resume)
+
+    def _react(self, seen, wish, resume):
+        twist, stop = self.block.react(self.now, Twist(self.now, *wish), seen, resume)
+        if stop is not None:
+            self.stops.append((stop.code, stop.latched))
+        return twist.linear, twist.angular
+
+
+# By hand, braking 1.5 m/s2 and 0.2 s to react.
+@pytest.mark.parametrize(
+    "speed, distance",
+    [
+        (0.0, 0.0),
+        (0.3, 0.09),  # 0.3^2 / 3 + 0.3 * 0.2 = 0.03 + 0.06
+        (0.6, 0.24),  # 0.12 + 0.12
+    ],
+)
+def test_stopping_distance(speed, distance):
+    assert stopping_distance(speed, 1.5, 0.2) == pytest.approx(distance)
+    assert allowed(distance, 1.5, 0.2) == pytest.approx(speed)
+
+
+@given(st.floats(0.0, 5.0), st.floats(0.1, 10.0), st.floats(0.0, 2.0))
+def test_the_allowed_speed_stops_within_the_free_way(free, braking, reaction):
+    speed = allowed(free, braking, reaction)
+    assert stopping_distance(speed, braking, reaction) <= free + 1e-9
+
+
+@pytest.mark.parametrize("free, speed", [(-1.0, 0.0), (0.0, 0.0), (inf, inf)])
+def test_allowed_at_the_ends(free, speed):
+    assert allowed(free, 1.5, 0.2) == speed
+
+
+def test_reaction_time():
+    # the sensor's 25.2 ms, two frames of 25 ms, 15 ms of link, 100 ms of motor
+    assert reaction_time(40.0, 2, 0.015, 0.1) == pytest.approx(0.1902)
+
+
+def test_slowing_keeps_the_curve():
+    assert slowed(Twist(1, 0.3, 0.6), 0.1, 5) == Twist(5, 0.1, pytest.approx(0.2))
+    assert slowed(Twist(1, 0.3, 0.6), 0.4, 5) == Twist(5, 0.3, 0.6)
+
+
+# gap = distance; free way = gap - 5 cm; v = 1.5 * (sqrt(0.04 + 2 free / 1.5) - 0.2)
+@pytest.mark.parametrize(
+    "distance, linear",
+    [
+        (0.30, 0.3),  # free 25 cm would allow 0.62 m/s
+        (0.14, 0.3),  # free 9 cm: just the wished 0.3 m/s
+        (0.10, 1.5 * ((0.04 + 0.1 / 1.5) ** 0.5 - 0.2)),  # free 5 cm: 0.19 m/s
+        (0.07, 1.5 * ((0.04 + 0.04 / 1.5) ** 0.5 - 0.2)),  # free 2 cm: 0.087 m/s
+    ],
+)
+def test_the_slow_zone(distance, linear):
+    course = Course(guard())
+    course.see("measured", distance)
+    assert course.see("measured", distance) == pytest.approx((linear, 2 * linear))
+    assert course.stops == []
+
+
+def test_the_margin_counts_from_the_front_not_from_the_sensor():
+    course = Course(guard(setback=0.04))
+    course.see("measured", 0.18)
+    assert course.see("measured", 0.18)[0] == pytest.approx(0.3)  # 14 cm before the front
+
+
+def test_the_stop_zone_stops_after_two_readings_and_lets_go_after_two():
+    course = Course(guard())
+    course.see("clear", 0.3)
+    # the slowest speed, 0.05 m/s, needs 0.0008 + 0.01 m; with the margin the zone ends at 6.1 cm
+    assert course.see("measured", 0.060)[0] > 0.0  # one reading may be noise; it is slow already
+    assert course.see("measured", 0.060) == (0.0, 0.6)
+    assert course.stops == [("obstacle", False)]
+    course.see("clear", 0.3)
+    assert course.see("clear", 0.3) == FORWARD
+    assert course.stops == [("obstacle", False), ("", False)]
+
+
+def test_it_does_not_flutter_at_the_edge_of_the_zone():
+    course = Course(guard())
+    for distance in (0.06, 0.06, 0.065, 0.075, 0.065, 0.075):  # released from 8.1 cm on
+        out = course.see("measured", distance)
+    assert out == (0.0, 0.6)
+    course.see("measured", 0.085)
+    assert course.see("measured", 0.085)[0] > 0.0
+    assert len(course.stops) == 2
+
+
+@pytest.mark.parametrize(
+    "state, code",
+    [("too_close", "too_close"), ("fault", "range_fault"), (None, "range_stale")],
+)
+def test_doubt_is_an_obstacle_at_once(state, code):
+    course = Course(guard())
+    course.see("clear", 0.3)
+    assert course.see(state) == (0.0, 0.6)
+    assert course.stops == [(code, False)]
+
+
+@pytest.mark.parametrize("state", ["too_close", "fault", None])
+@pytest.mark.parametrize("wish", [(0.0, 2.0), (-0.2, 0.0), (-0.1, 0.5), (0.0, 0.0)])
+def test_turning_and_backing_away_stay_allowed(state, wish):
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see(state)  # forward: held, latched
+    assert course.see(state, wish=wish) == wish
+
+
+def test_nothing_is_told_before_anything_is_held_back():
+    course = Course(guard())
+    course.see(None, wish=(0.0, 0.0))  # before the first reading, at rest
+    assert course.stops == []
+
+
+def test_before_the_first_reading_it_does_not_drive():
+    assert Course(guard()).see(None) == (0.0, 0.6)
+
+
+def test_after_silence_one_clear_reading_is_enough():
+    course = Course(guard())
+    course.see(None)
+    assert course.see("clear", 0.3) == FORWARD
+    assert course.stops == [("range_stale", False), ("", False)]
+
+
+def test_after_silence_an_obstacle_is_no_clear_reading():
+    course = Course(guard())
+    course.see(None)
+    assert course.see("measured", 0.055) == (0.0, 0.6)
+
+
+def test_waiting_for_a_person():
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see("too_close")
+    for _ in range(5):
+        assert course.see("clear", 0.3) == (0.0, 0.6)
+    assert course.stops == [("too_close", True)]
+    assert course.see("clear", 0.3, resume=Resume(course.now)) == FORWARD
+    assert course.stops[1:] == [("", False)]
+
+
+def test_consent_counts_only_when_the_way_is_clear():
+    """Else the robot would set off by itself, whenever the obstacle goes away."""
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3)
+    course.see("too_close")
+    early = Resume(course.now)
+    course.see("too_close", resume=early)
+    course.see("clear", 0.3, resume=early)  # the engine goes on showing the last message
+    assert course.see("clear", 0.3, resume=early) == (0.0, 0.6)
+    assert course.see("clear", 0.3, resume=Resume(course.now)) == FORWARD
+
+
+def test_a_silent_sensor_does_not_wait_for_a_person():
+    course = Course(guard(resume_by="wait"))
+    course.see(None)
+    assert course.stops == [("range_stale", False)]
+    assert course.see("clear", 0.3) == FORWARD
+
+
+def test_without_a_wish_nothing_comes_out():
+    twist, stop = guard().react(MS, None, Range(MS, 0.3, "clear"), None)
+    assert (twist, stop) == (None, None)
+
+
+def test_the_same_reading_twice_counts_once():
+    block = guard()
+    seen = Range(MS, 0.06, "measured")
+    block.react(MS, Twist(MS, 0.05, 0.0), Range(0, 0.3, "clear"), None)
+    for now in (2 * MS, 3 * MS, 4 * MS):  # new wishes, one old reading
+        twist, _ = block.react(now, Twist(now, 0.05, 0.0), seen, None)
+    assert twist.linear > 0.0
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["clear", "measured", "too_close", "fault", None]),
+            st.floats(0.0, 0.3),
+            st.floats(-0.3, 0.3),
+        ),
+        max_size=30,
+    )
+)
+def test_it_is_never_faster_forward_than_it_can_stop(steps):
+    course = Course(guard())
+    for state, distance, wish in steps:
+        linear, _ = course.see(state, distance, wish=(wish, 0.0))
+        assert linear <= max(wish, 0.0) or linear == wish
+        if state == "measured" and linear > 0.0:
+            assert stopping_distance(linear, 1.5, 0.2) <= distance - 0.05 + 1e-9
+        if state in ("too_close", "fault", None):
+            assert linear <= 0.0

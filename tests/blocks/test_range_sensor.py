@@ -1,0 +1,151 @@
+"""The Sharp sensor: metres from volts, and what came too close is remembered."""
+
+from random import Random
+
+import pytest
+
+from diffbotctl.blocks.range_sensor import REACH, RangeSensor, distance_at, volts_at
+from diffbotctl.config.robot import Sensor
+from diffbotctl.messages import Resume, Volts
+from diffbotctl.plant.sharp import volts
+
+MS = 1_000_000  # ns
+SHARP = {"front": Sensor(type="sharp_gp2y0a41sk0f", pin="A0")}
+
+
+def sensor(speed=0.3, **values):
+    return RangeSensor(sensor="front", sensors=SHARP, speed=speed, **values)
+
+
+def drive(block, places, period=25 * MS, noise=0.0, seed=1):
+    """The states and distances for true distances in metres, one each period."""
+    chance = Random(seed)
+    found = []
+    for number, place in enumerate(places, 1):
+        now = number * period
+        reading = Volts(now, max(0.005, volts(place) + chance.gauss(0.0, noise)))
+        found.append(block.react(now, reading, None))
+    return found
+
+
+def sweep(begin, end, step):
+    """Places from `begin` to `end` in metres, `step` apart, without the end."""
+    count = int(abs(end - begin) / step)
+    return [begin + (end - begin) * i / count for i in range(count)]
+
+
+# The datasheet's typical points, read by eye; the fit's error there is 1.9 mm at most.
+@pytest.mark.parametrize(
+    "read, distance",
+    [(2.34, 0.05), (2.02, 0.06), (1.56, 0.08), (1.265, 0.10), (0.928, 0.14), (0.656, 0.20),
+     (0.525, 0.25)],
+)  # fmt: skip
+def test_the_curve_fits_the_datasheet(read, distance):
+    found = sensor().react(MS, Volts(MS, read), None)
+    assert found.state == "measured"
+    assert found.distance == pytest.approx(distance, abs=0.002)
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.1, 0.2, 0.3])
+def test_distance_is_the_inverse_of_volts(distance):
+    curve = (0.1498, 0.0134, -0.047)
+    assert distance_at(volts_at(distance, *curve), *curve) == pytest.approx(distance)
+
+
+def test_beyond_its_reach_the_way_is_clear():
+    found = sensor().react(MS, Volts(MS, 0.30), None)  # 0.312 V is 40 cm
+    assert (found.state, found.distance) == ("clear", REACH)
+
+
+@pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.3, 20), (0.25, 61), (0.05, 61)])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_the_fold_back_is_never_taken_for_a_distance(speed, period, noise):
+    """60 cm to contact and back, as fast as the robot drives, for each board's telemetry."""
+    step = speed * period / 1000
+    places = [*sweep(0.6, 0.0, step), *sweep(0.0, 0.6, step)]
+    found = drive(sensor(speed), places, period * MS, noise)
+    for place, seen in zip(places, found, strict=True):
+        if place < 0.04:
+            assert seen.state == "too_close", f"{place * 100:.1f} cm is called {seen}"
+        if seen.state == "measured":
+            # 4 to 40 cm: the fit's 1.9 mm, and 10 mV of noise is 7 mm at 30 cm (twice that allowed)
+            assert seen.distance == pytest.approx(place, abs=0.004 + 4 * noise * place)
+    assert found[0].state == "clear"
+
+
+@pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.05, 61)])
+def test_it_is_believed_again_when_the_voltage_came_back_through_its_peak(speed, period):
+    step = speed * period / 1000
+    there, back = sweep(0.6, 0.01, step), sweep(0.01, 0.6, step)
+    found = drive(sensor(speed), [*there, *back], period * MS)
+    for place, seen in zip(back, found[len(there) :], strict=True):
+        if place > 0.05:
+            assert seen.state in ("measured", "clear")
+
+
+def test_turning_back_before_the_peak_is_no_fold():
+    """To 3.8 cm, where the voltage still rises, and away again."""
+    step = 0.3 * 0.025
+    places = [*sweep(0.2, 0.038, step), *sweep(0.038, 0.2, step)]
+    found = drive(sensor(), places)
+    assert min(seen.distance for seen in found) == 0.0  # it was too close in between
+    assert found[-1].state == "measured"
+
+
+def test_what_comes_close_from_the_side_and_leaves_again_is_gone():
+    """A hand at 3.2 cm for half a second: no robot drives through 2 cm in 25 ms."""
+    found = drive(sensor(), [*[0.5] * 5, *[0.032] * 20, *[0.5] * 5], noise=0.01)
+    assert [seen.state for seen in found[5:25]] == ["too_close"] * 20
+    assert [seen.state for seen in found[25:]] == ["clear"] * 5
+
+
+def test_what_stands_at_the_edge_is_not_held_for_ever():
+    """At 4.2 cm noise carries the voltage in and out of the zone."""
+    block = sensor()
+    drive(block, [0.042] * 200, noise=0.01)
+    found = drive(block, [0.045, 0.05, 0.06], noise=0.0)
+    assert found[-1].state == "measured"
+
+
+def test_a_person_may_say_that_nothing_is_too_close():
+    block = sensor()
+    found = drive(block, sweep(0.2, 0.015, 0.005))
+    assert found[-1].state == "too_close"
+    now = 10_000 * MS
+    again = block.react(now, Volts(now, 1.0), Resume(now))
+    assert again.state == "measured"
+    later = block.react(now + MS, Volts(now + MS, 1.01), Resume(now))
+    assert later.state == "measured"
+
+
+@pytest.mark.parametrize("read", [float("nan"), float("inf"), -float("inf")])
+def test_no_voltage_is_a_fault(read):
+    found = sensor().react(MS, Volts(MS, read), None)
+    assert (found.state, found.distance) == ("fault", 0.0)
+
+
+def test_zero_volts_are_a_fault_at_the_third_in_a_row():
+    block = sensor()
+    states = [block.react(n * MS, Volts(n * MS, 0.0), None).state for n in range(1, 5)]
+    assert states == ["clear", "clear", "fault", "fault"]
+    assert block.react(5 * MS, Volts(5 * MS, 0.5), None).state == "measured"
+
+
+def test_a_voltage_that_never_changes_is_not_believed():
+    block = sensor(frozen_for=1.0)
+    states = [block.react(n * 25 * MS, Volts(n * 25 * MS, 0.8), None).state for n in range(1, 60)]
+    # from 25 ms on the same; a second later is the 41st reading
+    assert states[:40] == ["measured"] * 40
+    assert states[40:] == ["fault"] * 19
+    now = 60 * 25 * MS
+    assert block.react(now, Volts(now, 0.805), None).state == "measured"
+
+
+def test_it_may_be_told_to_believe_a_still_voltage():
+    block = sensor(frozen_for=None)
+    states = {block.react(n * 100 * MS, Volts(n * 100 * MS, 0.8), None).state for n in range(1, 90)}
+    assert states == {"measured"}
+
+
+def test_it_says_nothing_before_the_first_voltage():
+    assert sensor().react(MS, None, None) is None

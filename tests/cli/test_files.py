@@ -1,0 +1,183 @@
+"""The commands about files: check, explain, blocks, graph."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli import blocks, check, explain, graph
+from diffbotctl.codes import CODES
+from diffbotctl.config import registry
+from diffbotctl.errors import UsageError
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+
+def run(command, *words):
+    """The exit code and the output, as main() would make them."""
+    result = CliRunner().invoke(command, words, standalone_mode=False)
+    if result.exception is not None:
+        raise result.exception
+    return result.return_value, result.output
+
+
+def test_check_finds_nothing_in_the_shipped_files():
+    code, output = run(check.command, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
+    assert code == 0
+    assert output.splitlines() == [
+        "goal: fine", "square: fine", "hello: fine", "book_2wd: fine", "book_2wd_counts: fine",
+    ]  # fmt: skip
+
+
+def test_check_takes_several_files_and_says_all(tmp_path):
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("format: 1\nkind: robot\ninclude: book_2wd\nlimits: {speed: 5 deg, sped: 1}\n")
+    code, output = run(check.command, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
+    assert code == 2
+    assert "E-UNIT" in output
+    assert "E-KEY-UNKNOWN" in output
+    assert "E-TOLERANCE" in output
+    assert f"{wrong}: 2 errors" in output
+    assert "goal: 1 error" in output
+
+
+def test_warnings_do_not_fail_a_check():
+    code, output = run(check.command, "goal", "--robot", "book_2wd_stock", "--real")
+    assert code == 0
+    assert "W-TOLERANCE" in output
+    assert "W-POLARITY" in output
+    assert "goal: fine, 2 warnings" in output
+
+
+@pytest.mark.parametrize("name", ["nothing", "./nothing.yaml", "/", "..", "/dev/null"])
+def test_check_of_what_is_not_there(name):
+    code, output = run(check.command, name)
+    assert code == 2
+    assert "E-FILE" in output
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_every_code_is_explained(code):
+    assert CODES[code].title in run(explain.command, code)[1]
+    assert len(CODES[code].text) > 80, "a title alone is no explanation"
+    assert run(explain.command, code.lower())[0] == 0
+
+
+def test_every_code_in_the_sources_is_in_the_table():
+    import re
+
+    import diffbotctl
+
+    for path in Path(diffbotctl.__file__).parent.rglob("*.py"):
+        for code in re.findall(r'"([EW]-[A-Z0-9]+(?:-[A-Z0-9]+)*)"', path.read_text()):
+            assert code in CODES, f"{path.name} uses {code}: explain it in codes.py"
+
+
+def test_explain_without_a_code_lists_all():
+    _, output = run(explain.command)
+    assert len(output.splitlines()) == len(CODES)
+
+
+def test_an_unknown_code():
+    with pytest.raises(UsageError) as caught:
+        run(explain.command, "E-PIN-PWN")
+    assert caught.value.problems[0].fix == "did you mean E-PIN-PWM?"
+
+
+def test_blocks_lists_every_block_with_its_sentence():
+    code, output = run(blocks.command)
+    assert code == 0
+    assert [line.split()[0] for line in output.splitlines()] == registry.names()
+    assert all(len(line.split()) > 3 for line in output.splitlines())
+
+
+@pytest.mark.parametrize("name", registry.BLOCKS)
+def test_blocks_show(name):
+    _, output = run(blocks.command, "show", name)
+    assert output.startswith(f"{name}\n")
+    assert "outputs" in output
+
+
+def test_blocks_show_says_all_that_is_declared():
+    _, output = run(blocks.command, "show", "obstacle_stop")
+    for words in (
+        "range   Range (fresh for the parameter stale_after)",
+        "twist  Twist  The velocity that is allowed.",
+        "margin       m, default 0.05 m, at least 0 m, may change while running.",
+        "one of by_itself, wait",
+        "limits.braking",
+    ):
+        assert words in output
+
+
+def test_blocks_show_of_an_unknown_block():
+    with pytest.raises(UsageError) as caught:
+        run(blocks.command, "show", "odometri")
+    assert caught.value.problems[0].fix == "did you mean odometry?"
+
+
+def test_the_graph_of_the_smallest_pipeline():
+    _, output = run(graph.command, "hello")
+    assert output.splitlines() == [
+        "pipelines/hello.yaml",
+        "└── talker",
+        "    └── text Text -> listener.text",
+    ]
+
+
+def test_the_graph_shows_what_the_builder_adds():
+    _, output = run(graph.command, "goal", "--robot", "book_2wd_stock")
+    assert "wheels Wheels -> gate.command" in output
+    assert "wheels Wheels -> wheel_speed.wheels" in output
+    assert "duty Duty -> robot.duty" in output
+
+
+def test_the_graph_as_mermaid():
+    _, output = run(graph.command, "hello", "--mermaid")
+    assert output.splitlines() == [
+        "flowchart LR",
+        "    talker[talker]",
+        "    listener[listener]",
+        "    talker -->|text| listener",
+    ]
+
+
+def test_every_wire_of_a_pipeline_is_drawn_once():
+    from diffbotctl.config.load import load
+    from diffbotctl.runs.assembly import assemble
+
+    _, tree = run(graph.command, "goal")
+    _, mermaid = run(graph.command, "goal", "--mermaid")
+    nodes = assemble(load("goal"), False).graph.nodes
+    wires = sum(len(node.wires) for node in nodes) + 1  # and the command that leaves
+    assert tree.count(" -> ") == wires
+    assert mermaid.count(" -->|") == wires
+
+
+@pytest.mark.parametrize(
+    "words, heavy",
+    [
+        (["--help"], {"yaml", "jsonschema", "rich", "numpy", "diffbotctl.config"}),
+        (["explain", "E-UNIT"], {"yaml", "jsonschema", "rich", "numpy"}),
+        (["blocks"], {"yaml", "jsonschema", "rich", "numpy"}),
+        (["check", "hello"], {"rich", "numpy"}),
+    ],
+)
+def test_commands_import_no_more_than_they_need(words, heavy):
+    script = (
+        f"import sys; sys.argv = ['diffbotctl', *{words!r}]\n"
+        "from diffbotctl.cli.main import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print('IMPORTED', *sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    imported = set(done.stdout.split("IMPORTED")[1].split())
+    assert not imported & heavy

@@ -1,0 +1,111 @@
+"""The arithmetic behind the checks, by hand."""
+
+import pytest
+
+from diffbotctl.config import wire
+from diffbotctl.config.boards import ATMEGA_328P, BOARDS, CLOCK_TIMER, MEGA_2560
+from diffbotctl.config.checks import loops
+from diffbotctl.config.checks.pins import able
+from diffbotctl.config.checks.tolerance import resolution
+from diffbotctl.config.load import load
+
+
+@pytest.mark.parametrize(
+    "baud, divider, bytes_a_second",
+    [
+        (9600, 208, 961.5),  # 16 MHz / 8 / 208 = 9615 baud, a tenth of it in bytes
+        (19200, 104, 1923.1),
+        (57600, 35, 5714.3),  # 57143 baud
+        (115200, 17, 11764.7),  # 117647 baud, the board's well-known 2 % too much
+    ],
+)
+def test_what_a_line_carries(baud, divider, bytes_a_second):
+    assert 16e6 / 8 / divider / 10 == pytest.approx(bytes_a_second, abs=0.1)
+    assert wire.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "protocol, has_edge_times, sensors, size",
+    [
+        ("diffbot", True, 0, 21),
+        ("diffbot", True, 1, 21),
+        ("diffbot", True, 3, 25),
+        ("diffbot", False, 1, 15),
+        ("rosserial", False, 1, 36),
+    ],
+)
+def test_frames(protocol, has_edge_times, sensors, size):
+    assert wire.frame_bytes(protocol, has_edge_times, sensors) == size
+
+
+# 65 mm wheel, 20 slots: pitch pi * 65 / 20 = 10.21 mm, / sqrt(12) = 2.947 mm.
+@pytest.mark.parametrize(
+    "has_edge_times, protocol, millimetres",
+    [
+        (True, "diffbot", 1.474),
+        (False, "diffbot", 2.947),
+        (False, "rosserial", 6.910),  # hypot(2.947, 0.25 m/s * 25 ms = 6.25 mm)
+    ],
+)
+def test_what_odometry_can_tell(has_edge_times, protocol, millimetres):
+    found = resolution(0.065, 20, 0.25, has_edge_times, protocol)
+    assert found * 1000 == pytest.approx(millimetres, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    "robot, warnings",
+    [("book_2wd", []), ("book_2wd_counts", []), ("book_2wd_stock", ["W-TOLERANCE"])],
+)
+def test_ten_millimetres_pass_but_warn_on_the_stock_board(robot, warnings):
+    assert [warning.code for warning in load("goal", robot).warnings] == warnings
+
+
+@pytest.mark.parametrize(
+    "sources, found",
+    [
+        ({}, []),
+        ({"a": []}, []),
+        ({"a": ["b"], "b": []}, []),
+        ({"a": ["a"]}, [["a"]]),
+        ({"a": ["b"], "b": ["a"]}, [["a", "b"]]),
+        ({"a": ["b", "c"], "b": ["c"], "c": []}, []),  # a diamond is no loop
+        ({"a": ["nowhere"]}, []),
+        ({"x": ["a"], "a": ["b"], "b": ["a"]}, [["a", "b"]]),  # x only waits for one
+        ({"a": ["a"], "b": ["c"], "c": ["b"]}, [["a"], ["b", "c"]]),
+        ({"a": ["b", "c"], "b": ["a"], "c": ["a"]}, [["a", "b"]]),  # mended, the other shows
+    ],
+)
+def test_loops(sources, found):
+    assert [sorted(loop) for loop in loops.loops(sources)] == found
+
+
+@pytest.mark.parametrize(
+    "board, role, pins",
+    [
+        (MEGA_2560, "interrupt", ["2", "3", "18", "19", "20", "21"]),
+        (MEGA_2560, "pwm", ["2", "3", "5", "6", "7", "8", "9", "10", "11", "12", "44", "45", "46"]),
+        (ATMEGA_328P, "interrupt", ["2", "3"]),
+        (ATMEGA_328P, "pwm", ["3", "9", "10", "11"]),  # 5 and 6 hang on the clock's timer
+        (ATMEGA_328P, "analog", ["A0", "A1", "A2", "A3", "A4", "A5", "A6", "A7"]),
+    ],
+)
+def test_what_pins_can_do(board, role, pins):
+    assert able(board, role) == pins
+
+
+@pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
+def test_the_tables_name_pins_that_there_are(board):
+    for pin in (*board.pwm, *board.interrupts, *board.analog_only):
+        assert board.has(pin)
+    for pins in board.uarts.values():
+        assert all(board.has(pin) for pin in pins)
+    assert CLOCK_TIMER in board.pwm.values()
+
+
+@pytest.mark.parametrize(
+    "board, number, name",
+    [(MEGA_2560, "54", "A0"), (MEGA_2560, "69", "A15"), (MEGA_2560, "70", "70"),
+     (MEGA_2560, "A3", "A3"), (ATMEGA_328P, "14", "A0"), (ATMEGA_328P, "13", "13")],
+)  # fmt: skip
+def test_analog_pins_have_two_names(board, number, name):
+    assert board.named(number) == name

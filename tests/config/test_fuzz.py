@@ -1,0 +1,172 @@
+"""No input, however wrong, ends in anything but a list of problems in words."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from diffbotctl.config import resources
+from diffbotctl.config.load import check, load
+from diffbotctl.errors import Problem, UserError
+
+SHIPPED = {
+    path: path.read_bytes()
+    for kind in ("robots", "pipelines")
+    for path in sorted(resources.folder(kind).glob("*.yaml"))
+}
+SCRAPS = [
+    b"{", b"}", b"[", b"]", b":", b": ", b",", b"\n", b"\t", b"  ", b"- ", b"#", b"&a ", b"*a",
+    b"!!", b"|", b">", b"'", b'"', b"$", b"$x", b"$$", b"~", b"null", b"yes", b"0", b"-1", b"1e9",
+    b"017", b"1,5 m", b"65 mm", b"deg", b"robot.", b"operator.goal", b"in: ", b"with: ", b"none",
+    b"\xff", b"\x00", b"\xc3\xa9", b"include: ", b"vars: ", b"<<: ", b"---\n", b"A99", b"...",
+]  # fmt: skip
+QUICK = settings(
+    max_examples=150,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+@pytest.fixture(autouse=True)
+def alone(tmp_path, monkeypatch):
+    """A folder of its own, with the shipped robots within reach by name."""
+    monkeypatch.chdir(tmp_path)
+
+
+def answered(content: bytes, kind: str) -> tuple[Problem, ...]:
+    Path(kind).mkdir(exist_ok=True)
+    file = Path(kind) / "fuzzed.yaml"
+    file.write_bytes(content)
+    problems = check(str(file))
+    for problem in problems:
+        text = problem.render()
+        assert problem.code in text
+        assert "\x1b" not in text  # nothing of the file's may steer the terminal
+    return problems
+
+
+def mutations():
+    """A shipped file with up to four cuts, doublings and insertions."""
+    place = st.floats(0, 1, exclude_max=True)
+    change = st.tuples(st.sampled_from(["cut", "double", "put"]), place, place,
+                       st.sampled_from(SCRAPS))  # fmt: skip
+    return st.tuples(st.sampled_from(sorted(SHIPPED)), st.lists(change, min_size=1, max_size=4))
+
+
+def mutated(content: bytes, changes) -> bytes:
+    for what, where, length, scrap in changes:
+        begin = int(where * len(content))
+        end = begin + int(length * 40)
+        if what == "cut":
+            content = content[:begin] + content[end:]
+        elif what == "double":
+            content = content[:end] + content[begin:end] + content[end:]
+        else:
+            content = content[:begin] + scrap + content[begin:]
+    return content
+
+
+@QUICK
+@given(mutations())
+def test_a_damaged_shipped_file_is_answered_in_words(case):
+    path, changes = case
+    answered(mutated(SHIPPED[path], changes), path.parent.name)
+
+
+@QUICK
+@given(st.binary(max_size=400))
+def test_random_bytes_are_answered_in_words(content):
+    assert answered(content, "pipelines")
+
+
+@QUICK
+@given(st.lists(st.sampled_from(SCRAPS), max_size=40))
+def test_random_scraps_of_yaml_are_answered_in_words(scraps):
+    answered(b"format: 1\nkind: robot\ninclude: book_2wd\n" + b"".join(scraps), "robots")
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-10**6, 10**6)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.sampled_from(["65 mm", "90 deg", "", "none", "$x", "a.b", "robot.front", "A0", "5 m5"])
+    | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3)
+    ),
+    max_leaves=6,
+)  # fmt: skip
+ROBOT_KEYS = ("board", "link", "drive", "sensors", "body", "limits", "simulation", "calibration",
+              "vars", "include", "battery", "format", "kind")  # fmt: skip
+PIPELINE_KEYS = ("robot", "blocks", "goals", "world", "vars", "include", "format", "kind")
+
+
+@QUICK
+@given(st.sampled_from(ROBOT_KEYS), VALUES, st.booleans())
+def test_any_value_for_any_section_of_a_robot_is_answered_in_words(key, value, is_whole):
+    head = "" if is_whole and key in ("format", "kind", "include") else "format: 1\n"
+    body = f"{head}kind: robot\ninclude: book_2wd\n{json.dumps({key: value})[1:-1]}\n"
+    answered(body.encode(), "robots")
+
+
+@QUICK
+@given(st.sampled_from(PIPELINE_KEYS), VALUES)
+def test_any_value_for_any_section_of_a_pipeline_is_answered_in_words(key, value):
+    body = f"format: 1\nkind: pipeline\ninclude: goal\n{json.dumps({key: value})[1:-1]}\n"
+    answered(body.encode(), "pipelines")
+
+
+def paths(data, before=()):
+    """Every place in nested mappings and lists."""
+    if isinstance(data, dict | list):
+        for key in data if isinstance(data, dict) else range(len(data)):
+            yield (*before, key)
+            yield from paths(data[key], (*before, key))
+
+
+@QUICK
+@given(st.data())
+def test_a_shipped_file_with_one_value_changed_is_answered_in_words(data):
+    """The YAML stays whole, so these reach the typed reader and the checks of meaning."""
+    source = data.draw(st.sampled_from(sorted(SHIPPED)))
+    content = yaml.safe_load(SHIPPED[source])
+    *steps, last = data.draw(st.sampled_from(list(paths(content))))
+    parent = content
+    for step in steps:
+        parent = parent[step]
+    change = data.draw(st.sampled_from(["replace", "delete", "rename"]))
+    value = parent.pop(last) if change != "replace" else data.draw(VALUES)
+    if change == "replace":
+        parent[last] = value
+    elif change == "rename" and isinstance(parent, dict):
+        parent[data.draw(st.text(max_size=6))] = value
+    answered(json.dumps(content).encode(), source.parent.name)
+
+
+@QUICK
+@given(st.text(max_size=40))
+def test_any_set_is_answered_in_words(text):
+    for first in ("", "follower.tolerance=", "robot.limits.speed=", "follower."):
+        check("goal", None, [first + text])
+
+
+@QUICK
+@given(st.text(max_size=30))
+def test_any_name_is_answered_in_words(name):
+    try:
+        load(name)
+    except UserError as error:
+        assert error.problems
+    else:
+        raise AssertionError("nothing of that name should exist here")
+
+
+def test_the_shipped_files_are_fine(monkeypatch):
+    os.chdir(resources.folder("robots").parent)
+    for path in SHIPPED:
+        assert not [p for p in check(str(path)) if p.severity == "error"], path

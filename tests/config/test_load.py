@@ -1,0 +1,285 @@
+"""From files to a typed configuration."""
+
+from math import pi
+
+import pytest
+
+from diffbotctl.config import resources
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.errors import ConfigurationError, UserError
+
+
+def robot_of(text, tmp_path, **options):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{text}")
+    return load_robot(str(file), **options)
+
+
+def pipeline_of(text, tmp_path, *sets, robot=None):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"format: 1\nkind: pipeline\n{text}")
+    return load(str(file), robot, sets)
+
+
+def codes(caught):
+    return [problem.code for problem in caught.value.problems]
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path_factory, monkeypatch):
+    """A folder without robots and pipelines: the shipped ones are found by name."""
+    monkeypatch.chdir(tmp_path_factory.mktemp("here"))
+
+
+@pytest.mark.parametrize(
+    "path, value",
+    [
+        ("drive.track", 0.125),
+        ("drive.left.wheel.diameter", 0.065),  # written once for both sides
+        ("drive.right.wheel.diameter", 0.065),
+        ("drive.left.motor.rated", 100 * 2 * pi / 60),
+        ("drive.left.motor.reversed", True),  # written for the side alone
+        ("drive.right.motor.reversed", False),
+        ("drive.left.motor.enable", "5"),
+        ("drive.right.encoder.pin", "3"),
+        ("drive.right.encoder.slots", 20),
+        ("drive.left.encoder.glitch", 0.002),
+        ("board.deadman", 0.3),
+        ("board.stop_button", None),  # the word none
+        ("sensors.front.pin", "A0"),
+        ("sensors.front.at.x", 0.08),
+        ("limits.braking", 1.5),
+        ("simulation.slip", 0.0005),
+        ("simulation.wiring.left", "reversed"),
+        ("simulation.motor.lag", (0.06, 0.15)),
+    ],
+)
+def test_the_book_s_robot(path, value):
+    found = load_robot("book_2wd").robot
+    for step in path.split("."):
+        found = found[step] if isinstance(found, dict) else getattr(found, step)
+    assert found == pytest.approx(value) if isinstance(value, float) else found == value
+
+
+def test_a_side_wins_over_what_both_share(tmp_path):
+    drive = robot_of("drive: {left: {wheel: {diameter: 64 mm}}}", tmp_path).robot.drive
+    assert (drive.left.wheel.diameter, drive.right.wheel.diameter) == (0.064, 0.065)
+
+
+@pytest.mark.parametrize(
+    "name, telemetry, edge_times, protocol, speed",
+    [
+        ("book_2wd", 40.0, True, "diffbot", 0.3),
+        ("book_2wd_counts", 50.0, False, "diffbot", 0.3),
+        ("book_2wd_stock", 16.5, False, "rosserial", 0.25),
+    ],
+)
+def test_three_kinds_of_board(name, telemetry, edge_times, protocol, speed):
+    robot = load_robot(name).robot
+    assert robot.board.telemetry == telemetry
+    assert robot.board.edge_times is edge_times
+    assert robot.link.protocol == protocol
+    assert robot.limits.speed == speed
+    assert robot.drive.track == 0.125  # through the include
+
+
+def test_calibration_goes_over_the_fields_but_not_over_the_simulation(tmp_path):
+    text = """calibration:
+  drive.left.wheel.diameter: {value: 64.7 mm, sd: 0.1 mm, method: umbmark}
+  drive.track: {value: 126.5 mm}
+"""
+    found = robot_of(text, tmp_path)
+    assert found.robot.drive.left.wheel.diameter == pytest.approx(0.0647)
+    assert found.robot.drive.right.wheel.diameter == 0.065
+    assert found.robot.drive.track == pytest.approx(0.1265)
+    assert found.nominal.drive.track == 0.125
+    assert found.nominal.drive.left.wheel.diameter == 0.065
+    assert found.robot.calibration["drive.left.wheel.diameter"].method == "umbmark"
+
+
+def test_a_pipeline_with_its_blocks_and_wires():
+    found = load("goal")
+    use = {block.name: block for block in found.blocks}
+    assert use["follower"].wires == {"odometry": "odometry.odometry", "goal": "operator.goal"}
+    assert use["follower"].values["tolerance"] == pytest.approx(0.010)
+    assert use["guard"].values["resume_by"] == "by_itself"  # `resume` in the file
+    assert use["guard"].values["braking"] == 1.5  # from the robot file
+    assert found.robot_wires == {"wheels": "kinematics.wheels"}
+    assert found.goals[0].heading == pytest.approx(pi / 2)
+    assert found.world.walls[0].start == (2.5, -1.0)
+    assert [file.name for file in found.files] == ["goal.yaml", "book_2wd.yaml"]
+
+
+def test_every_shipped_pipeline_makes_its_blocks():
+    for name in resources.names("pipelines"):
+        for block in load(name).blocks:
+            assert block.cls(**block.values) is not None
+
+
+def test_a_pipeline_without_robot():
+    found = load("hello")
+    assert (found.robot, found.robot_file, found.robot_wires) == (None, None, {})
+
+
+def test_variables_stand_for_values(tmp_path):
+    text = "include: goal\nvars: {side: 50 cm, far: 2}\ngoals: [{x: $side, y: $far}]\n"
+    goal = pipeline_of(text, tmp_path).goals[0]
+    assert (goal.x, goal.y) == (0.5, 2.0)
+
+
+def test_variables_within_a_text(tmp_path):
+    text = """vars: {who: world, number: 3}
+blocks: {talker: {block: talker, with: {greeting: "hello $who, $number of $$5"}}}
+"""
+    assert pipeline_of(text, tmp_path).blocks[0].values["greeting"] == "hello world, 3 of $5"
+
+
+@pytest.mark.parametrize(
+    "words, block, parameter, value",
+    [
+        ("follower.tolerance=20 mm", "follower", "tolerance", 0.02),
+        ("follower.tolerance = 0.03", "follower", "tolerance", 0.03),
+        ("guard.resume=wait", "guard", "resume_by", "wait"),
+        ("follower.reverse=true", "follower", "reverse", True),
+        ("robot.limits.braking=1 m/s2", "guard", "braking", 1.0),
+    ],
+)
+def test_set_changes_one_value(words, block, parameter, value):
+    use = {each.name: each for each in load("goal", sets=[words]).blocks}[block]
+    assert use.values[parameter] == value
+
+
+def test_set_reaches_variables():
+    assert load("distance", sets=["vars.distance=50 cm"]).goals[0].x == 0.5
+
+
+def test_lists_are_replaced_and_mappings_merged(tmp_path):
+    text = "include: square\ngoals: [{x: 1 m}]\nvars: {side: 1 m}\nworld: {obstacles: []}\n"
+    with pytest.raises(ConfigurationError) as caught:
+        pipeline_of(text + "blocks: {follower: {with: {tolerance: 1 um}}}\n", tmp_path)
+    # The square's four goals are gone, so its variable is unused; its walls stay.
+    assert "W-VAR-UNUSED" in codes(caught)
+    found = pipeline_of(text.replace("vars: {side: 1 m}\n", ""), tmp_path)
+    assert [goal.x for goal in found.goals] == [1.0]
+    assert len(found.world.walls) == 1
+
+
+def test_the_last_of_several_includes_wins(tmp_path):
+    (tmp_path / "slow.yaml").write_text("limits: {speed: 0.1 m/s}\n")
+    (tmp_path / "slower.yaml").write_text("limits: {speed: 0.05 m/s}\n")
+    file = tmp_path / "mine.yaml"
+    file.write_text("format: 1\nkind: robot\ninclude: [book_2wd, slow, slower]\n")
+    assert load_robot(str(file)).robot.limits.speed == 0.05
+
+
+def test_a_problem_stands_in_the_file_that_holds_it(tmp_path):
+    (tmp_path / "narrow.yaml").write_text("drive: {track: 125 deg}\n")
+    file = tmp_path / "mine.yaml"
+    file.write_text("format: 1\nkind: robot\ninclude: [book_2wd, narrow]\n")
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(str(file))
+    assert [problem.file.endswith("narrow.yaml") for problem in caught.value.problems] == [True]
+
+
+# Which robot: what is in ./robots, what the pipeline uses, what --robot says; what is taken.
+@pytest.mark.parametrize(
+    "own, use, option, taken",
+    [
+        ([], None, None, "book_2wd"),  # nothing said: the book's
+        (["mine"], None, None, "mine"),  # the only one here
+        (["mine", "book_2wd"], None, None, "book_2wd"),
+        (["mine"], "book_2wd", None, "book_2wd"),  # the pipeline's wins over the only one
+        (["mine"], "book_2wd", "mine", "mine"),  # --robot always wins
+        (["book_2wd_counts"], None, "book_2wd_counts", "book_2wd_counts"),  # here before shipped
+    ],
+)
+def test_which_robot_is_taken(tmp_path, monkeypatch, own, use, option, taken):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robots").mkdir()
+    for name in own:
+        include = "book_2wd_stock" if name == "book_2wd" else "book_2wd"
+        text = f"format: 1\nkind: robot\ninclude: {include}\n"
+        (tmp_path / "robots" / f"{name}.yaml").write_text(text)
+    line = f"robot: {{use: {use}}}\n" if use else ""
+    (tmp_path / "p.yaml").write_text(f"format: 1\nkind: pipeline\ninclude: goal\n{line}")
+    found = load("p.yaml", option)
+    assert found.robot_file.stem == taken
+    is_own = taken in own
+    assert (found.robot_file.parent.resolve() == (tmp_path / "robots").resolve()) is is_own
+
+
+def test_several_robots_and_none_chosen(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robots").mkdir()
+    for name in ("one", "two"):
+        (tmp_path / "robots" / f"{name}.yaml").write_text("format: 1\n")
+    with pytest.raises(UserError) as caught:
+        load("goal")
+    assert codes(caught) == ["E-ROBOT-WHICH"]
+
+
+def test_a_pipeline_here_goes_before_a_shipped_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pipelines").mkdir()
+    (tmp_path / "pipelines" / "hello.yaml").write_text(
+        "format: 1\nkind: pipeline\nblocks: {mine: {block: talker}}\n"
+    )
+    assert [block.name for block in load("hello").blocks] == ["mine"]
+
+
+def test_problems_of_both_files_come_at_once(tmp_path):
+    (tmp_path / "robot.yaml").write_text(
+        "format: 1\nkind: robot\ninclude: book_2wd\ndrive: {track: 9 deg}\n"
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        pipeline_of(
+            "include: goal\nrobot: {use: ./robot.yaml}\nblocks: {mux: {block: command_mox}}\n",
+            tmp_path,
+        )
+    assert sorted(codes(caught)) == ["E-BLOCK-UNKNOWN", "E-UNIT"]
+
+
+def test_a_valid_file_is_not_checked_by_jsonschema_again(tmp_path):
+    """A fresh interpreter each: what the second imports shows what it needed."""
+    import os
+    import subprocess
+    import sys
+
+    script = (
+        "import sys; from diffbotctl.config.load import load; load('goal'); "
+        "print('jsonschema' in sys.modules)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(resources.folder("robots").parent),
+                   "XDG_CACHE_HOME": str(tmp_path)}  # fmt: skip
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", script], env=environment, capture_output=True, text=True,
+            check=True,
+        ).stdout.strip()
+        for _ in range(2)
+    ]  # fmt: skip
+    assert said == ["True", "False"]
+
+
+def test_without_a_writable_cache_everything_works(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    assert load("goal").name == "goal"
+
+
+def test_only_the_blocks_of_the_pipeline_are_imported():
+    import subprocess
+    import sys
+
+    script = (
+        "import sys; from diffbotctl.config.load import load; load('hello'); "
+        "print(*[name for name in sys.modules if name.startswith('diffbotctl.blocks.')])"
+    )
+    environment = {"PYTHONPATH": str(resources.folder("robots").parent), "HOME": "/nonexistent"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+    )
+    imported = {name.rsplit(".", 1)[1] for name in done.stdout.split()}
+    # The check of the stopping distance needs the two whose physics it is about.
+    assert imported == {"talker", "listener", "obstacle_stop", "range_sensor"}

@@ -1,0 +1,144 @@
+"""The schemas: committed as generated, strict, and of one mind with the typed reader."""
+
+import json
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
+from diffbotctl.config import publish, registry, resources
+from diffbotctl.config.schema import of_declaration
+from diffbotctl.config.typed import read_leaf
+from diffbotctl.config.yamlfile import parse
+from diffbotctl.errors import ConfigurationError, Source
+from diffbotctl.params import Param, Pin, Section, declared
+
+
+@pytest.mark.parametrize("name", publish.SCHEMAS)
+def test_the_committed_schema_is_the_generated_one(name):
+    committed = (resources.folder("schemas") / name).read_text(encoding="utf-8")
+    generated = publish.text(publish.SCHEMAS[name]())
+    assert committed == generated, "run python -m diffbotctl.config.publish, and read the diff"
+
+
+@pytest.mark.parametrize("name", publish.SCHEMAS)
+def test_the_schema_is_one(name):
+    Draft202012Validator.check_schema(publish.SCHEMAS[name]())
+
+
+def every_property(schema, path="$"):
+    if isinstance(schema, dict):
+        for key, value in schema.get("properties", {}).items():
+            if isinstance(value, dict):
+                yield f"{path}.{key}", value
+        for key, value in schema.items():
+            yield from every_property(value, f"{path}.{key}")
+    elif isinstance(schema, list):
+        for each in schema:
+            yield from every_property(each, path)
+
+
+@pytest.mark.parametrize("name", publish.SCHEMAS)
+def test_every_key_is_described(name):
+    schema = publish.SCHEMAS[name]()
+    schema["$defs"]["BlockEntry" if "pipeline" in name else "Drive"].pop("if", None)
+    for path, value in every_property(schema):
+        if ".if" in path or ".then.in" in path or path.endswith((".then.with", ".then.in")):
+            continue  # conditions; the keys themselves are described where they are declared
+        assert value.get("description"), f"{path} needs a sentence of help"
+
+
+@pytest.mark.parametrize("name", publish.SCHEMAS)
+def test_every_mapping_of_known_keys_is_closed(name):
+    def check(schema, path):
+        if isinstance(schema, dict):
+            if "properties" in schema and schema.get("type") == "object":
+                assert schema["additionalProperties"] is False, path
+            for key, value in schema.items():
+                check(value, f"{path}.{key}")
+        elif isinstance(schema, list):
+            for each in schema:
+                check(each, path)
+
+    check(publish.SCHEMAS[name](), "$")
+
+
+@pytest.mark.parametrize("kind", ["robot", "pipeline"])
+def test_shipped_files_fit_the_schema_that_their_first_line_names(kind):
+    schema = json.loads((resources.folder("schemas") / f"{kind}.schema.json").read_text())
+    for path in sorted(resources.folder(f"{kind}s").glob("*.yaml")):
+        text = path.read_text()
+        assert text.startswith(
+            f"# yaml-language-server: $schema=../schemas/{kind}.schema.json\n"
+        ), path
+        assert not list(Draft202012Validator(schema).iter_errors(yaml.safe_load(text))), path
+
+
+def test_the_editor_s_schema_sees_mistakes():
+    schema = publish.pipeline()
+    head = {"format": 1, "kind": "pipeline"}
+    wrong = [
+        {**head, "blocks": {"a": {"block": "talker", "with": {"greting": "x"}}}},
+        {**head, "blocks": {"a": {"block": "listener", "in": {"txt": "a.text"}}}},
+        {**head, "blocks": {"a": {"block": "talker"}}, "goals": [{"x": "1 deg"}]},
+        {**head},
+    ]
+    for each in wrong:
+        assert not Draft202012Validator(schema).is_valid(each), each
+    fine = {**head, "include": "goal", "goals": [{"x": "$side"}]}
+    assert Draft202012Validator(schema).is_valid(fine)
+
+
+class Leaves(Section):
+    """One setting of each kind."""
+
+    length = Param(float, unit="m", help="A length.")
+    speed = Param(float, unit="m/s", help="A speed.")
+    braking = Param(float, unit="m/s2", help="An acceleration.")
+    share = Param(float, unit="1", help="A ratio.")
+    gain = Param(float, help="A plain number.")
+    count = Param(int, help="A whole number.")
+    flag = Param(bool, help="True or false.")
+    words = Param(str, help="A text.")
+    pin = Param(Pin, help="A pin.")
+    choice = Param(str, choices=("left", "right"), help="A word.")
+    baud = Param(int, choices=(9600, 115200), help="A number of a few.")
+    bounded = Param(int, least=1, most=9, help="A number within bounds.")
+    maybe = Param(float, unit="s", none=True, default=None, help="A time, or none.")
+
+
+WRITTEN = st.sampled_from([
+    "1", "0", "-3", "2.5", "1e-3", "65 mm", "65mm", "65  mm", ".5 m", "1. m", "10 %", "3 m/s",
+    "3 m/s2", "3 m/s²", "90 deg", "1 furlong", "m", "mm 5", "5 5", "true", "yes", "none", "null",
+    "~", "A0", "A", "B1", "54", "9600", "left", "lefty", "''", "'5'", "'5 mm'", "12:30", ".inf",
+    "[1]", "{a: 1}", "9", "10", "1.0",
+]) | st.from_regex(r"[0-9 .eE+-]{1,6}( ?(mm|m|s|deg|%))?", fullmatch=True)  # fmt: skip
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.sampled_from(sorted(declared(Leaves))), WRITTEN)
+def test_the_schema_and_the_typed_reader_are_of_one_mind(name, written):
+    """Bounds of quantities with a unit are beyond a schema, so none stands in `Leaves`."""
+    try:
+        value = parse(Source("a.yaml", f"key: {written}\n")).at("key")
+    except ConfigurationError:
+        return
+    if isinstance(value.data, dict | list):
+        return
+    if name == "pin" and isinstance(value.data, float):
+        return  # to JSON Schema 5. is the integer 5, but no board has a pin labelled so
+    setting = declared(Leaves)[name]
+    fits = Draft202012Validator(of_declaration(setting, {})).is_valid(value.plain())
+    if value.data is None and setting.none:
+        return  # `maybe:` with nothing behind it: the reader asks for the word none
+    word = setting.none and value.text == "none" and not value.quoted
+    _, problem = (None, None) if word else read_leaf(value, setting.kind, setting)
+    assert fits is (problem is None), problem
+
+
+def test_every_block_describes_its_parameters():
+    for name in registry.BLOCKS:
+        for setting in declared(registry.block(name)).values():
+            assert setting.help.endswith("."), f"{name}.{setting.key} needs a sentence"

@@ -1,0 +1,99 @@
+"""The real program on a real pseudo-terminal, with the book's board at the other end."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.book_board import OnPort
+
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand"]
+
+
+@pytest.fixture
+def port():
+    made = OnPort()
+    yield made
+    made.close()
+
+
+def start(port, *words):
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "run", "goal", "--port", port.name, *STOCK, *words],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+
+
+def moving(board):
+    return board.pwm["left"] > 60 and board.pwm["right"] > 60 and board.speed["left"] > 3
+
+
+def stands(board):
+    return board.pwm == {"left": 0, "right": 0} and abs(board.speed["left"]) < 0.1
+
+
+def test_the_book_board_drives_to_its_goal(port):
+    process = start(port, "--goal", "0.3 0")
+    out = process.communicate(timeout=60)[0]
+    assert process.returncode == 0, out
+    assert "1 of 1 reached" in out and "final stop confirmed" in out
+    assert stands(port.board)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_leaves_zeros_as_the_last_thing_on_the_wire(port, number):
+    process = start(port, "--goal", "3 0")
+    port.wait_for(moving, 20)
+    process.send_signal(number)
+    out = process.communicate(timeout=20)[0]
+    assert process.returncode == 130 and "final stop confirmed" in out
+    last = [value for _, _, value in port.board.commands[-4:]]
+    assert last == [0, 0, 0, 0]
+
+
+def test_the_guardian_stops_the_board_when_the_host_is_killed(port):
+    process = start(port, "--goal", "3 0")
+    port.wait_for(moving, 20)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    port.wait_for(stands, 5)
+    assert [value for _, _, value in port.board.commands[-4:]] == [0, 0, 0, 0]
+
+
+def test_a_silent_link_stops_and_waits_for_a_person(port):
+    process = start(port, "--goal", "3 0", "--for", "12 s")
+    port.wait_for(moving, 20)
+    with port.changed:
+        port.cut = True
+        before = len(port.board.commands)
+        cut_at = port.board.now
+    port.wait_for(lambda board: board.now > cut_at + 2.0, 10)
+    port.cut = False
+    port.wait_for(lambda board: len(board.commands) > before + 20, 15)
+    first = [value for _, _, value in port.board.commands[before:]]
+    assert set(first) == {0}  # a stop comes first, and nothing else before a person resumes
+    out = process.communicate(timeout=30)[0]
+    assert "telemetry_stale" in out and "resume" in out
+
+
+def test_left_and_right_are_always_commanded_together(port):
+    process = start(port, "--goal", "0.2 0.1")
+    process.communicate(timeout=60)
+    wheels = [wheel for _, wheel, _ in port.board.commands]
+    assert len(wheels) > 20
+    assert wheels[::2] == ["left"] * len(wheels[::2])
+    assert wheels[1::2] == ["right"] * len(wheels[1::2])
+
+
+def test_a_second_program_is_told_who_holds_the_port(port):
+    process = start(port, "--goal", "3 0")
+    port.wait_for(moving, 20)
+    other = start(port, "--goal", "3 0").communicate(timeout=20)[0]
+    process.terminate()
+    process.communicate(timeout=20)
+    assert re.search(r"in use by python\S* \(process \d+\)|in use by", other)
+    assert "Traceback" not in other
