@@ -30,6 +30,7 @@
 enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7 };
 enum { RESET_UNKNOWN = 0, RESET_POWER = 1, RESET_LINE = 2, RESET_BROWNOUT = 3, RESET_WATCHDOG = 4 };
 enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PIN_LINK = 3, REFUSAL_PIN_PWM = 4, REFUSAL_PIN_INTERRUPT = 5, REFUSAL_PIN_ANALOG = 6, REFUSAL_PIN_TWICE = 7, REFUSAL_RANGE = 8, REFUSAL_OWNED = 9 };
+enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1 };
 enum { EDGE_RISING = 0, EDGE_FALLING = 1, EDGE_BOTH = 2 };
@@ -160,27 +161,14 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_COUNTS = 9 };
 _Static_assert(sizeof(counts_t) == 12, "the structure is the payload");
 
-/* what changes slowly, once a second */
+/* one of the things that change slowly, in turn, so that no state frame waits long for it */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
-    uint8_t reset : 4; /* code */
-    uint8_t stored : 1; /* the settings in use are in the EEPROM */
-    uint8_t button : 1; /* the stop button is pressed */
-    uint8_t left_fault : 1; /* power but no edges */
-    uint8_t right_fault : 1; /* power but no edges */
-    uint8_t reserved : 4; /* zero */
-    uint32_t uptime; /* s */
-    uint16_t battery; /* analog reading */
-    uint16_t free_stack; /* bytes never used */
-    uint16_t loop; /* longest pass of the main loop since the last status, us */
-    uint16_t left_rejected; /* edges refused by the glitch filter */
-    uint16_t right_rejected; /* edges refused by the glitch filter */
-    uint16_t damaged; /* frames refused */
-    uint8_t foreign; /* commands of a link that did not own them */
-    uint8_t dropped; /* frames that found no room */
+    uint8_t item : 4; /* code */
+    uint16_t value; /* its value */
 } status_t;
 enum { TYPE_STATUS = 10 };
-_Static_assert(sizeof(status_t) == 20, "the structure is the payload");
+_Static_assert(sizeof(status_t) == 3, "the structure is the payload");
 
 /* who this is */
 typedef struct __attribute__((packed)) {

@@ -15,8 +15,8 @@
 static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE;
 static uint8_t state_size = sizeof(state_t);
 static bool capturing;
-static uint32_t next_state, next_status;
-static uint8_t sequence, dropped;
+static uint32_t next_state;
+static uint8_t sequence, dropped, item;
 
 void telemetry_configure(const settings_t *settings)
 {
@@ -60,26 +60,32 @@ static void send_state(const deadman_t *deadman)
     send(&frame, state_size);
 }
 
-static void send_status(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
+static uint16_t value(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
 {
     encoder_t both[2];
-    status_t frame = {.type = TYPE_STATUS};
     encoders_read(both);
-    frame.reset = reset_cause;
-    frame.stored = store_done();
-    frame.button = deadman->pressed;
-    frame.left_fault = faults;
-    frame.right_fault = faults >> 1;
-    frame.uptime = clock_uptime();
-    frame.battery = analog_mean(1);
-    frame.free_stack = reset_free_stack();
-    frame.loop = longest_us;
-    frame.left_rejected = both[0].rejected;
-    frame.right_rejected = both[1].rejected;
-    frame.damaged = link_damaged();
-    frame.foreign = deadman->foreign;
-    frame.dropped = link_dropped();
-    send(&frame, sizeof frame);
+    switch (item) {
+    case ITEM_UPTIME:
+        return (uint16_t)(clock_uptime() / 60);
+    case ITEM_FLAGS:
+        return (uint16_t)(reset_cause | store_done() << 4 | deadman->pressed << 5 | faults << 6);
+    case ITEM_BATTERY:
+        return analog_mean(1);
+    case ITEM_FREE_STACK:
+        return reset_free_stack();
+    case ITEM_LOOP:
+        return longest_us;
+    case ITEM_LEFT_REJECTED:
+        return both[0].rejected;
+    case ITEM_RIGHT_REJECTED:
+        return both[1].rejected;
+    case ITEM_DAMAGED:
+        return link_damaged();
+    case ITEM_FOREIGN:
+        return deadman->foreign;
+    default:
+        return link_dropped();
+    }
 }
 
 bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
@@ -88,17 +94,20 @@ bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_u
     capture_t edges;
     if (capturing && capture_take(&edges, now))
         send(&edges, sizeof edges);
-    if ((int32_t)(now - next_state) >= 0) {
-        uint32_t step = capturing ? 2 * period : period;
-        next_state += step;
-        if ((int32_t)(now - next_state) >= 0)
-            next_state = now + step; /* the loop was held up for more than a frame */
-        send_state(deadman);
+    if ((int32_t)(now - next_state) < 0)
         return false;
-    }
-    if ((int32_t)(now - next_status) < 0)
+    uint32_t step = capturing ? 2 * period : period;
+    next_state += step;
+    if ((int32_t)(now - next_state) >= 0)
+        next_state = now + step; /* the loop was held up for more than a frame */
+    send_state(deadman);
+    if (sequence & 3)
         return false;
-    next_status = now + TICKS_PER_SECOND;
-    send_status(deadman, faults, longest_us);
-    return true;
+    status_t status = {.type = TYPE_STATUS};
+    status.item = item;
+    status.value = value(deadman, faults, longest_us);
+    bool told = item == ITEM_LOOP;
+    item = item == ITEM_DROPPED ? 0 : item + 1;
+    send(&status, sizeof status);
+    return told;
 }

@@ -40,7 +40,7 @@ class EmulatedBoard:
         """ns at which each motor's duty last changed"""
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
-        self._levels: list[Transition] = []
+        self._levels = [Transition(plant.now, pin, 0) for pin in self.pins]
 
     @property
     def now(self) -> int:

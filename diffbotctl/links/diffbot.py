@@ -23,6 +23,7 @@ LOST = SECOND
 BAUD_TRIES = 2 * SECOND  # at one baud rate before the next is tried
 SILENT = 3 * SECOND  # after which a person is told
 PROBE_EVERY = SECOND
+LEFT_FAULT, RIGHT_FAULT = 64, 128  # of the item `flags`
 HEARD_MOST = 512  # bytes kept to tell a stranger by
 HOLDING = {
     "fault": ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
@@ -59,7 +60,8 @@ class DiffbotHost:
         self._mode = "unset"
         self._held = ""
         self._faults = (False, False)
-        self._status: frames.Status | None = None
+        self.status: dict[str, int] = {}
+        """the slow items last told: uptime (min), loop (us), free_stack (bytes), rejected edges"""
         self._said: Link | None = None
         self._forget_peer(0)
 
@@ -352,13 +354,14 @@ class DiffbotHost:
         return [("stop", Stop(now, code, cause.format(wheels=wheels), True))]
 
     def _slow(self, now: int, status: frames.Status) -> Heard:
-        self._status = status
-        self._faults = (bool(status.left_fault), bool(status.right_fault))
-        heard: Heard = [("link", self._link(now))]
-        if self.settings.battery_channel is not None:
-            volts = volts_of(status.battery) * self.settings.battery_divider
-            heard.append(("battery", Battery(now, volts, volts < self.settings.battery_low)))
-        return heard
+        item = frames.ITEM.get(status.item, "")
+        self.status[item] = status.value
+        if item == "flags":
+            self._faults = (bool(status.value & LEFT_FAULT), bool(status.value & RIGHT_FAULT))
+        if item == "battery" and self.settings.battery_channel is not None:
+            volts = volts_of(status.value) * self.settings.battery_divider
+            return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
+        return [("link", self._link(now))] if item == "dropped" else []
 
     # --- time ---
 
@@ -405,11 +408,6 @@ class DiffbotHost:
             now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
             self._telemetry.boots, self._telemetry.latency, self._cause,
         )  # fmt: skip
-
-    @property
-    def status(self) -> frames.Status | None:
-        """The last slow frame: uptime, reset cause, stack, loop time, rejected edges."""
-        return self._status
 
 
 def _quantised(now: int, sequence: int, wanted: Wheels | Duty) -> tuple[frames.Frame, Sent]:

@@ -32,6 +32,8 @@ RESET = {0: 'unknown', 1: 'power', 2: 'line', 3: 'brownout', 4: 'watchdog'}
 RESET_MEANING = {'unknown': 'not told by the chip or the bootloader', 'power': 'power came on', 'line': 'the reset line', 'brownout': 'the supply dipped', 'watchdog': 'the program hung'}
 REFUSAL = {0: 'none', 1: 'moving', 2: 'pin_missing', 3: 'pin_link', 4: 'pin_pwm', 5: 'pin_interrupt', 6: 'pin_analog', 7: 'pin_twice', 8: 'range', 9: 'owned'}
 REFUSAL_MEANING = {'none': 'taken', 'moving': 'settings are taken at rest only', 'pin_missing': 'the board has no such pin', 'pin_link': 'the pin carries a serial link', 'pin_pwm': 'the pin has no PWM', 'pin_interrupt': 'the pin cannot raise an interrupt', 'pin_analog': 'the pin is no analog input', 'pin_twice': 'the pin is used twice', 'range': 'the value is out of range', 'owned': 'another link owns the commands'}
+ITEM = {0: 'uptime', 1: 'flags', 2: 'battery', 3: 'free_stack', 4: 'loop', 5: 'left_rejected', 6: 'right_rejected', 7: 'damaged', 8: 'foreign', 9: 'dropped'}
+ITEM_MEANING = {'uptime': 'minutes since the start', 'flags': 'reset cause, and bits: 16 settings stored, 32 button, 64 left fault, 128 right fault', 'battery': 'analog reading', 'free_stack': 'bytes never used', 'loop': 'longest pass of the main loop since told last, us', 'left_rejected': 'edges refused by the glitch filter', 'right_rejected': 'edges refused by the glitch filter', 'damaged': 'frames refused', 'foreign': 'commands of a link that did not own them', 'dropped': 'frames that found no room'}
 ACTION = {0: 'light', 1: 'clear', 2: 'capture'}
 ACTION_MEANING = {'light': 'LED: 0 off, 1 on, 2 toggle', 'clear': 'forget a wheel fault', 'capture': 'raw edges: 0 off, 1 on'}
 BOARD = {0: 'unknown', 1: 'mega2560'}
@@ -407,67 +409,28 @@ class Counts(NamedTuple):
 
 
 class Status(NamedTuple):
-    """what changes slowly, once a second"""
+    """one of the things that change slowly, in turn, so that no state frame waits long for it"""
 
-    reset: int  # code
-    stored: int  # the settings in use are in the EEPROM
-    button: int  # the stop button is pressed
-    left_fault: int  # power but no edges
-    right_fault: int  # power but no edges
-    reserved: int  # zero
-    uptime: int  # s
-    battery: int  # analog reading
-    free_stack: int  # bytes never used
-    loop: int  # longest pass of the main loop since the last status, us
-    left_rejected: int  # edges refused by the glitch filter
-    right_rejected: int  # edges refused by the glitch filter
-    damaged: int  # frames refused
-    foreign: int  # commands of a link that did not own them
-    dropped: int  # frames that found no room
+    item: int  # code
+    value: int  # its value
 
     def pack(self) -> bytes:
         """Payload bytes."""
         return (
             10
-            | (self.reset & 15) << 4
-            | (self.stored & 1) << 8
-            | (self.button & 1) << 9
-            | (self.left_fault & 1) << 10
-            | (self.right_fault & 1) << 11
-            | (self.reserved & 15) << 12
-            | (self.uptime & 4294967295) << 16
-            | (self.battery & 65535) << 48
-            | (self.free_stack & 65535) << 64
-            | (self.loop & 65535) << 80
-            | (self.left_rejected & 65535) << 96
-            | (self.right_rejected & 65535) << 112
-            | (self.damaged & 65535) << 128
-            | (self.foreign & 255) << 144
-            | (self.dropped & 255) << 152
-        ).to_bytes(20, 'little')
+            | (self.item & 15) << 4
+            | (self.value & 65535) << 8
+        ).to_bytes(3, 'little')
 
     @classmethod
     def unpack(cls, payload: bytes) -> Status | None:
         """The frame in a payload of this type, or None when it is malformed."""
-        if len(payload) != 20:
+        if len(payload) != 3:
             return None
         bits = int.from_bytes(payload, 'little')
         return cls(
             (bits >> 4 & 15),
-            (bits >> 8 & 1),
-            (bits >> 9 & 1),
-            (bits >> 10 & 1),
-            (bits >> 11 & 1),
-            (bits >> 12 & 15),
-            (bits >> 16 & 4294967295),
-            (bits >> 48 & 65535),
-            (bits >> 64 & 65535),
-            (bits >> 80 & 65535),
-            (bits >> 96 & 65535),
-            (bits >> 112 & 65535),
-            (bits >> 128 & 65535),
-            (bits >> 144 & 255),
-            (bits >> 152 & 255),
+            (bits >> 8 & 65535),
         )
 
 
@@ -597,4 +560,4 @@ class Capture(NamedTuple):
 
 Frame = Command | Duty | Stop | Ask | Action | Settings | State | Counts | Status | Hello | Answer | Capture
 OF_TYPE: dict[int, type[Frame]] = {1: Command, 2: Duty, 3: Stop, 4: Ask, 5: Action, 6: Settings, 8: State, 9: Counts, 10: Status, 11: Hello, 12: Answer, 13: Capture}
-WIRE: dict[type[Frame], int] = {Command: 10, Duty: 10, Stop: 6, Ask: 6, Action: 7, Settings: 41, State: 21, Counts: 17, Status: 25, Hello: 17, Answer: 11, Capture: 27}  # bytes on the wire
+WIRE: dict[type[Frame], int] = {Command: 10, Duty: 10, Stop: 6, Ask: 6, Action: 7, Settings: 41, State: 21, Counts: 17, Status: 8, Hello: 17, Answer: 11, Capture: 27}  # bytes on the wire
