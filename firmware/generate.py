@@ -1,4 +1,4 @@
-"""Write protocol.h, protocol.c, diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
+"""Write protocol.h and diffbot_frames.py from protocol.yaml: `python firmware/generate.py`."""
 
 from __future__ import annotations
 

@@ -72,13 +72,16 @@ static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
     *field = 0;
     if (!deadman_allows(&deadman, link))
         return REFUSAL_OWNED;
-    if (settings_mark != 0 && rest < REST_PERIODS)
-        return REFUSAL_MOVING;
+    if (settings_mark != 0) {
+        if (memcmp(wanted, &settings, sizeof settings) == 0)
+            return REFUSAL_NONE;
+        if (rest < REST_PERIODS)
+            return REFUSAL_MOVING;
+    }
     uint8_t refusal = settings_check(wanted, field);
     if (refusal != REFUSAL_NONE)
         return refusal;
-    if (settings_mark == 0 || memcmp(wanted, &settings, sizeof settings) != 0)
-        store_begin(wanted);
+    store_begin(wanted);
     settings = *wanted;
     use();
     return REFUSAL_NONE;

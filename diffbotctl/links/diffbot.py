@@ -21,6 +21,9 @@ REPEAT_FOR = 200 * MILLISECOND  # but an engine that has gone silent is not kept
 STALE = 250 * MILLISECOND
 LOST = SECOND
 BAUD_TRIES = 2 * SECOND  # at one baud rate before the next is tried
+# Opening a USB port resets the board, and each byte that comes too early keeps it in its
+# bootloader. The firmware speaks first when it starts.
+USB_QUIET = 1_500 * MILLISECOND
 SILENT = 3 * SECOND  # after which a person is told
 PROBE_EVERY = SECOND
 LEFT_FAULT, RIGHT_FAULT = 64, 128  # of the item `flags`
@@ -71,8 +74,8 @@ class DiffbotHost:
         self._last_good = NEVER
         self._heard = b""
         self._fresh = True  # a delimiter goes in front of the first frame
-        self._line_free = now
-        self._ask_at = now
+        self._line_free = self._ask_at = now
+        self._quiet_until = now
         self._settings_at = NEVER
         self._probe_at = now + SILENT
         self._refused = ""
@@ -91,6 +94,8 @@ class DiffbotHost:
         """Forget the peer and start the handshake."""
         self._decoder = Decoder()
         self._forget_peer(now)
+        if not self.settings.uart:
+            self._quiet_until = now + USB_QUIET
         self.state = OPENING
         self._cause = ""
 
@@ -107,6 +112,7 @@ class DiffbotHost:
         heard: Heard = []
         for frame in self._decoder.feed(data):
             self._last_good = now
+            self._quiet_until = now
             heard += self._obey(now, frame)
         return heard
 
@@ -142,6 +148,11 @@ class DiffbotHost:
         self._act("capture", int(on))
 
     @property
+    def cause(self) -> str:
+        """Why the link is not up, in words."""
+        return self._cause
+
+    @property
     def stopped(self) -> bool:
         """True when telemetry has shown the last stop."""
         return self._confirmed
@@ -165,7 +176,8 @@ class DiffbotHost:
         """When something is to be written, or silence is to be judged."""
         if self.state == GONE:
             return NEVER
-        return max(self._line_free, min(self._next_write(), self._next_judgement()))
+        write = max(self._line_free, self._quiet_until, self._next_write())
+        return min(write, self._next_judgement())
 
     def _next_write(self) -> int:
         times = [self._ask_at, self._settings_at, self._stop_at, self._probe_at]
@@ -188,7 +200,7 @@ class DiffbotHost:
 
     def send(self, now: int) -> bytes:
         """The next frame to write, the most urgent first; empty when none is due."""
-        if self.state == GONE or now < self._line_free:
+        if self.state == GONE or now < max(self._line_free, self._quiet_until):
             return b""
         frame = self._next_frame(now)
         if frame is None:
@@ -285,8 +297,8 @@ class DiffbotHost:
         if hello.settings == self._mark:
             self._settings_at = NEVER
             return heard + self._introduce(now)
-        if not self._refused:
-            self._settings_at = min(self._settings_at, now)
+        if not self._refused and self._settings_at == NEVER:
+            self._settings_at = now
         return heard + self._negotiate(
             now, self._refused or "the board has other settings: sending"
         )
