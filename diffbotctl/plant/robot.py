@@ -148,6 +148,28 @@ class SimulatedRobot:
         """The host sends `wanted` at `now`. Raises TypeError where the board takes the other."""
         self.board.command(now, wanted)
 
+    def roll(self, until: int, left: float, right: float) -> list[tuple[int, int]]:
+        """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
+
+        Returns where the encoder pins rose, as (time in ns, 0 for left or 1 for right), in order.
+        For a board that is not simulated here; not to be mixed with `advance`.
+        """
+        self._pushes = self._shares(left, right)
+        rises: list[tuple[int, int]] = []
+        for number, wheel in enumerate(self.wheels):
+            found = wheel.advance(until, self._pushes[number])
+            if not self._floating[number]:
+                rises += [(time, number) for time in found]
+        self._roll()
+        if until >= self._next_look:
+            self._look(until)
+        self.now = until
+        return sorted(rises)
+
+    def volts(self) -> dict[str, float]:
+        """The distance sensors' output voltages now."""
+        return {mounting.name: sensor.output(self.now) for mounting, sensor in self._sensors}
+
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""
         self._move(self.now)
@@ -176,13 +198,14 @@ class SimulatedRobot:
     def _push(self) -> None:
         """Find the share of the battery's rest voltage at each motor, forward positive."""
         a, b = self.board.sides
-        left, right = a.duty, b.duty
+        self._pushes = self._shares(a.duty, b.duty)
+
+    def _shares(self, left: float, right: float) -> tuple[float, float]:
         if not left and not right:
-            self._pushes = (0.0, 0.0)
-            return
+            return (0.0, 0.0)
         supply = 1.0 - self._sag * 0.5 * (abs(left) + abs(right))
         (ll, lr), (rl, rr) = self._outputs
-        self._pushes = (supply * (ll * left + lr * right), supply * (rl * left + rr * right))
+        return (supply * (ll * left + lr * right), supply * (rl * left + rr * right))
 
     def _pin(self, side: Side, number: int, time: int) -> None:
         if not self._floating[number]:

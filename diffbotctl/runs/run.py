@@ -146,6 +146,10 @@ class Run:
             return None
         if self.options.port == "sim":
             return simulated(self.configuration, self.options.seed)
+        if self.options.port == "emulated":
+            from diffbotctl.runs.emulation import emulated  # needs a compiler: only when asked
+
+            return emulated(self.configuration, self.options.seed)
         return serial_robot(self.configuration, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:

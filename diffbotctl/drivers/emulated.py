@@ -1,0 +1,153 @@
+"""The emulated robot behind the node `robot`: the real firmware, lockstepped with the plant.
+
+The board runs its binary in the emulator, its wheels and sensors are the plant's, and the bytes
+between board and host take the wire's and the radio's time. Everything is virtual time: equal
+inputs give equal runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from diffbotctl.drivers.emulator_process import Emulator, Transition
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.links.diffbot_settings import Settings
+from diffbotctl.messages import Duty, Wheels
+from diffbotctl.plant.board import RADIO
+from diffbotctl.plant.robot import SimulatedRobot
+
+STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
+PULSE = 4_000_000  # ns a pin stays high: longer than any sensible glitch time, an eighth of a slot
+MILLIVOLTS = 1000
+
+
+class EmulatedBoard:
+    """Board and plant together, stepped in virtual time; no host.
+
+    `received` holds (arrival in ns, uart, bytes) of what the board has sent, until it is taken.
+    """
+
+    def __init__(self, plant: SimulatedRobot, settings: Settings, emulator: Emulator) -> None:
+        """`settings` tell where the plant is wired to; the board itself learns them over a link."""
+        self.plant = plant
+        self.emulator = emulator
+        self.settings = settings
+        self.sides = (settings.left, settings.right)
+        self.pins = (settings.left.encoder, settings.right.encoder)
+        self.duty = [0.0, 0.0]
+        self.changed = [0, 0]
+        """ns at which each motor's duty last changed"""
+        self.received: deque[tuple[int, int, bytes]] = deque()
+        self._coming: deque[tuple[int, int, bytes]] = deque()
+        self._levels = [Transition(plant.now, pin, 0) for pin in self.pins]
+
+    @property
+    def now(self) -> int:
+        """Virtual time, ns."""
+        return self.plant.now
+
+    def send(self, at: int, uart: int, data: bytes) -> None:
+        """Bytes begin to reach the board's UART at `at`; call in order of time."""
+        self._coming.append((at, uart, data))
+
+    def advance(self, until: int) -> None:
+        """Let board and plant run until `until`."""
+        while self.plant.now < until:
+            self._step(min(until, self.plant.now + STEP))
+
+    def _step(self, until: int) -> None:
+        arriving = [b"", b""]
+        while self._coming and self._coming[0][0] <= self.plant.now:
+            _, uart, data = self._coming.popleft()
+            arriving[uart] += data
+        transitions = self._pulses(self.plant.roll(until, self.duty[0], self.duty[1]), until)
+        did = self.emulator.step(until, transitions, self._millivolts(), (arriving[0], arriving[1]))
+        for change in did.changes:
+            sign = -1.0 if self.sides[change.motor].reversed else 1.0
+            self.duty[change.motor] = sign * change.duty
+            self.changed[change.motor] = change.time
+        for sent in did.sent:
+            self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
+
+    def _pulses(self, rises: list[tuple[int, int]], until: int) -> list[Transition]:
+        """The plant tells where the pins rise; each falls again one PULSE later."""
+        for time, side in rises:
+            self._levels += [Transition(time, self.pins[side], 1),
+                             Transition(time + PULSE, self.pins[side], 0)]  # fmt: skip
+        self._levels.sort()
+        due = [level for level in self._levels if level.time <= until]
+        del self._levels[: len(due)]
+        return due
+
+    def _millivolts(self) -> dict[int, int]:
+        channel = self.settings.range_channel
+        if channel is None:
+            return {}
+        volts = self.plant.volts().get(self.settings.range_name)
+        return {} if volts is None else {channel: round(volts * MILLIVOLTS)}
+
+
+class Emulated:
+    """A robot driver: the protocol's host half, wired to an emulated board."""
+
+    def __init__(self, board: EmulatedBoard, host: DiffbotHost, radio: int = RADIO) -> None:
+        """`radio`: ns that each direction takes besides the wire."""
+        self.board = board
+        self.robot = board.plant
+        self.host = host
+        self.radio = radio
+        self.uart = host.settings.uart
+        host.opened(board.now)
+
+    def due(self) -> int:
+        """The next step of the board."""
+        return self.board.now + STEP
+
+    def files(self) -> list[int]:
+        """None."""
+        return []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Let board and plant run until `now`; what the host has understood by then."""
+        heard: list[Delivery] = []
+        while self.board.now < now:
+            self._send(self.board.now)
+            self.board.advance(min(now, self.board.now + STEP))
+            heard += self._receive(self.board.now)
+        return heard
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """Hand the command to the protocol."""
+        self.host.command(now, wanted)
+        self._send(now)
+
+    def stop(self, now: int) -> None:
+        """Stop, repeated until telemetry shows it."""
+        self.host.stop(now)
+        self._send(now)
+
+    @property
+    def stopped(self) -> bool:
+        """True when the board's telemetry shows it."""
+        return self.host.stopped
+
+    def close(self) -> None:
+        """End the emulator."""
+        self.board.emulator.close()
+
+    def _send(self, now: int) -> None:
+        if self.host.due() <= now:
+            data = self.host.send(now)
+            if data:
+                self.board.send(now + self.radio, self.uart, data)
+
+    def _receive(self, now: int) -> list[Delivery]:
+        heard = []
+        waiting = self.board.received
+        while waiting and waiting[0][0] + self.radio <= now:
+            time, uart, data = waiting.popleft()
+            if uart == self.uart:
+                heard += self.host.receive(time + self.radio, data)
+        heard += self.host.timed(now)
+        return [Delivery(f"robot.{port}", message) for port, message in heard]

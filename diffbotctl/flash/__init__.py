@@ -1,0 +1,1 @@
+"""Bringing a program onto the board: the whole task, told as events that others draw."""

@@ -1,0 +1,225 @@
+"""The whole task of flashing a board, as a stream of events."""
+
+from __future__ import annotations
+
+import os
+import select
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.drivers.port import Port
+from diffbotctl.flash import stk500
+from diffbotctl.flash.find import refuse_radio
+from diffbotctl.flash.image import read_hex, write_hex
+from diffbotctl.flash.stk500 import Answers, Conversation, Progress
+from diffbotctl.flash.trouble import (
+    BadImageError,
+    NoProgrammerError,
+    NoSyncError,
+    RefusedError,
+    SilentError,
+)
+from diffbotctl.links.diffbot import UP, DiffbotHost
+from diffbotctl.links.diffbot_settings import Settings
+from diffbotctl.messages import Text
+
+BAUD = 115200
+SECOND = 1_000_000_000
+RESET_PULSE = 0.05  # s that DTR is low; the capacitor to the reset line needs a tenth of that
+SYNC_TRIES = 15
+SYNC_WAIT = 0.1  # s for the answer to one try; the bootloader listens for 0.8 s
+ANSWER_WAIT = 1.0  # s; a page takes 15 ms
+BOOT_WAIT = 6.0  # s until the firmware has spoken: bootloader, start, settings
+
+
+class Said(NamedTuple):
+    """A line for the person who waits."""
+
+    text: str
+
+
+Event = Progress | Said
+
+
+def load(file: Path) -> bytes:
+    """The program in a hex file. Raises BadImageError."""
+    try:
+        return read_hex(file.read_text("ascii"), str(file))
+    except OSError as error:
+        raise BadImageError(str(file), error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise BadImageError(str(file), "it is no text") from error
+
+
+def flash(
+    device: str,
+    file: Path,
+    *,
+    programmer: str = "built-in",
+    backup: Path | None = None,
+    settings: Settings | None = None,
+) -> Iterator[Event]:
+    """Write and verify `file`, then greet the firmware and send it `settings`.
+
+    `backup` first saves what is on the board. With `settings` of None the board is left as soon as
+    its program runs. Raises RunError: a FlashError, or what opening the port has to say.
+    """
+    refuse_radio(device)
+    image = load(file)
+    if backup is not None or programmer == "built-in":
+        with Board(device) as board:
+            yield from _with_bootloader(board, image, backup, programmer == "built-in")
+            if settings is not None and programmer == "built-in":
+                yield from greet(board, settings)
+    if programmer == "avrdude":
+        yield from _avrdude(device, file)
+        if settings is not None:
+            with Board(device) as board:
+                yield from greet(board, settings)
+
+
+def _with_bootloader(
+    board: Board, image: bytes, backup: Path | None, writes: bool
+) -> Iterator[Event]:
+    board.synchronise()
+    yield from board.hold(stk500.identify(board.device))
+    yield Said(f"Mega 2560 on {board.device}")
+    if backup is not None:
+        saved = bytearray()
+        yield from board.hold(stk500.read(board.device, saved))
+        backup.write_text(write_hex(bytes(saved)))
+        yield Said(f"what was on the board is in {backup}")
+    if writes:
+        yield from board.hold(stk500.write(board.device, image))
+        yield Said(f"{len(image)} bytes written and verified")
+    yield from board.hold(stk500.leave(board.device))
+
+
+class Board:
+    """A board behind an open USB port, just reset."""
+
+    def __init__(self, device: str) -> None:
+        """Raises RunError when the port cannot be opened."""
+        self.device = device
+        try:
+            self._port = Port(device, BAUD)
+        except OSError as error:
+            raise NoSyncError(device) from error
+        self._sequence = 0
+        self._answers = Answers()
+        _pulse_reset(self._port.fd)
+
+    def __enter__(self) -> Board:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._port.close()
+
+    def synchronise(self) -> None:
+        """Find the bootloader. Raises NoSyncError."""
+        for _ in range(SYNC_TRIES):
+            if self._ask(bytes([stk500.SIGN_ON]), SYNC_WAIT) is not None:
+                return
+        raise NoSyncError(self.device)
+
+    def hold(self, conversation: Conversation) -> Iterator[Progress]:
+        """Have a conversation; yields how far it is. Raises what it raises, and NoSyncError."""
+        answer = b""
+        started = False
+        while True:
+            try:
+                wish = conversation.send(answer) if started else next(conversation)
+            except StopIteration:
+                return
+            started = True
+            if isinstance(wish, Progress):
+                yield wish
+                answer = b""
+                continue
+            got = self._ask(wish.body, ANSWER_WAIT)
+            if got is None:
+                raise RefusedError(self.device, "answer")
+            answer = got
+
+    def read(self, wait: float) -> bytes:
+        """What arrives within `wait` seconds; b"" when nothing does."""
+        if not select.select([self._port.fd], [], [], max(0.0, wait))[0]:
+            return b""
+        try:
+            return self._port.read()
+        except OSError as error:
+            raise RefusedError(self.device, "stay on the port") from error
+
+    def write(self, data: bytes) -> None:
+        """Write all of `data`."""
+        while data:
+            data = data[self._port.write(data) :]
+            if data:
+                select.select([], [self._port.fd], [], SYNC_WAIT)
+
+    def _ask(self, body: bytes, wait: float) -> bytes | None:
+        self._sequence = (self._sequence + 1) & 0xFF
+        self.write(stk500.message(self._sequence, body))
+        until = time.monotonic() + wait
+        while (left := until - time.monotonic()) > 0:
+            answer = self._answers.feed(self.read(left), self._sequence)
+            if answer is not None:
+                return answer
+        return None
+
+
+def _pulse_reset(fd: int) -> None:
+    """Drop DTR for a moment, which resets a Mega. A pseudo-terminal has no such line."""
+    import fcntl
+    import struct
+    import termios
+
+    line = struct.pack("I", termios.TIOCM_DTR)
+    try:
+        fcntl.ioctl(fd, termios.TIOCMBIC, line)
+        time.sleep(RESET_PULSE)
+        fcntl.ioctl(fd, termios.TIOCMBIS, line)
+    except OSError:
+        return
+
+
+def greet(board: Board, settings: Settings) -> Iterator[Event]:
+    """Meet the firmware over USB, send it its settings, tell its name. Raises SilentError."""
+    from dataclasses import replace
+
+    host = DiffbotHost(replace(settings, uart=0))
+    start = time.monotonic_ns()
+    host.opened(0)
+    cause = ""
+    while (now := time.monotonic_ns() - start) < BOOT_WAIT * SECOND:
+        data = host.send(now) if host.due() <= now else b""
+        board.write(data)
+        wait = min(max(host.due() - now, 0) / SECOND, SYNC_WAIT)
+        for _port, heard in host.receive(now, board.read(wait)) + host.timed(now):
+            if isinstance(heard, Text):
+                yield Said(heard.text)
+        if host.state == UP:
+            return
+        cause = host.cause
+    raise SilentError(board.device) if host.hello is None else RefusedError(board.device, cause)
+
+
+def _avrdude(device: str, file: Path) -> Iterator[Event]:
+    program = shutil.which("avrdude")
+    if program is None:
+        raise NoProgrammerError(
+            "avrdude is not installed",
+            "sudo apt-get install avrdude, or leave --programmer out: diffbotctl flashes by itself",
+        )
+    words = [program, "-c", "wiring", "-p", "m2560", "-P", device, "-b", str(BAUD), "-D",
+             "-U", f"flash:w:{os.path.abspath(file)}:i"]  # fmt: skip
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if "error" in line.lower()]
+        raise NoProgrammerError("; ".join(said) or f"it ended with code {done.returncode}",
+                           "leave --programmer out to flash without it")  # fmt: skip
+    yield Said("written and verified by avrdude")

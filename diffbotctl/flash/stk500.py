@@ -1,0 +1,152 @@
+"""The protocol of the Mega's stock bootloader, STK500 version 2, sans-IO.
+
+After Atmel's application note AVR068. A conversation is a generator: it yields what to ask and is
+sent the answer, so that whoever owns the port decides how to wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import NamedTuple
+
+from diffbotctl.flash.image import ERASED, PAGE, ROOM
+from diffbotctl.flash.trouble import RefusedError, VerifyMismatchError, WrongSignatureError
+
+START, TOKEN = 0x1B, 0x0E
+SIGN_ON, LOAD_ADDRESS, LEAVE = 0x01, 0x06, 0x11
+PROGRAM, READ, SPI_MULTI = 0x13, 0x14, 0x1D
+READ_SIGNATURE = 0x30  # the chip's own serial command
+OK = 0
+MEGA_2560 = "1e9801"
+LONGEST_BODY = 512
+
+
+class Ask(NamedTuple):
+    """Send this command and wait for its answer."""
+
+    body: bytes
+
+
+class Progress(NamedTuple):
+    """How far a job is."""
+
+    what: str  # `writing`, `verifying`, `reading`
+    done: int  # bytes
+    total: int  # bytes
+
+
+Conversation = Generator[Ask | Progress, bytes, None]
+
+
+def message(sequence: int, body: bytes) -> bytes:
+    """A command or an answer on the wire."""
+    head = bytes([START, sequence & 0xFF, *len(body).to_bytes(2, "big"), TOKEN])
+    return head + body + bytes([_parity(head + body)])
+
+
+def _parity(data: bytes) -> int:
+    value = 0
+    for byte in data:
+        value ^= byte
+    return value
+
+
+class Answers:
+    """Bytes in, answer bodies out; what is no answer to `sequence` is passed over."""
+
+    def __init__(self) -> None:
+        self._data = b""
+
+    def feed(self, data: bytes, sequence: int) -> bytes | None:
+        """The body of the answer with this sequence number, once it is whole."""
+        self._data += data
+        while True:
+            start = self._data.find(START)
+            if start < 0:
+                self._data = b""
+                return None
+            self._data = self._data[start:]
+            if len(self._data) < 5:
+                return None
+            size = int.from_bytes(self._data[2:4], "big")
+            if self._data[4] != TOKEN or self._data[1] != sequence & 0xFF or size > LONGEST_BODY:
+                self._data = self._data[1:]
+                continue
+            if len(self._data) < size + 6:
+                return None
+            whole, rest = self._data[: size + 6], self._data[size + 6 :]
+            if _parity(whole):
+                self._data = self._data[1:]
+                continue
+            self._data = rest
+            return whole[5:-1]
+
+
+def identify(device: str) -> Conversation:
+    """Make sure that the chip is an ATmega2560. Raises WrongSignatureError, RefusedError."""
+    signature = b""
+    for index in range(3):
+        answer = yield Ask(bytes([SPI_MULTI, 4, 4, 0, READ_SIGNATURE, 0, index, 0]))
+        _check(device, answer, SPI_MULTI, "read its signature", 7)
+        signature += answer[5:6]
+    if signature.hex() != MEGA_2560:
+        raise WrongSignatureError(device, signature.hex())
+
+
+def write(device: str, image: bytes) -> Conversation:
+    """Write whole pages, every one and in order from address 0, then read them back.
+
+    The stock bootloader erases the next page at each write, whatever the address: so no page is
+    left out and none is written twice. Raises RefusedError, VerifyMismatchError.
+    """
+    yield from _load(device, 0)
+    for at in range(0, len(image), PAGE):
+        page = image[at : at + PAGE]
+        head = bytes([PROGRAM, *len(page).to_bytes(2, "big"), 0xC1, 10, 0x40, 0x4C, 0x20, 0, 0])
+        answer = yield Ask(head + page)
+        _check(device, answer, PROGRAM, f"write the page at 0x{at:05X}")
+        yield Progress("writing", at + len(page), len(image))
+    yield from _load(device, 0)
+    for at in range(0, len(image), PAGE):
+        got = yield from _page(device, at)
+        _compare(device, at, image[at : at + PAGE], got)
+        yield Progress("verifying", at + PAGE, len(image))
+
+
+def read(device: str, into: bytearray) -> Conversation:
+    """Read the program on the board into `into`, without the erased rest. Raises RefusedError."""
+    yield from _load(device, 0)
+    for at in range(0, ROOM, PAGE):
+        into += yield from _page(device, at)
+        yield Progress("reading", at + PAGE, ROOM)
+    while into and into[-1] == ERASED:
+        into.pop()
+
+
+def leave(device: str) -> Conversation:
+    """Let the program run. Raises RefusedError."""
+    answer = yield Ask(bytes([LEAVE, 1, 1]))
+    _check(device, answer, LEAVE, "start the program")
+
+
+def _load(device: str, address: int) -> Conversation:
+    # The bootloader doubles the word address and finds the upper half of the flash by its top bits.
+    answer = yield Ask(bytes([LOAD_ADDRESS, *(address // 2 | 1 << 31).to_bytes(4, "big")]))
+    _check(device, answer, LOAD_ADDRESS, "take an address")
+
+
+def _page(device: str, at: int) -> Generator[Ask | Progress, bytes, bytes]:
+    answer = yield Ask(bytes([READ, *PAGE.to_bytes(2, "big"), 0x20]))
+    _check(device, answer, READ, f"read the page at 0x{at:05X}", PAGE + 3)
+    return answer[2 : 2 + PAGE]
+
+
+def _check(device: str, answer: bytes, command: int, what: str, least: int = 2) -> None:
+    if len(answer) < least or answer[0] != command or answer[1] != OK:
+        raise RefusedError(device, what)
+
+
+def _compare(device: str, at: int, wanted: bytes, got: bytes) -> None:
+    for offset, (want, have) in enumerate(zip(wanted, got, strict=True)):
+        if want != have:
+            raise VerifyMismatchError(device, at + offset, want, have)

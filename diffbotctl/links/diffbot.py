@@ -1,0 +1,452 @@
+"""The host's half of the protocol `diffbot`: handshake, commands, stops, telemetry. Sans-IO."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import Decoder, encode
+from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, Settings, name_of
+from diffbotctl.links.diffbot_stranger import SIGN_ON, describe
+from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, Sent, Telemetry, volts_of
+from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
+
+MILLISECOND = 1_000_000
+NEVER = 1 << 62
+ASK_EVERY = 250 * MILLISECOND
+SETTINGS_EVERY = 600 * MILLISECOND  # 40 bytes, and their answer, take 60 ms at 9600 baud
+STOP_EVERY = 60 * MILLISECOND  # a stop and the frame that shows it take about 50
+REPEAT_EVERY = 100 * MILLISECOND  # a command lost to noise is made good within the dead-man's time
+REPEAT_FOR = 200 * MILLISECOND  # but an engine that has gone silent is not kept driving
+STALE = 250 * MILLISECOND
+LOST = SECOND
+BAUD_TRIES = 2 * SECOND  # at one baud rate before the next is tried
+# Opening a USB port resets the board, and each byte that comes too early keeps it in its
+# bootloader. The firmware speaks first when it starts.
+USB_QUIET = 1_500 * MILLISECOND
+SILENT = 3 * SECOND  # after which a person is told
+PROBE_EVERY = SECOND
+LEFT_FAULT, RIGHT_FAULT = 64, 128  # of the item `flags`
+HEARD_MOST = 512  # bytes kept to tell a stranger by
+HOLDING = {
+    "fault": ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
+    "overruled": ("overruled", "another program or port stopped the robot"),
+    "button": ("stop_button", "the stop button is pressed"),
+}
+UP, STALE_STATE, NEGOTIATING, OPENING, GONE = "up", "stale", "negotiating", "opening", "lost"
+
+Heard = list[tuple[str, Message]]
+
+
+class DiffbotHost:
+    """One board with our firmware behind one port. Fulfils LinkProtocol.
+
+    `baud` is the rate the port must have now; it changes when another is tried. Output ports:
+    `encoders`, the distance sensor's name, `battery`, `link`, `text`, and `stop` when the board
+    itself holds the robot (code empty when it does no longer).
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self._frame = settings.frame()
+        self._mark = settings.mark()
+        self.baud = settings.baud if settings.uart else USB_BAUD
+        self.state = GONE
+        self.hello: frames.Hello | None = None
+        self.edges: list[frames.Capture] = []
+        """raw edges, when `capture` is on; whoever reads them empties the list"""
+        self._decoder = Decoder()
+        self._telemetry = Telemetry(self.baud)
+        self._sequence = 0
+        self._cause = ""
+        self._boot: int | None = None
+        self._mode = "unset"
+        self._held = ""
+        self._faults = (False, False)
+        self.status: dict[str, int] = {}
+        """the slow items last told: uptime (min), loop (us), free_stack (bytes), rejected edges"""
+        self._said: Link | None = None
+        self._forget_peer(0)
+
+    def _forget_peer(self, now: int) -> None:
+        self.hello = None
+        self._opened = self._baud_since = now
+        self._last_good = NEVER
+        self._heard = b""
+        self._fresh = True  # a delimiter goes in front of the first frame
+        self._line_free = self._ask_at = now
+        self._quiet_until = now
+        self._settings_at = NEVER
+        self._probe_at = now + SILENT
+        self._refused = ""
+        self._stop_sequence: int | None = None
+        self._stop_at = NEVER
+        self._confirmed = False
+        self._wanted: tuple[int, Wheels | Duty] | None = None
+        self._repeat_at = NEVER
+        self._commanded = -NEVER
+        self._actions: list[frames.Action] = []
+        self._clearing = False  # a wheel fault is to be forgotten before the next claim
+
+    # --- the port ---
+
+    def opened(self, now: int) -> None:
+        """Forget the peer and start the handshake."""
+        self._decoder = Decoder()
+        self._forget_peer(now)
+        if not self.settings.uart:
+            self._quiet_until = now + USB_QUIET
+        self.state = OPENING
+        self._cause = ""
+
+    def closed(self, now: int, cause: str) -> Heard:
+        """The port is gone."""
+        self.state, self._cause = GONE, cause
+        self._stop_at = self._ask_at = self._settings_at = NEVER
+        return [("link", self._link(now))]
+
+    def receive(self, now: int, data: bytes) -> Heard:
+        """Take bytes; return what they say."""
+        if self.hello is None:
+            self._heard = (self._heard + data)[-HEARD_MOST:]
+        heard: Heard = []
+        for frame in self._decoder.feed(data):
+            self._last_good = now
+            self._quiet_until = now
+            heard += self._obey(now, frame)
+        return heard
+
+    # --- commands ---
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """Take a new command; one that still waits is replaced.
+
+        Raises ValueError when it is not finite.
+        """
+        if not (isfinite(wanted.left) and isfinite(wanted.right)):
+            raise ValueError(f"no finite command: {wanted.left}, {wanted.right}")
+        moves = wanted.left != 0 or wanted.right != 0
+        if self._held and not moves:
+            return  # nothing to say: the board holds still
+        if self._held:
+            self._release(now)
+        self._wanted = (now, wanted)
+        self._repeat_at = now
+
+    def stop(self, now: int) -> None:
+        """Drop what waits; stop, again and again, until telemetry shows it."""
+        self._wanted, self._repeat_at = None, NEVER
+        self._actions.clear()
+        self._claim(now)
+
+    def light(self, now: int, how: int) -> None:
+        """The board's LED: 0 off, 1 on, 2 the other way."""
+        self._act("light", how)
+
+    def capture(self, now: int, on: bool) -> None:
+        """Raw edges of both encoders, in `edges`, while on."""
+        self._act("capture", int(on))
+
+    @property
+    def cause(self) -> str:
+        """Why the link is not up, in words."""
+        return self._cause
+
+    @property
+    def stopped(self) -> bool:
+        """True when telemetry has shown the last stop."""
+        return self._confirmed
+
+    def _act(self, name: str, value: int) -> None:
+        self._actions.append(frames.Action(_action(name), value))
+
+    def _claim(self, now: int) -> None:
+        self._sequence = (self._sequence + 1) % COMMANDS
+        self._stop_sequence, self._stop_at, self._confirmed = self._sequence, now, False
+
+    def _release(self, now: int) -> None:
+        """A command after a stop of the board's own: a person has consented, so take over again."""
+        self._clearing = self._held == "wheel_fault"
+        self._held = ""
+        self._claim(now)
+
+    # --- writing ---
+
+    def due(self) -> int:
+        """When something is to be written, or silence is to be judged."""
+        if self.state == GONE:
+            return NEVER
+        write = max(self._line_free, self._quiet_until, self._next_write())
+        return min(write, self._next_judgement())
+
+    def _next_write(self) -> int:
+        times = [self._ask_at, self._settings_at, self._stop_at, self._probe_at]
+        if self._may_drive:
+            times.append(self._repeat_at)
+        if self._actions and self.hello is not None:
+            times.append(self._line_free)
+        return min(times)
+
+    def _next_judgement(self) -> int:
+        if self.state == UP:
+            return self._last_good + STALE
+        if self.state == STALE_STATE:
+            return self._last_good + LOST
+        return self._baud_since + BAUD_TRIES
+
+    @property
+    def _may_drive(self) -> bool:
+        return self.state == UP and not self._held and self._stop_at == NEVER
+
+    def send(self, now: int) -> bytes:
+        """The next frame to write, the most urgent first; empty when none is due."""
+        if self.state == GONE or now < max(self._line_free, self._quiet_until):
+            return b""
+        frame = self._next_frame(now)
+        if frame is None:
+            data = SIGN_ON if self._probe(now) else b""
+        else:
+            data = b"\0" * self._fresh + encode(frame)
+            self._fresh = False
+        self._line_free = now + len(data) * 10 * SECOND // self.baud
+        return data
+
+    def _next_frame(self, now: int) -> frames.Frame | None:
+        if self._clearing:
+            self._clearing = False
+            return frames.Action(_action("clear"), 0)
+        if now >= self._stop_at and self._stop_sequence is not None:
+            self._stop_at = now + STOP_EVERY
+            self._commanded = now
+            self._telemetry.wrote(self._stop_sequence, Sent(now, 0.0, 0.0, "wheels"))
+            return frames.Stop(self._stop_sequence)
+        if now >= self._ask_at:
+            self._ask_at = now + ASK_EVERY
+            return frames.Ask(frames.VERSION)
+        if now >= self._settings_at:
+            self._settings_at = now + SETTINGS_EVERY
+            return self._frame
+        if self._may_drive and now >= self._repeat_at:
+            return self._command_frame(now)
+        if self._actions and self.hello is not None:
+            return self._actions.pop(0)
+        return None
+
+    def _probe(self, now: int) -> bool:
+        """On a USB port where nobody answers: does a bootloader?"""
+        if now < self._probe_at:
+            return False
+        self._probe_at = now + PROBE_EVERY
+        if self.settings.uart:
+            self._probe_at = NEVER
+        return not self.settings.uart
+
+    def _command_frame(self, now: int) -> frames.Frame | None:
+        if self._wanted is None:
+            self._repeat_at = NEVER
+            return None
+        since, wanted = self._wanted
+        if now - since > REPEAT_FOR:
+            self._wanted, self._repeat_at = None, NEVER
+            return None
+        if now - self._commanded > self.settings.deadman // 2 or self._mode not in (
+            "stopped", "speed", "duty",
+        ):  # fmt: skip
+            self._claim(now)  # the board may have given the commands up: claim them first
+            return self._next_frame(now)
+        self._sequence = (self._sequence + 1) % COMMANDS
+        self._repeat_at = now + REPEAT_EVERY
+        self._commanded = now
+        self._confirmed = False
+        frame, sent = _quantised(now, self._sequence, wanted)
+        self._telemetry.wrote(self._sequence, sent)
+        return frame
+
+    # --- reading ---
+
+    def _obey(self, now: int, frame: frames.Frame) -> Heard:
+        if isinstance(frame, frames.Hello):
+            return self._met(now, frame)
+        if self.hello is None:
+            return []  # telemetry of before this handshake: not understood yet
+        if isinstance(frame, frames.State | frames.Counts):
+            return self._told(now, frame)
+        if isinstance(frame, frames.Answer):
+            return self._answered(now, frame)
+        if isinstance(frame, frames.Status):
+            return self._slow(now, frame)
+        if isinstance(frame, frames.Capture):
+            self.edges.append(frame)
+        return []
+
+    def _met(self, now: int, hello: frames.Hello) -> Heard:
+        heard: Heard = []
+        if hello.version != frames.VERSION:
+            cause = (f"the board speaks version {hello.version} of the protocol, this host "
+                     f"{frames.VERSION}: run `diffbotctl flash firmware`")  # fmt: skip
+            return self._negotiate(now, cause)
+        self._ask_at = NEVER
+        if self._boot is not None and hello.boot != self._boot:
+            heard.append(("text", Text(now, f"the board restarted: {reset_words(hello.reset)}")))
+            self._telemetry.restarted()
+            self._commanded = -NEVER
+            self._wanted = None
+            self._ask_at = now  # it talks only to those who ask, and has forgotten that we did
+        self._boot, self.hello = hello.boot, hello
+        self._probe_at = NEVER
+        if hello.settings == self._mark:
+            self._settings_at = NEVER
+            return heard + self._introduce(now)
+        if not self._refused and self._settings_at == NEVER:
+            self._settings_at = now
+        return heard + self._negotiate(
+            now, self._refused or "the board has other settings: sending"
+        )
+
+    def _introduce(self, now: int) -> Heard:
+        if self.state == UP:
+            return []
+        assert self.hello is not None
+        self.state, self._cause = UP, ""
+        return [("text", Text(now, introduction(self.hello))), ("link", self._link(now))]
+
+    def _answered(self, now: int, answer: frames.Answer) -> Heard:
+        if answer.settings == self._mark and answer.refusal == 0:
+            self._settings_at = NEVER
+            assert self.hello is not None
+            self.hello = self.hello._replace(settings=answer.settings)
+            self._change_baud(now, self.settings.baud if self.settings.uart else USB_BAUD)
+            return self._introduce(now)
+        why = frames.REFUSAL.get(answer.refusal, "unknown")
+        if why in ("moving", "owned"):
+            return self._negotiate(now, f"settings wait: {frames.REFUSAL_MEANING[why]}")
+        self._settings_at = NEVER
+        names = frames.Settings._fields
+        field = names[answer.field] if answer.field < len(names) else f"number {answer.field}"
+        meaning = frames.REFUSAL_MEANING.get(why, "unknown reason")
+        self._refused = f"the board refuses the setting `{field}`: {meaning}"
+        return self._negotiate(now, self._refused)
+
+    def _negotiate(self, now: int, cause: str) -> Heard:
+        self.state, self._cause = NEGOTIATING, cause
+        return [("link", self._link(now))]
+
+    def _told(self, now: int, frame: frames.State | frames.Counts) -> Heard:
+        heard: Heard = []
+        if frame.boot != self._boot:
+            self._ask_at = min(self._ask_at, now)
+            return heard  # a restart: hello tells more, and comes first
+        self._mode = frames.MODE[frame.mode]
+        self._check_stop(frame)
+        heard += self._check_hold(now)
+        if self.state == STALE_STATE:
+            self.state, self._cause = UP, ""
+            heard.append(("link", self._link(now)))
+        encoders = self._telemetry.read(now, frame)
+        heard.append(("encoders", encoders))
+        if self.settings.range_channel is not None:
+            heard.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
+        return heard
+
+    def _check_stop(self, frame: frames.State | frames.Counts) -> None:
+        still = self._mode not in ("speed", "duty")
+        if self._stop_sequence is not None and still and frame.command == self._stop_sequence:
+            self._stop_sequence, self._stop_at, self._confirmed = None, NEVER, True
+
+    def _check_hold(self, now: int) -> Heard:
+        code, cause = HOLDING.get(self._mode, ("", ""))
+        if code == self._held or self._stop_at != NEVER:
+            return []
+        self._held = code
+        if not code:
+            return [("stop", Stop(now, "", "", False))]
+        self._wanted, self._repeat_at = None, NEVER
+        sides = [name for name, bad in zip(("left", "right"), self._faults, strict=True) if bad]
+        wheels = " and ".join(sides) or "see its wiring"
+        return [("stop", Stop(now, code, cause.format(wheels=wheels), True))]
+
+    def _slow(self, now: int, status: frames.Status) -> Heard:
+        item = frames.ITEM.get(status.item, "")
+        self.status[item] = status.value
+        if item == "flags":
+            self._faults = (bool(status.value & LEFT_FAULT), bool(status.value & RIGHT_FAULT))
+        if item == "battery" and self.settings.battery_channel is not None:
+            volts = volts_of(status.value) * self.settings.battery_divider
+            return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
+        return [("link", self._link(now))] if item == "dropped" else []
+
+    # --- time ---
+
+    def timed(self, now: int) -> Heard:
+        """Silence, judged."""
+        if self.state == GONE:
+            return []
+        silence = now - self._last_good
+        if self.state == UP and silence >= STALE:
+            self.state, self._cause = STALE_STATE, "no frames from the board"
+            self._ask_at = min(self._ask_at, now)
+            return [("link", self._link(now))]
+        if self.state == STALE_STATE and silence >= LOST:
+            self._forget_peer(now)
+            self._claim(now)  # a stop is the first thing a board hears that comes back
+            self.state, self._cause = NEGOTIATING, "the board has gone silent"
+            lost = self._link(now)._replace(state=GONE)
+            return [("link", lost)]
+        if self.state in (OPENING, NEGOTIATING) and now >= self._baud_since + BAUD_TRIES:
+            return self._try_again(now)
+        return []
+
+    def _try_again(self, now: int) -> Heard:
+        self._baud_since = now
+        if self.hello is not None:
+            return []
+        cause = describe(self._heard, self.baud)
+        rates = sorted({self.settings.baud, FIRST_BAUD}) if self.settings.uart else [USB_BAUD]
+        if len(rates) > 1:
+            self._change_baud(now, rates[self.baud == rates[0]])
+            self._heard = b""
+        if now - self._opened < SILENT:
+            return []
+        return self._negotiate(now, cause)
+
+    def _change_baud(self, now: int, baud: int) -> None:
+        if baud == self.baud:
+            return
+        self.baud = self._telemetry.baud = baud
+        self._fresh = True
+
+    def _link(self, now: int) -> Link:
+        return Link(
+            now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
+            self._telemetry.boots, self._telemetry.latency, self._cause,
+        )  # fmt: skip
+
+
+def _quantised(now: int, sequence: int, wanted: Wheels | Duty) -> tuple[frames.Frame, Sent]:
+    """A command in the board's units, and the values that these mean."""
+    most = (1 << 15) - 1
+    one = frames.SPEED_ONE if isinstance(wanted, Wheels) else frames.DUTY_ONE
+    left, right = (
+        max(-most, min(most, round(value * one))) for value in (wanted.left, wanted.right)
+    )
+    if isinstance(wanted, Wheels):
+        return (frames.Command(sequence, left, right),
+                Sent(now, left / one, right / one, "wheels"))  # fmt: skip
+    return frames.Duty(sequence, left, right), Sent(now, left / one, right / one, "duty")
+
+
+def _action(name: str) -> int:
+    return next(code for code, each in frames.ACTION.items() if each == name)
+
+
+def introduction(hello: frames.Hello) -> str:
+    """The board in one line, as a person reads it after flashing."""
+    board = frames.BOARD_MEANING.get(frames.BOARD.get(hello.board, ""), "") or "an unknown board"
+    version = f"{hello.major}.{hello.minor}.{hello.patch}"
+    short = board.removeprefix("Arduino ")
+    return f"diffbot {version} on {short}, settings {name_of(hello.settings)}, ready"
+
+
+def reset_words(code: int) -> str:
+    """Why the board restarted, in words."""
+    return str(frames.RESET_MEANING.get(frames.RESET.get(code, "unknown"), "unknown"))

@@ -1,0 +1,77 @@
+"""From a robot file to the settings of its board, and to its emulated self."""
+
+from __future__ import annotations
+
+from random import Random
+
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.robot import Robot, Side
+from diffbotctl.drivers.emulated import Emulated, EmulatedBoard
+from diffbotctl.drivers.emulator_process import Emulator
+from diffbotctl.links import diffbot_settings
+from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.links.diffbot_settings import Settings
+from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.runs.simulation import board_kind, gains, machine, world
+
+SECOND = 1_000_000_000
+FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
+
+
+def settings_of(robot: Robot) -> Settings:
+    """What our firmware must know of this robot."""
+    drive, left = robot.drive, gains(robot.drive.left)
+    name, sensor = next(iter(robot.sensors.items()), ("range", None))
+    return Settings(
+        _side(drive.left),
+        _side(drive.right),
+        slots=drive.left.encoder.slots,
+        edge=drive.left.encoder.edge,
+        glitch=round(drive.left.encoder.glitch * SECOND),
+        deadman=round(robot.board.deadman * SECOND),
+        telemetry=round(robot.board.telemetry),
+        edge_times=robot.board.edge_times,
+        proportional=left.proportional,
+        integral=left.integral,
+        brake=drive.left.motor.idle == "brake",
+        range_channel=None if sensor is None else number(sensor.pin) - FIRST_ANALOG,
+        range_name=name,
+        button=None if robot.board.stop_button is None else number(robot.board.stop_button),
+        uart=robot.link.uart,
+        baud=robot.link.baud,
+    )
+
+
+def _side(side: Side) -> diffbot_settings.Side:
+    loop = gains(side)
+    motor = side.motor
+    return diffbot_settings.Side(
+        enable=number(motor.enable),
+        in1=number(motor.in1),
+        in2=number(motor.in2),
+        encoder=number(side.encoder.pin),
+        reversed=motor.reversed,
+        start=loop.static,
+        gain=loop.slope,
+    )
+
+
+def number(pin: object) -> int:
+    """The board's number of a pin that is written `5` or `A0`."""
+    text = str(pin)
+    return FIRST_ANALOG + int(text[1:]) if text.startswith("A") else int(text)
+
+
+def emulated(configuration: Configuration, seed: int) -> Emulated:
+    """The robot of a configuration with the real firmware on an emulated board.
+
+    Raises EmulatorError naming the Debian packages when the emulator cannot be built.
+    """
+    robot = configuration.nominal
+    assert robot is not None
+    plant = SimulatedRobot(
+        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
+    )
+    settings = settings_of(robot)
+    motors = [(s.enable, s.in1, s.in2) for s in (settings.left, settings.right)]
+    return Emulated(EmulatedBoard(plant, settings, Emulator(motors)), DiffbotHost(settings))

@@ -1,0 +1,16 @@
+/* Raw encoder edges, for calibration: kept in a ring until a capture frame takes them away. */
+#ifndef CAPTURE_H
+#define CAPTURE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "protocol.h"
+
+/* From an interrupt. */
+void capture_put(uint8_t wheel, bool level, uint32_t now);
+
+/* Fills a frame once there is enough for one, or something has waited long; false otherwise. */
+bool capture_take(capture_t *frame, uint32_t now);
+
+#endif

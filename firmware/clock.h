@@ -1,0 +1,29 @@
+/* The board's time: timer 1 at 4 us a tick, 32 bits (4.7 hours); only differences mean anything. */
+#ifndef CLOCK_H
+#define CLOCK_H
+
+#include <stdint.h>
+
+#define TICKS_PER_MS 250
+
+void clock_start(void);
+
+/* From the timer's interrupts. */
+void clock_overflow(void);
+void clock_millisecond(void);
+void clock_sample(void);
+
+/* Time now. May be called with interrupts on or off. */
+uint32_t clock_now(void);
+
+/* Milliseconds that have begun since the last call. */
+uint8_t clock_elapsed(void);
+
+/* Seconds since the start. */
+uint32_t clock_uptime(void);
+
+/* The analog converter's turn comes every 1032 us: sixteen readings last 16.5 ms, the period in
+   which a Sharp distance sensor takes a new measurement. */
+#define CLOCK_SAMPLE_TICKS 258
+
+#endif

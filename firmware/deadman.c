@@ -1,0 +1,73 @@
+#include "deadman.h"
+
+void deadman_begin(deadman_t *deadman)
+{
+    *deadman = (deadman_t){.mode = MODE_UNSET, .owner = NOBODY};
+}
+
+void deadman_ready(deadman_t *deadman)
+{
+    deadman->mode = deadman->pressed ? MODE_BUTTON : MODE_STOPPED;
+}
+
+bool deadman_allows(const deadman_t *deadman, uint8_t link)
+{
+    return deadman->owner == NOBODY || deadman->owner == link;
+}
+
+void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, uint32_t now)
+{
+    bool allowed = deadman_allows(deadman, link);
+    deadman->sequence = sequence;
+    deadman->since = now;
+    if (allowed) {
+        deadman->owner = link;
+        deadman->heard = now;
+    }
+    if (deadman->mode == MODE_UNSET || deadman->mode == MODE_FAULT || deadman->pressed)
+        return;
+    deadman->mode = allowed ? MODE_STOPPED : MODE_OVERRULED;
+}
+
+bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, uint32_t now)
+{
+    if (deadman->owner != link) {
+        if (deadman->foreign != UINT8_MAX)
+            deadman->foreign++;
+        return false;
+    }
+    deadman->heard = now;
+    if (deadman->mode != MODE_STOPPED && !deadman_drives(deadman))
+        return false;
+    deadman->mode = mode;
+    deadman->sequence = sequence;
+    deadman->since = now;
+    return true;
+}
+
+void deadman_tick(deadman_t *deadman, uint32_t limit, uint32_t now)
+{
+    if (deadman->owner == NOBODY || now - deadman->heard < limit)
+        return;
+    deadman->owner = NOBODY;
+    if (deadman_drives(deadman))
+        deadman->mode = MODE_EXPIRED;
+}
+
+void deadman_fault(deadman_t *deadman)
+{
+    deadman->mode = MODE_FAULT;
+}
+
+void deadman_clear(deadman_t *deadman)
+{
+    if (deadman->mode == MODE_FAULT)
+        deadman_ready(deadman);
+}
+
+void deadman_button(deadman_t *deadman, bool pressed)
+{
+    deadman->pressed = pressed;
+    if (pressed && deadman->mode != MODE_UNSET && deadman->mode != MODE_FAULT)
+        deadman->mode = MODE_BUTTON;
+}

@@ -1,0 +1,226 @@
+#include "board.h"
+
+#include <simavr/avr_adc.h>
+#include <simavr/avr_eeprom.h>
+#include <simavr/avr_extint.h>
+#include <simavr/avr_ioport.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define SUPPLY_MILLIVOLTS 5000
+#define BOOT_START 0x3E000
+#define MCUSR 0x54
+#define PORF 1
+#define SAVE_NS 100000000ull /* the EEPROM file follows its content at this pace */
+/* `rjmp` to itself: a program that hangs with its interrupts running. */
+#define HANG_LOW 0xFF
+#define HANG_HIGH 0xCF
+#define HANG_AT 0x3DFFE /* last word below the bootloader */
+
+static void do_not_sleep(avr_t *avr, avr_cycle_count_t how_long)
+{
+    (void)avr;
+    (void)how_long; /* simavr would wait in real time here; who calls us paces */
+}
+
+static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *value)
+{
+    (void)avr;
+    (void)when;
+    (void)value;
+    return 0; /* its being due ends a sleep in time */
+}
+
+uint64_t board_now(const board_t *board)
+{
+    return cycles_to_ns(board->avr->cycle);
+}
+
+/* Level interrupts of a low pin would start a timer every cycle; nothing here uses them. */
+static void quiet_interrupts(avr_t *avr)
+{
+    for (uint8_t number = 0; number < 8; number++)
+        avr_extint_set_strict_lvl_trig(avr, number, 0);
+}
+
+void board_reset(board_t *board, uint8_t cause)
+{
+    avr_t *avr = board->avr;
+    avr_cycle_count_t cycle = avr->cycle;
+    avr_reset(avr);
+    avr->cycle = cycle;
+    avr->data[MCUSR] = cause;
+    quiet_interrupts(avr);
+    lines_reset(board);
+    board->flags |= FLAG_RESET;
+    motors_poll(board);
+}
+
+void board_hang(board_t *board)
+{
+    board->avr->flash[HANG_AT] = HANG_LOW;
+    board->avr->flash[HANG_AT + 1] = HANG_HIGH;
+    board->avr->pc = HANG_AT;
+    if (board->avr->state == cpu_Sleeping)
+        board->avr->state = cpu_Running;
+}
+
+static void load_eeprom(board_t *board)
+{
+    uint8_t bytes[EEPROM_SIZE];
+    FILE *file = board->options.eeprom ? fopen(board->options.eeprom, "rb") : NULL;
+    memset(bytes, 0xFF, sizeof bytes);
+    if (file) {
+        size_t got = fread(bytes, 1, sizeof bytes, file);
+        memset(bytes + got, 0xFF, sizeof bytes - got);
+        fclose(file);
+    }
+    board_eeprom_set(board, bytes);
+}
+
+static void save_eeprom(board_t *board)
+{
+    uint8_t bytes[EEPROM_SIZE];
+    if (!board->options.eeprom)
+        return;
+    board_eeprom_get(board, bytes);
+    FILE *file = fopen(board->options.eeprom, "wb");
+    if (!file || fwrite(bytes, 1, sizeof bytes, file) != sizeof bytes)
+        perror(board->options.eeprom);
+    if (file)
+        fclose(file);
+}
+
+void board_eeprom_get(board_t *board, uint8_t *bytes)
+{
+    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
+    avr_ioctl(board->avr, AVR_IOCTL_EEPROM_GET, &all);
+}
+
+void board_eeprom_set(board_t *board, const uint8_t *bytes)
+{
+    uint8_t copy[EEPROM_SIZE];
+    memcpy(copy, bytes, sizeof copy);
+    avr_eeprom_desc_t all = {.ee = copy, .offset = 0, .size = EEPROM_SIZE};
+    avr_ioctl(board->avr, AVR_IOCTL_EEPROM_SET, &all);
+}
+
+void board_begin(board_t *board, const options_t *options)
+{
+    board->options = *options;
+    avr_t *avr = board->avr = avr_make_mcu_by_name("atmega2560");
+    if (!avr) {
+        fprintf(stderr, "simavr has no atmega2560\n");
+        exit(1);
+    }
+    avr_init(avr);
+    avr->frequency = 16000000;
+    avr->log = LOG_NONE;
+    avr->sleep = do_not_sleep;
+    avr->vcc = avr->avcc = avr->aref = SUPPLY_MILLIVOLTS;
+    memset(avr->flash, 0xFF, avr->flashend + 1);
+    flash_begin(board);
+    if (options->hex)
+        flash_load(board, options->hex);
+    if (options->boot) {
+        flash_load(board, options->boot);
+        avr->reset_pc = BOOT_START; /* fuse BOOTRST, as the board comes */
+    }
+    avr->codeend = avr->flashend; /* code that a bootloader writes is code */
+    lines_begin(board);
+    load_eeprom(board);
+    board_reset(board, PORF);
+}
+
+void board_end(board_t *board)
+{
+    save_eeprom(board);
+    lines_end(board);
+}
+
+/* An input with pull-up is driven with the port's register at every write unless simavr is told
+   what stands outside; both must agree. */
+static void drive(board_t *board, uint8_t pin, uint8_t level)
+{
+    place_t place = pin_place(pin);
+    if (place.port == '?')
+        return;
+    avr_t *avr = board->avr;
+    avr_ioport_t *port = NULL;
+    for (avr_io_t *io = avr->io_port; io && !port; io = io->next)
+        if (io->kind && !strcmp(io->kind, "port") && ((avr_ioport_t *)io)->name == place.port)
+            port = (avr_ioport_t *)io;
+    if (!port)
+        return;
+    uint8_t mask = (uint8_t)(1 << place.bit);
+    port->external.pull_mask |= mask;
+    port->external.pull_value = (uint8_t)((port->external.pull_value & ~mask) | (level ? mask : 0));
+    avr_raise_irq(port->io.irq + place.bit, level);
+}
+
+static avr_cycle_count_t change(avr_t *avr, avr_cycle_count_t when, void *value)
+{
+    board_t *board = value;
+    (void)when;
+    while (board->first != board->last
+           && ns_to_cycles(board->transitions[board->first].time) <= avr->cycle) {
+        transition_t *next = &board->transitions[board->first];
+        board->first = (board->first + 1) % TRANSITIONS;
+        drive(board, next->pin, next->level);
+    }
+    if (board->first == board->last)
+        return 0;
+    return ns_to_cycles(board->transitions[board->first].time);
+}
+
+void board_transition(board_t *board, uint64_t time, uint8_t pin, uint8_t level)
+{
+    board->transitions[board->last] = (transition_t){time, pin, level};
+    board->last = (board->last + 1) % TRANSITIONS;
+}
+
+void board_analog(board_t *board, uint8_t channel, uint16_t millivolts)
+{
+    if (channel < 8) /* simavr's channels 8 to 15 do not work */
+        avr_raise_irq(avr_io_getirq(board->avr, AVR_IOCTL_ADC_GETIRQ, channel), millivolts);
+}
+
+static void begin_transitions(board_t *board)
+{
+    avr_cycle_count_t now = board->avr->cycle;
+    if (board->first == board->last)
+        return;
+    avr_cycle_count_t when = ns_to_cycles(board->transitions[board->first].time);
+    avr_cycle_timer_cancel(board->avr, change, board);
+    avr_cycle_timer_register(board->avr, when > now ? when - now : 1, change, board);
+}
+
+void board_run(board_t *board, uint64_t until)
+{
+    avr_t *avr = board->avr;
+    avr_cycle_count_t end = ns_to_cycles(until);
+    lines_poll(board);
+    begin_transitions(board);
+    if (end > avr->cycle)
+        avr_cycle_timer_register(avr, end - avr->cycle, stop_here, board);
+    while (avr->cycle < end) {
+        bool slept = avr->state == cpu_Sleeping;
+        uint8_t was_watched = avr->data[MCUSR];
+        avr_cycle_count_t before = avr->cycle;
+        int state = avr_run(avr);
+        if (avr->cycle < before || (avr->data[MCUSR] & 8 && !(was_watched & 8)))
+            board->flags |= FLAG_RESET;
+        if (state == cpu_Crashed || state == cpu_Done) {
+            board->flags |= FLAG_CRASHED;
+            break;
+        }
+        if (state == cpu_Sleeping && !slept)
+            motors_poll(board);
+    }
+    motors_poll(board);
+    if (board->options.eeprom && until - board->eeprom_saved > SAVE_NS) {
+        board->eeprom_saved = until;
+        save_eeprom(board);
+    }
+}

@@ -1,0 +1,163 @@
+#include "link.h"
+
+#include <avr/io.h>
+#include <util/atomic.h>
+
+#include "codec.h"
+
+#define ROOM_IN 64   /* 5.5 ms at 115200 */
+#define ROOM_OUT 128 /* five state frames */
+#define NO_CHANGE 0xFF
+
+typedef struct {
+    volatile uint8_t in[ROOM_IN];
+    volatile uint8_t out[ROOM_OUT];
+    volatile uint8_t in_head, out_tail;
+    uint8_t in_tail;
+    volatile uint8_t out_head;
+    uint8_t baud; /* code to change to, or NO_CHANGE */
+    bool spoken, sent;
+    codec_t codec;
+} port_t;
+
+static port_t ports[LINKS];
+static uint16_t damaged;
+static uint8_t dropped;
+
+/* Divisors at 16 MHz, double speed: the nearest to 9600, 19200, 38400, 57600, 115200. */
+static const uint8_t divisors[] = {207, 103, 51, 34, 16};
+
+/* The registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. */
+static volatile uint8_t *uart(uint8_t link)
+{
+    return link == 0 ? &UCSR0A : &UCSR1A;
+}
+#define STATE 0
+#define CONTROL 1
+#define FORMAT 2
+#define DIVISOR 4
+#define DATA 6
+
+static void set_divisor(uint8_t link, uint8_t code)
+{
+    uart(link)[STATE] = 1 << U2X0;
+    *(volatile uint16_t *)(uart(link) + DIVISOR) = divisors[code];
+}
+
+void link_start(void)
+{
+    static const uint8_t first[LINKS] = {BAUD_B115200, BAUD_B9600};
+    for (uint8_t link = 0; link < LINKS; link++) {
+        ports[link].baud = NO_CHANGE;
+        set_divisor(link, first[link]);
+        uart(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
+        uart(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+    }
+}
+
+void link_baud(uint8_t link, uint8_t code)
+{
+    ports[link].baud = code;
+}
+
+void link_received(uint8_t link)
+{
+    port_t *port = &ports[link];
+    uint8_t byte = uart(link)[DATA];
+    uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
+    if (next == port->in_tail)
+        return; /* the frame that misses this byte fails its checksum */
+    port->in[port->in_head] = byte;
+    port->in_head = next;
+}
+
+void link_empty(uint8_t link)
+{
+    port_t *port = &ports[link];
+    uint8_t tail = port->out_tail;
+    if (tail == port->out_head) {
+        uart(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
+        return;
+    }
+    uart(link)[DATA] = port->out[tail];
+    port->out_tail = (uint8_t)(tail + 1) % ROOM_OUT;
+}
+
+const void *link_receive(uint8_t link)
+{
+    port_t *port = &ports[link];
+    while (port->in_tail != port->in_head) {
+        uint8_t byte = port->in[port->in_tail];
+        port->in_tail = (uint8_t)(port->in_tail + 1) % ROOM_IN;
+        switch (codec_receive(&port->codec, byte)) {
+        case CODEC_FRAME:
+            port->spoken = true;
+            return port->codec.bytes + 1;
+        case CODEC_DAMAGED:
+            damaged++;
+            break;
+        default:
+            break;
+        }
+    }
+    return 0;
+}
+
+bool link_waiting(void)
+{
+    return ports[0].in_head != ports[0].in_tail || ports[1].in_head != ports[1].in_tail;
+}
+
+bool link_send(uint8_t link, const void *payload, uint8_t size)
+{
+    port_t *port = &ports[link];
+    uint8_t wire[WIRE_LONGEST];
+    uint8_t used = (uint8_t)(port->out_head - port->out_tail + ROOM_OUT) % ROOM_OUT;
+    if (size + CHECK_BYTES + 2 >= ROOM_OUT - used) {
+        if (dropped != UINT8_MAX)
+            dropped++;
+        return false;
+    }
+    uint8_t length = codec_encode(payload, size, wire);
+    uint8_t head = port->out_head;
+    for (uint8_t i = 0; i < length; i++) {
+        port->out[head] = wire[i];
+        head = (uint8_t)(head + 1) % ROOM_OUT;
+    }
+    port->out_head = head;
+    port->sent = true;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        uart(link)[STATE] |= 1 << TXC0; /* TXC tells when the last of these bytes is out */
+        uart(link)[CONTROL] |= 1 << UDRIE0;
+    }
+    return true;
+}
+
+void link_tick(void)
+{
+    for (uint8_t link = 0; link < LINKS; link++) {
+        port_t *port = &ports[link];
+        bool silent = port->out_head == port->out_tail
+            && (!port->sent || uart(link)[STATE] & 1 << TXC0);
+        if (port->baud == NO_CHANGE || !silent)
+            continue;
+        set_divisor(link, port->baud);
+        port->baud = NO_CHANGE;
+    }
+}
+
+bool link_spoken(uint8_t link)
+{
+    return ports[link].spoken;
+}
+
+uint16_t link_damaged(void)
+{
+    return damaged;
+}
+
+uint8_t link_dropped(void)
+{
+    return dropped;
+}

@@ -1,0 +1,233 @@
+/* Made from firmware/protocol.yaml by firmware/generate.py; change those. */
+#ifndef PROTOCOL_H
+#define PROTOCOL_H
+
+#include <stdint.h>
+
+#define PROTOCOL_VERSION 1
+#define CHECK_POLYNOMIAL 0x5D6DCBUL
+#define CHECK_START 0xFEDCBAUL
+#define CHECK_BYTES 3
+#define TICK_NANOSECONDS 64000
+#define SPEED_ONE 256
+#define DUTY_ONE 32767
+#define GAIN_ONE 32768
+#define COMMAND_AGE_NANOSECONDS 128000
+#define AGE_NONE 65535
+#define COMMAND_AGE_NONE 4095
+#define ANALOG_ONE 4092
+#define ANALOG_NONE 4095
+#define PIN_NONE 255
+#define DEADMAN_MINIMUM 100
+#define DEADMAN_MAXIMUM 500
+#define TELEMETRY_MAXIMUM 100
+#define GLITCH_MAXIMUM 50000
+#define SLOTS_MAXIMUM 10000
+#define CAPTURE_EDGES 8
+#define CAPTURE_FILLER 16383
+#define PAYLOAD_LONGEST 36
+
+enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7 };
+enum { RESET_UNKNOWN = 0, RESET_POWER = 1, RESET_LINE = 2, RESET_BROWNOUT = 3, RESET_WATCHDOG = 4 };
+enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PIN_LINK = 3, REFUSAL_PIN_PWM = 4, REFUSAL_PIN_INTERRUPT = 5, REFUSAL_PIN_ANALOG = 6, REFUSAL_PIN_TWICE = 7, REFUSAL_RANGE = 8, REFUSAL_OWNED = 9 };
+enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
+enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
+enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1 };
+enum { EDGE_RISING = 0, EDGE_FALLING = 1, EDGE_BOTH = 2 };
+enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B115200 = 4 };
+
+/* wheel speeds; 10 bytes on the wire */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t sequence : 4; /* number of this command */
+    int16_t left; /* 1/256 rad/s */
+    int16_t right; /* 1/256 rad/s */
+} command_t;
+enum { TYPE_COMMAND = 1 };
+_Static_assert(sizeof(command_t) == 5, "the structure is the payload");
+
+/* raw duty for identification */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t sequence : 4; /* number of this command */
+    int16_t left; /* 1/32767 */
+    int16_t right; /* 1/32767 */
+} duty_t;
+enum { TYPE_DUTY = 2 };
+_Static_assert(sizeof(duty_t) == 5, "the structure is the payload");
+
+/* motors off; also claims the commands when nobody owns them; 6 bytes on the wire */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t sequence : 4; /* number of this command */
+} stop_t;
+enum { TYPE_STOP = 3 };
+_Static_assert(sizeof(stop_t) == 1, "the structure is the payload");
+
+/* asks for hello, and for telemetry from now on */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t version : 4; /* the host's protocol version */
+} ask_t;
+enum { TYPE_ASK = 4 };
+_Static_assert(sizeof(ask_t) == 1, "the structure is the payload");
+
+/* a small deed */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t action : 4; /* code */
+    uint8_t value; /* its argument */
+} action_t;
+enum { TYPE_ACTION = 5 };
+_Static_assert(sizeof(action_t) == 2, "the structure is the payload");
+
+/* everything the firmware must know of the robot; also the content of an EEPROM slot */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t edge : 2; /* which edges count */
+    uint8_t edge_times : 1; /* state frames rather than counts frames */
+    uint8_t brake : 1; /* brake at rest rather than coast */
+    uint8_t left_reversed : 1; /* the motor's wires are swapped */
+    uint8_t right_reversed : 1; /* the motor's wires are swapped */
+    uint8_t left_encoder_reversed : 1; /* quadrature counts the other way */
+    uint8_t right_encoder_reversed : 1; /* quadrature counts the other way */
+    uint8_t enable_inverted : 1; /* the driver is enabled by a low level */
+    uint8_t button_high : 1; /* pressed is high (a normally closed contact to ground) */
+    uint8_t reserved : 2; /* zero */
+    uint8_t baud; /* of UART1 */
+    uint8_t left_enable; /* pin with PWM */
+    uint8_t left_in1; /* pin */
+    uint8_t left_in2; /* pin */
+    uint8_t left_encoder; /* pin with an interrupt */
+    uint8_t left_encoder_b; /* pin of the second channel, or none */
+    uint8_t right_enable; /* pin with PWM */
+    uint8_t right_in1; /* pin */
+    uint8_t right_in2; /* pin */
+    uint8_t right_encoder; /* pin with an interrupt */
+    uint8_t right_encoder_b; /* pin of the second channel, or none */
+    uint8_t button; /* pin of the stop button, or none */
+    uint8_t range; /* analog channel (A0 is 0), or none */
+    uint8_t battery; /* analog channel, or none */
+    uint16_t telemetry; /* Hz */
+    uint16_t slots; /* counts in a turn of the wheel */
+    uint16_t glitch; /* us a level must last before the edge that ends it counts */
+    uint16_t deadman; /* ms */
+    uint16_t left_start; /* duty that just moves the wheel, 1/32768 */
+    uint16_t left_gain; /* duty per rad/s, 1/32768 */
+    uint16_t right_start; /* duty that just moves the wheel, 1/32768 */
+    uint16_t right_gain; /* duty per rad/s, 1/32768 */
+    uint16_t proportional; /* duty per rad/s of error, 1/32768 */
+    uint16_t integral; /* duty per rad of error, 1/32768 */
+} settings_t;
+enum { TYPE_SETTINGS = 6 };
+_Static_assert(sizeof(settings_t) == 36, "the structure is the payload");
+enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_PROPORTIONAL, FIELD_INTEGRAL };
+
+/* both wheels at one moment, with the ages of their last edges */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t boot : 4; /* changes at each restart */
+    uint8_t sequence : 6; /* counts frames of this kind */
+    uint8_t dropped : 1; /* a frame found no room since the last one */
+    uint8_t reserved : 1; /* zero */
+    uint8_t mode : 4; /* code */
+    uint16_t command_age : 12; /* 128 us */
+    uint16_t time; /* 64 us, low bits */
+    uint16_t left; /* low bits of the count */
+    uint16_t right; /* low bits of the count */
+    uint16_t range : 12; /* the analog sensor, mean of 16 readings */
+    uint8_t command : 4; /* number of the command in force */
+    uint16_t left_age; /* 64 us */
+    uint16_t right_age; /* 64 us */
+} state_t;
+enum { TYPE_STATE = 8 };
+_Static_assert(sizeof(state_t) == 16, "the structure is the payload");
+
+/* the beginning of a state frame without the ages, for 50 Hz */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t boot : 4; /* changes at each restart */
+    uint8_t sequence : 6; /* counts frames of this kind */
+    uint8_t dropped : 1; /* a frame found no room since the last one */
+    uint8_t reserved : 1; /* zero */
+    uint8_t mode : 4; /* code */
+    uint16_t command_age : 12; /* 128 us */
+    uint16_t time; /* 64 us, low bits */
+    uint16_t left; /* low bits of the count */
+    uint16_t right; /* low bits of the count */
+    uint16_t range : 12; /* the analog sensor, mean of 16 readings */
+    uint8_t command : 4; /* number of the command in force */
+} counts_t;
+enum { TYPE_COUNTS = 9 };
+_Static_assert(sizeof(counts_t) == 12, "the structure is the payload");
+
+/* one of the things that change slowly, in turn, so that no state frame waits long for it */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t item : 4; /* code */
+    uint16_t value; /* its value */
+} status_t;
+enum { TYPE_STATUS = 10 };
+_Static_assert(sizeof(status_t) == 3, "the structure is the payload");
+
+/* who this is */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t boot : 4; /* changes at each restart */
+    uint8_t version; /* of the protocol */
+    uint8_t major; /* of the firmware */
+    uint8_t minor; /* of the firmware */
+    uint8_t patch; /* of the firmware */
+    uint8_t board; /* code */
+    uint8_t reset : 4; /* code */
+    uint8_t mode : 4; /* code */
+    uint8_t uart; /* which UART this came from */
+    uint32_t settings; /* checksum of the settings in use, 0 without */
+} hello_t;
+enum { TYPE_HELLO = 11 };
+_Static_assert(sizeof(hello_t) == 12, "the structure is the payload");
+
+/* what became of the settings sent */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t refusal : 4; /* code */
+    uint8_t field; /* number of the field that was refused, in the order of the settings frame */
+    uint32_t settings; /* checksum of the settings now in use, 0 without */
+} answer_t;
+enum { TYPE_ANSWER = 12 };
+_Static_assert(sizeof(answer_t) == 6, "the structure is the payload");
+
+/* raw edges, both flanks, unfiltered */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t used : 4; /* entries in use */
+    uint8_t sequence : 6; /* counts frames of this kind */
+    uint8_t lost : 1; /* edges found no room */
+    uint8_t reserved : 1; /* zero */
+    uint32_t time; /* 64 us, time of the first edge; 28 bits */
+    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before */
+} capture_t;
+enum { TYPE_CAPTURE = 13 };
+_Static_assert(sizeof(capture_t) == 22, "the structure is the payload");
+
+/* Payload length of a type; 0 when there is no such type. */
+static inline uint8_t payload_size(uint8_t type)
+{
+    switch (type) {
+    case TYPE_COMMAND: return sizeof(command_t);
+    case TYPE_DUTY: return sizeof(duty_t);
+    case TYPE_STOP: return sizeof(stop_t);
+    case TYPE_ASK: return sizeof(ask_t);
+    case TYPE_ACTION: return sizeof(action_t);
+    case TYPE_SETTINGS: return sizeof(settings_t);
+    case TYPE_STATE: return sizeof(state_t);
+    case TYPE_COUNTS: return sizeof(counts_t);
+    case TYPE_STATUS: return sizeof(status_t);
+    case TYPE_HELLO: return sizeof(hello_t);
+    case TYPE_ANSWER: return sizeof(answer_t);
+    case TYPE_CAPTURE: return sizeof(capture_t);
+    default: return 0;
+    }
+}
+
+#endif

@@ -1,0 +1,105 @@
+#include "reset.h"
+
+#include <avr/eeprom.h>
+#include <avr/io.h>
+#include <avr/wdt.h>
+
+#include "protocol.h"
+
+#define MAGIC 0xD1FB
+#define HUNG_MS 100
+/* The watchdog bites after 250 ms; a loop that had not passed for most of that was hung. */
+#define BITTEN_MS 200
+#define PAINT 0xA5
+#define GAP 48
+/* EEPROM cell that counts power-ups, behind the slots of the settings: after one, no number in
+   memory tells this start from the last. */
+#define POWER_UPS ((uint8_t *)128)
+
+/* Memory that a restart leaves as it was. The bootloader clears the chip's own record (MCUSR), so
+   the cause is told from this when that is empty. */
+static struct {
+    uint16_t magic;
+    uint8_t boots;
+    volatile uint8_t silent; /* ms since the main loop last passed */
+} kept __attribute__((section(".noinit")));
+
+uint8_t reset_cause;
+extern uint8_t _end;
+static uint8_t *lowest; /* of the stack, as far as it was ever used */
+
+/* A watchdog left running by a watchdog reset would bite during start-up. */
+static uint8_t flags __attribute__((section(".noinit")));
+void reset_early(void) __attribute__((naked, used, section(".init3")));
+void reset_early(void)
+{
+    flags = MCUSR;
+    MCUSR = 0;
+    wdt_disable();
+}
+
+static void paint_stack(void)
+{
+    lowest = (uint8_t *)SP - 9;
+    for (uint8_t *at = &_end; at < (uint8_t *)SP - 8; at++)
+        *at = PAINT;
+}
+
+static uint8_t cause(void)
+{
+    bool kept_memory = kept.magic == MAGIC;
+    if (flags & 1 << WDRF)
+        return RESET_WATCHDOG;
+    if (flags & 1 << PORF)
+        return RESET_POWER;
+    if (flags & 1 << BORF)
+        return RESET_BROWNOUT;
+    if (kept_memory && kept.silent >= BITTEN_MS)
+        return RESET_WATCHDOG;
+    if (flags & 1 << EXTRF || kept_memory)
+        return RESET_LINE;
+    return RESET_POWER;
+}
+
+void reset_begin(void)
+{
+    reset_cause = cause();
+    if (kept.magic != MAGIC) {
+        kept.boots = (uint8_t)(eeprom_read_byte(POWER_UPS) + 1);
+        eeprom_write_byte(POWER_UPS, kept.boots); /* takes 3 ms of its own, nobody waits */
+    }
+    kept.magic = MAGIC;
+    kept.boots++;
+    kept.silent = 0;
+    paint_stack();
+    wdt_enable(WDTO_250MS);
+}
+
+uint8_t reset_boot(void)
+{
+    return kept.boots & 0xF;
+}
+
+void reset_feed(void)
+{
+    wdt_reset();
+    kept.silent = 0;
+}
+
+bool reset_hung(void)
+{
+    if (kept.silent != UINT8_MAX)
+        kept.silent++;
+    return kept.silent >= HUNG_MS;
+}
+
+uint16_t reset_free_stack(void)
+{
+    /* A called function leaves no gap of this many untouched bytes. */
+    for (uint8_t clean = 0; clean < GAP && lowest - clean > &_end; clean++)
+        if (lowest[-clean] != PAINT) {
+            lowest -= clean + 1;
+            clean = 0;
+        }
+    return (uint16_t)(lowest - &_end);
+}

@@ -1,0 +1,89 @@
+#include "store.h"
+
+#include <avr/eeprom.h>
+#include <string.h>
+
+#include "codec.h"
+
+#define SLOTS 2
+#define SLOT_ROOM 64
+/* Says that all other bytes of the slot were written; erased first and written last. */
+#define COMPLETE 0xA5
+#define ERASED 0xFF
+
+typedef struct {
+    uint8_t marker;
+    uint8_t version; /* of the protocol, which gives the payload its meaning */
+    uint8_t generation;
+    settings_t settings;
+    uint8_t check[CHECK_BYTES];
+} slot_t;
+
+#define BODY (sizeof(slot_t) - 1)
+#define STEPS (BODY + 2)
+
+static slot_t image; /* being written, or just read */
+static uint8_t slot, generation;
+static uint8_t step = STEPS; /* of a write: 0 erases the marker, the last sets it */
+static bool done;
+
+static uint8_t *address(uint8_t number)
+{
+    return (uint8_t *)(uintptr_t)(number * SLOT_ROOM);
+}
+
+static bool read(uint8_t number)
+{
+    uint8_t check[CHECK_BYTES];
+    eeprom_read_block(&image, address(number), sizeof image);
+    codec_sign(&image.version, BODY - CHECK_BYTES, check);
+    return image.marker == COMPLETE && image.version == PROTOCOL_VERSION
+        && memcmp(check, image.check, CHECK_BYTES) == 0;
+}
+
+bool store_load(settings_t *settings)
+{
+    for (uint8_t number = 0; number < SLOTS; number++) {
+        if (!read(number) || (done && (int8_t)(image.generation - generation) < 0))
+            continue;
+        slot = number;
+        generation = image.generation;
+        *settings = image.settings;
+        done = true;
+    }
+    return done;
+}
+
+void store_begin(const settings_t *settings)
+{
+    if (step == STEPS) { /* a write under way starts anew in its own slot */
+        slot ^= 1;
+        generation++;
+    }
+    image.version = PROTOCOL_VERSION;
+    image.generation = generation;
+    image.settings = *settings;
+    codec_sign(&image.version, BODY - CHECK_BYTES, image.check);
+    step = 0;
+    done = false;
+}
+
+void store_tick(void)
+{
+    if (step == STEPS || !eeprom_is_ready())
+        return;
+    uint8_t *to = address(slot);
+    if (step == 0)
+        eeprom_write_byte(to, ERASED);
+    else if (step <= BODY)
+        eeprom_write_byte(to + step, ((const uint8_t *)&image)[step]);
+    else
+        eeprom_write_byte(to, COMPLETE);
+    if (++step == STEPS)
+        done = true;
+}
+
+bool store_done(void)
+{
+    return done;
+}
