@@ -8,18 +8,26 @@ TRIALS ?= 50
 STARTS ?= 100
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test prove bench clean
+.PHONY: demo test prove bench packages clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
-test: $(VENV)/tested
+# The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
+DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr
+
+packages:
+	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \
+	  $(SUDO) apt-get update -qq && \
+	  $(SUDO) apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; }
+
+test: packages $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
 	$(BIN)/python -m pytest
 
-prove: $(VENV)/tested
+prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS)
 
 bench: $(VENV)/tested
