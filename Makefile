@@ -45,6 +45,7 @@ $(VENV)/installed: setup.cfg | $(VENV)/bin/python
 
 $(VENV)/tested: setup.cfg | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q -e '.[test]'
+	rm -rf .mypy_cache  # it remembers packages that were missing
 	touch $@ $(VENV)/installed
 
 clean:
