@@ -18,7 +18,6 @@ def main() -> int:
     options = parser.parse_args()
     missed = 0
     tables = (
-        link_rosserial.rows(options.seed, options.starts),
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
