@@ -94,7 +94,9 @@ class Bench:
 
     def configure(self, settings: Settings | frames.Settings, uart: int = RADIO) -> frames.Answer:
         """Send settings; the answer. Raises LookupError when there is none."""
-        self.send(uart, b"\0", settings if isinstance(settings, frames.Settings) else settings.frame())
+        self.send(
+            uart, b"\0", settings if isinstance(settings, frames.Settings) else settings.frame()
+        )
         for _ in range(4):
             for heard in self.wait(60):
                 if isinstance(heard.frame, frames.Answer):
@@ -103,7 +105,7 @@ class Bench:
 
     def claim(self, uart: int = RADIO, sequence: int = 15) -> None:
         """Own the commands."""
-        self.send(uart, frames.Stop(sequence))
+        self.send(uart, b"\0", frames.Stop(sequence))
         self.wait(8)
 
     def ready(self, uart: int = RADIO) -> None:
