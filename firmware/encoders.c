@@ -63,12 +63,15 @@ void encoders_edge(uint8_t interrupt)
         if (capturing)
             capture_put(wheel, level, now);
         uint32_t lasted = now - sensor->changed;
-        bool same = level == sensor->level; /* there and back before this interrupt ran */
+        /* The level that the first edge since the last look went to; the pin may have gone there
+           and back before this interrupt ran. */
+        bool reached = !sensor->level;
         sensor->changed = now;
         sensor->level = level;
-        if (!same && edge_kind == (level ? EDGE_FALLING : EDGE_RISING))
+        if (edge_kind == (reached ? EDGE_FALLING : EDGE_RISING))
             return;
-        if (same || lasted < glitch) {
+        level = reached;
+        if (lasted < glitch) {
             sensor->rejected++;
             return;
         }

@@ -8,6 +8,7 @@
 #define ROOM_IN 64   /* 5.5 ms at 115200 */
 #define ROOM_OUT 128 /* five state frames */
 #define NO_CHANGE 0xFF
+#define LAST_BYTES_MS 4 /* two bytes may still be in the UART: 2.1 ms at 9600 */
 
 typedef struct {
     volatile uint8_t in[ROOM_IN];
@@ -16,7 +17,8 @@ typedef struct {
     uint8_t in_tail;
     volatile uint8_t out_head;
     uint8_t baud; /* code to change to, or NO_CHANGE */
-    bool spoken, sent;
+    bool spoken;
+    uint8_t idle; /* ms since the ring of bytes to send was seen empty */
     codec_t codec;
 } port_t;
 
@@ -108,12 +110,16 @@ bool link_waiting(void)
     return ports[0].in_head != ports[0].in_tail || ports[1].in_head != ports[1].in_tail;
 }
 
+uint8_t link_backlog(uint8_t link)
+{
+    return (uint8_t)(ports[link].out_head - ports[link].out_tail) % ROOM_OUT;
+}
+
 bool link_send(uint8_t link, const void *payload, uint8_t size)
 {
     port_t *port = &ports[link];
     uint8_t wire[WIRE_LONGEST];
-    uint8_t used = (uint8_t)(port->out_head - port->out_tail + ROOM_OUT) % ROOM_OUT;
-    if (size + CHECK_BYTES + 2 >= ROOM_OUT - used) {
+    if (size + CHECK_BYTES + 2 >= ROOM_OUT - link_backlog(link)) {
         if (dropped != UINT8_MAX)
             dropped++;
         return false;
@@ -125,12 +131,7 @@ bool link_send(uint8_t link, const void *payload, uint8_t size)
         head = (uint8_t)(head + 1) % ROOM_OUT;
     }
     port->out_head = head;
-    port->sent = true;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        uart(link)[STATE] |= 1 << TXC0; /* TXC tells when the last of these bytes is out */
-        uart(link)[CONTROL] |= 1 << UDRIE0;
-    }
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) uart(link)[CONTROL] |= 1 << UDRIE0;
     return true;
 }
 
@@ -138,9 +139,11 @@ void link_tick(void)
 {
     for (uint8_t link = 0; link < LINKS; link++) {
         port_t *port = &ports[link];
-        bool silent = port->out_head == port->out_tail
-            && (!port->sent || uart(link)[STATE] & 1 << TXC0);
-        if (port->baud == NO_CHANGE || !silent)
+        if (port->out_head != port->out_tail)
+            port->idle = 0;
+        else if (port->idle < LAST_BYTES_MS)
+            port->idle++;
+        if (port->baud == NO_CHANGE || port->idle < LAST_BYTES_MS)
             continue;
         set_divisor(link, port->baud);
         port->baud = NO_CHANGE;

@@ -22,6 +22,9 @@ const void *link_receive(uint8_t link);
 /* Queues a frame; false, and counted, when it does not fit. Never waits. */
 bool link_send(uint8_t link, const void *payload, uint8_t size);
 
+/* Bytes that wait to be sent. */
+uint8_t link_backlog(uint8_t link);
+
 /* Changes a baud rate that waits for silence. */
 void link_tick(void);
 

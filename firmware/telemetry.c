@@ -11,6 +11,9 @@
 
 #define COMMAND_UNIT_TICKS 32 /* 128 us */
 #define DEFAULT_RATE 40
+#define ANY_BACKLOG UINT8_MAX
+/* Status goes out only right behind a state frame, so that answers are never held up by it. */
+#define STATE_BACKLOG (sizeof(state_t) + CHECK_BYTES + 2)
 
 static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE;
 static uint8_t state_size = sizeof(state_t);
@@ -30,10 +33,11 @@ void telemetry_capture(bool on)
     encoders_capture(on);
 }
 
-static void send(const void *payload, uint8_t size)
+/* Leaves a link out that has more than `backlog` bytes to send already. */
+static void send(const void *payload, uint8_t size, uint8_t backlog)
 {
     for (uint8_t link = 0; link < LINKS; link++)
-        if (link_spoken(link))
+        if (link_spoken(link) && link_backlog(link) <= backlog)
             link_send(link, payload, size);
 }
 
@@ -57,7 +61,7 @@ static void send_state(const deadman_t *deadman)
     frame.command = deadman->sequence;
     frame.left_age = both[0].age;
     frame.right_age = both[1].age;
-    send(&frame, state_size);
+    send(&frame, state_size, ANY_BACKLOG);
 }
 
 static uint16_t value(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
@@ -93,7 +97,7 @@ bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_u
     uint32_t now = clock_now();
     capture_t edges;
     if (capturing && capture_take(&edges, now))
-        send(&edges, sizeof edges);
+        send(&edges, sizeof edges, ANY_BACKLOG);
     if ((int32_t)(now - next_state) < 0)
         return false;
     uint32_t step = capturing ? 2 * period : period;
@@ -108,6 +112,6 @@ bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_u
     status.value = value(deadman, faults, longest_us);
     bool told = item == ITEM_LOOP;
     item = item == ITEM_DROPPED ? 0 : item + 1;
-    send(&status, sizeof status);
+    send(&status, sizeof status, STATE_BACKLOG);
     return told;
 }

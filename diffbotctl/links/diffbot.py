@@ -148,6 +148,11 @@ class DiffbotHost:
         self._act("capture", int(on))
 
     @property
+    def rate(self) -> float:
+        """State frames a second; nan before there were two."""
+        return self._telemetry.rate
+
+    @property
     def cause(self) -> str:
         """Why the link is not up, in words."""
         return self._cause

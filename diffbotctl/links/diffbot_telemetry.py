@@ -54,6 +54,7 @@ class Telemetry:
         """The board has restarted: no difference may be taken across that."""
         self.clock.forget()
         self._board: int | None = None
+        self._first = (0, 0)  # board time of the first frame, and how many there were
         self._sequence: int | None = None
         self._raw = [0, 0]
         self._counts = [0, 0]
@@ -76,7 +77,10 @@ class Telemetry:
         self._measure_latency(now, frame)
         wire = frames.WIRE[type(frame)] * 10 * SECOND // self.baud
         if self._board is None or board > self._board:
+            if self._board is None:
+                self._first = (board, 0)
             self._board = board
+            self._first = (self._first[0], self._first[1] + 1)
             self.clock.observe(board, now - wire)
         time = min(self.clock.to_host(board), now)
         counts = [
@@ -89,6 +93,14 @@ class Telemetry:
         sent, since = self._in_force(board, frame)
         return Encoders(time, counts[0], counts[1], edges[0], edges[1], sent.left, sent.right,
                         sent.kind, since, self.boots)  # fmt: skip
+
+    @property
+    def rate(self) -> float:
+        """State frames a second of the board's time since its start; nan before there were two."""
+        first, count = self._first
+        if self._board is None or self._board == first:
+            return float("nan")
+        return (count - 1) * SECOND / (self._board - first)
 
     def volts(self, encoders: Encoders, frame: State) -> Volts:
         """The distance sensor's voltage in a state frame."""

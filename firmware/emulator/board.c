@@ -12,6 +12,7 @@
 #define BOOT_START 0x3E000
 #define MCUSR 0x54
 #define PORF 1
+#define WDRF 8
 #define SAVE_NS 100000000ull /* the EEPROM file follows its content at this pace */
 /* `rjmp` to itself: a program that hangs with its interrupts running. */
 #define HANG_LOW 0xFF
@@ -44,6 +45,15 @@ static void quiet_interrupts(avr_t *avr)
         avr_extint_set_strict_lvl_trig(avr, number, 0);
 }
 
+/* Whatever reset the chip, all of simavr's timers are gone. */
+static void restarted(board_t *board)
+{
+    quiet_interrupts(board->avr);
+    lines_reset(board);
+    board->flags |= FLAG_RESET;
+    motors_poll(board);
+}
+
 void board_reset(board_t *board, uint8_t cause)
 {
     avr_t *avr = board->avr;
@@ -51,10 +61,7 @@ void board_reset(board_t *board, uint8_t cause)
     avr_reset(avr);
     avr->cycle = cycle;
     avr->data[MCUSR] = cause;
-    quiet_interrupts(avr);
-    lines_reset(board);
-    board->flags |= FLAG_RESET;
-    motors_poll(board);
+    restarted(board);
 }
 
 void board_hang(board_t *board)
@@ -196,21 +203,29 @@ static void begin_transitions(board_t *board)
     avr_cycle_timer_register(board->avr, when > now ? when - now : 1, change, board);
 }
 
+static void begin_step(board_t *board, avr_cycle_count_t end)
+{
+    begin_transitions(board);
+    if (end > board->avr->cycle)
+        avr_cycle_timer_register(board->avr, end - board->avr->cycle, stop_here, board);
+}
+
 void board_run(board_t *board, uint64_t until)
 {
     avr_t *avr = board->avr;
     avr_cycle_count_t end = ns_to_cycles(until);
     lines_poll(board);
-    begin_transitions(board);
-    if (end > avr->cycle)
-        avr_cycle_timer_register(avr, end - avr->cycle, stop_here, board);
+    begin_step(board, end);
     while (avr->cycle < end) {
         bool slept = avr->state == cpu_Sleeping;
         uint8_t was_watched = avr->data[MCUSR];
         avr_cycle_count_t before = avr->cycle;
         int state = avr_run(avr);
-        if (avr->cycle < before || (avr->data[MCUSR] & 8 && !(was_watched & 8)))
-            board->flags |= FLAG_RESET;
+        if (avr->data[MCUSR] & WDRF && !(was_watched & WDRF)) {
+            avr->cycle = before;
+            restarted(board);
+            begin_step(board, end);
+        }
         if (state == cpu_Crashed || state == cpu_Done) {
             board->flags |= FLAG_CRASHED;
             break;

@@ -12,6 +12,7 @@
 
 #define QUEUE 65536u
 #define BITS_PER_BYTE 10
+#define SHORT_BYTE 16 /* cycles */
 
 /* Data addresses of UCSRnA. */
 static const uint16_t registers[2] = {0xC0, 0xC8};
@@ -39,6 +40,16 @@ static void correct_speed(line_t *line)
     uart_of(line->board->avr, line->number)->cycles_per_byte = byte_cycles(line);
 }
 
+/* A byte is whole. simavr would count its time once more, and when the next one comes before it has
+   been read it may forget to raise the interrupt for ever; so it is told of a very short byte. */
+static void arrived(line_t *line, uint8_t byte)
+{
+    avr_uart_t *uart = uart_of(line->board->avr, line->number);
+    uart->cycles_per_byte = SHORT_BYTE;
+    avr_raise_irq(line->input, byte);
+    uart->cycles_per_byte = byte_cycles(line);
+}
+
 static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *value)
 {
     line_t *line = value;
@@ -47,7 +58,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *value)
         line->feeding = false;
         return 0;
     }
-    avr_raise_irq(line->input, line->waiting[line->tail]);
+    arrived(line, line->waiting[line->tail]);
     line->tail = (line->tail + 1) % QUEUE;
     if (line->head == line->tail) {
         line->feeding = false;

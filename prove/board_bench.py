@@ -1,0 +1,141 @@
+"""The emulated board on a bench: frames in and out on both UARTs, pins driven by hand."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from diffbotctl.drivers.emulator_process import Emulator, MotorChange, StepResult, Transition
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import Decoder, encode
+from diffbotctl.links.diffbot_settings import Settings, Side
+
+MS = 1_000_000
+BOOK = Settings(
+    Side(5, 6, 7, 2, reversed=True), Side(8, 9, 10, 3), range_channel=0, range_name="front"
+)
+MOTORS = [(5, 6, 7), (8, 9, 10)]
+ENCODERS = (2, 3)
+BAUDS = (115200, 9600)
+# What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).
+REAL_BAUDS = (117647, 9615)
+RADIO, USB = 1, 0
+
+
+class Heard(NamedTuple):
+    """A frame from the board, at the end of its last byte."""
+
+    time: int
+    uart: int
+    frame: frames.Frame
+
+
+class Bench:
+    """One board. `duty` is what the motors get now, forward positive as the settings have it."""
+
+    def __init__(self, eeprom: bytes | None = None, settings: Settings = BOOK) -> None:
+        self.emulator = Emulator(MOTORS)
+        if eeprom is not None:
+            self.emulator.set_eeprom(eeprom)
+            self.emulator.reset(1)
+        self.settings = settings
+        self.decoders = [Decoder(), Decoder()]
+        self.heard: list[Heard] = []
+        self.changes: list[MotorChange] = []
+        self.duty = [0.0, 0.0]
+        self.pending = [b"", b""]
+        self.pins = [Transition(0, pin, 0) for pin in ENCODERS]
+        self.was_reset = False
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.emulator.close()
+
+    @property
+    def now(self) -> int:
+        return self.emulator.now
+
+    def send(self, uart: int, *messages: frames.Frame | bytes) -> None:
+        """Bytes or frames that begin to arrive when time goes on."""
+        for each in messages:
+            self.pending[uart] += each if isinstance(each, bytes) else encode(each)
+
+    def run(self, until: int, millivolts: dict[int, int] | None = None) -> list[Heard]:
+        """Let time pass until `until` (ns); what came in the meantime."""
+        due = sorted(change for change in self.pins if change.time <= until)
+        self.pins = [change for change in self.pins if change.time > until]
+        out = (self.pending[0], self.pending[1])
+        self.pending = [b"", b""]
+        result = self.emulator.step(until, due, millivolts, out)
+        return self._take(result)
+
+    def wait(self, ms: float) -> list[Heard]:
+        """Let `ms` milliseconds pass."""
+        return self.run(self.now + round(ms * MS))
+
+    def _take(self, result: StepResult) -> list[Heard]:
+        self.was_reset |= result.was_reset
+        for change in result.changes:
+            side = (self.settings.left, self.settings.right)[change.motor]
+            self.duty[change.motor] = -change.duty if side.reversed else change.duty
+            self.changes.append(change)
+        new = []
+        for sent in result.sent:
+            for frame in self.decoders[sent.uart].feed(bytes((sent.byte,))):
+                new.append(Heard(sent.time, sent.uart, frame))
+        self.heard += new
+        return new
+
+    def ask(self, uart: int = RADIO) -> frames.Hello:
+        """Greet the board. Raises LookupError when it does not answer."""
+        self.send(uart, b"\0", frames.Ask(frames.VERSION))
+        return next(h.frame for h in self.wait(80) if isinstance(h.frame, frames.Hello))
+
+    def configure(self, settings: Settings | frames.Settings, uart: int = RADIO) -> frames.Answer:
+        """Send settings; the answer. Raises LookupError when there is none."""
+        self.send(
+            uart, b"\0", settings if isinstance(settings, frames.Settings) else settings.frame()
+        )
+        for _ in range(4):
+            for heard in self.wait(60):
+                if isinstance(heard.frame, frames.Answer):
+                    return heard.frame
+        raise LookupError("no answer to settings")
+
+    def claim(self, uart: int = RADIO, sequence: int = 15) -> None:
+        """Own the commands."""
+        self.send(uart, b"\0", frames.Stop(sequence))
+        self.wait(8)
+
+    def ready(self, uart: int = RADIO) -> None:
+        """Settings in use, commands owned."""
+        self.wait(30)
+        self.ask(uart)
+        answer = self.configure(self.settings, uart)
+        if answer.refusal:
+            raise LookupError(f"settings refused: {answer}")
+        self.claim(uart)
+
+    def state(self) -> frames.State:
+        """The last state frame. Raises LookupError when there was none."""
+        return next(h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.State))
+
+    def turn(self, seconds: float, rate: float = 30.0) -> None:
+        """Let both encoders give `rate` edges a second for a while from now on."""
+        period = round(1e9 / rate)
+        for index in range(1, int(seconds * rate) + 1):
+            rise = self.now + index * period
+            for pin in ENCODERS:
+                self.pins += [Transition(rise, pin, 1), Transition(rise + period // 2, pin, 0)]
+
+
+def speed(sequence: int, left: float, right: float) -> frames.Command:
+    """A command of wheel speeds in rad/s."""
+    one = frames.SPEED_ONE
+    return frames.Command(sequence & 0xF, round(left * one), round(right * one))
+
+
+def wire_ns(uart: int, size: int) -> int:
+    """How long `size` bytes are on the wire."""
+    return size * 10 * 1_000_000_000 // REAL_BAUDS[uart]

@@ -1,0 +1,129 @@
+"""The whole pipeline on the emulated board; the plant's model of the board against the binary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, degrees, hypot, pi, sin
+from random import Random
+from statistics import median
+
+from diffbotctl.config.load import load
+from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.messages import Goal
+from diffbotctl.plant.speed_loop import TICK, Gains, SpeedLoop
+from diffbotctl.runs.run import Options, Result, Run
+from prove.board_bench import BOOK, ENCODERS, MS, RADIO, Bench, Transition, speed
+from prove.row import Row
+
+LONGEST = 60.0  # s of virtual time for one goal
+QUANTUM = 1 / 255  # of duty: eight bits of PWM
+
+
+def goals(seed: int, count: int) -> Iterator[Row]:
+    """Random goals within 2 m, each with another robot, link and all noise as in the robot file."""
+    chance = Random(seed)
+    reached, far, turned, damaged, lost = 0, [], [], 0, 0
+    rates = []
+    for number in range(count):
+        distance, bearing = chance.uniform(0.3, 2.0), chance.uniform(-pi, pi)
+        goal = Goal(0, 1, distance * cos(bearing), distance * sin(bearing), chance.uniform(-pi, pi))
+        result, host = _drive(goal, seed * 1000 + number)
+        reached += result.reached == 1
+        pose = result.truth.pose
+        far.append(hypot(pose.x - goal.x, pose.y - goal.y) * 1000)
+        turned.append(abs(degrees((pose.heading - (goal.heading or 0) + pi) % (2 * pi) - pi)))
+        assert result.link is not None
+        damaged += result.link.damaged
+        lost += result.link.lost
+        rates.append(host.rate)
+    yield Row(
+        f"{count} goals on the emulated board: reached", f"{reached}", "all", reached == count
+    )
+    yield Row("true position, median (goals within 2 m)", f"{median(far):.1f} mm", "<= 10 mm",
+              median(far) <= 10)  # fmt: skip
+    yield Row("true position, worst", f"{max(far):.1f} mm", "<= 60 mm", max(far) <= 60)
+    yield Row("true heading, worst", f"{max(turned):.2f} deg", "<= 4 deg", max(turned) <= 4)
+    yield Row(
+        "checksum errors, state frames lost", f"{damaged}, {lost}", "0, 0", damaged + lost == 0
+    )
+    yield Row("state frames, slowest run", f"{min(rates):.2f} Hz", ">= 40 Hz", min(rates) >= 39.99)
+
+
+def _drive(goal: Goal, seed: int) -> tuple[Result, DiffbotHost]:
+    configuration = load("goal", "book_2wd", (), real=False)
+    run = Run(
+        configuration,
+        Options(
+            port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST, digest=True
+        ),
+        tell=lambda _: None,
+    )
+    result = run.go()
+    return result, run.robot.host  # type: ignore[union-attr]
+
+
+def same_twice(seed: int) -> Iterator[Row]:
+    """One run, twice."""
+    goal = Goal(0, 1, 1.0, 0.5, pi / 2)
+    first, second = (_drive(goal, seed)[0].digest for _ in range(2))
+    figure = f"{first and first[:8]} {second and second[:8]}"
+    yield Row("the same run twice: digest", figure, "equal", first is not None and first == second)
+
+
+def agreement(seed: int, count: int) -> Iterator[Row]:
+    """Equal edges and commands to the binary and to the plant's model of its speed loop."""
+    chance = Random(seed)
+    differences: list[float] = []
+    for _ in range(count):
+        differences += _compare(chance)
+    differences.sort()
+    middle, high = median(differences), differences[int(0.99 * len(differences))]
+    yield Row("plant's speed loop against the binary, median", f"{middle:.4f}", f"<= {QUANTUM:.4f}",
+              middle <= QUANTUM)  # fmt: skip
+    yield Row("the same, 99 of 100", f"{high:.4f}", f"<= {3 * QUANTUM:.4f}", high <= 3 * QUANTUM)
+
+
+def _compare(chance: Random) -> list[float]:
+    """One wheel, commands and edges at random; differences of duty, sampled away from changes."""
+    from dataclasses import replace
+
+    side = replace(BOOK.left, start=0.10, gain=0.086)
+    settings = replace(BOOK, left=side, proportional=0.01, integral=chance.uniform(0.01, 0.05))
+    gains = Gains(0.10, 0.086, 0.01, settings.integral)
+    model = SpeedLoop(gains, settings.slots)
+    differences = []
+    with Bench(settings=settings) as bench:
+        bench.ready()
+        bench.wait(400)
+        target, rate, edge = 0.0, 10.0, bench.now
+        tick = bench.now + TICK // 2
+        for step in range(60):
+            if step == 0:
+                bench.claim()
+            if step % 10 == 0:
+                target = chance.choice((-1, 1)) * chance.uniform(1, 9)
+                rate = abs(target) * settings.slots / (2 * pi) * chance.uniform(0.8, 1.2)
+            bench.send(RADIO, speed(step, target, target))
+            start = bench.now
+            quantised = round(target * 256) / 256
+            model.command(start + 11 * MS, quantised)
+            edges = []
+            while edge < start + 50 * MS:
+                if edge >= start:
+                    edges.append(edge)
+                edge += round(1e9 / rate)
+            for rise in edges:
+                for pin in ENCODERS:
+                    bench.pins += [Transition(rise, pin, 1), Transition(rise + 4 * MS, pin, 0)]
+            while tick < start + 50 * MS:
+                for rise in [each for each in edges if each <= tick]:
+                    model.edge(rise)
+                edges = [each for each in edges if each > tick]
+                model.tick(tick)
+                tick += TICK
+            for rise in edges:
+                model.edge(rise)
+            bench.wait(50)
+            if step % 10 >= 8:  # a reversal from end to end slews for 0.4 s
+                differences.append(abs(bench.duty[0] - model.duty))
+    return differences

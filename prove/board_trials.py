@@ -1,0 +1,330 @@
+"""Trials of the binary on the bench: latency, telemetry, edges, settings, EEPROM, dead-man."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from itertools import pairwise
+from random import Random
+from statistics import median
+
+from diffbotctl.drivers.emulator_process import BROWNOUT, LINE, Transition
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import encode
+from prove.board_bench import BOOK, ENCODERS, MS, RADIO, USB, Bench, speed, wire_ns
+from prove.row import Row
+
+FIRMWARE = Path(__file__).resolve().parent.parent / "firmware"
+DEADMAN_TARGET = 320 * MS
+COMMAND_BYTES = 10
+
+
+def image() -> Iterator[Row]:
+    """Size of the image, as the build tells it."""
+    done = subprocess.run(["make", "-C", str(FIRMWARE)], capture_output=True, text=True, check=True)
+    found = re.search(r"flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
+    assert found is not None, done.stdout
+    flash, ram = int(found[1]), int(found[2])
+    yield Row("image: flash", f"{flash} B", "<= 8192 B", flash <= 8192)
+    yield Row("image: static RAM", f"{ram} B", "<= 1400 B", ram <= 1400)
+
+
+def latency(seed: int, count: int) -> Iterator[Row]:
+    """From the first bit of a command on the wire to the change of the PWM, at 9600 baud."""
+    chance = Random(seed)
+    taken = []
+    with Bench() as bench:
+        bench.ready()
+        bench.turn(count * 0.05)
+        for number in range(count):
+            bench.changes.clear()
+            start = bench.now
+            bench.send(RADIO, speed(number, chance.uniform(1, 9), chance.uniform(1, 9)))
+            bench.run(start + round(chance.uniform(30, 50) * MS))
+            taken.append(bench.changes[0].time - start)
+    middle = median(taken) / MS
+    yield Row("command on the wire to PWM, median", f"{middle:.1f} ms", "<= 12 ms", middle <= 12)
+    worst = max(taken) / MS
+    yield Row("command on the wire to PWM, worst", f"{worst:.1f} ms", "(no target)", True)
+    yield Row("command frame", f"{COMMAND_BYTES} B", "<= 10 B",
+              len(encode(speed(0, 1, 1))) <= COMMAND_BYTES)  # fmt: skip
+
+
+def telemetry(seconds: int) -> Iterator[Row]:
+    """State frames with edge ages at 9600 baud while driving."""
+    with Bench() as bench:
+        bench.ready()
+        bench.turn(seconds + 1)
+        bench.heard.clear()
+        start = bench.now
+        for number in range(seconds * 20):
+            bench.send(RADIO, speed(number, 8, 8))
+            bench.wait(50)
+        states = [h for h in bench.heard if isinstance(h.frame, frames.State)]
+        took = (bench.now - start) / 1e9
+        gaps = sum((b.frame.sequence - a.frame.sequence - 1) % 64
+                   for a, b in pairwise(states))  # fmt: skip
+        dropped = sum(h.frame.dropped for h in states)
+        damaged = bench.decoders[RADIO].damaged
+    rate = len(states) / took
+    yield Row("state frames with edge ages at 9600 baud", f"{rate:.2f} Hz", ">= 40 Hz",
+              len(states) >= int(40 * took))  # fmt: skip
+    yield Row("state frames lost, dropped, damaged", f"{gaps}, {dropped}, {damaged}", "0, 0, 0",
+              gaps + dropped + damaged == 0)  # fmt: skip
+
+
+def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
+    """Edges on both channels at once, without a glitch filter."""
+    from dataclasses import replace
+
+    with Bench(settings=replace(BOOK, glitch=0)) as bench:
+        bench.ready()
+        before = bench.state()
+        period, count = 1_000_000_000 // rate, int(rate * seconds)
+        for index in range(count):
+            rise = bench.now + MS + index * period
+            for shift, pin in ((0, ENCODERS[0]), (period // 3, ENCODERS[1])):
+                bench.pins += [Transition(rise + shift, pin, 1),
+                               Transition(rise + shift + period // 2, pin, 0)]  # fmt: skip
+        bench.pins.sort()
+        heard = _in_pieces(bench, seconds + 0.2)
+        after = bench.state()
+    lost = [
+        (count - (b - a)) % 65536
+        for a, b in ((before.left, after.left), (before.right, after.right))
+    ]
+    lost = [each - 65536 if each > 32767 else each for each in lost]
+    yield Row(f"edges lost of {count} a channel at {rate}/s", f"{lost[0]}, {lost[1]}", "0, 0",
+              lost == [0, 0])  # fmt: skip
+    yield Row("state frames meanwhile", f"{heard / (seconds + 0.2):.0f} Hz", ">= 39 Hz",
+              heard >= 39 * (seconds + 0.2))  # fmt: skip
+
+
+def _in_pieces(bench: Bench, seconds: float) -> int:
+    """Let time pass in steps whose edges fit one request; how many state frames came."""
+    heard = 0
+    for _ in range(round(seconds * 20)):
+        heard += sum(isinstance(h.frame, frames.State) for h in bench.wait(50))
+    return heard
+
+
+def bounce(seed: int, seconds: int) -> Iterator[Row]:
+    """A hundred edges a second; both flanks bounce for up to 1.5 ms, the glitch time is 2 ms."""
+    chance = Random(seed)
+    with Bench() as bench:
+        bench.ready()
+        before = bench.state()
+        count = 100 * seconds
+        for index in range(count):
+            rise = bench.now + MS + index * 10 * MS
+            for pin in ENCODERS:
+                bench.pins += _bouncing(chance, rise, pin, 1)
+                bench.pins += _bouncing(chance, rise + 5 * MS, pin, 0)
+        bench.pins.sort()
+        _in_pieces(bench, seconds + 0.2)
+        after = bench.state()
+    counted = [(after.left - before.left) % 65536, (after.right - before.right) % 65536]
+    yield Row(f"bouncing edges counted of {count}", f"{counted[0]}, {counted[1]}",
+              f"{count}, {count}", counted == [count, count])  # fmt: skip
+
+
+def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[Transition]:
+    times = sorted(chance.randrange(1_500_000) for _ in range(2 * chance.randrange(6)))
+    flips = [Transition(at, pin, level)]
+    flips += [
+        Transition(at + time, pin, level ^ (index + 1) % 2) for index, time in enumerate(times)
+    ]
+    return flips
+
+
+def refused_settings(seed: int, count: int) -> Iterator[Row]:
+    """Settings with one field spoilt at random: refused with a code, and the old ones kept."""
+    chance = Random(seed)
+    wrong = kept = refused = 0
+    with Bench() as bench:
+        bench.ready()
+        mark = BOOK.mark()
+        for _ in range(count):
+            bad = spoil(chance)
+            answer = bench.configure(bad)
+            refused += answer.refusal != 0
+            wrong += answer.refusal == 0
+            kept += answer.settings == mark
+        still = bench.ask().settings == mark
+    yield Row("unusable settings refused", f"{refused} of {count}", "all", wrong == 0)
+    yield Row("old settings kept", f"{kept} of {count}", "all", kept == count and still)
+
+
+LINKS = {0, 1, 18, 19}
+NO_PWM = {*range(70)} - {2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 44, 45, 46}
+NO_INTERRUPT = {*range(70)} - {2, 3, 20, 21}
+MISSING = {*range(70, 255)}
+USED = {5, 6, 7, 2, 8, 9, 10, 3}
+
+
+def spoil(chance: Random) -> frames.Settings:
+    """The book robot's settings, one field of them unusable."""
+    good = BOOK.frame()
+    mandatory = {"left_enable": NO_PWM, "right_enable": NO_PWM, "left_encoder": NO_INTERRUPT,
+                 "right_encoder": NO_INTERRUPT}  # fmt: skip
+    choices: dict[str, list[int]] = {}
+    for field in ("left_enable", "left_in1", "left_in2", "left_encoder", "right_enable",
+                  "right_in1", "right_in2", "right_encoder"):  # fmt: skip
+        bad = LINKS | MISSING | {255} | (USED - {getattr(good, field)})
+        choices[field] = sorted(bad | mandatory.get(field, set()) - {getattr(good, field)})
+    for field in ("left_encoder_b", "right_encoder_b", "button"):
+        choices[field] = sorted(LINKS | MISSING | USED | {54})  # 54 is A0, the range sensor's
+    choices["range"] = [*range(16, 255)]
+    choices["battery"] = [0, *range(16, 255)]
+    choices["edge"] = [3]
+    choices["reserved"] = [1, 2, 3]
+    choices["baud"] = [*range(5, 256)]
+    choices["telemetry"] = [0, 101, 40_000, 65_535]
+    choices["slots"] = [0, 10_001, 65_535]
+    choices["glitch"] = [50_001, 65_535]
+    choices["deadman"] = [0, 1, 99, 501, 65_535]
+    choices["left_start"] = choices["right_start"] = [32_768, 65_535]
+    field = chance.choice(sorted(choices))
+    return good._replace(**{field: chance.choice(choices[field])})
+
+
+def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
+    """Power fails while settings are written, at every byte; that byte is left at random."""
+    from dataclasses import replace
+
+    chance = Random(seed)
+    new = replace(BOOK, slots=21)
+    shots: list[tuple[bytes, bytes]] = []
+    with Bench() as bench:
+        bench.ready()
+        bench.wait(500)
+        before = bench.emulator.eeprom()
+        bench.send(RADIO, new.frame())
+        for _ in range(300):
+            bench.wait(1)
+            after = bench.emulator.eeprom()
+            if after != before:
+                shots.append((before, after))
+                before = after
+    marks = {BOOK.mark(), new.mark()}
+    valid = 0
+    cuts = [shots[index % len(shots)] for index in range(max(count, len(shots)))]
+    for old, written in cuts:
+        place = next(i for i in range(len(old)) if old[i] != written[i])
+        torn = old[:place] + bytes([chance.randrange(256)]) + old[place + 1 :]
+        with Bench(eeprom=torn) as bench:
+            bench.wait(30)
+            valid += bench.ask().settings in marks
+    yield Row(f"EEPROM cut at each of {len(shots)} bytes: a valid slot", f"{valid} of {len(cuts)}",
+              "all", valid == len(cuts))  # fmt: skip
+
+
+def restarts(seed: int, count: int) -> Iterator[Row]:
+    """Reset line, brown-out and a hung program while driving."""
+    chance = Random(seed)
+    worst = still = told = 0
+    for number in range(count):
+        kind = ("line", "brownout", "watchdog")[number % 3]
+        with Bench() as bench:
+            bench.ready()
+            bench.wait(400)
+            boot = bench.state().boot
+            bench.claim()
+            bench.turn(2)
+            for step in range(chance.randrange(4, 12)):
+                bench.send(RADIO, speed(step, chance.uniform(2, 9), -chance.uniform(2, 9)))
+                bench.wait(50)
+            bench.wait(chance.uniform(0, 50))
+            assert bench.duty[0] > 0 > bench.duty[1], "it must be driving before the restart"
+            start = bench.now
+            bench.changes.clear()
+            {"line": lambda b: b.emulator.reset(LINE),
+             "brownout": lambda b: b.emulator.reset(BROWNOUT),
+             "watchdog": lambda b: b.emulator.hang()}[kind](bench)  # fmt: skip
+            for step in range(20):  # the host goes on commanding: it must not be obeyed
+                bench.send(RADIO, speed(step, 5, 5))
+                bench.wait(50)
+            hello = bench.ask()
+            worst = max(worst, max(c.time for c in bench.changes) - start)
+            still += bench.duty == [0.0, 0.0]
+            told += frames.RESET[hello.reset] == kind and hello.boot != boot
+    yield Row(
+        "restart in motion: motors off and stay off", f"{still} of {count}", "all", still == count
+    )
+    yield Row("cause and new start told", f"{told} of {count}", "all", told == count)
+    yield Row("a hung program's motors are off after", f"{worst / MS:.0f} ms", "<= 320 ms",
+              worst <= DEADMAN_TARGET)  # fmt: skip
+
+
+CUTS = ("killed", "half frame", "garbage", "half frames", "second host", "replay")
+
+
+def deadman(seed: int, count: int) -> Iterator[Row]:
+    """The owner falls silent at a random state and speed, and an intruder goes on."""
+    chance = Random(seed)
+    worst = late = moved = trials = 0
+    bench = None
+    for number in range(count):
+        if bench is None:
+            bench = Bench()
+            bench.ready(RADIO)
+        kind = CUTS[number % len(CUTS)]
+        silence, again = _trial(bench, chance, kind)
+        worst, late = max(worst, silence), late + (silence > DEADMAN_TARGET)
+        moved += again
+        trials += 1
+        if number % 50 == 49:  # a fresh board now and then
+            bench.emulator.close()
+            bench = None
+    if bench is not None:
+        bench.emulator.close()
+    yield Row(f"{trials} cuts: PWM 0 after the owner's last command", f"{worst / MS:.1f} ms",
+              "<= 320 ms", late == 0)  # fmt: skip
+    yield Row(
+        "an intruder moved the robot or kept it moving", f"{moved} of {trials}", "none", moved == 0
+    )
+
+
+def _trial(bench: Bench, chance: Random, kind: str) -> tuple[int, bool]:
+    """One cut: ns from the last valid command to PWM 0, and whether anything moved after that."""
+    owner = chance.choice((RADIO, USB))
+    bench.wait(600)
+    bench.claim(owner, chance.randrange(16))
+    bench.turn(3.0, rate=50)
+    numbers = iter(range(10_000))
+    last = bench.now
+    for _ in range(chance.randrange(2, 12)):
+        left, right = (chance.choice((-1, 1)) * chance.uniform(0.8, 9) for _ in range(2))
+        frame = speed(next(numbers), left, right)
+        last = bench.now + wire_ns(owner, COMMAND_BYTES)
+        bench.send(owner, frame)
+        bench.wait(chance.uniform(25, 60))
+    assert bench.duty != [0.0, 0.0], "the robot must be moving before the cut"
+    bench.changes.clear()
+    for _ in range(16):
+        _intrude(bench, chance, kind, owner, numbers, frame)
+        bench.wait(50)
+    stopped = [change.time for change in bench.changes]
+    end = max(stopped, default=bench.now)
+    again = bench.duty != [0.0, 0.0]
+    bench.pins = [Transition(bench.now, pin, 0) for pin in ENCODERS]
+    return end - last, again
+
+
+def _intrude(bench: Bench, chance: Random, kind: str, owner: int, numbers: Iterator[int],
+             last: frames.Command) -> None:  # fmt: skip
+    foreign = 1 - owner
+    if kind == "half frame":
+        if not bench.heard or chance.random() < 0.1:
+            bench.send(owner, encode(last)[: chance.randrange(1, 9)])
+    elif kind == "garbage":
+        bench.send(owner, chance.randbytes(chance.randrange(40)))
+        bench.send(foreign, chance.randbytes(chance.randrange(40)))
+    elif kind == "half frames":
+        bench.send(owner, encode(last)[: chance.randrange(1, 9)] + b"\0")
+    elif kind == "second host":
+        bench.send(foreign, speed(next(numbers), 6, 6), frames.Ask(frames.VERSION))
+    elif kind == "replay":
+        bench.send(foreign, last)

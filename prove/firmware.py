@@ -1,0 +1,58 @@
+"""Figures of firmware, protocol, virtual board and flashing: `python -m prove.firmware`.
+
+Everything but the codecs runs the real binary on the emulated Mega 2560.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from prove import board_runs, board_trials, flash_trials, frame_damage
+from prove.row import Row
+
+
+def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
+    """Every row; `share` of the trials of each, at least a few."""
+
+    def many(count: float, least: int = 1) -> int:
+        return max(least, round(count * share))
+
+    parts: list[Callable[[], Iterator[Row]]] = [
+        partial(board_trials.image),
+        partial(board_trials.latency, seed, many(200, 20)),
+        partial(board_trials.telemetry, many(60, 5)),
+        partial(board_trials.edges),
+        partial(board_trials.bounce, seed, many(3, 1)),
+        partial(board_trials.refused_settings, seed, many(400, 40)),
+        partial(board_trials.eeprom_cuts, seed, many(200, 20)),
+        partial(board_trials.restarts, seed, many(15, 3)),
+        partial(board_trials.deadman, seed, many(1000, 20)),
+        partial(frame_damage.to_board, seed, many(1e7, 100_000)),
+        partial(frame_damage.to_host, seed, many(1e7, 20_000)),
+        partial(frame_damage.through_binary, seed, many(1e4, 100)),
+        partial(board_runs.agreement, seed, many(10, 2)),
+        partial(board_runs.goals, seed, many(20, 3)),
+        partial(board_runs.same_twice, seed),
+        partial(flash_trials.rows),
+    ]
+    for part in parts:
+        yield from part()
+
+
+def main() -> None:
+    """Print every row."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--share", type=float, default=1.0, help="of the trials")
+    asked = parser.parse_args()
+    missed = 0
+    for row in rows(asked.seed, asked.share):
+        print(row.line(), flush=True)
+        missed += not row.met
+    raise SystemExit(missed > 0)
+
+
+if __name__ == "__main__":
+    main()

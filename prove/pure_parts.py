@@ -1,0 +1,43 @@
+"""The firmware's pure parts, compiled for this machine."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PARTS = ("codec", "speed", "settings", "deadman", "board_mega2560")
+SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+FAST = ("-O2",)
+
+
+@cache
+def program(sanitized: bool = True) -> Path:
+    """The compiled driver of the pure parts. Raises CalledProcessError with gcc's words."""
+    folder = Path(tempfile.mkdtemp(prefix="diffbot-pure-"))
+    firmware = ROOT / "firmware"
+    sources = [firmware / f"{part}.c" for part in PARTS]
+    out = folder / "pure"
+    subprocess.run(
+        ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", *(SANITIZED if sanitized else FAST),
+         f"-I{firmware}", "-o", str(out), str(ROOT / "tests/firmware/pure.c"),
+         *map(str, sources), "-lm"],
+        check=True,
+    )  # fmt: skip
+    return out
+
+
+def run(*words: object, lines: list[str] | None = None, sanitized: bool = True) -> list[str]:
+    """Run a job of the driver; its lines. Raises CalledProcessError when a sanitizer objects."""
+    done = subprocess.run(
+        [program(sanitized), *map(str, words)],
+        input="\n".join([*(lines or []), ""]),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(f"{words}: code {done.returncode}\n{done.stderr}")
+    return done.stdout.splitlines()

@@ -1,0 +1,223 @@
+/* The firmware's pure parts, built for the host: driven by tests over standard input.
+
+   pure codec           lines of hex bytes of a wire  ->  `frame HEX` or `damaged` for each delimiter
+   pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
+   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET EDGES PERIOD` or
+                        `step EDGES PERIOD`           ->  `DUTY`
+   pure fuzz SEED N     N random or half-random inputs through everything; prints `fuzzed N`
+   pure damage SEED N   N command frames damaged on the way; prints
+                        `wrong W lost_intact L damaged D` */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "codec.h"
+#include "deadman.h"
+#include "settings.h"
+#include "speed.h"
+
+#define LINE 4096
+
+static uint64_t chance_state;
+
+/* xorshift64*: Vigna, "An experimental exploration of Marsaglia's xorshift generators" (2016) */
+static uint64_t chance(void)
+{
+    chance_state ^= chance_state >> 12;
+    chance_state ^= chance_state << 25;
+    chance_state ^= chance_state >> 27;
+    return chance_state * 0x2545F4914F6CDD1DULL;
+}
+
+static double fraction(void)
+{
+    return (double)(chance() >> 11) / 9007199254740992.0;
+}
+
+static int bytes_of(const char *line, uint8_t *bytes)
+{
+    int count = 0;
+    unsigned value;
+    while (sscanf(line, "%2x", &value) == 1) {
+        bytes[count++] = (uint8_t)value;
+        line += 2;
+    }
+    return count;
+}
+
+static void codec_lines(void)
+{
+    static char line[LINE];
+    codec_t codec = {0};
+    while (fgets(line, sizeof line, stdin)) {
+        uint8_t bytes[LINE];
+        int count = bytes_of(line, bytes);
+        for (int i = 0; i < count; i++) {
+            uint8_t said = codec_receive(&codec, bytes[i]);
+            if (said == CODEC_DAMAGED)
+                puts("damaged");
+            if (said != CODEC_FRAME)
+                continue;
+            printf("frame ");
+            for (uint8_t j = 0; j < payload_size(codec.bytes[1] & 0xF); j++)
+                printf("%02x", codec.bytes[1 + j]);
+            puts("");
+        }
+    }
+}
+
+static void settings_lines(void)
+{
+    static char line[LINE];
+    while (fgets(line, sizeof line, stdin)) {
+        uint8_t bytes[LINE], field = 0;
+        if (bytes_of(line, bytes) != sizeof(settings_t))
+            exit(1);
+        settings_t settings;
+        memcpy(&settings, bytes, sizeof settings);
+        uint8_t refusal = settings_check(&settings, &field);
+        printf("%u %u\n", refusal, field);
+    }
+}
+
+static void speed_lines(void)
+{
+    static char line[LINE];
+    speed_gains_t gains = {0};
+    speed_t speed = {0};
+    speed_edges_t edges;
+    unsigned slots, count;
+    int target;
+    while (fgets(line, sizeof line, stdin)) {
+        if (sscanf(line, "gains %hu %hu %hu %hu %u", &gains.start, &gains.gain, &gains.proportional,
+                   &gains.integral, &slots) == 5) {
+            gains.pitch = speed_pitch((uint16_t)slots);
+            continue;
+        }
+        if (sscanf(line, "command %d %u %u", &target, &count, &edges.period) == 3) {
+            edges.edges = (uint8_t)count;
+            speed_command(&speed, &gains, &edges, (int16_t)target);
+        } else if (sscanf(line, "step %u %u", &count, &edges.period) == 2) {
+            edges.edges = (uint8_t)count;
+            speed_step(&speed, &gains, &edges);
+        }
+        printf("%d\n", speed.duty);
+    }
+}
+
+static void fuzz_speed(speed_t *speed)
+{
+    speed_gains_t gains = {(uint16_t)chance() & 0x7FFF, (uint16_t)chance(), (uint16_t)chance(),
+                           (uint16_t)chance(), speed_pitch((uint16_t)(1 + chance() % 10000))};
+    speed_edges_t edges = {(uint8_t)(chance() % 3), (uint32_t)chance() >> chance() % 32};
+    if (chance() & 1)
+        speed_command(speed, &gains, &edges, (int16_t)chance());
+    speed_step(speed, &gains, &edges);
+    if (speed->duty != 0 && (speed->duty < 0) != (speed->target < 0) && !speed->slewing)
+        exit(3); /* power against the target */
+    if (speed_stalled(speed, chance() & 1))
+        speed_stop(speed);
+}
+
+static void fuzz_deadman(deadman_t *deadman, uint32_t *now)
+{
+    uint8_t link = chance() & 1, sequence = chance() & 0xF;
+    *now += (uint32_t)chance() % 100000;
+    switch (chance() % 8) {
+    case 0: deadman_ready(deadman); break;
+    case 1: deadman_stop(deadman, link, sequence, *now); break;
+    case 2: deadman_fault(deadman); break;
+    case 3: deadman_clear(deadman); break;
+    case 4: deadman_button(deadman, chance() & 1); break;
+    default: {
+        uint8_t owner = deadman->owner;
+        if (deadman_command(deadman, link, MODE_SPEED, sequence, *now) && owner != link)
+            exit(4); /* obeyed somebody who does not own the commands */
+    }
+    }
+    deadman_tick(deadman, 75000, *now);
+    if (deadman_drives(deadman) && (deadman->owner == NOBODY || *now - deadman->heard >= 75000))
+        exit(5); /* drives although the owner is silent */
+}
+
+static void fuzz(long count)
+{
+    codec_t codec = {0};
+    speed_t speed = {0};
+    deadman_t deadman;
+    uint32_t now = 0;
+    deadman_begin(&deadman);
+    for (long i = 0; i < count; i++) {
+        uint8_t bytes[64], field;
+        for (unsigned j = 0; j < sizeof bytes; j++)
+            bytes[j] = chance() % 5 == 0 ? (uint8_t)(chance() % 8) : (uint8_t)chance();
+        for (unsigned j = 0; j < sizeof bytes; j++)
+            codec_receive(&codec, bytes[j]);
+        settings_t settings;
+        memcpy(&settings, bytes, sizeof settings);
+        settings_check(&settings, &field);
+        fuzz_speed(&speed);
+        fuzz_deadman(&deadman, &now);
+    }
+    printf("fuzzed %ld\n", count);
+}
+
+/* Flips bits of a wire image; the distance to the next flip is geometric. At least one is flipped. */
+static void damage(uint8_t *wire, unsigned size)
+{
+    double rate = pow(10.0, -4.0 + 2.0 * fraction()); /* 1e-4 to 1e-2, evenly in the logarithm */
+    unsigned bits = 8 * size, first = (unsigned)(fraction() * bits);
+    wire[first / 8] ^= (uint8_t)(1 << first % 8);
+    for (double at = log(fraction()) / log1p(-rate); at < bits; at += 1 + log(fraction()) / log1p(-rate))
+        if ((unsigned)at != first)
+            wire[(unsigned)at / 8] ^= (uint8_t)(1 << (unsigned)at % 8);
+}
+
+static void damage_frames(long count)
+{
+    codec_t codec = {0};
+    long wrong = 0, lost = 0, damaged = 0;
+    for (long i = 0; i < count; i++) {
+        command_t frame = {.type = TYPE_COMMAND, .sequence = (uint8_t)(i & 0xF)};
+        uint8_t wire[3][WIRE_LONGEST];
+        uint8_t size = 0;
+        int accepted = 0;
+        frame.left = (int16_t)chance();
+        frame.right = (int16_t)chance();
+        for (int copy = 0; copy < 3; copy++)
+            size = codec_encode(&frame, sizeof frame, wire[copy]);
+        damage(wire[0], size);
+        /* A damaged frame, then two intact ones: the second must always arrive. */
+        for (int copy = 0; copy < 3; copy++)
+            for (uint8_t j = 0; j < size; j++) {
+                uint8_t said = codec_receive(&codec, wire[copy][j]);
+                damaged += said == CODEC_DAMAGED;
+                if (said != CODEC_FRAME)
+                    continue;
+                wrong += memcmp(codec.bytes + 1, &frame, sizeof frame) != 0;
+                accepted |= 1 << copy;
+            }
+        lost += !(accepted & 4);
+    }
+    printf("wrong %ld lost_intact %ld damaged %ld\n", wrong, lost, damaged);
+}
+
+int main(int count, char **words)
+{
+    const char *job = count > 1 ? words[1] : "";
+    chance_state = count > 2 ? 0x9E3779B97F4A7C15ULL ^ strtoull(words[2], NULL, 10) : 1;
+    if (!strcmp(job, "codec"))
+        codec_lines();
+    else if (!strcmp(job, "settings"))
+        settings_lines();
+    else if (!strcmp(job, "speed"))
+        speed_lines();
+    else if (!strcmp(job, "fuzz") && count > 3)
+        fuzz(atol(words[3]));
+    else if (!strcmp(job, "damage") && count > 3)
+        damage_frames(atol(words[3]));
+    else
+        return 2;
+    return 0;
+}
