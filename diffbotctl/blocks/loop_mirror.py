@@ -2,8 +2,8 @@
 
 The loop's specification stands in the firmware: the board drives with the feed-forward of its
 target and what a PI controller gathers from its own edges, at 100 Hz. The host hears of every
-target and, where the board tells edges' times, of nearly every edge; so it knows the duty that the
-motor gets, though no frame carries it. Without that the filter takes the loop's work for friction.
+target and of nearly every edge, or can tell from the counts about when it was; so it knows the duty
+that the motor gets, though no frame carries it. Without that the filter takes the loop's work for friction.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class LoopMirror:
     """One wheel's loop. `duty` is what the motor gets."""
 
     __slots__ = (
-        "before", "duty", "edges", "gathered", "last", "loop", "pitch", "slope", "target", "time",
+        "before", "duty", "gathered", "last", "loop", "pitch", "slope", "target", "time",
     )  # fmt: skip
 
     def __init__(self, loop: Loop, rated: float, slots: int, time: int) -> None:
@@ -42,34 +42,10 @@ class LoopMirror:
         self.target = self.gathered = self.duty = 0.0
         self.last: int | None = None  # times of the last two edges since the target's sign changed
         self.before: int | None = None
-        self.edges = 0
 
-    def frame(
-        self, time: int, steps: int, edge: int | None, target: float, since: int, speed: float
-    ) -> float:
-        """Take one frame and return the duty. `steps` counts since the last, the last one at `edge`
-        where it is told, `target` (rad/s) in force `since`; `speed` (rad/s) is what the wheel is
-        thought to do."""
-        if edge is None:
-            self._follow_counts(time, steps, target, since, speed)
-        else:
-            self._follow_edges(time, steps, edge, target, since)
-        missing = 0.0
-        if self.loop.proportional:
-            seen = self._speed(time) if edge is not None else speed
-            missing = self.target - seen if seen is not None else 0.0
-        self.duty = self._driven(missing)
-        return self.duty
-
-    def _driven(self, missing: float) -> float:
-        target, loop = self.target, self.loop
-        if target == 0.0:
-            return 0.0
-        ahead = copysign(loop.static, target) + self.slope * target
-        wanted = min(max(ahead + loop.proportional * missing + self.gathered, -1.0), 1.0)
-        return wanted if wanted * target > 0.0 else 0.0
-
-    def _follow_edges(self, time: int, steps: int, edge: int, target: float, since: int) -> None:
+    def frame(self, time: int, steps: int, edge: int, target: float, since: int) -> float:
+        """Take one frame and return the duty. `steps` counts since the last, the last one at
+        `edge`; `target` (rad/s) in force `since`."""
         if target != self.target and since <= edge:
             self._run(since)
             self._command(target)
@@ -82,25 +58,25 @@ class LoopMirror:
             self._run(since)
             self._command(target)
         self._run(time)
+        missing = 0.0
+        if self.loop.proportional:
+            seen = self._speed(time)
+            missing = target - seen if seen is not None else 0.0
+        self.duty = self._driven(missing)
+        return self.duty
 
-    def _follow_counts(
-        self, time: int, steps: int, target: float, since: int, speed: float
-    ) -> None:
-        """Without edges' times: what is missing is taken from the speed that the host reckons."""
-        begun, self.time = self.time, time
-        if target != self.target:
-            self._command(target)
-            begun = max(since, begun)
-        self.edges += abs(steps)
-        if target and self.edges > 1:
-            span = max(time - begun, 0) * 1e-9
-            self._gather((target - speed) * span)
+    def _driven(self, missing: float) -> float:
+        target, loop = self.target, self.loop
+        if target == 0.0:
+            return 0.0
+        ahead = copysign(loop.static, target) + self.slope * target
+        wanted = min(max(ahead + loop.proportional * missing + self.gathered, -1.0), 1.0)
+        return wanted if wanted * target > 0.0 else 0.0
 
     def _command(self, target: float) -> None:
         if target == 0.0 or target * self.target <= 0.0:
             self.gathered = 0.0
             self.last = self.before = None
-            self.edges = 0
         self.target = target
 
     def _run(self, until: int) -> None:

@@ -76,9 +76,9 @@ class OdometryWheel:
         motion = self.filter.motion
         start, gone = motion.start, self.gone
         if not duty:
-            command = self.mirror.frame(
-                time, count - self.count, edge, command, since, motion.speed / self.to_pitches
-            )
+            steps = count - self.count
+            passed = self.filter.likely_edge(time, steps) if edge is None else edge
+            command = self.mirror.frame(time, steps, passed, command, since)
         self.count = count
         drive = driven_speed(command, self.static, self.rated) * self.to_pitches
         self.filter.frame(time, count, edge, drive, since)

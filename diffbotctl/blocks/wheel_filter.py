@@ -79,6 +79,18 @@ class WheelFilter:
             moving = not marked and (steps != 0 or abs(self.motion.speed) > CREEP)
             self.motion.see_bounds(low, high, SURE if moving else OUTSIDE)
 
+    def likely_edge(self, time: int, steps: int) -> int:
+        """When the last of `steps` edges came that a frame at `time` counts, as the motor's model
+        has it (ns)."""
+        span = (time - self.time) * 1e-9
+        speed = self.motion.speed
+        if abs(speed) < DOUBT:
+            return time - int(0.5e9 * span)
+        heading = -1 if speed < 0.0 else 1
+        beyond = heading * (self.motion.z + speed * span - self.place) - abs(steps)
+        ago = min(max(beyond / abs(speed), 0.0), span, 1.0 / abs(speed))
+        return time - int(ago * 1e9)
+
     def _clamp(self, moment: int | None, time: int) -> int:
         return self.time if moment is None else min(max(moment, self.time), time)
 
