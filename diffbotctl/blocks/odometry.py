@@ -9,6 +9,8 @@ from diffbotctl.messages import Encoders
 from diffbotctl.messages import Odometry as Pose
 from diffbotctl.params import FromRobot, Param
 
+DOUBT = 1.0  # natural logarithm; dry friction is believed when it tells the rolling out better
+
 
 class Odometry(Block):
     """Integrate both wheels' travel into a pose, finer than the encoders' slots.
@@ -56,8 +58,18 @@ class Odometry(Block):
         time = encoders.time
         left.frame(time, encoders.left, encoders.left_edge, encoders.left_command, duty, since)
         right.frame(time, encoders.right, encoders.right_edge, encoders.right_command, duty, since)
+        self._agree(left, right)
         self.pose.move(left, right)
         return self.pose.message(time, left, right)
+
+    def _agree(self, left: OdometryWheel, right: OdometryWheel) -> None:
+        """Both motors are of one kind: they roll out alike."""
+        if len(left.filter.tracks) > 1 or len(right.filter.tracks) > 1:
+            dry = left.filter.leaning() + right.filter.leaning() > DOUBT
+            left.filter.prefer(dry)
+            right.filter.prefer(dry)
+        left.tell()
+        right.tell()
 
     def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
         kind = OdometryWheel if self.method == "model" else CountedWheel

@@ -42,7 +42,8 @@ class OdometryWheel:
     """A wheel followed by a filter that is driven by the model of its motor."""
 
     __slots__ = (
-        "begun", "count", "filter", "gone", "mirror", "pitch", "rated", "rolled", "static",
+        "begun", "count", "filter", "first", "gone", "mirror", "pitch", "rated", "rolled",
+        "started", "static",
         "to_pitches",
     )  # fmt: skip
 
@@ -53,16 +54,20 @@ class OdometryWheel:
         self.to_pitches = 0.5 * slots / pi
         self.rated = motor.rated
         self.static = motor.loop.static
-        self.count = count
-        self.filter = WheelFilter(Spread(lag=motor.lag, stamp=stamp), time, count, slots)
+        self.count = self.first = count
+        static = motor.loop.static
+        friction = static / (1.0 - static) * motor.rated * self.to_pitches
+        spread = Spread(lag=motor.lag, stamp=stamp, friction=friction)
+        self.filter = WheelFilter(spread, time, count, slots)
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
         self.rolled = self.begun = 0.0
         self.gone = 0.0
+        self.started = self.filter.motion.start
 
     @property
     def speed(self) -> float:
         """m/s"""
-        return self.filter.speed * self.pitch
+        return self.filter.motion.speed * self.pitch
 
     @property
     def variance(self) -> float:
@@ -73,8 +78,6 @@ class OdometryWheel:
         self, time: int, count: int, edge: int | None, command: float, duty: bool, since: int
     ) -> None:
         """Take one frame; the `command` in force `since` is a `duty`, or rad/s."""
-        motion = self.filter.motion
-        start, gone = motion.start, self.gone
         if not duty:
             steps = count - self.count
             passed = self.filter.likely_edge(time, steps) if edge is None else edge
@@ -82,24 +85,27 @@ class OdometryWheel:
         self.count = count
         drive = driven_speed(command, self.static, self.rated) * self.to_pitches
         self.filter.frame(time, count, edge, drive, since)
-        self.gone = motion.travel
-        learnt = start - motion.start
+
+    def tell(self) -> None:
+        """Say how far the wheel has `rolled` and `begun` since this was last asked."""
+        motion = self.filter.motion
+        learnt = self.started - motion.start
+        gone = motion.travel
         self.begun = learnt * self.pitch
-        self.rolled = (self.gone - gone - learnt) * self.pitch
+        self.rolled = (gone - self.gone - learnt) * self.pitch
+        self.gone, self.started = gone, motion.start
 
 
 class CountedWheel(OdometryWheel):
-    """A wheel that takes a count for a pitch."""
+    """A wheel that takes a count for a pitch; its filter tells only the speed."""
 
     __slots__ = ()
 
-    def frame(
-        self, time: int, count: int, edge: int | None, command: float, duty: bool, since: int
-    ) -> None:
-        """Take one frame; only its count matters, and the filter's speed."""
-        before = self.count
-        super().frame(time, count, edge, command, duty, since)
-        self.begun, self.rolled = 0.0, (count - before) * self.pitch
+    def tell(self) -> None:
+        """Say how far the wheel has `rolled` since this was last asked."""
+        told = self.gone
+        self.gone = float(self.count - self.first)
+        self.rolled = (self.gone - told) * self.pitch
 
 
 def driven_speed(duty: float, static: float, rated: float) -> float:

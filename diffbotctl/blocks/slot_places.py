@@ -47,6 +47,17 @@ class SlotPlaces:
         if not self.begun:
             self.begun, self.learnt = True, False
 
+    def copy(self) -> SlotPlaces:
+        """The same, to go its own way from now on."""
+        twin = object.__new__(SlotPlaces)
+        twin.slots, twin.begun, twin.learnt = self.slots, self.begun, self.learnt
+        twin.error = self.error[:]
+        twin.shared = [row[:] for row in self.shared]
+        twin.own = [row[:] for row in self.own]
+        twin.waiting = Transition()
+        twin.waiting.factors, twin.waiting.still = self.waiting.factors, self.waiting.still
+        return twin
+
     def entry(self, slot: int, forward: bool) -> int:
         """Which error shows when the flank of `slot`, counted from the start, is seen."""
         return slot % self.slots if forward else -1

@@ -6,13 +6,15 @@ What reveals the phase is the motor's answer to a known command:
 
     d speed / dt = (gain * drive + offset * sgn(drive) - speed) / lag
 
-and, where the command is too weak against the friction, d speed / dt = -speed / lag. Lengths are
-pitches, times seconds. With the state goes a `SlotPlaces`, the errors of the disc's slots.
+where drive is what a usual motor settles at, beyond a usual friction. Undriven, some motors roll out
+as their lag has it, d speed / dt = -speed / lag; others are braked by dry friction to the last,
+d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds. With the
+state goes a `SlotPlaces`, the errors of the disc's slots.
 """
 
 from __future__ import annotations
 
-from math import erf, exp, log, pi, sqrt
+from math import erf, exp, inf, log, pi, sqrt
 from typing import NamedTuple
 
 from diffbotctl.blocks.slot_places import Row, SlotPlaces
@@ -33,6 +35,7 @@ class Spread(NamedTuple):
     offset: float = 0.7  # pitches/s
     slot: float = 0.03  # pitches; place of an edge
     open: float = 0.05  # pitches; of the open share of a pitch
+    friction: float = 3.7  # pitches/s, a usual motor's: the speed that its dead band takes away
     stamp: float = 0.0  # s; of a frame's time
     rough: float = 0.6  # pitches/s per square root of a second: what the model leaves out
     drift: float = 0.05  # pitches/s per square root of a second: how the offset wanders
@@ -49,7 +52,7 @@ class WheelMotion:
     """The state of one wheel, its covariance, and what is known of its disc."""
 
     __slots__ = (
-        "covariance", "disc", "gain", "log_lag", "offset", "phase", "shifted", "speed", "spread",
+        "covariance", "disc", "dry", "evidence", "gain", "log_lag", "offset", "phase", "shifted", "speed", "spread",
         "z",
     )  # fmt: skip
 
@@ -60,6 +63,8 @@ class WheelMotion:
         self.z = self.phase = 0.5
         self.speed = self.offset = self.shifted = 0.0
         self.gain = 1.0
+        self.dry: bool | None = None  # braked by dry friction when undriven; none: not yet seen
+        self.evidence = 0.0  # logarithm of how likely all was that has been seen
         self.log_lag = log(spread.lag)
         self.covariance: Covariance = (
             UNIFORM, 0.0, 0.0, 0.0, 0.0, UNIFORM,
@@ -81,6 +86,25 @@ class WheelMotion:
         covariance = self.covariance
         return covariance[0] - 2.0 * covariance[5] + covariance[20]
 
+    @property
+    def speed_variance(self) -> float:
+        """(pitches/s)2"""
+        return self.covariance[6]
+
+    def flank_variance(self, forward: bool) -> float:
+        """Variance of z about a flank that is seen now, as it is known before."""
+        spread = self.spread
+        far = 0.0 if forward else spread.open * spread.open
+        return self.covariance[0] + spread.slot * spread.slot + far
+
+    def copy(self) -> WheelMotion:
+        """The same, to go its own way from now on."""
+        twin = object.__new__(WheelMotion)
+        for name in WheelMotion.__slots__:
+            setattr(twin, name, getattr(self, name))
+        twin.disc = self.disc.copy()
+        return twin
+
     def shift(self, pitches: float) -> None:
         """Count z from another slot or flank."""
         self.z += pitches
@@ -100,6 +124,32 @@ class WheelMotion:
         speed = self.speed
         if speed == 0.0 and not drive:
             return
+        rolls_on = speed * sign <= 0.0 and speed != 0.0
+        if rolls_on and self.dry:
+            self._brake(span, drive)
+            return
+        self._move(span, drive, sign, driven=drive != 0.0)
+        if not drive and -CREEP < self.speed < CREEP:
+            self._halt()
+
+    def _brake(self, span: float, drive: float) -> None:
+        """Dry friction works against the motion until that ends, and then as it would at rest."""
+        way = 1 if self.speed > 0.0 else -1
+        # Against the motion stands all that the dead band takes, on both of its sides if driven.
+        against = abs(drive) + self.spread.friction * (2.0 if drive else 1.0)
+        settled = self.gain * against - self.offset
+        if settled <= 0.0:
+            settled = against = 0.0
+        left = exp(self.log_lag) * log(1.0 + abs(self.speed) / settled) if settled else inf
+        self._move(min(left, span), -way * against, way if settled else 0, driven=False)
+        if left < span:
+            self._halt()
+            if drive:
+                self.run(span - left, drive)
+
+    def _move(self, span: float, drive: float, sign: int, driven: bool) -> None:
+        """Follow the exponential towards gain * drive + offset * sign."""
+        speed = self.speed
         lag = exp(self.log_lag)
         fade = exp(-span / lag)
         rise = 1.0 - fade
@@ -114,15 +164,28 @@ class WheelMotion:
             fade, drive * rise, sign * rise, over * by_lag / lag,
         )  # fmt: skip
         spread = self.spread
-        wander = spread.drift * spread.drift * span if drive else 0.0
+        wander = spread.drift * spread.drift * span if driven else 0.0
         self._spread_out(factors, spread.rough * spread.rough * span, span, wander)
-        if not drive and -CREEP < self.speed < CREEP:
-            self._halt()
 
     def _halt(self) -> None:
+        """Friction ends the motion; how far it still rolled hangs on a speed not known better."""
+        lag = exp(self.log_lag)
         self.speed = 0.0
-        (zz, _, zg, zb, zl, zf, _, _, _, _, _, *others) = self.covariance
-        self.covariance = (zz, 0.0, zg, zb, zl, zf, 0.0, 0.0, 0.0, 0.0, 0.0, *others)  # type: ignore[assignment]
+        (zz, _, zg, zb, zl, zf, vv, _, _, _, _, *others) = self.covariance
+        self.covariance = (
+            zz + vv * lag * lag,
+            0.0,
+            zg,
+            zb,
+            zl,
+            zf,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            *others,
+        )  # type: ignore[assignment]
         self.disc.halt()
 
     def _spread_out(self, factors: Factors, noise: float, span: float, wander: float) -> None:
@@ -165,6 +228,7 @@ class WheelMotion:
                 entry = disc.entry(slot, forward)
                 noise, error = disc.own[entry][entry], disc.error[entry]
             whole = row[0] + noise
+            self._note(place + error - self.z, whole)
             self._absorb(row, (place + error - self.z) / whole, 1.0 / whole)
             return
         disc.carry()
@@ -176,6 +240,7 @@ class WheelMotion:
         noise = EDGE * EDGE if forward else self.spread.slot**2
         whole = motion[0] - slots[entry] + noise
         pull = (place + disc.error[entry] - self.z) / whole
+        self._note(pull * whole, whole)
         self._absorb(motion, pull, 1.0 / whole)
         disc.absorb(motion, slots, pull, 1.0 / whole)
         if entry == 0:
@@ -191,12 +256,16 @@ class WheelMotion:
         mass = cumulated(above) - cumulated(below)
         if mass > 1.0 - least:
             return
+        self.evidence += log(max(mass, LEAST_MASS))
         if mass < LEAST_MASS:
             nearer = low if below > 0.0 else high
             self._learn((nearer - self.z) / whole, 1.0 / whole)
             return
         shift, left = truncated(below, above, mass)
         self._learn(shift / deviation, (1.0 - left) / whole)
+
+    def _note(self, surprise: float, variance: float) -> None:
+        self.evidence -= 0.5 * (surprise * surprise / variance + log(variance))
 
     def _learn(self, pull: float, cut: float) -> None:
         """Take in what was seen of z itself."""
