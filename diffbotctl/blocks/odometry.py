@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.blocks.frame_times import FrameTimes
 from diffbotctl.blocks.odometry_wheel import CountedWheel, OdometryWheel, Side
 from diffbotctl.blocks.pose_estimate import PoseEstimate
 from diffbotctl.messages import Encoders
 from diffbotctl.messages import Odometry as Pose
 from diffbotctl.params import FromRobot, Param
 
+LEFT = 0.3  # of the scatter of frames' times, once they are followed
 DOUBT = 1.0  # natural logarithm; dry friction is believed when it tells the rolling out better
 
 
@@ -30,7 +32,9 @@ class Odometry(Block):
         help="Slip of a wheel: sd after a metre of its travel.",
     )  # fmt: skip
     command_delay: float = FromRobot("link.command_delay")
+    command_jitter: float = FromRobot("link.command_jitter")
     stamp_jitter: float = FromRobot("link.stamp_jitter")
+    telemetry: float = FromRobot("board.telemetry")
     track: float = FromRobot("drive.track")
     left_side: Side = FromRobot("drive.left")
     right_side: Side = FromRobot("drive.right")
@@ -40,11 +44,15 @@ class Odometry(Block):
     def reset(self) -> None:
         self.last: Encoders | None = None
         self.pose = PoseEstimate(self.track, self.slip)
+        self.times = FrameTimes(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[OdometryWheel, OdometryWheel] | None = None
 
     def react(self, now: int, encoders: Encoders | None) -> Pose | None:
         if encoders is None:
             return None
+        if self.stamp_jitter:
+            sampled = self.times.sampled(encoders.time, self.last.time if self.last else 0)
+            encoders = encoders._replace(time=sampled)
         last, self.last = self.last, encoders
         if last is None or self.wheels is None or encoders.boot != last.boot:
             self.wheels = self._start(encoders)
@@ -73,10 +81,11 @@ class Odometry(Block):
 
     def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
         kind = OdometryWheel if self.method == "model" else CountedWheel
-        time, stamp = encoders.time, self.stamp_jitter
+        time = encoders.time
+        jitters = (LEFT * self.stamp_jitter, self.command_jitter)
         return (
-            kind(self.left_side, time, encoders.left, stamp),
-            kind(self.right_side, time, encoders.right, stamp),
+            kind(self.left_side, time, encoders.left, *jitters),
+            kind(self.right_side, time, encoders.right, *jitters),
         )
 
     def _took_hold(self, before: int, time: int) -> int:

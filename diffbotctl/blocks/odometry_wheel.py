@@ -47,8 +47,9 @@ class OdometryWheel:
         "to_pitches",
     )  # fmt: skip
 
-    def __init__(self, side: Side, time: int, count: int, stamp: float) -> None:
-        """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s)."""
+    def __init__(self, side: Side, time: int, count: int, stamp: float, hold: float) -> None:
+        """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s), those
+        when commands take hold by `hold` (s)."""
         motor, slots = side.motor, side.encoder.slots
         self.pitch = pi * side.wheel.diameter / slots
         self.to_pitches = 0.5 * slots / pi
@@ -57,7 +58,7 @@ class OdometryWheel:
         self.count = self.first = count
         static = motor.loop.static
         friction = static / (1.0 - static) * motor.rated * self.to_pitches
-        spread = Spread(lag=motor.lag, stamp=stamp, friction=friction)
+        spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
         self.filter = WheelFilter(spread, time, count, slots)
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
         self.rolled = self.begun = 0.0

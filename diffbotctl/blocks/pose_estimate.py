@@ -13,7 +13,10 @@ class Rolling(Protocol):
 
     rolled: float  # m, since the frame before
     begun: float  # m, by which the first stretch from the start has turned out longer
-    speed: float  # m/s
+
+    @property
+    def speed(self) -> float:
+        """m/s"""
 
     @property
     def variance(self) -> float:

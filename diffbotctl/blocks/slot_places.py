@@ -21,8 +21,8 @@ Row = tuple[float, float, float, float, float, float]
 class SlotPlaces:
     """The slots' errors (pitches, true place minus nominal) and what they share with the motion.
 
-    The last entry is the error of the open share. `shared` holds six lists, the covariances of each state of the motion with every slot; `own` the
-    slots' covariances with each other.
+    The last entry is the error of the open share. `shared` holds six lists, the covariances of each
+    state of the motion with every error; `own` the errors' covariances with each other.
     """
 
     __slots__ = ("begun", "error", "learnt", "own", "shared", "slots", "waiting")

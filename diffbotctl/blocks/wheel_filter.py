@@ -1,4 +1,4 @@
-"""How far a wheel has turned, finer than its encoder's slots: the likeliest account of its edges."""
+"""How far a wheel has turned, finer than its slots: the likeliest account of its edges."""
 
 from __future__ import annotations
 

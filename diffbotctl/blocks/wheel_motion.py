@@ -6,8 +6,8 @@ What reveals the phase is the motor's answer to a known command:
 
     d speed / dt = (gain * drive + offset * sgn(drive) - speed) / lag
 
-where drive is what a usual motor settles at, beyond a usual friction. Undriven, some motors roll out
-as their lag has it, d speed / dt = -speed / lag; others are braked by dry friction to the last,
+where drive is what a usual motor settles at, beyond a usual friction. Undriven, some motors roll
+out as their lag has it, d speed / dt = -speed / lag; others are braked by dry friction to the last,
 d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds. With the
 state goes a `SlotPlaces`, the errors of the disc's slots.
 """
@@ -37,6 +37,7 @@ class Spread(NamedTuple):
     open: float = 0.05  # pitches; of the open share of a pitch
     friction: float = 3.7  # pitches/s, a usual motor's: the speed that its dead band takes away
     stamp: float = 0.0  # s; of a frame's time
+    hold: float = 0.0  # s; of the time at which a command takes hold
     rough: float = 0.6  # pitches/s per square root of a second: what the model leaves out
     drift: float = 0.05  # pitches/s per square root of a second: how the offset wanders
 
@@ -52,8 +53,8 @@ class WheelMotion:
     """The state of one wheel, its covariance, and what is known of its disc."""
 
     __slots__ = (
-        "covariance", "disc", "dry", "evidence", "gain", "log_lag", "offset", "phase", "shifted", "speed", "spread",
-        "z",
+        "covariance", "disc", "dry", "evidence", "gain", "log_lag", "offset", "phase", "shifted",
+        "speed", "spread", "z",
     )  # fmt: skip
 
     def __init__(self, spread: Spread, slots: int) -> None:
@@ -171,21 +172,12 @@ class WheelMotion:
         """Friction ends the motion; how far it still rolled hangs on a speed not known better."""
         lag = exp(self.log_lag)
         self.speed = 0.0
-        (zz, _, zg, zb, zl, zf, vv, _, _, _, _, *others) = self.covariance
+        (zz, _, zg, zb, zl, zf, vv, _, _, _, _,
+         gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = self.covariance  # fmt: skip
         self.covariance = (
-            zz + vv * lag * lag,
-            0.0,
-            zg,
-            zb,
-            zl,
-            zf,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            *others,
-        )  # type: ignore[assignment]
+            zz + vv * lag * lag, 0.0, zg, zb, zl, zf, 0.0, 0.0, 0.0, 0.0, 0.0,
+            gg, gb, gl, gf, bb, bl, bf, ll, lf, ff,
+        )  # fmt: skip
         self.disc.halt()
 
     def _spread_out(self, factors: Factors, noise: float, span: float, wander: float) -> None:
@@ -217,6 +209,12 @@ class WheelMotion:
             vg, vb, vl, vf, gg, gb, gl, gf, bb + wander, bl, bf, ll, lf, ff,
         )  # fmt: skip
 
+    def turn(self, change: float) -> None:
+        """The drive changes by `change` (pitches/s) now, or a little earlier or later."""
+        if self.spread.hold:
+            first = self.covariance[0] + (change * self.spread.hold) ** 2
+            self.covariance = (first, *self.covariance[1:])
+
     def see_edge(self, place: float, slot: int, forward: bool) -> None:
         """A flank of `slot` is under the light barrier, seen going `forward` or backward; nominally
         that is at `place`."""
@@ -236,7 +234,7 @@ class WheelMotion:
         shared, own = disc.with_entry(entry)
         # What is seen is z less the flank's error.
         slots = [p - q for p, q in zip(disc.shared[0], own, strict=True)]
-        motion: Row = tuple(p - q for p, q in zip(row, shared, strict=True))  # type: ignore[assignment]
+        motion = _less(row, shared)
         noise = EDGE * EDGE if forward else self.spread.slot**2
         whole = motion[0] - slots[entry] + noise
         pull = (place + disc.error[entry] - self.z) / whole
@@ -298,6 +296,12 @@ class WheelMotion:
             ll - lc * lag, lf - lc * f,
             ff - f * cut * f,
         )  # fmt: skip
+
+
+def _less(one: Row, other: Row) -> Row:
+    a, b, c, d, e, f = one
+    p, q, r, s, t, u = other
+    return (a - p, b - q, c - r, d - s, e - t, f - u)
 
 
 def cumulated(value: float) -> float:

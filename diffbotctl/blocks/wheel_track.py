@@ -128,6 +128,7 @@ class WheelTrack:
 
     def _turn(self, drive: float) -> None:
         """The command changes to `drive`."""
+        self.motion.turn(drive - self.drive)
         self.drive = drive
         if drive == 0.0:
             return
