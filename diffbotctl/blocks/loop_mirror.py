@@ -3,7 +3,8 @@
 The loop's specification stands in the firmware: the board drives with the feed-forward of its
 target and what a PI controller gathers from its own edges, at 100 Hz. The host hears of every
 target and of nearly every edge, or can tell from the counts about when it was; so it knows the duty
-that the motor gets, though no frame carries it. Without that the filter takes the loop's work for friction.
+that the motor gets, though no frame carries it. Without that the filter takes the loop's work for
+friction.
 """
 
 from __future__ import annotations
