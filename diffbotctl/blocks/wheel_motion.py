@@ -38,7 +38,7 @@ class Spread(NamedTuple):
     friction: float = 3.7  # pitches/s, a usual motor's: the speed that its dead band takes away
     stamp: float = 0.0  # s; of a frame's time
     hold: float = 0.0  # s; of the time at which a command takes hold
-    rough: float = 0.6  # pitches/s per square root of a second: what the model leaves out
+    rough: float = 0.9  # pitches/s per square root of a second: what the model leaves out
     drift: float = 0.05  # pitches/s per square root of a second: how the offset wanders
 
 
