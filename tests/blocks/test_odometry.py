@@ -83,7 +83,7 @@ def test_the_heading_is_known_far_below_a_slot_and_so_is_the_doubt(kind, most, c
 
 
 def test_raw_counting_is_what_it_says():
-    setup, odometry = block("edges")
+    _, odometry = block("edges")
     odometry.method = "count"
     odometry.reset()
     for frame, count in enumerate((7, 7, 8, 10)):
