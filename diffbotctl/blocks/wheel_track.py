@@ -93,12 +93,8 @@ class WheelTrack:
 
     def rolling_out(self, drive: float) -> list[WheelTrack]:
         """Split over how friction ends the motion, the first time that `drive` leaves off."""
-        speed = self.motion.speed
-        if (
-            self.motion.dry is not None
-            or drive * speed > 0.0
-            or abs(speed) < ROLLING * self.motion.spread.creep
-        ):
+        motion = self.motion
+        if motion.dry is not None or drive * motion.speed > 0.0 or not motion.rolls(ROLLING):
             return [self]
         twin = self.copy()
         motion.dry, twin.motion.dry = False, True
