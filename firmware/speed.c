@@ -49,7 +49,7 @@ static void drive(speed_t *speed, const speed_gains_t *gains, const speed_edges_
     int32_t wanted = gains->start + (int32_t)((uint32_t)gains->gain * (uint16_t)target >> 8);
     wanted += ((int32_t)gains->proportional * error) / 256 + speed->sum / INTEGRATOR_ONE;
     int32_t duty = wanted > DUTY_FULL ? DUTY_FULL : wanted < 0 ? 0 : wanted;
-    if (step && (wanted == duty || (wanted > duty) != (error > 0))) {
+    if (step && (within(wanted, DUTY_FULL) == wanted || (wanted > 0) != (error > 0))) {
         int32_t more = within((int32_t)gains->integral * error, INTEGRATOR_LIMIT);
         speed->sum = within(speed->sum + more, INTEGRATOR_LIMIT);
     }
@@ -75,7 +75,7 @@ void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *ed
     }
     if (before != 0 && turned) {
         speed->sum = 0;
-        speed->slewing = true;
+        speed->slewing = speed->duty != 0 && (speed->duty < 0) != (target < 0);
     }
     speed->target = target == INT16_MIN ? -INT16_MAX : target;
     drive(speed, gains, edges, false);

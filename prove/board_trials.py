@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Iterator
-from pathlib import Path
 from itertools import pairwise
+from pathlib import Path
 from random import Random
 from statistics import median
 

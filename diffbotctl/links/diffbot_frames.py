@@ -520,7 +520,7 @@ class Capture(NamedTuple):
     sequence: int  # counts frames of this kind
     lost: int  # edges found no room
     reserved: int  # zero
-    time: int  # 64 us, time of the first edge; 28 bits
+    time: int  # 64 us, low 28 bits: from then runs the first interval
     edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before
 
     def pack(self) -> bytes:
