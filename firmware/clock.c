@@ -7,10 +7,11 @@
 #include "motors.h"
 #include "reset.h"
 
+#define MS_PER_MINUTE 60000U
+
 static volatile uint16_t overflows;
 static volatile uint8_t elapsed;
-static uint16_t milliseconds;
-static uint32_t uptime;
+static uint16_t milliseconds, minutes;
 
 void clock_start(void)
 {
@@ -61,15 +62,15 @@ uint8_t clock_elapsed(void)
         taken = elapsed;
         elapsed = 0;
     }
-    for (uint8_t i = 0; i < taken; i++)
-        if (++milliseconds == 1000) {
-            milliseconds = 0;
-            uptime++;
-        }
+    milliseconds += taken;
+    if (milliseconds >= MS_PER_MINUTE) {
+        milliseconds -= MS_PER_MINUTE;
+        minutes++;
+    }
     return taken;
 }
 
-uint32_t clock_uptime(void)
+uint16_t clock_uptime(void)
 {
-    return uptime;
+    return minutes;
 }

@@ -19,8 +19,8 @@ uint32_t clock_now(void);
 /* Milliseconds that have begun since the last call. */
 uint8_t clock_elapsed(void);
 
-/* Seconds since the start. */
-uint32_t clock_uptime(void);
+/* Minutes since the start. */
+uint16_t clock_uptime(void);
 
 /* The analog converter's turn comes every 1032 us: sixteen readings last 16.5 ms, the period in
    which a Sharp distance sensor takes a new measurement. */

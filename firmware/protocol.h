@@ -24,7 +24,7 @@
 #define GLITCH_MAXIMUM 50000
 #define SLOTS_MAXIMUM 10000
 #define CAPTURE_EDGES 8
-#define CAPTURE_FILLER 16383
+#define CAPTURE_TIME 16383
 #define PAYLOAD_LONGEST 36
 
 enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7 };
@@ -204,8 +204,8 @@ typedef struct __attribute__((packed)) {
     uint8_t sequence : 6; /* counts frames of this kind */
     uint8_t lost : 1; /* edges found no room */
     uint8_t reserved : 1; /* zero */
-    uint32_t time; /* 64 us, low 28 bits: from then runs the first interval */
-    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before */
+    uint32_t time; /* 64 us, low 28 bits, of this frame; no edge in it is a second old */
+    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us */
 } capture_t;
 enum { TYPE_CAPTURE = 13 };
 _Static_assert(sizeof(capture_t) == 22, "the structure is the payload");

@@ -30,7 +30,8 @@ static deadman_t deadman;
 static settings_t settings;
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
 static speed_t wheels[2];
-static speed_gains_t gains[2];
+static speed_own_t gains[2];
+static speed_common_t common;
 static uint32_t limit; /* of the dead-man, ticks */
 static uint8_t faults, period_ms, press_ms, rest;
 static pin_t button;
@@ -48,12 +49,10 @@ static void use(void)
 {
     settings_mark = codec_check(&settings, sizeof settings);
     limit = settings.deadman * (TICKS_PER_SECOND / 1000);
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        memcpy(&gains[wheel].start, wheel ? &settings.right_start : &settings.left_start, 4);
-        gains[wheel].proportional = settings.proportional;
-        gains[wheel].integral = settings.integral;
-        gains[wheel].pitch = speed_pitch(settings.slots);
-    }
+    memcpy(gains, &settings.left_start, sizeof gains); /* both wheels' own, in this order */
+    common.proportional = settings.proportional;
+    common.integral = settings.integral;
+    common.pitch = speed_pitch(settings.slots);
     motors_configure(&settings);
     encoders_configure(&settings);
     analog_configure(&settings);
@@ -139,7 +138,7 @@ static void drive(uint8_t link, const command_t *frame)
         if (mode == MODE_DUTY) {
             wheels[wheel].duty = wanted;
         } else {
-            speed_command(&wheels[wheel], &gains[wheel], &edges, wanted);
+            speed_command(&wheels[wheel], &gains[wheel], &common, &edges, wanted);
             if (edges.edges == 0)
                 encoders_forget(wheel);
         }
@@ -224,7 +223,7 @@ static void loop(void)
         bool edge = encoders_moved(wheel);
         if (deadman.mode == MODE_SPEED) {
             speed_edges_t edges = encoders_edges(wheel);
-            speed_step(speed, &gains[wheel], &edges);
+            speed_step(speed, &gains[wheel], &common, &edges);
             motors_set(wheel, speed->duty);
         }
         if (edge || speed->duty != 0)

@@ -30,27 +30,28 @@ static int32_t within(int32_t value, int32_t limit)
 }
 
 /* Speed that the wheel lacks, in the direction of its target; 0 while its speed is not known. */
-static int16_t lack(int16_t target, const speed_gains_t *gains, const speed_edges_t *edges)
+static int16_t lack(int16_t target, uint32_t pitch, const speed_edges_t *edges)
 {
     if (edges->edges < 2 || edges->period > AGE_UNKNOWN)
         return 0;
-    uint32_t measured = gains->pitch / (edges->period | 1);
+    uint32_t measured = pitch / (edges->period | 1);
     return (int16_t)(target - (measured > INT16_MAX ? INT16_MAX : (int16_t)measured));
 }
 
 /* All in the direction of the target, so that signs need no care: the loop is symmetric. */
-static void drive(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges, bool step)
+static void drive(speed_t *speed, const speed_own_t *own, const speed_common_t *common,
+                  const speed_edges_t *edges, bool step)
 {
     bool backwards = speed->target < 0;
     int16_t target = backwards ? (int16_t)-speed->target : speed->target;
     if (target == 0)
         return;
-    int16_t error = lack(target, gains, edges);
-    int32_t wanted = gains->start + (int32_t)((uint32_t)gains->gain * (uint16_t)target >> 8);
-    wanted += ((int32_t)gains->proportional * error) / 256 + speed->sum / INTEGRATOR_ONE;
+    int16_t error = lack(target, common->pitch, edges);
+    int32_t wanted = own->start + (int32_t)((uint32_t)own->gain * (uint16_t)target >> 8);
+    wanted += ((int32_t)common->proportional * error) / 256 + speed->sum / INTEGRATOR_ONE;
     int32_t duty = wanted > DUTY_FULL ? DUTY_FULL : wanted < 0 ? 0 : wanted;
     if (step && (within(wanted, DUTY_FULL) == wanted || (wanted > 0) != (error > 0))) {
-        int32_t more = within((int32_t)gains->integral * error, INTEGRATOR_LIMIT);
+        int32_t more = within((int32_t)common->integral * error, INTEGRATOR_LIMIT);
         speed->sum = within(speed->sum + more, INTEGRATOR_LIMIT);
     }
     if (backwards)
@@ -63,7 +64,8 @@ static void drive(speed_t *speed, const speed_gains_t *gains, const speed_edges_
     speed->duty = (int16_t)duty;
 }
 
-void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target)
+void speed_command(speed_t *speed, const speed_own_t *own, const speed_common_t *common,
+                   speed_edges_t *edges, int16_t target)
 {
     int16_t before = speed->target;
     bool turned = (before < 0) != (target < 0);
@@ -78,12 +80,13 @@ void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *ed
         speed->slewing = speed->duty != 0 && (speed->duty < 0) != (target < 0);
     }
     speed->target = target == INT16_MIN ? -INT16_MAX : target;
-    drive(speed, gains, edges, false);
+    drive(speed, own, common, edges, false);
 }
 
-void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges)
+void speed_step(speed_t *speed, const speed_own_t *own, const speed_common_t *common,
+                const speed_edges_t *edges)
 {
-    drive(speed, gains, edges, true);
+    drive(speed, own, common, edges, true);
 }
 
 bool speed_stalled(speed_t *speed, bool edge)

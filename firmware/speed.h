@@ -10,13 +10,17 @@
 #define SPEED_PERIOD_MS 10
 #define DUTY_FULL 32767
 
+/* Of one wheel, as in the settings: duty that just moves it, and duty per rad/s, 1/32768. */
 typedef struct {
-    uint16_t start;        /* duty that just moves the wheel, 1/32768 */
-    uint16_t gain;         /* duty per rad/s, 1/32768 */
-    uint16_t proportional; /* duty per rad/s of error, 1/32768 */
-    uint16_t integral;     /* duty per rad of error, 1/32768 */
-    uint32_t pitch;        /* 1/256 rad/s times ticks: one slot's angle */
-} speed_gains_t;
+    uint16_t start, gain;
+} speed_own_t;
+
+/* Of both: duty per rad/s and per rad of error, 1/32768, as in the settings; and one slot's angle in
+   1/256 rad/s times ticks. */
+typedef struct {
+    uint16_t proportional, integral;
+    uint32_t pitch;
+} speed_common_t;
 
 /* What the encoder knows: edges since the start from rest (0, 1, 2 for more), and the larger of the
    time between the last two and the time since the last. */
@@ -40,10 +44,12 @@ void speed_stop(speed_t *speed);
 
 /* A new target; its feed-forward acts at once. When it starts the wheel or turns it round, the
    edges' history counts no more: `edges` is told so, and so must the encoder be. */
-void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target);
+void speed_command(speed_t *speed, const speed_own_t *own, const speed_common_t *common,
+                   speed_edges_t *edges, int16_t target);
 
 /* One period of the loop. */
-void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges);
+void speed_step(speed_t *speed, const speed_own_t *own, const speed_common_t *common,
+                const speed_edges_t *edges);
 
 /* To be called once a period: true when the wheel has had power for long and gave no edge. */
 bool speed_stalled(speed_t *speed, bool edge);

@@ -70,7 +70,7 @@ static uint16_t value(const deadman_t *deadman, uint8_t faults, uint16_t longest
     encoders_read(both);
     switch (item) {
     case ITEM_UPTIME:
-        return (uint16_t)(clock_uptime() / 60);
+        return clock_uptime();
     case ITEM_FLAGS:
         return (uint16_t)(reset_cause | store_done() << 4 | deadman->pressed << 5 | faults << 6);
     case ITEM_BATTERY:

@@ -25,7 +25,7 @@ TELEMETRY_MAXIMUM = 100  # Hz
 GLITCH_MAXIMUM = 50000  # us; at 20 slots and 100 rpm one slot lasts 15 ms
 SLOTS_MAXIMUM = 10000  # counts a turn; ten times what a hobby encoder gives
 CAPTURE_EDGES = 8  # edges in one capture frame
-CAPTURE_FILLER = 16383  # an interval too long for one entry; no edge
+CAPTURE_TIME = 16383  # mask of the time in an entry
 MODE = {0: 'unset', 1: 'stopped', 2: 'speed', 3: 'duty', 4: 'expired', 5: 'fault', 6: 'overruled', 7: 'button'}
 MODE_MEANING = {'unset': 'no valid settings, nothing moves', 'stopped': 'stopped by its owner', 'speed': 'the wheel-speed loop runs', 'duty': 'raw duty', 'expired': 'the dead-man stopped it: no valid command in time', 'fault': 'a motor had power and its encoder gave no edges', 'overruled': 'another link stopped it', 'button': 'the stop button is pressed'}
 RESET = {0: 'unknown', 1: 'power', 2: 'line', 3: 'brownout', 4: 'watchdog'}
@@ -520,8 +520,8 @@ class Capture(NamedTuple):
     sequence: int  # counts frames of this kind
     lost: int  # edges found no room
     reserved: int  # zero
-    time: int  # 64 us, low 28 bits: from then runs the first interval
-    edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before
+    time: int  # 64 us, low 28 bits, of this frame; no edge in it is a second old
+    edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us
 
     def pack(self) -> bytes:
         """Payload bytes."""

@@ -115,8 +115,9 @@ class Telemetry:
         board = self._unwrap_time(now, frame.time % WRAP)
         found = []
         for entry in frame.edges[: frame.used]:
-            board += (entry & frames.CAPTURE_FILLER) * TICK
-            found.append(RawEdge(self.clock.to_host(board), entry >> 15, entry >> 14 & 1))
+            age = (frame.time - entry) & frames.CAPTURE_TIME
+            time = self.clock.to_host(board - age * TICK)
+            found.append(RawEdge(time, entry >> 15, entry >> 14 & 1))
         return found
 
     def volts(self, encoders: Encoders, frame: State) -> Volts:

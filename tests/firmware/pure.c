@@ -84,23 +84,24 @@ static void settings_lines(void)
 static void speed_lines(void)
 {
     static char line[LINE];
-    speed_gains_t gains = {0};
+    speed_own_t own = {0};
+    speed_common_t common = {0};
     speed_t speed = {0};
     speed_edges_t edges;
     unsigned slots, count;
     int target;
     while (fgets(line, sizeof line, stdin)) {
-        if (sscanf(line, "gains %hu %hu %hu %hu %u", &gains.start, &gains.gain, &gains.proportional,
-                   &gains.integral, &slots) == 5) {
-            gains.pitch = speed_pitch((uint16_t)slots);
+        if (sscanf(line, "gains %hu %hu %hu %hu %u", &own.start, &own.gain,
+                   &common.proportional, &common.integral, &slots) == 5) {
+            common.pitch = speed_pitch((uint16_t)slots);
             continue;
         }
         if (sscanf(line, "command %d %u %u", &target, &count, &edges.period) == 3) {
             edges.edges = (uint8_t)count;
-            speed_command(&speed, &gains, &edges, (int16_t)target);
+            speed_command(&speed, &own, &common, &edges, (int16_t)target);
         } else if (sscanf(line, "step %u %u", &count, &edges.period) == 2) {
             edges.edges = (uint8_t)count;
-            speed_step(&speed, &gains, &edges);
+            speed_step(&speed, &own, &common, &edges);
         }
         printf("%d\n", speed.duty);
     }
@@ -108,12 +109,13 @@ static void speed_lines(void)
 
 static void fuzz_speed(speed_t *speed)
 {
-    speed_gains_t gains = {(uint16_t)chance() & 0x7FFF, (uint16_t)chance(), (uint16_t)chance(),
-                           (uint16_t)chance(), speed_pitch((uint16_t)(1 + chance() % 10000))};
+    speed_own_t own = {(uint16_t)chance() & 0x7FFF, (uint16_t)chance()};
+    speed_common_t common = {(uint16_t)chance(), (uint16_t)chance(),
+                             speed_pitch((uint16_t)(1 + chance() % 10000))};
     speed_edges_t edges = {(uint8_t)(chance() % 3), (uint32_t)chance() >> chance() % 32};
     if (chance() & 1)
-        speed_command(speed, &gains, &edges, (int16_t)chance());
-    speed_step(speed, &gains, &edges);
+        speed_command(speed, &own, &common, &edges, (int16_t)chance());
+    speed_step(speed, &own, &common, &edges);
     if (speed->duty != 0 && (speed->duty < 0) != (speed->target < 0) && !speed->slewing)
         exit(3); /* power against the target */
     if (speed_stalled(speed, chance() & 1))

@@ -238,11 +238,11 @@ def test_capture_tells_every_flank():
         assert len(edges) == 160
         assert [edge >> 15 for edge in edges].count(1) == 80
         assert [edge >> 14 & 1 for edge in edges].count(1) == 80
-        # Each frame's time and intervals give the board's time of each flank: 25 ms apart.
+        # A frame's time and the low bits of each entry give the board's time: 25 ms apart.
         times = sorted(
-            frame.time + sum(edge & 0x3FFF for edge in frame.edges[: last + 1])
+            frame.time - (frame.time - edge & frames.CAPTURE_TIME)
             for frame in captured
-            for last in range(frame.used)
+            for edge in frame.edges[: frame.used]
         )
         flank = 25 * MS / frames.TICK_NANOSECONDS
         steps = [round((time - times[0]) / flank) for time in times]

@@ -4,7 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffbotctl.links import diffbot_frames as frames
@@ -121,6 +121,7 @@ def test_a_flood_without_delimiters_takes_no_memory():
     assert decoder.feed(b"\0" + encode(stop)) == [stop]
 
 
+@settings(deadline=None, max_examples=40)  # each starts a process, the first one a compiler
 @given(any_frame())
 def test_the_board_reads_what_the_host_writes(frame):
     lines = pure_parts.run("codec", lines=[encode(frame).hex()])
