@@ -11,7 +11,7 @@ static volatile uint8_t head, tail;
 static bool lost;
 static uint8_t sequence;
 
-void capture_put(uint8_t wheel, bool level, uint32_t now)
+void capture_put(uint8_t wheel, bool level, ticks_t now)
 {
     uint8_t next = (uint8_t)(head + 1) % RING;
     uint16_t entry = (uint16_t)(now >> 4) & CAPTURE_TIME;
@@ -27,7 +27,7 @@ void capture_put(uint8_t wheel, bool level, uint32_t now)
     head = next;
 }
 
-bool capture_take(capture_t *frame, uint32_t now)
+bool capture_take(capture_t *frame, ticks_t now)
 {
     uint8_t waiting = (uint8_t)(head - tail) % RING;
     uint16_t waited = ((uint16_t)(now >> 4) - ring[tail]) & CAPTURE_TIME;

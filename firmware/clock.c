@@ -9,7 +9,7 @@
 
 #define MS_PER_MINUTE 60000U
 
-static volatile uint16_t overflows;
+static volatile uint8_t overflows;
 static volatile uint8_t elapsed;
 static uint16_t milliseconds, minutes;
 
@@ -41,9 +41,10 @@ void clock_sample(void)
     analog_convert();
 }
 
-uint32_t clock_now(void)
+ticks_t clock_now(void)
 {
-    uint16_t high, low;
+    uint8_t high;
+    uint16_t low;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         low = TCNT1;
@@ -51,7 +52,7 @@ uint32_t clock_now(void)
         if ((TIFR1 & 1 << TOV1) && low < 0x8000)
             high++; /* the overflow's interrupt is still waiting */
     }
-    return (uint32_t)high << 16 | low;
+    return (ticks_t)high << 16 | low;
 }
 
 uint8_t clock_elapsed(void)

@@ -8,7 +8,7 @@
 #include "clock.h"
 
 /* Ages are told in 16 bits of 64 us; older edges are marked so before the clock comes round. */
-#define OLD_TICKS ((uint32_t)AGE_NONE * 16)
+#define OLD_TICKS ((ticks_t)AGE_NONE * 16)
 
 typedef struct {
     register_t *in; /* PINx; null before there are settings */
@@ -21,20 +21,20 @@ typedef struct {
     int8_t direction;
     uint8_t run;    /* edges since the start from rest, up to 2 */
     uint16_t count, rejected;
-    uint32_t changed; /* when the level last changed */
-    uint32_t last;    /* when the last edge counted */
-    uint32_t period;
+    ticks_t changed; /* when the level last changed */
+    ticks_t last;    /* when the last edge counted */
+    ticks_t period;
 } sensor_t;
 
 /* Written by interrupts; everybody else reads them with interrupts off. */
 static sensor_t sensors[2];
 static uint8_t left_interrupt;
-static uint32_t glitch; /* ticks; 0: no filter */
+static ticks_t glitch; /* ticks; 0: no filter */
 static uint8_t edge_kind;
 static bool any_flank; /* interrupts on both flanks */
 static bool capturing;
 
-static void counted(sensor_t *sensor, bool level, uint32_t now)
+static void counted(sensor_t *sensor, bool level, ticks_t now)
 {
     if (sensor->in_b) {
         bool other = *sensor->in_b & sensor->mask_b;
@@ -57,12 +57,12 @@ void encoders_edge(uint8_t interrupt)
 {
     uint8_t wheel = interrupt != left_interrupt;
     sensor_t *sensor = &sensors[wheel];
-    uint32_t now = clock_now();
+    ticks_t now = clock_now();
     bool level = *sensor->in & sensor->mask;
     if (any_flank) {
         if (capturing)
             capture_put(wheel, level, now);
-        uint32_t lasted = now - sensor->changed;
+        ticks_t lasted = now - sensor->changed;
         /* The level that the first edge since the last look went to; the pin may have gone there
            and back before this interrupt ran. */
         bool reached = !sensor->level;
@@ -126,17 +126,20 @@ void encoders_face(uint8_t wheel, int16_t wanted)
         sensors[wheel].direction = wanted < 0 ? -1 : 1;
 }
 
-uint32_t encoders_read(encoder_t both[2])
+ticks_t encoders_read(encoder_t both[2])
 {
-    uint32_t now;
+    ticks_t now;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         now = clock_now();
         for (uint8_t wheel = 0; wheel < 2; wheel++) {
             sensor_t *sensor = &sensors[wheel];
-            uint32_t age = now - sensor->last;
-            if (age >= OLD_TICKS)
+            ticks_t age = now - sensor->last;
+            if (age >= OLD_TICKS) {
                 sensor->any = false;
+                if (now - sensor->changed >= OLD_TICKS)
+                    sensor->changed = now - OLD_TICKS; /* before the clock comes round */
+            }
             both[wheel].count = sensor->count;
             both[wheel].rejected = sensor->rejected;
             both[wheel].age = sensor->any ? (uint16_t)(age >> 4) : AGE_NONE;
@@ -150,7 +153,7 @@ speed_edges_t encoders_edges(uint8_t wheel)
     speed_edges_t edges;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        uint32_t age = clock_now() - sensors[wheel].last;
+        ticks_t age = clock_now() - sensors[wheel].last;
         edges.edges = sensors[wheel].run;
         edges.period = sensors[wheel].period;
         if (age > edges.period)

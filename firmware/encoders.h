@@ -23,7 +23,7 @@ void encoders_configure(const settings_t *settings);
 void encoders_face(uint8_t wheel, int16_t wanted);
 
 /* Both wheels at the same moment, which is returned. */
-uint32_t encoders_read(encoder_t both[2]);
+ticks_t encoders_read(encoder_t both[2]);
 
 /* What the speed loop wants to know. */
 speed_edges_t encoders_edges(uint8_t wheel);

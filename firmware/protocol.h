@@ -204,7 +204,7 @@ typedef struct __attribute__((packed)) {
     uint8_t sequence : 6; /* counts frames of this kind */
     uint8_t lost : 1; /* edges found no room */
     uint8_t reserved : 1; /* zero */
-    uint32_t time; /* 64 us, low 28 bits, of this frame; no edge in it is a second old */
+    uint32_t time; /* 64 us, low 20 bits, of this frame; no edge in it is a second old */
     uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us */
 } capture_t;
 enum { TYPE_CAPTURE = 13 };

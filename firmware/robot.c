@@ -32,7 +32,7 @@ static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
 static speed_t wheels[2];
 static speed_own_t gains[2];
 static speed_common_t common;
-static uint32_t limit; /* of the dead-man, ticks */
+static ticks_t limit; /* of the dead-man, ticks */
 static uint8_t faults, period_ms, press_ms, rest;
 static pin_t button;
 
@@ -48,7 +48,7 @@ static void release(void)
 static void use(void)
 {
     settings_mark = codec_check(&settings, sizeof settings);
-    limit = settings.deadman * (TICKS_PER_SECOND / 1000);
+    limit = (ticks_t)settings.deadman * TICKS_PER_MS;
     memcpy(gains, &settings.left_start, sizeof gains); /* both wheels' own, in this order */
     common.proportional = settings.proportional;
     common.integral = settings.integral;

@@ -6,7 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define TICKS_PER_SECOND 250000UL
+#include "ticks.h"
+
 #define SPEED_PERIOD_MS 10
 #define DUTY_FULL 32767
 
@@ -26,7 +27,7 @@ typedef struct {
    time between the last two and the time since the last. */
 typedef struct {
     uint8_t edges;
-    uint32_t period;
+    ticks_t period;
 } speed_edges_t;
 
 typedef struct {

@@ -15,10 +15,10 @@
 /* Status goes out only right behind a state frame, so that answers are never held up by it. */
 #define STATE_BACKLOG (sizeof(state_t) + CHECK_BYTES + 2)
 
-static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE;
+static ticks_t period = TICKS_PER_SECOND / DEFAULT_RATE;
 static uint8_t state_size = sizeof(state_t);
 static bool capturing;
-static uint32_t next_state;
+static ticks_t next_state;
 static uint8_t sequence, dropped, item;
 
 void telemetry_configure(const settings_t *settings)
@@ -46,8 +46,8 @@ static void send_state(const deadman_t *deadman)
 {
     encoder_t both[2];
     state_t frame = {.type = state_size == sizeof(state_t) ? TYPE_STATE : TYPE_COUNTS};
-    uint32_t now = encoders_read(both);
-    uint32_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
+    ticks_t now = encoders_read(both);
+    ticks_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
     frame.boot = reset_boot();
     frame.sequence = sequence++;
     frame.dropped = dropped != link_dropped();
@@ -94,15 +94,15 @@ static uint16_t value(const deadman_t *deadman, uint8_t faults, uint16_t longest
 
 bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
 {
-    uint32_t now = clock_now();
+    ticks_t now = clock_now();
     capture_t edges;
     if (capturing && capture_take(&edges, now))
         send(&edges, sizeof edges, ANY_BACKLOG);
-    if ((int32_t)(now - next_state) < 0)
+    if (!ticks_due(now, next_state))
         return false;
-    uint32_t step = capturing ? 2 * period : period;
+    ticks_t step = capturing ? 2 * period : period;
     next_state += step;
-    if ((int32_t)(now - next_state) >= 0)
+    if (ticks_due(now, next_state))
         next_state = now + step; /* the loop was held up for more than a frame */
     send_state(deadman);
     if (sequence & 3)

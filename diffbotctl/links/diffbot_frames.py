@@ -520,7 +520,7 @@ class Capture(NamedTuple):
     sequence: int  # counts frames of this kind
     lost: int  # edges found no room
     reserved: int  # zero
-    time: int  # 64 us, low 28 bits, of this frame; no edge in it is a second old
+    time: int  # 64 us, low 20 bits, of this frame; no edge in it is a second old
     edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us
 
     def pack(self) -> bytes:
