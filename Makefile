@@ -5,21 +5,30 @@ BIN := $(VENV)/bin
 SEED ?= 1
 ROBOTS ?= 300
 TRIALS ?= 50
+STARTS ?= 100
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test prove bench clean
+.PHONY: demo test prove bench packages clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
-test: $(VENV)/tested
+# The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
+DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr
+
+packages:
+	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \
+	  $(SUDO) apt-get update -qq && \
+	  $(SUDO) apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; }
+
+test: packages $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
 	$(BIN)/python -m pytest
 
-prove: $(VENV)/tested
-	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS)
+prove: packages $(VENV)/tested
+	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench
@@ -36,6 +45,7 @@ $(VENV)/installed: setup.cfg | $(VENV)/bin/python
 
 $(VENV)/tested: setup.cfg | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q -e '.[test]'
+	rm -rf .mypy_cache  # it remembers packages that were missing
 	touch $@ $(VENV)/installed
 
 clean:

@@ -27,6 +27,43 @@ CODES: dict[str, Code] = {
     "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
         The robot file names a protocol that this version of diffbotctl speaks to the simulated
         board only."""),
+    "E-FLASH": _code("flashing failed", """
+        Writing the firmware to the board did not work. The bootloader sits in a part of the
+        chip that flashing never touches, so the board can be flashed again."""),
+    "E-FLASH-NO-BOARD": _code("no board to flash", """
+        No serial port looks like an Arduino Mega. Plug the USB cable in; many cables only
+        charge and have no data wires. A board shows itself as /dev/ttyACM0 or, with a CH340
+        chip, ttyUSB0."""),
+    "E-FLASH-SEVERAL": _code("several boards", """
+        More than one port looks like a board, and writing to the wrong one would erase its
+        program. Say which with --port, or unplug the others."""),
+    "E-FLASH-RADIO": _code("flashing over Bluetooth", """
+        The bootloader listens on the board's USB port alone; the radio module sits on another
+        serial port, which only a running program reads. Use the USB cable."""),
+    "E-FLASH-NO-SYNC": _code("no bootloader answers", """
+        Opening the USB port resets a Mega, and for most of a second its bootloader listens at
+        115200 baud. Nothing answered: a wrong port, a cable without data wires, something wired
+        to pins 0 and 1, or a board that does not reset by itself (press its button within that
+        second)."""),
+    "E-FLASH-SIGNATURE": _code("another chip", """
+        Every AVR tells three bytes that name its kind. These are not an ATmega2560's, and the
+        program for one chip does not run on another. Choose the port of the Mega 2560."""),
+    "E-FLASH-REFUSED": _code("the bootloader refused", """
+        The bootloader answered a command with a failure. It is still there: flash again, or try
+        the other programmer with --programmer avrdude."""),
+    "E-FLASH-VERIFY": _code("read back differently", """
+        What was read back is not what was written. Flash again. If it always fails at one
+        address the chip's memory is worn out there, which takes ten thousand flashings."""),
+    "E-FLASH-SILENT": _code("silent after flashing", """
+        The program was written and verified, but nothing comes from the board. Press its reset
+        button; if it stays silent, flash again."""),
+    "E-FLASH-IMAGE": _code("an unusable image", """
+        The file is no Intel hex file, has gaps, or does not fit a Mega 2560. This board's
+        bootloader erases page after page in order, so an image with gaps would land in pages
+        not erased."""),
+    "E-FLASH-AVRDUDE": _code("avrdude is missing or failed", """
+        The other programmer was asked for. Install it (apt install avrdude), or leave
+        --programmer out: diffbotctl has its own."""),
     "E-RECORDING": _code("a file is no recording", """
         Recordings are MCAP files that `run --record FILE` has written. This file cannot be read,
         or holds none of what a recording of diffbotctl begins with."""),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from itertools import chain
 
-from prove import faults, motion
+from prove import faults, link_rosserial, motion
 
 
 def main() -> int:
@@ -14,10 +14,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--starts", type=int, default=100)
     options = parser.parse_args()
     missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
+        link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
     )
     for row in chain.from_iterable(tables):

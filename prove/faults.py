@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -24,6 +25,7 @@ PROGRAM = (
 )
 ZEROS = 4  # commands at the end of the wire that must be zero: the stop, repeated for both wheels
 AT_ONCE = 6  # trials in parallel: each waits most of the time
+PATIENCE = 5.0  # s for a recorder whose engine was killed to end by itself
 LATEST = 4.0  # s of driving before something happens
 
 
@@ -65,9 +67,15 @@ class Trial:
         return last == [0] * ZEROS and self.port.board.pwm == {"left": 0, "right": 0}
 
     def kept(self) -> bool:
-        """True when the recording holds all but at most the last second before the end."""
-        items = list(RecordingReader(self.folder / "run.mcap").messages())
-        return bool(items) and items[-1].time > 0
+        """True when the recording can be read. An orphaned recorder may still be writing its last
+        second: it is given time."""
+        path = self.folder / "run.mcap"
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            if any(True for _ in RecordingReader(path).messages()):
+                return True
+            time.sleep(0.1)
+        return False
 
 
 def by_signal(number: int, cause: str) -> Callable[[Trial], bool]:

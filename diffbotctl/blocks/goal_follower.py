@@ -18,6 +18,9 @@ STILL_TIME = 60_000_000  # ns of stillness after which the pose is believed
 MARGIN = 0.8  # of the braking limit: the rest is for what the motors add
 STEER = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
 MOST_STEER = 1.0  # rad/s; a correction is not a turn
+LESSON = 0.7  # share of a roll's surprise that is believed: the pose has its own errors
+LEAST_LESSON = 0.03  # m/s; slower, the surprise is the pose's alone
+PLAIN = 0.03  # m/s; the release at which half of the surprise is believed
 PIVOT = 2.5  # 1/s; place error to speed while turning
 PIVOT_SHARE = 0.3  # of the rim's speed at most, so that no wheel changes its direction
 LINE = 0.06  # m before the goal, from where the bearing to it says more of noise than of the way
@@ -77,6 +80,9 @@ class GoalFollower(Block):
         self.allowed = 0.0
         self.line = 0.0
         self.pivot = (0.0, 0.0)
+        self.roll = self.lag  # s; how far a wheel rolls on is this times its speed
+        self.let_go = 0.0
+        self.turning = 0.0  # rad/s at the last release of a turn
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
 
     def react(
@@ -161,6 +167,7 @@ class GoalFollower(Block):
             if not self._is_still(odometry):
                 return 0.0, 0.0
             self.halting, self.still_since = False, None
+            self._learn_roll(odometry)
             if self._is_leg_done(odometry):
                 self.phase = PAUSE[self.phase]
                 self._plant_pivot(odometry)
@@ -191,11 +198,38 @@ class GoalFollower(Block):
         _, _, turn, rate = foresight
         arm = 0.5 * self.track
         left = self._turn_left(odometry) - turn
-        rim = approach(arm * left, arm * rate, self.lag, step, self._turn_limits())
+        rim = approach(arm * left, arm * rate, self.roll, step, self._turn_limits())
         if rim == 0.0:
-            self.halting = True
+            self.turning = rate
+            self._release(abs(arm * rate))
             return 0.0, 0.0
         return self._hold_place(odometry, abs(rim)), rim / arm
+
+    def _release(self, speed: float) -> None:
+        """Let go at `speed` (m/s towards the goal of this leg) and see how far it rolls."""
+        self.halting = True
+        self.let_go = speed
+
+    def _learn_roll(self, odometry: Odometry) -> None:
+        """What is left of the way says how far a wheel truly rolls when it is let go."""
+        if self.let_go < LEAST_LESSON:
+            return
+        if self.phase == "driving":
+            goal = self.target
+            assert goal is not None
+            east, north = goal.x - odometry.x, goal.y - odometry.y
+            left = east * cos(self.line) + north * sin(self.line)
+            left = (-left if self.backwards else left) - abs(odometry.linear) * self.roll
+        else:
+            left = abs(self._turn_left(odometry)) * 0.5 * self.track
+            same = self._turn_left(odometry) * self.turning > 0.0
+            rim = abs(odometry.angular) * 0.5 * self.track
+            left = (left if same else -left) - rim * self.roll
+        # A slow release says little: what the pose is wrong by weighs as much as the roll.
+        belief = LESSON * self.let_go / (self.let_go + PLAIN)
+        wanted = self.roll - belief * left / self.let_go
+        self.roll = min(max(wanted, 0.4 * self.lag), 2.0 * self.lag)
+        self.let_go = 0.0
 
     def _hold_place(self, odometry: Odometry, rim: float) -> float:
         """Forward speed that keeps a turn on its spot: motors of unequal strength would drift."""
@@ -215,10 +249,10 @@ class GoalFollower(Block):
             self.line = atan2(north, east) + (pi if self.backwards else 0.0)
         ahead = east * cos(self.line) + north * sin(self.line) - way
         linear = approach(
-            ahead, speed, self.lag, step, (self.creep, self.speed, self.braking * MARGIN)
+            ahead, speed, self.roll, step, (self.creep, self.speed, self.braking * MARGIN)
         )
         if linear == 0.0 or linear * (-1.0 if self.backwards else 1.0) < 0.0:
-            self.halting = True
+            self._release(-speed if self.backwards else speed)
             return 0.0, 0.0
         error = shortest_turn(self.line - odometry.heading - turn)
         return linear, min(max(STEER * error, -MOST_STEER), MOST_STEER)

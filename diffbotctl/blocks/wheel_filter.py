@@ -18,6 +18,7 @@ from typing import NamedTuple
 Z, SPEED, GAIN, OFFSET, LAG, PHASE = range(6)
 OPEN = 0.5  # share of the pitch that lies open: where edges come when going backward
 CREEP = 0.3  # pitches/s (3 mm/s); slower than this the sign of the drive tells the direction
+DOUBT = 1.2  # pitches/s (12 mm/s); slower after a reversal, the sign of the speed is a guess
 OUTSIDE = 0.08  # mass beyond a bound from which on it is believed; less says nothing new at rest
 LEAST_MASS = 1e-6  # a bound this unlikely is taken as a plain measurement of its nearer end
 
@@ -128,8 +129,10 @@ class WheelFilter:
         if heading == self.passed and not self.turned_back:
             self.place += heading * abs(steps)
         else:
-            shift = 0.0 if heading > 0 else OPEN
-            self.place = floor(z - shift + 0.5) + shift
+            forward, backward = floor(z + 0.5), floor(z - OPEN + 0.5) + OPEN
+            if abs(speed) < DOUBT:  # it may still roll the old way: the nearer edge decides
+                heading = 1 if abs(forward - z) <= abs(backward - z) else -1
+            self.place = forward if heading > 0 else backward
         self.passed = heading
         self.turned_back = self.heading != heading
 

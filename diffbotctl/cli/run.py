@@ -17,10 +17,13 @@ if TYPE_CHECKING:
     from diffbotctl.runs.run import Run
 
 
+VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
+
+
 @click.command()
 @click.argument("pipeline")
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
-@click.option("--port", default="sim", show_default=True, help="sim, or a serial device.")
+@click.option("--port", default="sim", show_default=True, help="sim, emulated, or a serial device.")
 @click.option(
     "--goal",
     "goals",
@@ -55,17 +58,15 @@ def command(
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.signals import Signals
 
-    if port in ("auto", "emulated"):
-        raise click.UsageError(
-            f"--port {port} is not there yet; give a device such as /dev/ttyUSB0"
-        )
+    if port == "auto":
+        raise click.UsageError("--port auto is not there yet; give a device such as /dev/rfcomm0")
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
-    configuration = load(pipeline, robot, sets, real=port != "sim")
+    configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
-    options = Options(port, wanted, seed, fast and port == "sim", seconds, record, digest)
+    options = Options(port, wanted, seed, fast and port in VIRTUAL, seconds, record, digest)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
@@ -86,7 +87,9 @@ def _finish(run: Run) -> int:
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
-    where = f"SIMULATED (seed {seed})" if port == "sim" else f"REAL robot on {port}"
+    where = f"REAL robot on {port}"
+    if port in VIRTUAL:
+        where = f"{VIRTUAL[port]} (seed {seed})"
     name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
     where = where if configuration.robot is not None else "no robot"
     click.echo(f"{configuration.file}{name}: {where}")
@@ -110,8 +113,8 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
         world = configuration.world
         walls = [(wall.start, wall.end) for wall in world.walls]
         rounds = [(thing.at, thing.radius) for thing in world.obstacles]
-        simulated = "SIMULATED" if port == "sim" else ""
-        if port != "sim":
+        simulated = VIRTUAL.get(port, "")
+        if port not in VIRTUAL:
             walls, rounds = [], []
         live.show(live.Scene(configuration.name, simulated, walls, rounds), pictures)
 

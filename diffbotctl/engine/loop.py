@@ -66,8 +66,8 @@ class Engine:
         self.idle = idle
         self.place = {wire: i for i, wire in enumerate(graph.sources)}
         self.empty: list[Any] = [None] * len(graph.sources)
-        joined = {wire: _joined(many) for wire, many in (sinks or {}).items()}
-        self.compiled = graph.compile(joined, record)
+        self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
+        self.compiled = graph.compile(self.sinks, record)
         self.last = -1
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None

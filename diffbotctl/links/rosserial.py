@@ -28,8 +28,9 @@ from diffbotctl.links.rosserial_topics import (
 from diffbotctl.messages import Duty, Encoders, Link, Message, Text, Volts, Wheels
 
 SECOND = 1_000_000_000
-ASK_AGAIN = 700_000_000  # ns; a full answer takes 0.55 s at 9600 baud
-FLUSH_AFTER = 2  # questions without an answer
+ASK_AGAIN = 570_000_000  # ns; a full answer takes 0.55 s at 9600 baud
+NO_ANSWER = 300_000_000  # ns; by then a third of an answer has come, and damage spares some of it
+FLUSH_AFTER = 3  # questions without an answer
 FLUSH = bytes(128)  # the longest false frame, 512 bytes, is over after four of them
 TIME_AFTER = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
 TIME_AGAIN = SECOND
@@ -83,7 +84,7 @@ class RosserialHost:
         self._zeroed_at: int | None = None  # when the first pair of the stop under way was sent
         self._wire_free = 0
         self._ask_at = self._report_at = self._time_at = NEVER
-        self._asked = 0  # questions for the topics since the last answer
+        self._asked = self._asked_at = 0  # questions since the last answer; end of the last one
         self._reported = ("", "")
 
     # What the driver asks for
@@ -191,9 +192,11 @@ class RosserialHost:
         """The question for the topics. A board that does not answer may be reading a frame whose
         damaged length swallows the questions: it gets its fill of zeros, which start no frame."""
         flush = FLUSH if self._asked >= FLUSH_AFTER else b""
+        question = flush + encode(REQUEST)
         self._asked += 1
-        self._ask_at = now + ASK_AGAIN
-        return flush + encode(REQUEST)
+        self._asked_at = now + len(question) * self.byte_time
+        self._ask_at = self._asked_at + NO_ANSWER
+        return question
 
     def _speak_due(self) -> int:
         silence = self._heard_at + SILENCE if self.state == "up" else NEVER
@@ -213,6 +216,8 @@ class RosserialHost:
 
     def _take(self, now: int, frame: Frame) -> Heard:
         topic, payload = frame
+        if topic in (PUBLISHER, SUBSCRIBER, TIME) and self._ask_at != NEVER:
+            self._ask_at = max(self._ask_at, self._asked_at + ASK_AGAIN)  # it is answering
         if topic in (PUBLISHER, SUBSCRIBER):
             self._learn(now, topic, payload)
         elif topic == TIME:

@@ -87,6 +87,8 @@ class Wheel:
         self._scale = motor.speed / (1.0 - motor.keep)
         self._fade = exp(-GRID * 1e-9 / motor.lag)
         self._flank = bisect_right(disc.flanks, disc.start)
+        self._behind: float
+        self._ahead: float
         self._bracket()
         while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
             self._flank += 1

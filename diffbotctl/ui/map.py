@@ -63,7 +63,7 @@ class Map:
                     out.append(mark[0], mark[1])
                 else:
                     bits = self.dots.get((column, row))
-                    out.append(chr(0x2800 + bits) if bits else " ", "cyan")
+                    out.append(chr(0x2800 + bits) if bits else " ", "cyan" if bits else None)
             if row < self.height - 1:
                 out.append("\n")
         return out

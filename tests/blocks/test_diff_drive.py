@@ -1,0 +1,70 @@
+"""Body velocity to wheel speeds: the curve is kept whatever the motors cannot do."""
+
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diffbotctl.blocks.diff_drive import DiffDrive, saturated, wheel_speeds
+from diffbotctl.messages import Twist, Wheels
+
+RATED = 10 * pi / 3  # rad/s: 100 rpm
+TRACK, DIAMETER = 0.125, 0.065  # m
+RADIUS = DIAMETER / 2
+
+
+def drive(**changes):
+    known = {"track": TRACK, "left_diameter": DIAMETER, "right_diameter": DIAMETER, "rated": RATED}
+    return DiffDrive(**{**known, **changes})
+
+
+@pytest.mark.parametrize(
+    "linear, angular, left, right",
+    [
+        (0.0, 0.0, 0.0, 0.0),
+        (0.13, 0.0, 4.0, 4.0),  # 0.13 m/s over a radius of 32.5 mm
+        (-0.13, 0.0, -4.0, -4.0),
+        # On the spot each tyre runs at 2.08 rad/s x 62.5 mm = 0.13 m/s; to the left the right
+        # wheel goes forward (REP-103).
+        (0.0, 2.08, -4.0, 4.0),
+        (0.0, -2.08, 4.0, -4.0),
+        (0.13, 2.08, 0.0, 8.0),  # round the left wheel
+        # Arc of radius 0.15 / 0.5 = 0.3 m: tyres at 0.15 -+ 0.5 x 0.0625 = 0.11875, 0.18125 m/s.
+        (0.15, 0.5, 0.11875 / RADIUS, 0.18125 / RADIUS),
+        # The same arc four times as fast asks 22.3 rad/s of the outer wheel: it gets the rated
+        # speed, the inner one (0.3 - 0.0625) / (0.3 + 0.0625) of it.
+        (0.6, 2.0, RATED * 0.2375 / 0.3625, RATED),
+        (-0.6, -2.0, -RATED * 0.2375 / 0.3625, -RATED),
+    ],
+)
+def test_wheel_speeds(linear, angular, left, right):
+    wheels = drive().react(7, Twist(5, linear, angular))
+    assert wheels == Wheels(5, pytest.approx(left), pytest.approx(right))
+
+
+def test_each_wheel_has_its_own_diameter():
+    # 0.12 m/s over radii of 30 mm and 40 mm
+    wheels = drive(left_diameter=0.06, right_diameter=0.08).react(1, Twist(1, 0.12, 0.0))
+    assert wheels[1:] == pytest.approx((4.0, 3.0))
+
+
+def test_no_twist_no_command():
+    assert drive().react(1, None) is None
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-40.0, 40.0))
+def test_saturation_keeps_the_curvature(linear, angular):
+    asked = wheel_speeds(linear, angular, TRACK, DIAMETER, DIAMETER)
+    left, right = saturated(*asked, RATED)
+    assert max(abs(left), abs(right)) <= RATED * (1 + 1e-12)
+    # The way back: body speed and turn rate of what leaves stand in the ratio that was asked.
+    speed = (left + right) * RADIUS / 2
+    turning = (right - left) * RADIUS / TRACK
+    assert speed * angular == pytest.approx(turning * linear, abs=1e-9)
+    assert speed * linear >= 0.0 and turning * angular >= -1e-12
+
+
+@given(st.floats(-RATED, RATED), st.floats(-RATED, RATED))
+def test_what_the_motors_can_do_is_not_changed(left, right):
+    assert saturated(left, right, RATED) == (left, right)

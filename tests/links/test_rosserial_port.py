@@ -1,0 +1,55 @@
+"""The serial robot's driver with the rosserial host, on a pseudo-terminal at the real baud pace."""
+
+import os
+import pty
+import select
+import time
+import tty
+
+import pytest
+
+from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.serial_robot import SerialRobot
+from diffbotctl.links.rosserial import RosserialHost
+from diffbotctl.messages import Duty, Encoders
+from tests.rosserial_device import RATED, Device, OnTerminal
+
+PATIENCE = 20.0  # s; the test fails when nothing has come of it by then
+
+
+@pytest.fixture
+def terminal():
+    """A pseudo-terminal: the board's end, and the name of the host's."""
+    board, host = pty.openpty()
+    tty.setraw(host)
+    yield board, os.ttyname(host)
+    os.close(host)
+    os.close(board)
+
+
+def until(robot, enough, drive=None):
+    """Serve the driver until `enough(heard)`; returns what was heard."""
+    heard, begin = [], time.monotonic_ns()
+    while not enough(heard):
+        now = time.monotonic_ns()
+        assert now - begin < PATIENCE * 1e9, heard[-3:]
+        select.select(robot.files(), [], [], min(0.05, max(0, robot.due() - now) / 1e9))
+        for delivery in robot.deliver(time.monotonic_ns()):
+            heard.append(delivery.message)
+            if drive is not None and isinstance(delivery.message, Encoders):
+                robot.command(time.monotonic_ns(), drive)
+    return heard
+
+
+def test_negotiates_drives_and_stops(terminal):
+    board, name = terminal
+    with OnTerminal(Device(1), board) as device:
+        host = RosserialHost(RATED)
+        robot = SerialRobot(host, lambda: Port(name, 9600))
+        far = Duty(0, 0.8, 0.6)
+        until(robot, lambda heard: any(getattr(m, "left", 0) > 20 for m in heard), far)
+        assert device.commands["set_left_speed"][-1][1] == 204  # 0.8 of 255
+        robot.stop(time.monotonic_ns())
+        until(robot, lambda heard: robot.stopped)
+        assert device.pwm == [0, 0]
+        robot.close()

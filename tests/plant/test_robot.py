@@ -1,0 +1,171 @@
+"""The whole simulated robot: the same seed the same run, wiring, frames, sight."""
+
+from math import pi
+from random import Random
+
+import pytest
+
+from diffbotctl.messages import Duty, Encoders, Volts, Wheels
+from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
+from diffbotctl.plant.sharp import RESIDUE, volts
+from diffbotctl.plant.speed_loop import Gains
+from diffbotctl.plant.truth import MotorTruth, SensorTruth, Simulation, WiringTruth
+from diffbotctl.plant.world import Wall, World
+
+MS = 1_000_000
+SECOND = 1_000_000_000
+FRAME = 25 * MS
+GAINS = Gains(0.1, 0.0859, 0.0, 0.02)
+MACHINE = Machine(
+    track=0.125, left_diameter=0.065, right_diameter=0.065, rated=10 * pi / 3, slots=20,
+    glitch=2 * MS, deadman=300 * MS, gains=(GAINS, GAINS),
+)  # fmt: skip
+
+
+def robot(kind="edges", seed=1, world=None, wiring=None, machine=None, **errors):
+    simulation = Simulation(wiring=WiringTruth(**(wiring or {})), **errors)
+    return SimulatedRobot(
+        kind, MACHINE._replace(**(machine or {})), simulation, Random(seed), world
+    )
+
+
+def driven(made, seconds, left, right, kind=Wheels):
+    """Commands the same each 25 ms; returns every message that came."""
+    heard = []
+    for now in range(0, int(seconds * SECOND), FRAME):
+        made.advance(now)
+        heard += made.deliver()
+        made.command(now, kind(now, left, right))
+    made.advance(int(seconds * SECOND))
+    return heard + made.deliver()
+
+
+@pytest.mark.parametrize("kind, command", [("edges", Wheels), ("counts", Wheels), ("stock", Duty)])
+def test_the_same_seed_is_the_same_run(kind, command):
+    a, b, other = (robot(kind, seed) for seed in (7, 7, 8))
+    runs = [driven(made, 3.0, 0.6, 0.5, command) for made in (a, b, other)]
+    assert runs[0] == runs[1] and a.truth() == b.truth()
+    assert runs[0] != runs[2] and a.truth() != other.truth()
+
+
+def test_how_time_is_cut_changes_nothing():
+    once, often = robot(), robot()
+    for made in (once, often):
+        made.command(0, Wheels(0, 5.0, 4.0))
+    once.advance(SECOND // 4)
+    for now in range(MS, SECOND // 4 + 1, MS):
+        often.advance(now)
+    assert once.deliver() == often.deliver()
+    assert once.truth() == often.truth()
+
+
+@pytest.mark.parametrize(
+    "wiring, reverse, command, turns",  # sign of each wheel's turning
+    [
+        ({}, (False, False), (5.0, 5.0), (1, 1)),
+        ({}, (False, False), (-5.0, 5.0), (-1, 1)),
+        ({"left": "dead"}, (False, False), (5.0, 5.0), (0, 1)),
+        ({"right": "dead"}, (False, False), (5.0, 5.0), (1, 0)),
+        ({"left": "reversed"}, (False, False), (5.0, 5.0), (-1, 1)),
+        ({"left": "reversed"}, (True, False), (5.0, 5.0), (1, 1)),  # the robot file undoes it
+        ({}, (False, True), (5.0, 5.0), (1, -1)),
+        ({"left": "swapped", "right": "swapped"}, (False, False), (5.0, 0.0), (0, 1)),
+        ({"left": "swapped", "right": "swapped"}, (False, False), (0.0, -5.0), (-1, 0)),
+        ({"left": "floating"}, (False, False), (5.0, 5.0), (1, 1)),
+    ],
+)
+def test_wiring(wiring, reverse, command, turns):
+    made = robot(wiring=wiring, machine={"reversed": reverse})
+    driven(made, 0.4, *command)  # before a stall of a wheel without edges is noticed
+    truth = made.truth()
+    assert [(a > 0) - (a < 0) for a in (truth.left_angle, truth.right_angle)] == list(turns)
+
+
+def test_a_floating_encoder_never_counts():
+    heard = driven(robot(wiring={"left": "floating"}), 0.4, 5.0, 5.0)
+    last = [m for port, m in heard if port == "encoders"][-1]
+    assert last.left == 0 and last.right > 2
+
+
+def test_counts_agree_with_the_angle_turned():
+    made = robot()
+    driven(made, 3.0, 6.0, 6.0)
+    frame = made.board.sample(3 * SECOND)
+    truth = made.truth()
+    # A count short or over at either end, and a fifth of a pitch of irregular slots.
+    assert frame.left == pytest.approx(truth.left_angle * 20 / (2 * pi), abs=1.25)
+    assert frame.right == pytest.approx(truth.right_angle * 20 / (2 * pi), abs=1.25)
+
+
+def test_frames_come_on_time():
+    heard = [m for port, m in driven(robot(), 1.0, 5.0, 5.0) if port == "encoders"]
+    # Sampled each 25 ms, at the host 26.4 ms later: those up to 973.6 ms have come.
+    assert [m.time for m in heard] == [FRAME * k for k in range(1, 39)]
+    assert all(isinstance(m, Encoders) for m in heard)
+
+
+def test_due_is_when_a_message_comes():
+    made = robot()
+    assert made.due() == FRAME + 26_400_000
+    made.advance(made.due() - 1)
+    assert made.deliver() == []
+    made.advance(made.due())
+    assert len(made.deliver()) == 1
+
+
+def test_it_stands_when_nothing_is_heard_for_300_ms():
+    made = robot()
+    made.command(0, Wheels(0, 5.0, 5.0))
+    made.advance(SECOND)  # by then it has coasted out
+    assert made.truth().left_speed == 0.0 and made.truth().left_angle > 0.3
+    still = made.truth()._replace(time=0)
+    made.advance(5 * SECOND)
+    assert made.truth()._replace(time=0) == still
+
+
+def test_the_sensor_sees_the_wall_that_comes_nearer():
+    # Sensor 80 mm before the axle, the wall at 0.38 m: 0.30 m at the start.
+    sight = {
+        "world": World([Wall(0.38, -1.0, 0.38, 1.0)]),
+        "machine": {"sensors": (Mounting("front", 0.08),)},
+        "sensors": {"front": SensorTruth(noise=0.0)},
+    }
+    made = robot(**sight)
+    heard = driven(made, 1.0, 5.0, 5.0)
+    seen = [m for port, m in heard if port == "front"]
+    assert all(isinstance(m, Volts) for m in seen)
+    assert seen[2].volts == pytest.approx(volts(0.30), abs=0.02)
+    # The last frame was sampled at 950 ms, of a measurement at most 21.5 ms older.
+    gap = 0.30 - made.truth().pose.x
+    assert volts(gap + 0.016) < seen[-1].volts < volts(gap)
+
+
+def test_a_sensor_in_an_empty_world_sees_nothing():
+    made = robot(
+        machine={"sensors": (Mounting("front", 0.08),)},
+        sensors={"front": SensorTruth(noise=0.0)},
+    )
+    heard = driven(made, 0.5, 5.0, 5.0)
+    assert {m.volts for port, m in heard if port == "front"} == {RESIDUE}
+
+
+@pytest.mark.parametrize(
+    "left, right, supply",  # 4 % of the voltage are lost when both motors take all
+    [(1.0, 1.0, 0.96), (1.0, 0.0, 0.98), (1.0, -1.0, 0.96), (0.5, 0.5, 0.98)],
+)
+def test_the_battery_sags_with_what_the_motors_take(left, right, supply):
+    made = robot("stock", motor=MotorTruth(ripple=0.0))
+    driven(made, 4.0, left, right, Duty)
+    motor = made.motors[0]
+    settled = motor.speed * (supply * left - motor.keep) / (1 - motor.keep)
+    assert made.truth().left_speed == pytest.approx(settled, rel=1e-6)
+
+
+def test_drawn_motors_stay_within_their_spread():
+    for seed in range(50):
+        made = robot(seed=seed)
+        for motor in made.motors:
+            assert 0.9 * MACHINE.rated <= motor.speed <= 1.1 * MACHINE.rated
+            assert 0.060 * 0.95 <= motor.lag <= 0.150 * 1.05
+            assert 0.08 <= motor.start <= 0.16
+            assert motor.keep == pytest.approx(0.8 * motor.start)

@@ -1,0 +1,86 @@
+"""The board's wheel-speed loop: feed-forward, PI, reversals and stalls by hand."""
+
+from math import pi
+
+import pytest
+
+from diffbotctl.plant.speed_loop import MOST_INTEGRAL, SLEW, TICK, Gains, SpeedLoop
+
+MS = 1_000_000
+# 5 rad/s: 0.1 against friction and 5 x 0.08: duty 0.5.
+FORWARD = Gains(0.1, 0.08, 0.0, 0.0)
+PITCH = 2 * pi / 20
+
+
+def loop(gains=FORWARD):
+    return SpeedLoop(gains, 20)
+
+
+@pytest.mark.parametrize(
+    "target, duty", [(0.0, 0.0), (5.0, 0.5), (-5.0, -0.5), (50.0, 1.0), (-50.0, -1.0)]
+)
+def test_feed_forward_acts_at_once(target, duty):
+    made = loop()
+    made.command(0, target)
+    assert made.duty == pytest.approx(duty)
+
+
+def test_speed_is_the_last_period_or_the_age_of_the_last_edge():
+    made = loop()
+    made.command(0, 5.0)
+    made.edge(10 * MS)
+    assert made.measured(20 * MS) is None  # one edge tells no speed
+    made.edge(60 * MS)
+    assert made.measured(70 * MS) == pytest.approx(PITCH / 0.050)
+    assert made.measured(160 * MS) == pytest.approx(PITCH / 0.100)  # it cannot be faster than that
+    assert made.measured(360 * MS) == pytest.approx(PITCH / 0.300)
+    assert made.measured(361 * MS) is None
+
+
+def test_proportional_and_integral_parts():
+    made = loop(Gains(0.1, 0.08, 0.02, 0.5))
+    made.command(0, 5.0)
+    made.edge(0)
+    made.edge(100 * MS)  # pi rad/s: 1.858 too slow
+    error = 5.0 - PITCH / 0.1
+    assert made.tick(100 * MS) == pytest.approx(0.5 + 0.02 * error)
+    # The first tick has gathered 0.5 x error x 10 ms.
+    assert made.tick(110 * MS) == pytest.approx(0.5 + 0.02 * (5 - PITCH / 0.1) + 0.005 * error)
+
+
+def test_the_integral_is_bounded():
+    made = loop(Gains(0.1, 0.02, 0.0, 50.0))
+    made.command(0, 5.0)
+    for k in range(20):
+        made.edge(k * 100 * MS)
+        made.tick(k * 100 * MS + 10 * MS)
+    assert made.duty == pytest.approx(0.2 + MOST_INTEGRAL)
+
+
+def test_a_reversal_is_slewed():
+    made = loop()
+    made.command(0, 5.0)
+    made.command(TICK, -5.0)
+    duties = [made.tick(k * TICK) for k in range(1, 23)]
+    # From 0.5 to -0.5 by 0.05 a tick: twenty ticks.
+    assert duties[:20] == pytest.approx([0.5 - SLEW * k for k in range(1, 21)])
+    assert duties[20:] == pytest.approx([-0.5, -0.5])
+    assert made.direction == -1
+
+
+def test_a_wheel_without_edges_is_a_stall_after_half_a_second():
+    made = loop()
+    made.command(0, 5.0)
+    for k in range(1, 51):
+        assert made.tick(k * TICK) == pytest.approx(0.5)
+    assert made.tick(51 * TICK) == 0.0 and made.fault
+    made.command(52 * TICK, 6.0)
+    assert made.duty == 0.0  # it stays off until it is told to forget
+
+
+def test_little_duty_is_no_stall():
+    made = loop()
+    made.command(0, 2.0)  # 0.26, perhaps less than a stiff gear needs
+    for k in range(1, 200):
+        made.tick(k * TICK)
+    assert not made.fault

@@ -1,0 +1,16 @@
+"""The real firmware binary in the emulator, in lockstep with the plant, as a user runs it."""
+
+from diffbotctl.config.load import load
+from diffbotctl.runs.run import Options, Run
+
+
+def go(seed):
+    options = Options(port="emulated", fast=True, seed=seed, duration=60.0, digest=True)
+    return Run(load("goal"), options).go()
+
+
+def test_the_real_binary_drives_to_the_goal_and_twice_the_same():
+    first, again = go(3), go(3)
+    assert first.reached == 1 and first.ending.stopped is True
+    assert first.link.damaged == 0 and first.link.lost == 0
+    assert first.digest == again.digest
