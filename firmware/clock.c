@@ -4,14 +4,15 @@
 #include <util/atomic.h>
 
 #include "analog.h"
-#include "motors.h"
 #include "reset.h"
+#include "robot.h"
+#include "status.h"
 
 #define MS_PER_MINUTE 60000U
 
 static volatile uint8_t overflows;
 static volatile uint8_t elapsed;
-static uint16_t milliseconds, minutes;
+static uint16_t milliseconds;
 
 void clock_start(void)
 {
@@ -32,7 +33,7 @@ void clock_millisecond(void)
     OCR1A += TICKS_PER_MS;
     elapsed++;
     if (reset_hung())
-        motors_release();
+        robot_hung();
 }
 
 void clock_sample(void)
@@ -55,23 +56,15 @@ ticks_t clock_now(void)
     return (ticks_t)high << 16 | low;
 }
 
-uint8_t clock_elapsed(void)
+bool clock_tick(void)
 {
-    uint8_t taken;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        taken = elapsed;
-        elapsed = 0;
+    static uint8_t seen;
+    if (seen == elapsed)
+        return false;
+    seen++;
+    if (++milliseconds == MS_PER_MINUTE) {
+        milliseconds = 0;
+        status[ITEM_UPTIME]++;
     }
-    milliseconds += taken;
-    if (milliseconds >= MS_PER_MINUTE) {
-        milliseconds -= MS_PER_MINUTE;
-        minutes++;
-    }
-    return taken;
-}
-
-uint16_t clock_uptime(void)
-{
-    return minutes;
+    return true;
 }

@@ -16,11 +16,8 @@ void clock_sample(void);
 /* Time now. May be called with interrupts on or off. */
 ticks_t clock_now(void);
 
-/* Milliseconds that have begun since the last call. */
-uint8_t clock_elapsed(void);
-
-/* Minutes since the start. */
-uint16_t clock_uptime(void);
+/* True once for each millisecond that has begun. */
+bool clock_tick(void);
 
 /* The analog converter's turn comes every 1032 us: sixteen readings last 16.5 ms, the period in
    which a Sharp distance sensor takes a new measurement. */

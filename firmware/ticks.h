@@ -14,11 +14,12 @@ typedef uint32_t ticks_t;
 
 #define TICKS_PER_SECOND 250000UL
 #define TICKS_PER_MS 250
+#define TICKS_UNKNOWN 0xFFFFFF
 
 /* True when `now` is not before `moment`. */
 static inline bool ticks_due(ticks_t now, ticks_t moment)
 {
-    return ((now - moment) & 0xFFFFFF) < 0x800000;
+    return ((now - moment) & (ticks_t)0xFFFFFF) < (ticks_t)0x800000;
 }
 
 #endif

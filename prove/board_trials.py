@@ -178,14 +178,22 @@ def spoil(chance: Random) -> frames.Settings:
         choices[field] = sorted(LINKS | MISSING | USED | {54})  # 54 is A0, the range sensor's
     choices["range"] = [*range(16, 255)]
     choices["battery"] = [0, *range(16, 255)]
-    choices["edge"] = [3]
+    choices["edge"] = [0]
     choices["reserved"] = [1, 2, 3]
     choices["baud"] = [*range(5, 256)]
     choices["telemetry"] = [0, 101, 40_000, 65_535]
     choices["slots"] = [0, 10_001, 65_535]
     choices["glitch"] = [50_001, 65_535]
     choices["deadman"] = [0, 1, 99, 501, 65_535]
-    choices["left_start"] = choices["right_start"] = [32_768, 65_535]
+    for field in (
+        "left_start",
+        "left_gain",
+        "right_start",
+        "right_gain",
+        "proportional",
+        "integral",
+    ):
+        choices[field] = [frames.GAIN_MAXIMUM + 1, 32_768, 65_535]
     field = chance.choice(sorted(choices))
     return good._replace(**{field: chance.choice(choices[field])})
 

@@ -4,13 +4,20 @@ from random import Random
 
 import pytest
 
-from diffbotctl.links.diffbot_frames import REFUSAL, Settings
+from diffbotctl.links.diffbot_frames import (
+    GAIN_MAXIMUM,
+    GAIN_ONE,
+    INTEGRAL_ONE,
+    REFUSAL,
+    Settings,
+)
 from diffbotctl.plant.speed_loop import Gains, SpeedLoop
 from prove import pure_parts
 from prove.board_bench import BOOK
 from prove.board_trials import spoil
 
 GOOD = BOOK.frame()
+UNKNOWN = 0xFFFFFF  # ticks: no period to go by
 FIELDS = Settings._fields
 # From the Mega 2560's pin drawing: which pins have PWM (without timer 1's 11 and 12, the board's
 # clock), which raise interrupts (18 and 19 carry the radio link).
@@ -62,10 +69,12 @@ def test_every_pin_for_every_role(field):
         ("slots", 1, 10_000, 65535),
         ("glitch", 0, 50_000, 65535),
         ("deadman", 100, 500, 65535),  # never off
-        ("left_start", 0, 32_767, 65535),
-        ("right_start", 0, 32_767, 65535),
+        ("left_start", 0, GAIN_MAXIMUM, 65535),
+        ("right_gain", 0, GAIN_MAXIMUM, 65535),
+        ("proportional", 0, GAIN_MAXIMUM, 65535),
+        ("integral", 0, GAIN_MAXIMUM, 65535),
         ("baud", 0, 4, 255),
-        ("edge", 0, 2, 3),
+        ("edge", 1, 3, 3),
         ("reserved", 0, 0, 3),
     ],
 )
@@ -105,7 +114,9 @@ def test_the_plant_models_the_speed_loop(seed):
     chance = Random(seed)
     gains = Gains(0.12, 0.08, chance.choice((0.0, 0.01)), chance.uniform(0.0, 0.05))
     model = SpeedLoop(gains, 20)
-    lines = ["gains {} {} {} {} 20".format(*(round(each * 32768) for each in gains))]
+    ones = (GAIN_ONE, GAIN_ONE, GAIN_ONE, INTEGRAL_ONE)
+    units = [round(gain * one) for gain, one in zip(gains, ones, strict=True)]
+    lines = ["gains {} {} {} {} 20".format(*units)]
     wanted, now = [], 0
     last = before = edges = 0
     target = 0.0
@@ -115,13 +126,13 @@ def test_the_plant_models_the_speed_loop(seed):
             target = round(chance.uniform(-12, 12) * 256) / 256 if chance.random() < 0.9 else 0.0
             if target == 0.0 or model.target * target <= 0.0:
                 edges = 0
-            lines.append(f"command {round(target * 256)} {edges} {period(now, last, before)}")
+            lines.append(f"command {round(target * 256)} {period(now, last, before, edges)}")
             model.command(now, target)
             wanted.append(model.duty)
         if target and chance.random() < 0.4:
             before, last, edges = last, now - chance.randrange(2500) * 4000, min(edges + 1, 2)
             model.edge(last)
-        lines.append(f"step {edges} {period(now, last, before)}")
+        lines.append(f"step {period(now, last, before, edges)}")
         model.tick(now)
         if model.fault:
             break
@@ -131,5 +142,5 @@ def test_the_plant_models_the_speed_loop(seed):
     assert got[: len(wanted)] == pytest.approx(wanted, abs=2e-3)
 
 
-def period(now, last, before):
-    return max(now - last, last - before) // 4000
+def period(now, last, before, edges):
+    return UNKNOWN if edges < 2 else max(now - last, last - before) // 4000
