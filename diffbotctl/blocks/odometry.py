@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import copysign, cos, pi, sin
-
 from diffbotctl.block import Block, In, Out
-from diffbotctl.blocks.wheel_filter import Spread, WheelFilter
+from diffbotctl.blocks.frame_times import FrameTimes
+from diffbotctl.blocks.odometry_wheel import CountedWheel, OdometryWheel, Side
+from diffbotctl.blocks.pose_estimate import PoseEstimate
 from diffbotctl.messages import Encoders
 from diffbotctl.messages import Odometry as Pose
 from diffbotctl.params import FromRobot, Param
+
+LEFT = 0.3  # of the scatter of frames' times, once they are followed
+DOUBT = 1.0  # natural logarithm; dry friction is believed when it tells the rolling out better
 
 
 class Odometry(Block):
@@ -28,96 +31,65 @@ class Odometry(Block):
         float, default=0.0005, unit="m", least=0.0,
         help="Slip of a wheel: sd after a metre of its travel.",
     )  # fmt: skip
-    lag: float = FromRobot("drive.left.motor.lag")
-    static_duty: float = FromRobot("drive.left.motor.loop.static")
     command_delay: float = FromRobot("link.command_delay")
+    command_jitter: float = FromRobot("link.command_jitter")
     stamp_jitter: float = FromRobot("link.stamp_jitter")
+    telemetry: float = FromRobot("board.telemetry")
     track: float = FromRobot("drive.track")
-    left_diameter: float = FromRobot("drive.left.wheel.diameter")
-    right_diameter: float = FromRobot("drive.right.wheel.diameter")
-    slots: float = FromRobot("drive.left.encoder.slots")
-    rated: float = FromRobot("drive.left.motor.rated")
+    left_side: Side = FromRobot("drive.left")
+    right_side: Side = FromRobot("drive.right")
     encoders = In(Encoders)
     odometry = Out(Pose)
 
     def reset(self) -> None:
         self.last: Encoders | None = None
-        self.x = self.y = self.heading = 0.0
-        self.left: WheelFilter | None = None
-        self.right: WheelFilter | None = None
-        self.gone_left = self.gone_right = 0.0
-        self.spread = Spread(lag=self.lag, stamp=self.stamp_jitter)
+        self.pose = PoseEstimate(self.track, self.slip)
+        self.times = FrameTimes(self.stamp_jitter, self.telemetry)
+        self.wheels: tuple[OdometryWheel, OdometryWheel] | None = None
 
     def react(self, now: int, encoders: Encoders | None) -> Pose | None:
         if encoders is None:
             return None
+        if self.stamp_jitter:
+            sampled = self.times.sampled(encoders.time, self.last.time if self.last else 0)
+            encoders = encoders._replace(time=sampled)
         last, self.last = self.last, encoders
-        if last is None or encoders.boot != last.boot or self.left is None or self.right is None:
-            self.left = WheelFilter(self.spread, encoders.time, encoders.left)
-            self.right = WheelFilter(self.spread, encoders.time, encoders.right)
-            self.gone_left = self.gone_right = 0.0
-            self.first = (encoders.left, encoders.right)
-            return self._pose(encoders.time, 0.0, 0.0)
+        if last is None or self.wheels is None or encoders.boot != last.boot:
+            self.wheels = self._start(encoders)
+            self.pose.start()
+            return self.pose.message(encoders.time, *self.wheels)
+        left, right = self.wheels
         since = encoders.command_time
-        to_pitches = 0.5 * self.slots / pi
-        if encoders.command_kind == "duty":
-            drives = [
-                duty_speed(duty, self.static_duty, self.rated)
-                for duty in (encoders.left_command, encoders.right_command)
-            ]
-        else:
-            drives = [encoders.left_command, encoders.right_command]
         if since is None:
             since = self._took_hold(last.time, encoders.time)
-        left, right = self.left, self.right
-        left.frame(encoders.time, encoders.left, encoders.left_edge, drives[0] * to_pitches, since)
-        right.frame(
-            encoders.time, encoders.right, encoders.right_edge, drives[1] * to_pitches, since
-        )
-        gone_left, gone_right = left.travel, right.travel
-        if self.method == "count":
-            gone_left = float(encoders.left - self.first[0])
-            gone_right = float(encoders.right - self.first[1])
-        ahead_left, ahead_right = gone_left - self.gone_left, gone_right - self.gone_right
-        self.gone_left, self.gone_right = gone_left, gone_right
-        self._move(ahead_left * self._left_pitch(), ahead_right * self._right_pitch())
-        return self._pose(
-            encoders.time, left.speed * self._left_pitch(), right.speed * self._right_pitch()
-        )
+        duty = encoders.command_kind == "duty"
+        time = encoders.time
+        left.frame(time, encoders.left, encoders.left_edge, encoders.left_command, duty, since)
+        right.frame(time, encoders.right, encoders.right_edge, encoders.right_command, duty, since)
+        self._agree(left, right)
+        self.pose.move(left, right)
+        return self.pose.message(time, left, right)
 
-    def _left_pitch(self) -> float:
-        return pi * self.left_diameter / self.slots
+    def _agree(self, left: OdometryWheel, right: OdometryWheel) -> None:
+        """Both motors are of one kind: they roll out alike."""
+        if len(left.filter.tracks) > 1 or len(right.filter.tracks) > 1:
+            dry = left.filter.leaning() + right.filter.leaning() > DOUBT
+            left.filter.prefer(dry)
+            right.filter.prefer(dry)
+        left.tell()
+        right.tell()
 
-    def _right_pitch(self) -> float:
-        return pi * self.right_diameter / self.slots
+    def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
+        kind = OdometryWheel if self.method == "model" else CountedWheel
+        time = encoders.time
+        jitters = (LEFT * self.stamp_jitter, self.command_jitter)
+        return (
+            kind(self.left_side, time, encoders.left, *jitters),
+            kind(self.right_side, time, encoders.right, *jitters),
+        )
 
     def _took_hold(self, before: int, time: int) -> int:
         """Commands follow frames, so a change between two frames came a fixed time before one."""
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
-
-    def _move(self, left: float, right: float) -> None:
-        self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
-
-    def _pose(self, time: int, left: float, right: float) -> Pose:
-        return Pose(
-            time, self.x, self.y, self.heading, 0.5 * (left + right), (right - left) / self.track,
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        )  # fmt: skip
-
-
-def arc(
-    x: float, y: float, heading: float, left: float, right: float, track: float
-) -> tuple[float, float, float]:
-    """The pose after the wheels rolled `left` and `right` (m) along one exact arc."""
-    half = 0.5 * (right - left) / track
-    chord = 0.5 * (left + right) * (sin(half) / half if half else 1.0)
-    middle = heading + half
-    return x + chord * cos(middle), y + chord * sin(middle), middle + half
-
-
-def duty_speed(duty: float, static: float, rated: float) -> float:
-    """Wheel speed (rad/s) at which a usual motor settles with `duty`: a dead band, then a line."""
-    beyond = abs(duty) - static
-    return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

@@ -51,6 +51,10 @@ class Link(Section):
         float, unit="s", default=0.015, least=0.0, most=1.0,
         help="From the host to the motor: the wire, the radio, the board's loop.",
     )  # fmt: skip
+    command_jitter = Param(
+        float, unit="s", default=0.0, least=0.0, most=0.1,
+        help="How much that delay scatters, sd; 0 where the board tells when a command took hold.",
+    )  # fmt: skip
     stamp_jitter = Param(
         float, unit="s", default=0.0, least=0.0, most=0.1,
         help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",

@@ -1,0 +1,115 @@
+"""One wheel as odometry sees it: from the board's counts and commands to metres rolled."""
+
+from __future__ import annotations
+
+from math import copysign, pi
+from typing import Protocol
+
+from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
+from diffbotctl.blocks.wheel_filter import WheelFilter
+from diffbotctl.blocks.wheel_motion import Spread
+
+
+class Motor(Protocol):
+    """What a side's motor must tell; times in s, speeds in rad/s."""
+
+    lag: float
+    rated: float
+    loop: Loop
+
+
+class Wheel(Protocol):
+    """The wheel of a side; metres."""
+
+    diameter: float
+
+
+class Encoder(Protocol):
+    """The encoder of a side."""
+
+    slots: int
+
+
+class Side(Protocol):
+    """One side of the drive, as the robot file has it."""
+
+    motor: Motor
+    wheel: Wheel
+    encoder: Encoder
+
+
+class OdometryWheel:
+    """A wheel followed by a filter that is driven by the model of its motor."""
+
+    __slots__ = (
+        "begun", "count", "filter", "first", "gone", "mirror", "pitch", "rated", "rolled",
+        "started", "static",
+        "to_pitches",
+    )  # fmt: skip
+
+    def __init__(self, side: Side, time: int, count: int, stamp: float, hold: float) -> None:
+        """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s), those
+        when commands take hold by `hold` (s)."""
+        motor, slots = side.motor, side.encoder.slots
+        self.pitch = pi * side.wheel.diameter / slots
+        self.to_pitches = 0.5 * slots / pi
+        self.rated = motor.rated
+        self.static = motor.loop.static
+        self.count = self.first = count
+        static = motor.loop.static
+        friction = static / (1.0 - static) * motor.rated * self.to_pitches
+        spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
+        self.filter = WheelFilter(spread, time, count, slots)
+        self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
+        self.rolled = self.begun = 0.0
+        self.gone = 0.0
+        self.started = self.filter.motion.start
+
+    @property
+    def speed(self) -> float:
+        """m/s"""
+        return self.filter.motion.speed * self.pitch
+
+    @property
+    def variance(self) -> float:
+        """Variance of the travel, m2."""
+        return self.filter.motion.variance * self.pitch * self.pitch
+
+    def frame(
+        self, time: int, count: int, edge: int | None, command: float, duty: bool, since: int
+    ) -> None:
+        """Take one frame; the `command` in force `since` is a `duty`, or rad/s."""
+        if not duty:
+            steps = count - self.count
+            passed = self.filter.likely_edge(time, steps) if edge is None else edge
+            command = self.mirror.frame(time, steps, passed, command, since)
+        self.count = count
+        drive = driven_speed(command, self.static, self.rated) * self.to_pitches
+        self.filter.frame(time, count, edge, drive, since)
+
+    def tell(self) -> None:
+        """Say how far the wheel has `rolled` and `begun` since this was last asked."""
+        motion = self.filter.motion
+        learnt = self.started - motion.start
+        gone = motion.travel
+        self.begun = learnt * self.pitch
+        self.rolled = (gone - self.gone - learnt) * self.pitch
+        self.gone, self.started = gone, motion.start
+
+
+class CountedWheel(OdometryWheel):
+    """A wheel that takes a count for a pitch; its filter tells only the speed."""
+
+    __slots__ = ()
+
+    def tell(self) -> None:
+        """Say how far the wheel has `rolled` since this was last asked."""
+        told = self.gone
+        self.gone = float(self.count - self.first)
+        self.rolled = (self.gone - told) * self.pitch
+
+
+def driven_speed(duty: float, static: float, rated: float) -> float:
+    """Wheel speed (rad/s) at which a usual motor settles with `duty`: a dead band, then a line."""
+    beyond = abs(duty) - static
+    return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

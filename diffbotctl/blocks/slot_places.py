@@ -1,0 +1,114 @@
+"""Where the slots of an encoder's disc truly lie, learnt while it turns.
+
+A slot that comes under the light barrier again, one turn later, stands where it stood: what an
+edge tells beyond the cutter's tolerance is found by estimating each slot's error together with the
+wheel's motion (as landmarks in simultaneous localisation and mapping; Smith, Self, Cheeseman 1990).
+The wheel's first edges, whose errors hide the phase at the start, are so corrected after a turn.
+The open share of the disc, which places the flanks that are seen going backward, is one error more.
+"""
+
+from __future__ import annotations
+
+from diffbotctl.blocks.transition import Transition
+
+MOST = 64  # slots; a finer disc has errors too small to be worth the reckoning
+LEARNT = 0.010  # pitches; all errors known so well stay as they are, which costs nothing
+
+Row = tuple[float, float, float, float, float, float]
+"""What something has in common with (z, speed, gain, offset, log lag, phase)."""
+
+
+class SlotPlaces:
+    """The slots' errors (pitches, true place minus nominal) and what they share with the motion.
+
+    The last entry is the error of the open share. `shared` holds six lists, the covariances of each
+    state of the motion with every error; `own` the errors' covariances with each other.
+    """
+
+    __slots__ = ("begun", "error", "learnt", "own", "shared", "slots", "waiting")
+
+    def __init__(self, slots: int, slot: float, share: float) -> None:
+        """`slots` of the disc, 0 when they are not to be learnt; standard deviations of a `slot`'s
+        place and of the open `share`, in pitches."""
+        self.slots = slots if slots <= MOST else 0
+        entries = self.slots + 1
+        self.error = [0.0] * entries
+        self.shared = [[0.0] * entries for _ in range(6)]
+        self.own = [[0.0] * entries for _ in range(entries)]
+        for entry in range(entries):
+            self.own[entry][entry] = slot * slot
+        self.own[-1][-1] = share * share
+        self.waiting = Transition()
+        self.begun = not self.slots
+        self.learnt = True
+
+    def begin(self) -> None:
+        """An edge's time is known: from now on there is something to learn."""
+        if not self.begun:
+            self.begun, self.learnt = True, False
+
+    def copy(self) -> SlotPlaces:
+        """The same, to go its own way from now on."""
+        twin = object.__new__(SlotPlaces)
+        twin.slots, twin.begun, twin.learnt = self.slots, self.begun, self.learnt
+        twin.error = self.error[:]
+        twin.shared = [row[:] for row in self.shared]
+        twin.own = [row[:] for row in self.own]
+        twin.waiting = Transition()
+        twin.waiting.factors, twin.waiting.still = self.waiting.factors, self.waiting.still
+        return twin
+
+    def entry(self, slot: int, forward: bool) -> int:
+        """Which error shows when the flank of `slot`, counted from the start, is seen."""
+        return slot % self.slots if forward else -1
+
+    def carry(self) -> None:
+        """Let what the slots share with the motion follow it to now."""
+        waiting = self.waiting
+        if waiting.still:
+            return
+        shared = self.shared
+        z, speed, gain, offset, lag = shared[:5]
+        a, b, c, d, e, f, g, h = waiting.take()
+        shared[0] = [
+            p + a * q + b * r + c * s + d * t
+            for p, q, r, s, t in zip(z, speed, gain, offset, lag, strict=True)
+        ]
+        shared[1] = [
+            e * q + f * r + g * s + h * t
+            for q, r, s, t in zip(speed, gain, offset, lag, strict=True)
+        ]
+
+    def halt(self) -> None:
+        """The wheel stands: its speed is known, and has nothing in common with anything."""
+        if not self.learnt:
+            self.carry()
+            self.shared[1] = [0.0] * (self.slots + 1)
+
+    def with_entry(self, entry: int) -> tuple[Row, list[float]]:
+        """What an error shares with the motion and with the other errors."""
+        z, speed, gain, offset, lag, phase = self.shared
+        return (
+            (z[entry], speed[entry], gain[entry], offset[entry], lag[entry], phase[entry]),
+            self.own[entry],
+        )
+
+    def absorb(self, motion: Row, slots: list[float], pull: float, cut: float) -> None:
+        """Take in a measurement that shares `motion` with the motion and `slots` with the slots."""
+        self.error = [error + share * pull for error, share in zip(self.error, slots, strict=True)]
+        for state, share in enumerate(motion):
+            if share:
+                part = share * cut
+                self.shared[state] = [
+                    p - part * q for p, q in zip(self.shared[state], slots, strict=True)
+                ]
+        own = self.own
+        for place, share in enumerate(slots):
+            if share:
+                part = share * cut
+                own[place] = [p - part * q for p, q in zip(own[place], slots, strict=True)]
+
+    def settle(self) -> None:
+        """Take the errors as they are once those of all slots are known well enough."""
+        limit = LEARNT * LEARNT
+        self.learnt = all(self.own[slot][slot] < limit for slot in range(self.slots))

@@ -1,0 +1,143 @@
+"""Odometry on simulated wheels whose truth is known: travel, its doubt, discs learnt, restarts."""
+
+from math import degrees, pi
+from random import Random
+from statistics import mean
+
+import pytest
+
+from diffbotctl.config.load import load
+from diffbotctl.messages import Encoders, Wheels
+from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.runs.simulation import machine
+
+MS = 1_000_000
+PITCH = pi * 0.065 / 20  # m
+ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
+
+# (seconds, left, right) in rad/s: a metre ahead, a turn on the spot, back, and a bend.
+TOUR = [
+    *[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 10)], (2.0, 8.5, 8.5), (1.0, 0.0, 0.0),
+    (0.8, -5.0, 5.0), (0.8, 0.0, 0.0), (1.2, -6.0, -6.0), (0.8, 0.0, 0.0), (1.5, 6.0, 8.0),
+    (1.5, 0.0, 0.0),
+]  # fmt: skip
+
+
+def block(kind: str):
+    """The block as the shipped pipeline builds it."""
+    setup = load("goal", ROBOTS[kind])
+    use = next(use for use in setup.blocks if use.name == "odometry")
+    built = use.cls(**use.values)
+    built.reset()
+    return setup, built
+
+
+def drive(kind: str, seed: int, coasting: str = "linear", tour=TOUR):
+    """Drive a robot drawn from `seed` along the tour; yields (odometry, truth) of each frame."""
+    setup, odometry = block(kind)
+    simulation = setup.robot.simulation
+    simulation.motor.coasting = coasting
+    simulation.slip = 0.0
+    robot = SimulatedRobot(kind, machine(setup.robot), simulation, Random(seed))
+    now, truths = 0, []
+    for seconds, left, right in tour:
+        until = now + int(seconds * 1000) * MS
+        robot.command(now, Wheels(now, left, right))
+        refreshed = now
+        while now < until:
+            now += 5 * MS
+            robot.advance(now)
+            if now - refreshed >= 100 * MS:
+                robot.command(now, Wheels(now, left, right))
+                refreshed = now
+            truths.append((now, robot.truth()))
+            for port, message in robot.deliver():
+                if port == "encoders":
+                    pose = odometry.react(now, message)
+                    at = min(truths, key=lambda one: abs(one[0] - message.time))[1]
+                    yield odometry, message, pose, at
+            del truths[:-40]
+
+
+def ends(kind: str, robots: int, coasting: str):
+    """Heading errors (deg) and normalised errors squared of both wheels after the tour."""
+    headings, normalised = [], []
+    for seed in range(robots):
+        *_, (odometry, _, pose, truth) = drive(kind, seed, coasting)
+        headings.append(degrees(pose.heading - truth.pose.heading))
+        for wheel, angle in zip(
+            odometry.wheels, (truth.left_angle, truth.right_angle), strict=True
+        ):
+            error = wheel.gone * PITCH - angle * 0.0325
+            normalised.append(error * error / wheel.variance)
+    return headings, normalised
+
+
+@pytest.mark.parametrize("kind, most", [("edges", 0.5), ("counts", 0.9)])
+@pytest.mark.parametrize("coasting", ["linear", "coulomb"])
+def test_the_heading_is_known_far_below_a_slot_and_so_is_the_doubt(kind, most, coasting):
+    """One slot of one wheel is 4.7 degrees. Both ways of rolling out, told by nothing but edges."""
+    headings, normalised = ends(kind, 24, coasting)
+    assert mean(e * e for e in headings) ** 0.5 < most
+    assert 0.3 < mean(normalised) < 4.0, "the filter's doubt must be neither boast nor alarm"
+
+
+def test_raw_counting_is_what_it_says():
+    _, odometry = block("edges")
+    odometry.method = "count"
+    odometry.reset()
+    for frame, count in enumerate((7, 7, 8, 10)):
+        pose = odometry.react(0, Encoders(frame * 25 * MS, count, count))
+    assert pose.x == pytest.approx(3 * PITCH)
+
+
+def test_the_disc_is_learnt_in_a_few_turns():
+    """Ten turns at a steady speed: each slot's error is then known to about a third of its own."""
+    tour = [*[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 8)], (10.0, 6.5, 6.5)]
+    wrong = []
+    for seed in range(6):
+        setup, odometry = block("edges")
+        robot = SimulatedRobot("edges", machine(setup.robot), setup.robot.simulation, Random(seed))
+        *_, (odometry, _, _, _) = drive("edges", seed, tour=tour)
+        for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
+            wrong.append(spread(slot_errors(disc), wheel.filter.motion.disc.error[:20]))
+    assert mean(wrong) < 0.012, "slots are cut to 0.03 of a pitch"
+
+
+def slot_errors(disc) -> list[float]:
+    pitch = 2 * pi / 20
+    return [flank / pitch - slot for slot, flank in enumerate(disc.flanks[0::2])]
+
+
+def spread(true: list[float], learnt: list[float]) -> float:
+    """Standard deviation of what is left, for the turn of the disc that fits best: which slot was
+    the first is not known."""
+    rests = []
+    for first in range(20):
+        left = [true[(first + k) % 20] - learnt[k] for k in range(20)]
+        middle = mean(left)
+        rests.append(mean((rest - middle) ** 2 for rest in left) ** 0.5)
+    return min(rests)
+
+
+def test_a_restarted_board_moves_nothing():
+    _, odometry = block("edges")
+    frames = [
+        Encoders(100 * MS, 40, 44, command_time=0),
+        Encoders(125 * MS, 41, 44, left_edge=120 * MS, command_time=0),
+        Encoders(900 * MS, 0, 0, command_time=0, boot=1),
+        Encoders(925 * MS, 0, 0, command_time=0, boot=1),
+    ]
+    poses = [odometry.react(frame.time, frame) for frame in frames]
+    assert poses[2][1:4] == poses[1][1:4]
+    assert poses[3][1:4] == pytest.approx(poses[1][1:4], abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["edges", "counts"])
+def test_every_covariance_is_one(kind):
+    """Symmetric by construction; no variance below zero, no correlation beyond one."""
+    for _, _, pose, _ in drive(kind, 11):
+        xx, xy, xh, yy, yh, hh = pose.covariance
+        assert min(xx, yy, hh) >= 0.0
+        for both, one, other in ((xy, xx, yy), (xh, xx, hh), (yh, yy, hh)):
+            assert both * both <= one * other * (1 + 1e-9) + 1e-18

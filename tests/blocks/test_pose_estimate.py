@@ -1,0 +1,98 @@
+"""Poses from two wheels' travel: the exact arc, what is learnt of the start, and the covariance."""
+
+from math import cos, hypot, pi, sin
+from random import Random
+from typing import NamedTuple
+
+import pytest
+
+from diffbotctl.blocks.pose_estimate import PoseEstimate, arc
+
+TRACK = 0.125  # m
+
+
+class Wheel(NamedTuple):
+    rolled: float
+    begun: float = 0.0
+    speed: float = 0.0
+    variance: float = 0.0
+
+
+@pytest.mark.parametrize(
+    "left, right, pose",
+    [
+        (1.0, 1.0, (1.0, 0.0, 0.0)),
+        (-0.5, -0.5, (-0.5, 0.0, 0.0)),
+        (-pi * TRACK / 4, pi * TRACK / 4, (0.0, 0.0, pi / 2)),  # a quarter turn on the spot
+        # A quarter circle to the left about a point 1 m away: outer wheel 1.0625 m, inner 0.9375 m.
+        (0.9375 * pi / 2, 1.0625 * pi / 2, (1.0, 1.0, pi / 2)),
+        (0.0, TRACK * pi, (0.0, TRACK, pi)),  # half a circle about the left wheel
+    ],
+)
+def test_one_frame_is_one_exact_arc(left, right, pose):
+    assert arc(0.0, 0.0, 0.0, left, right, TRACK) == pytest.approx(pose, abs=1e-12)
+
+
+def test_a_quarter_turn_in_many_frames_loses_no_fifth_of_a_millimetre():
+    x = y = heading = 0.0
+    for _ in range(63):
+        step = pi / 2 / 63
+        x, y, heading = arc(x, y, heading, 0.9375 * step, 1.0625 * step, TRACK)
+    assert hypot(x - 1.0, y - 1.0) < 0.0002
+
+
+def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
+    pose = PoseEstimate(TRACK, slip=0.0)
+    pose.move(Wheel(1.0), Wheel(1.0))
+    # The right wheel went 1.25 mm further at the start: 10 mrad to the left, 0.6 mm ahead.
+    pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
+    assert pose.heading == pytest.approx(0.01)
+    assert (pose.x, pose.y) == pytest.approx((cos(0.01) + 0.000625, sin(0.01)))
+
+
+def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
+    pose = PoseEstimate(TRACK, slip=0.0)
+    pose.move(Wheel(2.0), Wheel(2.0))
+    pose.start()
+    pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
+    assert pose.y == 0.0, "what was learnt of the new start turns nothing that came before it"
+
+
+def test_slip_spreads_the_pose_as_many_slipping_robots_do():
+    slip, robots = 0.002, 1500  # m per square root of a metre
+    ends = [slipped(slip, Random(seed)) for seed in range(robots)]
+    pose = PoseEstimate(TRACK, slip)
+    for left, right in FRAMES:
+        pose.move(Wheel(left), Wheel(right))
+    covariance = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
+    means = [sum(end[i] for end in ends) / robots for i in range(3)]
+    pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    for (i, j), told in zip(pairs, covariance, strict=True):
+        seen = sum((end[i] - means[i]) * (end[j] - means[j]) for end in ends) / robots
+        scale = (covariance[pairs.index((i, i))] * covariance[pairs.index((j, j))]) ** 0.5
+        # A covariance from 1500 robots is good to about 2.6 % of its scale; four times that.
+        assert seen == pytest.approx(told, abs=0.11 * scale)
+
+
+FRAMES = [(0.01, 0.01)] * 40 + [(0.01, 0.014)] * 30 + [(0.01, 0.01)] * 40  # m: a bend of 55 deg
+
+
+def slipped(slip: float, chance: Random) -> tuple[float, float, float]:
+    x = y = heading = 0.0
+    for left, right in FRAMES:
+        left += chance.gauss(0.0, slip * left**0.5)
+        right += chance.gauss(0.0, slip * right**0.5)
+        x, y, heading = arc(x, y, heading, left, right, TRACK)
+    return x, y, heading
+
+
+def test_doubt_about_a_wheel_is_doubt_about_the_heading_and_so_about_what_lies_across():
+    pose = PoseEstimate(TRACK, slip=0.0)
+    pose.move(Wheel(1.0), Wheel(1.0))
+    doubtful = Wheel(0.0, variance=1e-6)  # 1 mm
+    xx, xy, xh, yy, yh, hh = pose.message(0, doubtful, doubtful).covariance
+    assert hh == pytest.approx(2e-6 / TRACK**2)
+    assert yy == pytest.approx(hh)  # one metre away
+    assert yh == pytest.approx(hh)
+    assert xx == pytest.approx(0.25 * 2e-6)
+    assert (xy, xh) == pytest.approx((0.0, 0.0), abs=1e-15)
