@@ -1,33 +1,20 @@
 """The real image on the emulated board."""
 
-import shutil
-import subprocess
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 
-from diffbotctl.drivers.emulator_process import DUTY_ONE, IMAGE, LINE, Emulator, build
+from diffbotctl.drivers.emulator_process import DUTY_ONE, LINE, Emulator, build
 from diffbotctl.links import diffbot_frames as frames
-from prove import board_runs, board_trials, frame_damage
+from prove import board_restarts, board_runs, board_trials, frame_damage
 from prove.board_bench import BOOK, MS, RADIO, USB, Bench, speed
-
-FIRMWARE = Path(__file__).parents[2] / "firmware"
 
 
 def mode(bench):
     """The mode of the last state frame that tells of now."""
     bench.wait(60)
     return frames.MODE[bench.state().mode]
-
-
-def test_the_shipped_image_is_what_the_source_gives(tmp_path):
-    """Byte for byte, from another folder."""
-    copy = tmp_path / "firmware"
-    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "*.hex", "emulator"))
-    subprocess.run(["make", "-C", copy], check=True, capture_output=True)
-    assert (copy / IMAGE.name).read_bytes() == IMAGE.read_bytes(), "run `make -C firmware`"
 
 
 @pytest.mark.parametrize(
@@ -44,9 +31,10 @@ def test_the_shipped_image_is_what_the_source_gives(tmp_path):
         lambda: frame_damage.through_binary(3, 60),
         lambda: board_runs.agreement(3, 2),
         lambda: board_runs.same_twice(3),
+        lambda: board_restarts.rows(3, 3),
     ],
     ids=["latency", "telemetry", "edges", "bounce", "settings", "eeprom", "restarts", "deadman",
-         "damage", "speed loop", "same twice"],
+         "damage", "speed loop", "same twice", "restarts under a goal"],
 )  # fmt: skip
 def test_figures(rows):
     for row in rows():
