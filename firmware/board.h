@@ -7,24 +7,28 @@
 
 #include "progmem.h"
 
-#define BOARD_NONE 0xFF
+/* Of pin_t: neither a PWM output nor an interrupt; and a serial link's, which is neither. */
+#define BOARD_NOTHING 15
+#define BOARD_LINK 14
 
 typedef volatile uint8_t register_t;
 
-enum { ABLE_NOTHING, ABLE_LINK, ABLE_PWM, ABLE_INTERRUPT };
+/* One bit of a register; of a pin, the register is PINx, and DDRx and PORTx follow it. */
+typedef struct {
+    register_t *at;
+    uint8_t mask;
+} bit_t;
+enum { LEVEL, DIRECTION, OUTPUT };
 
 typedef struct {
-    register_t *port; /* PINx; DDRx and PORTx follow it */
-    uint8_t mask;
-    uint8_t ability;
-    uint8_t pwm;       /* number of the PWM output, or BOARD_NONE */
-    uint8_t interrupt; /* number of the external interrupt, or BOARD_NONE */
+    bit_t bit;
+    uint8_t pwm;       /* number of the PWM output, or BOARD_NOTHING */
+    uint8_t interrupt; /* number of the external interrupt, BOARD_LINK or BOARD_NOTHING */
 } pin_t;
 
 typedef struct {
-    register_t *control; /* TCCRnA */
+    bit_t connect;       /* COMnx1 */
     register_t *compare; /* OCRnx; of a 16-bit timer its low byte */
-    uint8_t connect;     /* mask of COMnx1 */
 } pwm_t;
 
 extern const uint8_t board_code; /* BOARD_... of the protocol */
@@ -33,16 +37,23 @@ extern const uint8_t board_first_analog; /* pin of analog channel 0 */
 
 /* The pin's abilities; false when the board has no such pin. */
 bool board_pin(uint8_t number, pin_t *pin);
+
+/* Sets or clears the bit in the register that stands `offset` behind its own, undisturbed by
+   interrupts: ports above G are out of reach of the single instructions that do it. */
+void board_write(const bit_t *bit, uint8_t offset, bool high);
+
+/* True when the pin is high. */
+bool board_read(const bit_t *bit);
+
 /* Makes the pin an input with pull-up, for outputs that only pull down; false without such a pin. */
-bool board_input(uint8_t number, pin_t *pin);
+bool board_input(uint8_t number, bit_t *bit);
 
 void board_pwm(uint8_t number, pwm_t *output);
 
 /* Starts the timers that make PWM (8-bit, fast, 977 Hz). */
 void board_start_timers(void);
 
-/* External interrupt `number` on a rising, falling or any edge; see ISCn in the data sheet. */
-enum { SENSE_ANY = 1, SENSE_FALLING = 2, SENSE_RISING = 3 };
+/* External interrupt `number` on an EDGE_... of the protocol. */
 void board_sense(uint8_t number, uint8_t sense);
 
 #endif

@@ -1,59 +1,46 @@
 #include "capture.h"
 
 #define RING 32 /* a power of two */
-/* After 100 ms what there is goes out, so that slow edges are not seen late. */
+/* After 100 ms what there is goes out: 14 bits of time last a second. */
 #define WAIT_UNITS 1563
 #define WHEEL 0x8000
 #define LEVEL 0x4000
 
-/* Entry: wheel, level, and the time since the edge before in 64 us. */
 static volatile uint16_t ring[RING];
 static volatile uint8_t head, tail;
-static volatile bool lost;
-static uint32_t newest; /* time of the edge last put, 64 us */
-static uint32_t oldest; /* time of the edge before the one at the tail */
+static bool lost;
 static uint8_t sequence;
 
-static void put(uint16_t entry)
+void capture_put(uint8_t wheel, bool level, ticks_t now)
 {
     uint8_t next = (uint8_t)(head + 1) % RING;
+    uint16_t entry = (uint16_t)(now >> 4) & CAPTURE_TIME;
     if (next == tail) {
         lost = true;
         return;
     }
+    if (wheel)
+        entry |= WHEEL;
+    if (level)
+        entry |= LEVEL;
     ring[head] = entry;
     head = next;
 }
 
-void capture_put(uint8_t wheel, bool level, uint32_t now)
-{
-    now >>= 4;
-    if (head == tail && !lost)
-        oldest = newest = now; /* nothing waits: times may start anew */
-    uint32_t interval = (now - newest) & 0xFFFFFFF;
-    newest = now;
-    if (interval >= CAPTURE_FILLER) {
-        lost = true; /* more than a second after an edge that still waits: cannot be told */
-        return;
-    }
-    put((uint16_t)interval | (wheel ? WHEEL : 0) | (level ? LEVEL : 0));
-}
-
-bool capture_take(capture_t *frame, uint32_t now)
+bool capture_take(capture_t *frame, ticks_t now)
 {
     uint8_t waiting = (uint8_t)(head - tail) % RING;
-    if (waiting == 0 && !lost)
+    uint16_t waited = ((uint16_t)(now >> 4) - ring[tail]) & CAPTURE_TIME;
+    if (waiting == 0 || (waiting < CAPTURE_EDGES && waited < WAIT_UNITS))
         return false;
-    if (waiting < CAPTURE_EDGES && ((now >> 4) - newest) < WAIT_UNITS)
-        return false;
-    *frame = (capture_t){.type = TYPE_CAPTURE, .sequence = sequence++, .lost = lost};
-    frame->time = oldest;
-    while (frame->used < CAPTURE_EDGES && tail != head) {
-        uint16_t entry = ring[tail];
-        oldest += entry & CAPTURE_FILLER;
-        frame->edges[frame->used++] = entry;
-        tail = (uint8_t)(tail + 1) % RING;
-    }
+    *frame = (capture_t){.type = TYPE_CAPTURE, .sequence = sequence++, .time = now >> 4};
+    frame->lost = lost;
     lost = false;
+    uint8_t used = 0;
+    do {
+        frame->edges[used++] = ring[tail];
+        tail = (uint8_t)(tail + 1) % RING;
+    } while (used < CAPTURE_EDGES && tail != head);
+    frame->used = used;
     return true;
 }

@@ -6,11 +6,12 @@
 #include <stdint.h>
 
 #include "protocol.h"
+#include "ticks.h"
 
 /* From an interrupt. */
-void capture_put(uint8_t wheel, bool level, uint32_t now);
+void capture_put(uint8_t wheel, bool level, ticks_t now);
 
 /* Fills a frame once there is enough for one, or something has waited long; false otherwise. */
-bool capture_take(capture_t *frame, uint32_t now);
+bool capture_take(capture_t *frame, ticks_t now);
 
 #endif

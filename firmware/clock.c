@@ -4,13 +4,15 @@
 #include <util/atomic.h>
 
 #include "analog.h"
-#include "motors.h"
 #include "reset.h"
+#include "robot.h"
+#include "status.h"
 
-static volatile uint16_t overflows;
+#define MS_PER_MINUTE 60000U
+
+static volatile uint8_t overflows;
 static volatile uint8_t elapsed;
 static uint16_t milliseconds;
-static uint32_t uptime;
 
 void clock_start(void)
 {
@@ -31,7 +33,7 @@ void clock_millisecond(void)
     OCR1A += TICKS_PER_MS;
     elapsed++;
     if (reset_hung())
-        motors_release();
+        robot_hung();
 }
 
 void clock_sample(void)
@@ -40,9 +42,10 @@ void clock_sample(void)
     analog_convert();
 }
 
-uint32_t clock_now(void)
+ticks_t clock_now(void)
 {
-    uint16_t high, low;
+    uint8_t high;
+    uint16_t low;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
         low = TCNT1;
@@ -50,26 +53,18 @@ uint32_t clock_now(void)
         if ((TIFR1 & 1 << TOV1) && low < 0x8000)
             high++; /* the overflow's interrupt is still waiting */
     }
-    return (uint32_t)high << 16 | low;
+    return (ticks_t)high << 16 | low;
 }
 
-uint8_t clock_elapsed(void)
+bool clock_tick(void)
 {
-    uint8_t taken;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        taken = elapsed;
-        elapsed = 0;
+    static uint8_t seen;
+    if (seen == elapsed)
+        return false;
+    seen++;
+    if (++milliseconds == MS_PER_MINUTE) {
+        milliseconds = 0;
+        status[ITEM_UPTIME]++;
     }
-    for (uint8_t i = 0; i < taken; i++)
-        if (++milliseconds == 1000) {
-            milliseconds = 0;
-            uptime++;
-        }
-    return taken;
-}
-
-uint32_t clock_uptime(void)
-{
-    return uptime;
+    return true;
 }

@@ -1,10 +1,10 @@
-/* The board's time: timer 1 at 4 us a tick, 32 bits (4.7 hours); only differences mean anything. */
+/* The board's time: timer 1 at 4 us a tick; only differences mean anything. */
 #ifndef CLOCK_H
 #define CLOCK_H
 
 #include <stdint.h>
 
-#define TICKS_PER_MS 250
+#include "ticks.h"
 
 void clock_start(void);
 
@@ -14,13 +14,10 @@ void clock_millisecond(void);
 void clock_sample(void);
 
 /* Time now. May be called with interrupts on or off. */
-uint32_t clock_now(void);
+ticks_t clock_now(void);
 
-/* Milliseconds that have begun since the last call. */
-uint8_t clock_elapsed(void);
-
-/* Seconds since the start. */
-uint32_t clock_uptime(void);
+/* True once for each millisecond that has begun. */
+bool clock_tick(void);
 
 /* The analog converter's turn comes every 1032 us: sixteen readings last 16.5 ms, the period in
    which a Sharp distance sensor takes a new measurement. */

@@ -24,9 +24,9 @@ uint32_t codec_check(const void *payload, uint8_t size)
 void codec_sign(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES])
 {
     uint32_t value = codec_check(payload, size);
-    check[0] = (uint8_t)value;
+    check[2] = (uint8_t)value;
     check[1] = (uint8_t)(value >> 8);
-    check[2] = (uint8_t)(value >> 16);
+    check[0] = (uint8_t)(value >> 16);
 }
 
 uint8_t codec_encode(const void *payload, uint8_t size, uint8_t *wire)
@@ -65,15 +65,10 @@ static bool unstuff(uint8_t *bytes, uint8_t size)
 
 static bool whole(uint8_t *bytes, uint8_t size)
 {
-    uint8_t check[CHECK_BYTES];
     if (!unstuff(bytes, size))
         return false;
     uint8_t payload = payload_size(bytes[1] & 0xF);
-    if (payload == 0 || size != payload + CHECK_BYTES + 1)
-        return false;
-    codec_sign(bytes + 1, payload, check);
-    bytes += payload + 1;
-    return bytes[0] == check[0] && bytes[1] == check[1] && bytes[2] == check[2];
+    return payload != 0 && size == payload + CHECK_BYTES + 1 && codec_check(bytes + 1, size - 1) == 0;
 }
 
 uint8_t codec_receive(codec_t *codec, uint8_t byte)

@@ -17,7 +17,7 @@ typedef struct {
 
 uint32_t codec_check(const void *payload, uint8_t size);
 
-/* The checksum as bytes, in the order of the wire. */
+/* The checksum as bytes, in the order of the wire. Over a payload and these, codec_check gives 0. */
 void codec_sign(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES]);
 
 /* Writes a frame to `wire` (WIRE_LONGEST bytes) and returns its length. */

@@ -15,7 +15,7 @@ bool deadman_allows(const deadman_t *deadman, uint8_t link)
     return deadman->owner == NOBODY || deadman->owner == link;
 }
 
-void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, uint32_t now)
+void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t now)
 {
     bool allowed = deadman_allows(deadman, link);
     deadman->sequence = sequence;
@@ -29,7 +29,7 @@ void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, uint32_t n
     deadman->mode = allowed ? MODE_STOPPED : MODE_OVERRULED;
 }
 
-bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, uint32_t now)
+bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, ticks_t now)
 {
     if (deadman->owner != link) {
         if (deadman->foreign != UINT8_MAX)
@@ -45,7 +45,7 @@ bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t seq
     return true;
 }
 
-void deadman_tick(deadman_t *deadman, uint32_t limit, uint32_t now)
+void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now)
 {
     if (deadman->owner == NOBODY || now - deadman->heard < limit)
         return;

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "protocol.h"
+#include "ticks.h"
 
 #define NOBODY 0xFF
 
@@ -15,8 +16,8 @@ typedef struct {
     uint8_t sequence; /* number of the command in force */
     uint8_t foreign;  /* commands of a link that did not own them */
     bool pressed;     /* the stop button, now */
-    uint32_t heard;   /* when the owner's last valid command came */
-    uint32_t since;   /* when the command in force took hold */
+    ticks_t heard;   /* when the owner's last valid command came */
+    ticks_t since;   /* when the command in force took hold */
 } deadman_t;
 
 void deadman_begin(deadman_t *deadman);
@@ -26,16 +27,16 @@ void deadman_ready(deadman_t *deadman);
 
 /* A stop from any link. It claims the commands when nobody owns them; from a link that does not
    own them it holds the robot until the owner has sent a stop itself. */
-void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, uint32_t now);
+void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t now);
 
 /* A command that would set `mode`; true when it is to be obeyed. */
-bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, uint32_t now);
+bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, ticks_t now);
 
 /* True when `link` may change what does not move: it owns the commands, or nobody does. */
 bool deadman_allows(const deadman_t *deadman, uint8_t link);
 
 /* The passing of time: an owner silent for `limit` ticks loses the commands. */
-void deadman_tick(deadman_t *deadman, uint32_t limit, uint32_t now);
+void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now);
 
 void deadman_fault(deadman_t *deadman);
 void deadman_clear(deadman_t *deadman);

@@ -3,178 +3,131 @@
 #include <avr/io.h>
 #include <util/atomic.h>
 
-#include "board.h"
 #include "capture.h"
 #include "clock.h"
+#include "status.h"
+#include "wheel.h"
 
 /* Ages are told in 16 bits of 64 us; older edges are marked so before the clock comes round. */
-#define OLD_TICKS ((uint32_t)AGE_NONE * 16)
+#define OLD_TICKS ((ticks_t)AGE_NONE * 16)
 
-typedef struct {
-    register_t *in; /* PINx; null before there are settings */
-    register_t *in_b; /* of the second channel; null with one channel */
-    uint8_t mask, mask_b, interrupt;
-    bool level;     /* last one seen, when both flanks interrupt */
-    bool reversed;  /* quadrature counts the other way */
-    bool any;       /* there is a last edge, not too old */
-    bool moved;
-    int8_t direction;
-    uint8_t run;    /* edges since the start from rest, up to 2 */
-    uint16_t count, rejected;
-    uint32_t changed; /* when the level last changed */
-    uint32_t last;    /* when the last edge counted */
-    uint32_t period;
-} sensor_t;
-
-/* Written by interrupts; everybody else reads them with interrupts off. */
-static sensor_t sensors[2];
-static uint8_t left_interrupt;
-static uint32_t glitch; /* ticks; 0: no filter */
+static ticks_t glitch; /* 0: no filter */
 static uint8_t edge_kind;
 static bool any_flank; /* interrupts on both flanks */
 static bool capturing;
 
-static void counted(sensor_t *sensor, bool level, uint32_t now)
+static void counted(encoder_t *encoder, bool level, ticks_t now)
 {
-    if (sensor->in_b) {
-        bool other = *sensor->in_b & sensor->mask_b;
-        int8_t direction = (level == other) != sensor->reversed ? -1 : 1;
-        if (direction != sensor->direction)
-            sensor->run = 0;
-        sensor->direction = direction;
+    if (encoder->in_b.at) {
+        int8_t direction = 1;
+        if ((level == board_read(&encoder->in_b)) != encoder->reversed)
+            direction = -1;
+        if (direction != encoder->direction)
+            encoder->run = 0;
+        encoder->direction = direction;
     }
-    sensor->count = (uint16_t)(sensor->count + sensor->direction);
-    sensor->period = now - sensor->last;
-    sensor->last = now;
-    sensor->any = sensor->moved = true;
-    if (sensor->run < 2)
-        sensor->run++;
+    encoder->count = (uint16_t)(encoder->count + encoder->direction);
+    encoder->period = now - encoder->last;
+    encoder->last = now;
+    encoder->any = encoder->moved = true;
+    if (encoder->run < 2)
+        encoder->run++;
 }
 
 /* An edge counts when the level that it ends had lasted the glitch time: bounce of either flank
    makes only short levels, so neither adds a count. */
-void encoders_edge(uint8_t interrupt)
+void encoders_edge(encoder_t *encoder)
 {
-    uint8_t wheel = interrupt != left_interrupt;
-    sensor_t *sensor = &sensors[wheel];
-    uint32_t now = clock_now();
-    bool level = *sensor->in & sensor->mask;
+    ticks_t now = clock_now();
+    bool level = board_read(&encoder->in);
     if (any_flank) {
         if (capturing)
-            capture_put(wheel, level, now);
-        uint32_t lasted = now - sensor->changed;
+            capture_put(encoder->wheel, level, now);
+        ticks_t lasted = now - encoder->changed;
         /* The level that the first edge since the last look went to; the pin may have gone there
            and back before this interrupt ran. */
-        bool reached = !sensor->level;
-        sensor->changed = now;
-        sensor->level = level;
+        bool reached = !encoder->level;
+        encoder->changed = now;
+        encoder->level = level;
         if (edge_kind == (reached ? EDGE_FALLING : EDGE_RISING))
             return;
         level = reached;
         if (lasted < glitch) {
-            sensor->rejected++;
+            status[ITEM_LEFT_REJECTED + encoder->wheel]++;
             return;
         }
     }
-    counted(sensor, level, now);
+    counted(encoder, level, now);
 }
 
-static void sense(void)
+static void sense(encoder_t *encoder)
+{
+    encoder->level = board_read(&encoder->in);
+    board_sense(encoder->interrupt, any_flank ? EDGE_BOTH : edge_kind);
+}
+
+static void choose_flanks(void)
 {
     any_flank = glitch != 0 || capturing || edge_kind == EDGE_BOTH;
-    uint8_t how = any_flank ? SENSE_ANY : edge_kind == EDGE_FALLING ? SENSE_FALLING : SENSE_RISING;
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        sensors[wheel].level = *sensors[wheel].in & sensors[wheel].mask;
-        board_sense(sensors[wheel].interrupt, how);
-    }
-}
-
-/* `pins` are the first and the second channel, as they stand in the settings. */
-static void configure(sensor_t *sensor, const uint8_t *pins, bool reversed)
-{
-    pin_t pin;
-    sensor->reversed = reversed;
-    sensor->direction = 1;
-    sensor->in_b = 0;
-    if (board_input(pins[1], &pin)) {
-        sensor->in_b = pin.port;
-        sensor->mask_b = pin.mask;
-    }
-    board_input(pins[0], &pin);
-    sensor->in = pin.port;
-    sensor->mask = pin.mask;
-    sensor->interrupt = pin.interrupt;
 }
 
 void encoders_configure(const settings_t *settings)
 {
+    EIMSK = 0;
+    glitch = settings->glitch / 4;
+    edge_kind = settings->edge;
+    choose_flanks();
+}
+
+void encoders_connect(encoder_t *encoder, const uint8_t *pins)
+{
+    pin_t pin;
+    board_pin(pins[0], &pin);
+    encoder->interrupt = pin.interrupt;
+    encoder->direction = 1;
+    board_input(pins[0], &encoder->in);
+    if (!board_input(pins[1], &encoder->in_b))
+        encoder->in_b.at = 0;
+    sense(encoder);
+}
+
+void encoders_face(encoder_t *encoder, int16_t wanted)
+{
+    if (wanted != 0 && !encoder->in_b.at)
+        encoder->direction = wanted < 0 ? -1 : 1;
+}
+
+uint16_t encoders_age(encoder_t *encoder, ticks_t now)
+{
+    ticks_t age = now - encoder->last;
+    if (age >= OLD_TICKS)
+        encoder->any = false;
+    if (now - encoder->changed >= OLD_TICKS)
+        encoder->changed = now - OLD_TICKS; /* before the clock comes round */
+    return encoder->any ? (uint16_t)(age >> 4) : AGE_NONE;
+}
+
+ticks_t encoders_period(const encoder_t *encoder)
+{
+    ticks_t age, period;
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
     {
-        EIMSK = 0;
-        glitch = settings->glitch / 4;
-        edge_kind = settings->edge;
-        configure(&sensors[0], &settings->left_encoder, settings->left_encoder_reversed);
-        configure(&sensors[1], &settings->right_encoder, settings->right_encoder_reversed);
-        left_interrupt = sensors[0].interrupt;
-        sense();
+        age = clock_now() - encoder->last;
+        period = encoder->period;
     }
-}
-
-void encoders_face(uint8_t wheel, int16_t wanted)
-{
-    if (wanted != 0 && !sensors[wheel].in_b)
-        sensors[wheel].direction = wanted < 0 ? -1 : 1;
-}
-
-uint32_t encoders_read(encoder_t both[2])
-{
-    uint32_t now;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        now = clock_now();
-        for (uint8_t wheel = 0; wheel < 2; wheel++) {
-            sensor_t *sensor = &sensors[wheel];
-            uint32_t age = now - sensor->last;
-            if (age >= OLD_TICKS)
-                sensor->any = false;
-            both[wheel].count = sensor->count;
-            both[wheel].rejected = sensor->rejected;
-            both[wheel].age = sensor->any ? (uint16_t)(age >> 4) : AGE_NONE;
-        }
-    }
-    return now;
-}
-
-speed_edges_t encoders_edges(uint8_t wheel)
-{
-    speed_edges_t edges;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        uint32_t age = clock_now() - sensors[wheel].last;
-        edges.edges = sensors[wheel].run;
-        edges.period = sensors[wheel].period;
-        if (age > edges.period)
-            edges.period = age;
-    }
-    return edges;
-}
-
-void encoders_forget(uint8_t wheel)
-{
-    sensors[wheel].run = 0;
-}
-
-bool encoders_moved(uint8_t wheel)
-{
-    volatile bool *flag = &sensors[wheel].moved;
-    bool moved = *flag;
-    *flag = false; /* an edge just between is seen by the next one */
-    return moved;
+    if (encoder->run < 2)
+        return TICKS_UNKNOWN;
+    return age > period ? age : period;
 }
 
 void encoders_capture(bool on)
 {
     capturing = on;
-    if (sensors[0].in)
-        ATOMIC_BLOCK(ATOMIC_RESTORESTATE) sense();
+    choose_flanks();
+    if (LEFT->encoder.in.at)
+        ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+        {
+            sense(&LEFT->encoder);
+            sense(&RIGHT->encoder);
+        }
 }

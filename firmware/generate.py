@@ -39,7 +39,7 @@ def wire(frame: Frame) -> int:
 def header(protocol: dict[str, Any]) -> str:
     """The C header: constants, codes, structures, packing."""
     lines = [f"/* {NOTICE} */", "#ifndef PROTOCOL_H", "#define PROTOCOL_H", ""]
-    lines += ["#include <stdint.h>", ""]
+    lines += ["#include <stdint.h>", "", '#include "progmem.h"', ""]
     check = protocol["checksum"]
     lines.append(f"#define PROTOCOL_VERSION {protocol['version']}")
     lines.append(f"#define CHECK_POLYNOMIAL 0x{check['polynomial']:06X}UL")
@@ -87,9 +87,10 @@ def _c_type(width: int) -> str:
 
 def _c_size(frames: dict[str, Frame]) -> list[str]:
     lines = ["/* Payload length of a type; 0 when there is no such type. */"]
-    lines += ["static inline uint8_t payload_size(uint8_t type)", "{", "    switch (type) {"]
-    lines += [f"    case TYPE_{name.upper()}: return sizeof({name}_t);" for name in frames]
-    return [*lines, "    default: return 0;", "    }", "}", ""]
+    lines += ["static inline uint8_t payload_size(uint8_t type)", "{"]
+    lines += ["    static const uint8_t sizes[16] PROGMEM = {"]
+    lines += [f"        [TYPE_{name.upper()}] = sizeof({name}_t)," for name in frames]
+    return [*lines, "    };", "    return pgm_read_byte(&sizes[type]);", "}", ""]
 
 
 def module(protocol: dict[str, Any]) -> str:

@@ -5,8 +5,8 @@
 
 #include "analog.h"
 #include "clock.h"
-#include "encoders.h"
 #include "link.h"
+#include "wheel.h"
 
 enum { EDGE, RECEIVED = 8, EMPTY = 10, OVERFLOW = 12, MILLISECOND, SAMPLE, CONVERTED };
 
@@ -45,7 +45,7 @@ __attribute__((naked, used, externally_visible)) void interrupts_enter(void)
 __attribute__((used, externally_visible)) void interrupts_serve(uint8_t number)
 {
     if (number < RECEIVED)
-        encoders_edge(number);
+        encoders_edge(number == LEFT->encoder.interrupt ? &LEFT->encoder : &RIGHT->encoder);
     else if (number < EMPTY)
         link_received(number - RECEIVED);
     else if (number < OVERFLOW)

@@ -4,6 +4,8 @@
 #include <util/atomic.h>
 
 #include "codec.h"
+#include "progmem.h"
+#include "status.h"
 
 #define ROOM_IN 64   /* 5.5 ms at 115200 */
 #define ROOM_OUT 128 /* five state frames */
@@ -11,49 +13,43 @@
 #define LAST_BYTES_MS 4 /* two bytes may still be in the UART: 2.1 ms at 9600 */
 
 typedef struct {
-    volatile uint8_t in[ROOM_IN];
-    volatile uint8_t out[ROOM_OUT];
-    volatile uint8_t in_head, out_tail;
+    volatile uint8_t in_head, out_tail, out_head;
     uint8_t in_tail;
-    volatile uint8_t out_head;
     uint8_t baud; /* code to change to, or NO_CHANGE */
     bool spoken;
     uint8_t idle; /* ms since the ring of bytes to send was seen empty */
     codec_t codec;
+    volatile uint8_t in[ROOM_IN];
+    volatile uint8_t out[ROOM_OUT];
 } port_t;
 
 static port_t ports[LINKS];
-static uint16_t damaged;
-static uint8_t dropped;
 
 /* Divisors at 16 MHz, double speed: the nearest to 9600, 19200, 38400, 57600, 115200. */
-static const uint8_t divisors[] = {207, 103, 51, 34, 16};
+static const uint8_t divisors[] PROGMEM = {207, 103, 51, 34, 16};
 
-/* The registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. */
-static volatile uint8_t *uart(uint8_t link)
-{
-    return link == 0 ? &UCSR0A : &UCSR1A;
-}
+/* The registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. Every
+   AVR with more than one has them eight bytes apart. */
+#define UART(link) (&UCSR0A + 8 * (link))
 #define STATE 0
 #define CONTROL 1
 #define FORMAT 2
 #define DIVISOR 4
 #define DATA 6
 
-static void set_divisor(uint8_t link, uint8_t code)
+__attribute__((noinline)) static void set_divisor(uint8_t link, uint8_t code)
 {
-    uart(link)[STATE] = 1 << U2X0;
-    *(volatile uint16_t *)(uart(link) + DIVISOR) = divisors[code];
+    UART(link)[STATE] = 1 << U2X0;
+    *(volatile uint16_t *)(UART(link) + DIVISOR) = pgm_read_byte(&divisors[code]);
 }
 
 void link_start(void)
 {
-    static const uint8_t first[LINKS] = {BAUD_B115200, BAUD_B9600};
     for (uint8_t link = 0; link < LINKS; link++) {
         ports[link].baud = NO_CHANGE;
-        set_divisor(link, first[link]);
-        uart(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
-        uart(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+        set_divisor(link, link == 0 ? BAUD_B115200 : BAUD_B9600);
+        UART(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
+        UART(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
     }
 }
 
@@ -65,7 +61,7 @@ void link_baud(uint8_t link, uint8_t code)
 void link_received(uint8_t link)
 {
     port_t *port = &ports[link];
-    uint8_t byte = uart(link)[DATA];
+    uint8_t byte = UART(link)[DATA];
     uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
     if (next == port->in_tail)
         return; /* the frame that misses this byte fails its checksum */
@@ -78,10 +74,10 @@ void link_empty(uint8_t link)
     port_t *port = &ports[link];
     uint8_t tail = port->out_tail;
     if (tail == port->out_head) {
-        uart(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
+        UART(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
         return;
     }
-    uart(link)[DATA] = port->out[tail];
+    UART(link)[DATA] = port->out[tail];
     port->out_tail = (uint8_t)(tail + 1) % ROOM_OUT;
 }
 
@@ -96,18 +92,13 @@ const void *link_receive(uint8_t link)
             port->spoken = true;
             return port->codec.bytes + 1;
         case CODEC_DAMAGED:
-            damaged++;
+            status[ITEM_DAMAGED]++;
             break;
         default:
             break;
         }
     }
     return 0;
-}
-
-bool link_waiting(void)
-{
-    return ports[0].in_head != ports[0].in_tail || ports[1].in_head != ports[1].in_tail;
 }
 
 uint8_t link_backlog(uint8_t link)
@@ -120,8 +111,7 @@ bool link_send(uint8_t link, const void *payload, uint8_t size)
     port_t *port = &ports[link];
     uint8_t wire[WIRE_LONGEST];
     if (size + CHECK_BYTES + 2 >= ROOM_OUT - link_backlog(link)) {
-        if (dropped != UINT8_MAX)
-            dropped++;
+        status[ITEM_DROPPED]++;
         return false;
     }
     uint8_t length = codec_encode(payload, size, wire);
@@ -131,7 +121,7 @@ bool link_send(uint8_t link, const void *payload, uint8_t size)
         head = (uint8_t)(head + 1) % ROOM_OUT;
     }
     port->out_head = head;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) uart(link)[CONTROL] |= 1 << UDRIE0;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) UART(link)[CONTROL] |= 1 << UDRIE0;
     return true;
 }
 
@@ -153,14 +143,4 @@ void link_tick(void)
 bool link_spoken(uint8_t link)
 {
     return ports[link].spoken;
-}
-
-uint16_t link_damaged(void)
-{
-    return damaged;
-}
-
-uint8_t link_dropped(void)
-{
-    return dropped;
 }

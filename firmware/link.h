@@ -31,10 +31,4 @@ void link_tick(void);
 /* Telemetry goes only where somebody has spoken validly. */
 bool link_spoken(uint8_t link);
 
-/* True when a byte waits that no one has looked at. */
-bool link_waiting(void);
-
-uint16_t link_damaged(void);
-uint8_t link_dropped(void);
-
 #endif

@@ -7,6 +7,7 @@
 #include "link.h"
 #include "reset.h"
 #include "robot.h"
+#include "status.h"
 
 static void listen(void)
 {
@@ -15,17 +16,6 @@ static void listen(void)
         while ((payload = link_receive(link)) != 0)
             robot_obey(link, payload);
     }
-}
-
-static void sleep_if_idle(void)
-{
-    cli();
-    if (link_waiting()) {
-        sei();
-        return;
-    }
-    sei(); /* the next instruction runs before any interrupt, so none is slept through */
-    sleep_cpu();
 }
 
 int main(void)
@@ -37,19 +27,16 @@ int main(void)
     robot_start();
     SMCR = 1 << SE; /* idle: timers and serial ports go on */
     sei();
-    uint16_t longest = 0;
     for (;;) {
         uint16_t begun = (uint16_t)clock_now();
         reset_feed();
         listen();
-        uint8_t milliseconds = clock_elapsed();
-        for (uint8_t i = 0; i < milliseconds; i++)
+        while (clock_tick())
             robot_tick();
-        if (milliseconds && robot_tell((uint16_t)(longest * 4)))
-            longest = 0;
-        uint16_t took = (uint16_t)(clock_now() - begun); /* the watchdog bites long before it wraps */
-        if (took > longest)
-            longest = took;
-        sleep_if_idle();
+        /* The motors are released and the watchdog bites long before this wraps. */
+        uint16_t took_us = (uint16_t)(((uint16_t)clock_now() - begun) * 4);
+        if (took_us > status[ITEM_LOOP])
+            status[ITEM_LOOP] = took_us;
+        sleep_cpu(); /* a byte that came just before is looked at within the millisecond */
     }
 }

@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+#include "progmem.h"
+
 #define PROTOCOL_VERSION 1
 #define CHECK_POLYNOMIAL 0x5D6DCBUL
 #define CHECK_START 0xFEDCBAUL
@@ -12,6 +14,8 @@
 #define SPEED_ONE 256
 #define DUTY_ONE 32767
 #define GAIN_ONE 32768
+#define INTEGRAL_ONE 83886
+#define GAIN_MAXIMUM 24575
 #define COMMAND_AGE_NANOSECONDS 128000
 #define AGE_NONE 65535
 #define COMMAND_AGE_NONE 4095
@@ -23,8 +27,12 @@
 #define TELEMETRY_MAXIMUM 100
 #define GLITCH_MAXIMUM 50000
 #define SLOTS_MAXIMUM 10000
+#define FLAG_STORED 16
+#define FLAG_BUTTON 32
+#define FLAG_LEFT_FAULT 64
+#define FLAG_RIGHT_FAULT 128
 #define CAPTURE_EDGES 8
-#define CAPTURE_FILLER 16383
+#define CAPTURE_TIME 16383
 #define PAYLOAD_LONGEST 36
 
 enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7 };
@@ -33,7 +41,7 @@ enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PI
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1 };
-enum { EDGE_RISING = 0, EDGE_FALLING = 1, EDGE_BOTH = 2 };
+enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
 enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B115200 = 4 };
 
 /* wheel speeds; 10 bytes on the wire */
@@ -117,7 +125,7 @@ typedef struct __attribute__((packed)) {
     uint16_t right_start; /* duty that just moves the wheel, 1/32768 */
     uint16_t right_gain; /* duty per rad/s, 1/32768 */
     uint16_t proportional; /* duty per rad/s of error, 1/32768 */
-    uint16_t integral; /* duty per rad of error, 1/32768 */
+    uint16_t integral; /* duty per rad of error, 1/INTEGRAL_ONE */
 } settings_t;
 enum { TYPE_SETTINGS = 6 };
 _Static_assert(sizeof(settings_t) == 36, "the structure is the payload");
@@ -204,8 +212,8 @@ typedef struct __attribute__((packed)) {
     uint8_t sequence : 6; /* counts frames of this kind */
     uint8_t lost : 1; /* edges found no room */
     uint8_t reserved : 1; /* zero */
-    uint32_t time; /* 64 us, time of the first edge; 28 bits */
-    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before */
+    uint32_t time; /* 64 us, low 20 bits, of this frame; no edge in it is a second old */
+    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us */
 } capture_t;
 enum { TYPE_CAPTURE = 13 };
 _Static_assert(sizeof(capture_t) == 22, "the structure is the payload");
@@ -213,21 +221,21 @@ _Static_assert(sizeof(capture_t) == 22, "the structure is the payload");
 /* Payload length of a type; 0 when there is no such type. */
 static inline uint8_t payload_size(uint8_t type)
 {
-    switch (type) {
-    case TYPE_COMMAND: return sizeof(command_t);
-    case TYPE_DUTY: return sizeof(duty_t);
-    case TYPE_STOP: return sizeof(stop_t);
-    case TYPE_ASK: return sizeof(ask_t);
-    case TYPE_ACTION: return sizeof(action_t);
-    case TYPE_SETTINGS: return sizeof(settings_t);
-    case TYPE_STATE: return sizeof(state_t);
-    case TYPE_COUNTS: return sizeof(counts_t);
-    case TYPE_STATUS: return sizeof(status_t);
-    case TYPE_HELLO: return sizeof(hello_t);
-    case TYPE_ANSWER: return sizeof(answer_t);
-    case TYPE_CAPTURE: return sizeof(capture_t);
-    default: return 0;
-    }
+    static const uint8_t sizes[16] PROGMEM = {
+        [TYPE_COMMAND] = sizeof(command_t),
+        [TYPE_DUTY] = sizeof(duty_t),
+        [TYPE_STOP] = sizeof(stop_t),
+        [TYPE_ASK] = sizeof(ask_t),
+        [TYPE_ACTION] = sizeof(action_t),
+        [TYPE_SETTINGS] = sizeof(settings_t),
+        [TYPE_STATE] = sizeof(state_t),
+        [TYPE_COUNTS] = sizeof(counts_t),
+        [TYPE_STATUS] = sizeof(status_t),
+        [TYPE_HELLO] = sizeof(hello_t),
+        [TYPE_ANSWER] = sizeof(answer_t),
+        [TYPE_CAPTURE] = sizeof(capture_t),
+    };
+    return pgm_read_byte(&sizes[type]);
 }
 
 #endif

@@ -11,7 +11,7 @@
 /* The watchdog bites after 250 ms; a loop that had not passed for most of that was hung. */
 #define BITTEN_MS 200
 #define PAINT 0xA5
-#define GAP 48
+#define GAP 64
 /* EEPROM cell that counts power-ups, behind the slots of the settings: after one, no number in
    memory tells this start from the last. */
 #define POWER_UPS ((uint8_t *)128)
@@ -40,7 +40,7 @@ void reset_early(void)
 
 static void paint_stack(void)
 {
-    lowest = (uint8_t *)SP - 9;
+    lowest = (uint8_t *)SP;
     for (uint8_t *at = &_end; at < (uint8_t *)SP - 8; at++)
         *at = PAINT;
 }
@@ -95,11 +95,13 @@ bool reset_hung(void)
 
 uint16_t reset_free_stack(void)
 {
-    /* A called function leaves no gap of this many untouched bytes. */
-    for (uint8_t clean = 0; clean < GAP && lowest - clean > &_end; clean++)
-        if (lowest[-clean] != PAINT) {
-            lowest -= clean + 1;
-            clean = 0;
-        }
-    return (uint16_t)(lowest - &_end);
+    /* Not from the end of the variables on, which would take milliseconds: no function leaves a gap
+       of this many untouched bytes. */
+    uint8_t *at = lowest - GAP;
+    if (at < &_end)
+        at = &_end;
+    while (*at == PAINT)
+        at++;
+    lowest = at;
+    return (uint16_t)(at - &_end);
 }

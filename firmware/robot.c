@@ -1,21 +1,18 @@
 #include "robot.h"
 
-#include <avr/io.h>
-#include <string.h>
+#include <util/atomic.h>
 
 #include "analog.h"
 #include "board.h"
 #include "clock.h"
 #include "codec.h"
 #include "deadman.h"
-#include "encoders.h"
 #include "link.h"
-#include "motors.h"
 #include "reset.h"
 #include "settings.h"
-#include "speed.h"
 #include "store.h"
 #include "telemetry.h"
+#include "wheel.h"
 
 #define VERSION_MAJOR 0
 #define VERSION_MINOR 1
@@ -26,36 +23,58 @@
 /* The button must be seen for this long, so that a spike of the motors is no press. */
 #define PRESS_MS 3
 
+wheel_t wheels[2];
 static deadman_t deadman;
 static settings_t settings;
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
-static speed_t wheels[2];
-static speed_gains_t gains[2];
 static uint32_t limit; /* of the dead-man, ticks */
-static uint8_t faults, period_ms, press_ms, rest;
-static pin_t button;
+static uint8_t faults; /* FLAG_... */
+static uint8_t period_ms, press_ms, rest;
+static bit_t button; /* without a pin, mask 0 */
 
 static void release(void)
 {
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        speed_stop(&wheels[wheel]);
-        encoders_forget(wheel);
-        motors_set(wheel, 0);
+    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
+        speed_stop(&wheel->speed);
+        encoders_forget(&wheel->encoder);
+        motors_set(&wheel->motor, 0);
     }
+}
+
+void robot_hung(void)
+{
+    motors_release(&LEFT->motor);
+    motors_release(&RIGHT->motor);
+}
+
+/* Takes over what the settings say of one wheel: its pins, from the enable's on, and its gains. */
+static void use_wheel(wheel_t *wheel, const uint8_t *pins, uint16_t start, uint16_t gain)
+{
+    speed_t *speed = &wheel->speed;
+    speed->start = start;
+    speed->gain = gain;
+    speed->proportional = settings.proportional;
+    speed->integral = settings.integral;
+    speed->pitch = speed_pitch(settings.slots);
+    wheel->motor.inverted = settings.enable_inverted;
+    wheel->motor.brake = settings.brake;
+    motors_configure(&wheel->motor, pins);
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) encoders_connect(&wheel->encoder, pins + MOTOR_PINS);
 }
 
 static void use(void)
 {
+    robot_hung(); /* off by the old settings */
     settings_mark = codec_check(&settings, sizeof settings);
-    limit = settings.deadman * (TICKS_PER_SECOND / 1000);
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        memcpy(&gains[wheel].start, wheel ? &settings.right_start : &settings.left_start, 4);
-        gains[wheel].proportional = settings.proportional;
-        gains[wheel].integral = settings.integral;
-        gains[wheel].pitch = speed_pitch(settings.slots);
-    }
-    motors_configure(&settings);
+    limit = (uint32_t)settings.deadman * TICKS_PER_MS;
     encoders_configure(&settings);
+    LEFT->motor.reversed = settings.left_reversed;
+    LEFT->encoder.reversed = settings.left_encoder_reversed;
+    use_wheel(LEFT, &settings.left_enable, settings.left_start, settings.left_gain);
+    RIGHT->motor.reversed = settings.right_reversed;
+    RIGHT->encoder.reversed = settings.right_encoder_reversed;
+    RIGHT->encoder.wheel = 1;
+    use_wheel(RIGHT, &settings.right_enable, settings.right_start, settings.right_gain);
     analog_configure(&settings);
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
@@ -73,8 +92,8 @@ static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
     if (!deadman_allows(&deadman, link))
         return REFUSAL_OWNED;
     if (settings_mark != 0) {
-        if (memcmp(wanted, &settings, sizeof settings) == 0)
-            return REFUSAL_NONE;
+        if (codec_check(wanted, sizeof *wanted) == settings_mark)
+            return REFUSAL_NONE; /* the same; the host knows settings by this number, too */
         if (rest < REST_PERIODS)
             return REFUSAL_MOVING;
     }
@@ -123,42 +142,49 @@ void robot_start(void)
         hello(link); /* a host that was driving learns at once that the board has restarted */
 }
 
+/* Brings a wheel's duty up to date; `passed` as the speed loop wants it. */
+static void power(wheel_t *wheel, bool passed)
+{
+    if (deadman.mode == MODE_SPEED)
+        speed_step(&wheel->speed, encoders_period(&wheel->encoder), passed);
+    motors_set(&wheel->motor, wheel->speed.duty);
+}
+
+static void drive_wheel(wheel_t *wheel, int16_t wanted)
+{
+    encoders_face(&wheel->encoder, wanted);
+    if (deadman.mode == MODE_DUTY)
+        wheel->speed.duty = wanted;
+    else if (speed_command(&wheel->speed, wanted))
+        encoders_forget(&wheel->encoder);
+    power(wheel, false);
+}
+
 /* A command and a duty frame have the same shape. */
 static void drive(uint8_t link, const command_t *frame)
 {
     uint8_t mode = frame->type == TYPE_DUTY ? MODE_DUTY : MODE_SPEED;
-    bool changes = deadman.mode != mode;
+    uint8_t before = deadman.mode;
     if (!deadman_command(&deadman, link, mode, frame->sequence, clock_now()))
         return;
-    if (changes)
+    if (mode != before)
         release();
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        int16_t wanted = wheel ? frame->right : frame->left;
-        speed_edges_t edges = encoders_edges(wheel);
-        encoders_face(wheel, wanted);
-        if (mode == MODE_DUTY) {
-            wheels[wheel].duty = wanted;
-        } else {
-            speed_command(&wheels[wheel], &gains[wheel], &edges, wanted);
-            if (edges.edges == 0)
-                encoders_forget(wheel);
-        }
-        motors_set(wheel, wheels[wheel].duty);
-    }
+    drive_wheel(LEFT, frame->left);
+    drive_wheel(RIGHT, frame->right);
 }
 
 /* Pin 13 is the light only as long as the settings leave it free. */
 static void light(uint8_t how)
 {
+    static bool lit;
     pin_t pin;
-    if (memchr(&settings.left_enable, LIGHT_PIN, &settings.range - &settings.left_enable))
-        return;
+    for (const uint8_t *at = &settings.left_enable; at < &settings.range; at++)
+        if (*at == LIGHT_PIN)
+            return;
     board_pin(LIGHT_PIN, &pin);
-    bool lit = how == 2 ? !(pin.port[2] & pin.mask) : how;
-    pin.port[1] |= pin.mask;
-    pin.port[2] &= (uint8_t)~pin.mask;
-    if (lit)
-        pin.port[2] |= pin.mask;
+    lit = how == 2 ? !lit : how;
+    board_write(&pin.bit, DIRECTION, true);
+    board_write(&pin.bit, OUTPUT, lit);
 }
 
 static void act(uint8_t link, const action_t *frame)
@@ -205,8 +231,7 @@ static void check_button(void)
 {
     bool pressed = false;
     if (button.mask) {
-        bool high = *button.port & button.mask;
-        pressed = high == settings.button_high;
+        pressed = board_read(&button) == settings.button_high;
     }
     if (!pressed)
         press_ms = 0;
@@ -219,18 +244,14 @@ static void loop(void)
 {
     if (rest < REST_PERIODS)
         rest++;
-    for (uint8_t wheel = 0; wheel < 2; wheel++) {
-        speed_t *speed = &wheels[wheel];
-        bool edge = encoders_moved(wheel);
-        if (deadman.mode == MODE_SPEED) {
-            speed_edges_t edges = encoders_edges(wheel);
-            speed_step(speed, &gains[wheel], &edges);
-            motors_set(wheel, speed->duty);
-        }
-        if (edge || speed->duty != 0)
+    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
+        bool edge = wheel->encoder.moved;
+        wheel->encoder.moved = false; /* an edge just between is seen by the next one */
+        power(wheel, true);
+        if (edge || wheel->speed.duty != 0)
             rest = 0;
-        if (speed_stalled(speed, edge)) {
-            faults |= (uint8_t)(1 << wheel);
+        if (speed_stalled(&wheel->speed, edge)) {
+            faults |= wheel == LEFT ? FLAG_LEFT_FAULT : FLAG_RIGHT_FAULT;
             deadman_fault(&deadman);
         }
     }
@@ -249,9 +270,5 @@ void robot_tick(void)
         release();
     store_tick();
     link_tick();
-}
-
-bool robot_tell(uint16_t longest_us)
-{
-    return telemetry_tick(&deadman, faults, longest_us);
+    telemetry_tick(&deadman, faults);
 }

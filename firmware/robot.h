@@ -13,8 +13,7 @@ void robot_obey(uint8_t link, const void *payload);
 /* Each millisecond. */
 void robot_tick(void);
 
-/* Sends what is due; `longest_us` is the longest pass of the main loop, which may start anew when
-   this returns true. */
-bool robot_tell(uint16_t longest_us);
+/* From an interrupt, when the main loop hangs: motors off. */
+void robot_hung(void);
 
 #endif

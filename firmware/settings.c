@@ -5,20 +5,23 @@
 
 #include "board.h"
 
-enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, OPTIONAL = 0x10 };
+enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, OPTIONAL = 0x10 };
 
 /* What the pins of the settings frame are for, in its order from left_enable on. */
-#define PINS 11
+#define PINS 13
 static const uint8_t roles[PINS] PROGMEM = {
     PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL,
     PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL, PLAIN_PIN | OPTIONAL,
+    ANALOG_CHANNEL | OPTIONAL, ANALOG_CHANNEL | OPTIONAL,
 };
 
-/* Lowest and highest of the numbers of the settings frame, in its order from telemetry on. */
-#define NUMBERS 7
-static const uint16_t limits[NUMBERS][2] PROGMEM = {
+/* Lowest and highest of the numbers of the settings frame, in its order from telemetry on; the last
+   holds for every gain. */
+#define NUMBERS 10
+#define GAINS 4
+static const uint16_t limits[GAINS + 1][2] PROGMEM = {
     {1, TELEMETRY_MAXIMUM}, {1, SLOTS_MAXIMUM}, {0, GLITCH_MAXIMUM},
-    {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, INT16_MAX}, {0, UINT16_MAX}, {0, INT16_MAX},
+    {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, GAIN_MAXIMUM},
 };
 
 static uint8_t suits(uint8_t number, uint8_t role)
@@ -26,49 +29,52 @@ static uint8_t suits(uint8_t number, uint8_t role)
     pin_t pin;
     if (!board_pin(number, &pin))
         return REFUSAL_PIN_MISSING;
-    if (pin.ability == ABLE_LINK)
+    if (pin.interrupt == BOARD_LINK)
         return REFUSAL_PIN_LINK;
-    if (role == PWM_PIN && pin.pwm == BOARD_NONE)
+    if (role == PWM_PIN && pin.pwm == BOARD_NOTHING)
         return REFUSAL_PIN_PWM;
-    if (role == INTERRUPT_PIN && pin.interrupt == BOARD_NONE)
+    if (role == INTERRUPT_PIN && pin.interrupt == BOARD_NOTHING)
         return REFUSAL_PIN_INTERRUPT;
     return REFUSAL_NONE;
 }
 
-static uint8_t check_pins(const uint8_t *pins, uint8_t *index)
+static uint8_t check_pins(const uint8_t *wanted, uint8_t *index)
 {
+    uint8_t pins[PINS]; /* analog channels too, as the pins that they are */
     for (uint8_t i = 0; i < PINS; i++) {
-        uint8_t role = pgm_read_byte(&roles[i]);
+        uint8_t role = pgm_read_byte(&roles[i]), pin = wanted[i];
         *index = i;
-        if (pins[i] == PIN_NONE && role & OPTIONAL)
+        pins[i] = PIN_NONE;
+        if (pin == PIN_NONE && role & OPTIONAL)
             continue;
-        uint8_t refusal = suits(pins[i], role & (uint8_t)~OPTIONAL);
+        role &= (uint8_t)~OPTIONAL;
+        if (role == ANALOG_CHANNEL) {
+            if (pin >= board_analogs)
+                return REFUSAL_PIN_ANALOG;
+            pin = (uint8_t)(pin + board_first_analog);
+        }
+        uint8_t refusal = suits(pin, role);
         if (refusal != REFUSAL_NONE)
             return refusal;
         for (uint8_t j = 0; j < i; j++)
-            if (pins[j] == pins[i])
+            if (pins[j] == pin)
                 return REFUSAL_PIN_TWICE;
-        for (uint8_t j = PINS; j < PINS + 2; j++) /* range and battery are analog channels */
-            if (pins[j] != PIN_NONE && board_first_analog + pins[j] == pins[i])
-                return REFUSAL_PIN_TWICE;
+        pins[i] = pin;
     }
-    for (uint8_t j = PINS; j < PINS + 2; j++) {
-        *index = j;
-        if (pins[j] != PIN_NONE && pins[j] >= board_analogs)
-            return REFUSAL_PIN_ANALOG;
-    }
-    return pins[PINS] == pins[PINS + 1] && pins[PINS] != PIN_NONE ? REFUSAL_PIN_TWICE
-                                                                  : REFUSAL_NONE;
+    return REFUSAL_NONE;
 }
 
 static bool numbers_fit(const settings_t *settings, uint8_t *index)
 {
     const uint8_t *at = (const uint8_t *)settings + offsetof(settings_t, telemetry);
+    const uint16_t *limit = limits[0];
     for (uint8_t i = 0; i < NUMBERS; i++, at += 2) {
         uint16_t number = (uint16_t)(at[0] | at[1] << 8);
         *index = i;
-        if (number < pgm_read_word(&limits[i][0]) || number > pgm_read_word(&limits[i][1]))
+        if (number < pgm_read_word(limit) || number > pgm_read_word(limit + 1))
             return false;
+        if (i < GAINS)
+            limit += 2;
     }
     return true;
 }
@@ -86,7 +92,7 @@ uint8_t settings_check(const settings_t *settings, uint8_t *field)
     if (!fits)
         return REFUSAL_RANGE;
     *field = FIELD_EDGE;
-    if (settings->edge > EDGE_BOTH)
+    if (settings->edge == 0)
         return REFUSAL_RANGE;
     *field = FIELD_RESERVED;
     if (settings->reserved != 0)

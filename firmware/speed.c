@@ -1,14 +1,14 @@
 #include "speed.h"
 
-/* An age above which the wheel's speed is not known: 300 ms. */
-#define AGE_UNKNOWN (TICKS_PER_SECOND * 3 / 10)
+/* A time between edges above which the wheel's speed is not known: 300 ms. */
+#define PERIOD_LONGEST (TICKS_PER_SECOND * 3 / 10)
 /* 2 pi * 256 * 250000: one turn in the units of pitch. */
 #define TURN 402123860UL
-/* A sum of gain * error over periods is duty times 256 (error) and 100 (periods a second). */
-#define INTEGRATOR_ONE 25600L
+/* What fits into the fixed point of `wanted` and `sum`: duty with 8 bits of fraction. */
+#define FULL ((int32_t)DUTY_FULL << 8)
 /* The integrator may add a quarter of full duty. */
-#define INTEGRATOR_LIMIT (32768L / 4 * INTEGRATOR_ONE)
-/* A reversal changes duty by at most 0.05 a period, so that a gear is not slammed. */
+#define INTEGRATOR_LIMIT (FULL / 4)
+/* On a reversal power grows by at most 0.05 a period, so that a gear is not slammed. */
 #define SLEW 1638
 /* Duty above 0.3 for 500 ms must give an edge. */
 #define STALL_DUTY 9830
@@ -21,69 +21,82 @@ uint32_t speed_pitch(uint16_t slots)
 
 void speed_stop(speed_t *speed)
 {
-    *speed = (speed_t){0};
+    speed->target = 0; /* the next one starts with a cleared integrator */
+    speed->duty = 0;
+    speed->stalled = 0;
 }
 
-static int32_t within(int32_t value, int32_t limit)
+bool speed_command(speed_t *speed, int16_t target)
 {
-    return value > limit ? limit : value < -limit ? -limit : value;
+    int16_t before = speed->target;
+    if (target == INT16_MIN)
+        target++; /* has no opposite */
+    speed->target = target;
+    if (before != 0 && target != 0 && (before ^ target) >= 0)
+        return false;
+    speed->sum = 0;
+    speed->slewing = false;
+    if (target == 0)
+        speed_stop(speed);
+    return true;
 }
 
 /* Speed that the wheel lacks, in the direction of its target; 0 while its speed is not known. */
-static int16_t lack(int16_t target, const speed_gains_t *gains, const speed_edges_t *edges)
+static int16_t lack(int16_t target, uint32_t pitch, ticks_t period)
 {
-    if (edges->edges < 2 || edges->period > AGE_UNKNOWN)
+    if (period > PERIOD_LONGEST)
         return 0;
-    uint32_t measured = gains->pitch / (edges->period | 1);
-    return (int16_t)(target - (measured > INT16_MAX ? INT16_MAX : (int16_t)measured));
+    uint32_t measured = pitch / (period | 1);
+    if (measured > INT16_MAX)
+        measured = INT16_MAX;
+    return target - (int16_t)measured;
 }
 
-/* All in the direction of the target, so that signs need no care: the loop is symmetric. */
-static void drive(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges, bool step)
+static void gather(speed_t *speed, int32_t more)
+{
+    more += speed->sum;
+    if (more > INTEGRATOR_LIMIT)
+        more = INTEGRATOR_LIMIT;
+    if (more < -INTEGRATOR_LIMIT)
+        more = -INTEGRATOR_LIMIT;
+    speed->sum = more;
+}
+
+/* After a reversal power grows slowly until it is what is wanted. `was` is negative while it is still
+   that of the old direction. */
+static int16_t slewed(speed_t *speed, int16_t was, int16_t duty, bool passed)
+{
+    if (was < 0)
+        speed->slewing = true;
+    if (!speed->slewing)
+        return duty;
+    if (passed) {
+        if (was > DUTY_FULL - SLEW)
+            was = DUTY_FULL - SLEW;
+        was += SLEW;
+    }
+    speed->slewing = was < duty;
+    return speed->slewing ? was : duty;
+}
+
+/* All in the direction of the target, so that signs need no care: the loop is symmetric. No gain is
+   above GAIN_MAXIMUM, so the sum of both products and the rest fits into 32 bits. */
+void speed_step(speed_t *speed, ticks_t period, bool passed)
 {
     bool backwards = speed->target < 0;
-    int16_t target = backwards ? (int16_t)-speed->target : speed->target;
+    int16_t target = backwards ? -speed->target : speed->target;
+    int16_t was = backwards ? -speed->duty : speed->duty;
     if (target == 0)
         return;
-    int16_t error = lack(target, gains, edges);
-    int32_t wanted = gains->start + (int32_t)((uint32_t)gains->gain * (uint16_t)target >> 8);
-    wanted += ((int32_t)gains->proportional * error) / 256 + speed->sum / INTEGRATOR_ONE;
-    int32_t duty = wanted > DUTY_FULL ? DUTY_FULL : wanted < 0 ? 0 : wanted;
-    if (step && (wanted == duty || (wanted > duty) != (error > 0))) {
-        int32_t more = within((int32_t)gains->integral * error, INTEGRATOR_LIMIT);
-        speed->sum = within(speed->sum + more, INTEGRATOR_LIMIT);
-    }
-    if (backwards)
-        duty = -duty;
-    if (speed->slewing) {
-        int32_t change = within(duty - speed->duty, step ? SLEW : 0);
-        speed->slewing = speed->duty + change != duty;
-        duty = speed->duty + change;
-    }
-    speed->duty = (int16_t)duty;
-}
-
-void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target)
-{
-    int16_t before = speed->target;
-    bool turned = (before < 0) != (target < 0);
-    if (before == 0 || target == 0 || turned)
-        edges->edges = 0;
-    if (target == 0) {
-        speed_stop(speed);
-        return;
-    }
-    if (before != 0 && turned) {
-        speed->sum = 0;
-        speed->slewing = true;
-    }
-    speed->target = target == INT16_MIN ? -INT16_MAX : target;
-    drive(speed, gains, edges, false);
-}
-
-void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges)
-{
-    drive(speed, gains, edges, true);
+    int16_t error = lack(target, speed->pitch, period);
+    int32_t wanted = (int32_t)speed->gain * target + (int32_t)speed->proportional * error
+        + ((int32_t)speed->start << 8) + speed->sum;
+    bool winds = wanted > FULL ? error > 0 : wanted < 0 && error < 0;
+    if (passed && !winds)
+        gather(speed, (int32_t)speed->integral * error >> 8);
+    int16_t duty = wanted > FULL ? DUTY_FULL : wanted < 0 ? 0 : (int16_t)(wanted >> 8);
+    duty = slewed(speed, was, duty, passed);
+    speed->duty = backwards ? -duty : duty;
 }
 
 bool speed_stalled(speed_t *speed, bool edge)

@@ -6,29 +6,19 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define TICKS_PER_SECOND 250000UL
+#include "ticks.h"
+
 #define SPEED_PERIOD_MS 10
 #define DUTY_FULL 32767
 
 typedef struct {
-    uint16_t start;        /* duty that just moves the wheel, 1/32768 */
-    uint16_t gain;         /* duty per rad/s, 1/32768 */
-    uint16_t proportional; /* duty per rad/s of error, 1/32768 */
-    uint16_t integral;     /* duty per rad of error, 1/32768 */
-    uint32_t pitch;        /* 1/256 rad/s times ticks: one slot's angle */
-} speed_gains_t;
-
-/* What the encoder knows: edges since the start from rest (0, 1, 2 for more), and the larger of the
-   time between the last two and the time since the last. */
-typedef struct {
-    uint8_t edges;
-    uint32_t period;
-} speed_edges_t;
-
-typedef struct {
+    /* As in the settings: duty that just moves the wheel and duty per rad/s, then duty per rad/s of
+       error, all in 1/32768, and per rad of error, in 1/INTEGRAL_ONE. */
+    int16_t start, gain, proportional, integral;
+    uint32_t pitch; /* one slot's angle, 1/256 rad/s times ticks */
     int16_t target;
     int16_t duty;
-    int32_t sum; /* integrator, duty scaled by INTEGRATOR_ONE */
+    int32_t sum; /* integrator, duty in 1/32768/256 */
     bool slewing;
     uint8_t stalled; /* loop periods with power and without an edge */
 } speed_t;
@@ -38,12 +28,12 @@ uint32_t speed_pitch(uint16_t slots);
 
 void speed_stop(speed_t *speed);
 
-/* A new target; its feed-forward acts at once. When it starts the wheel or turns it round, the
-   edges' history counts no more: `edges` is told so, and so must the encoder be. */
-void speed_command(speed_t *speed, const speed_gains_t *gains, speed_edges_t *edges, int16_t target);
+/* A new target; its feed-forward acts with the next step, which should follow at once. True when it
+   starts the wheel, stops it or turns it round: the edges' history counts no more then. */
+bool speed_command(speed_t *speed, int16_t target);
 
-/* One period of the loop. */
-void speed_step(speed_t *speed, const speed_gains_t *gains, const speed_edges_t *edges);
+/* Works out the duty from the time between edges; `passed` when a period of the loop has passed. */
+void speed_step(speed_t *speed, ticks_t period, bool passed);
 
 /* To be called once a period: true when the wheel has had power for long and gave no edge. */
 bool speed_stalled(speed_t *speed, bool edge);

@@ -1,7 +1,6 @@
 #include "store.h"
 
 #include <avr/eeprom.h>
-#include <string.h>
 
 #include "codec.h"
 
@@ -24,7 +23,7 @@ typedef struct {
 
 static slot_t image; /* being written, or just read */
 static uint8_t slot, generation;
-static uint8_t step = STEPS; /* of a write: 0 erases the marker, the last sets it */
+static uint8_t left; /* steps of a write: the first erases the marker, the last sets it */
 static bool done;
 
 static uint8_t *address(uint8_t number)
@@ -34,11 +33,9 @@ static uint8_t *address(uint8_t number)
 
 static bool read(uint8_t number)
 {
-    uint8_t check[CHECK_BYTES];
     eeprom_read_block(&image, address(number), sizeof image);
-    codec_sign(&image.version, BODY - CHECK_BYTES, check);
     return image.marker == COMPLETE && image.version == PROTOCOL_VERSION
-        && memcmp(check, image.check, CHECK_BYTES) == 0;
+        && codec_check(&image.version, BODY) == 0;
 }
 
 bool store_load(settings_t *settings)
@@ -56,7 +53,7 @@ bool store_load(settings_t *settings)
 
 void store_begin(const settings_t *settings)
 {
-    if (step == STEPS) { /* a write under way starts anew in its own slot */
+    if (left == 0) { /* a write under way starts anew in its own slot */
         slot ^= 1;
         generation++;
     }
@@ -64,23 +61,24 @@ void store_begin(const settings_t *settings)
     image.generation = generation;
     image.settings = *settings;
     codec_sign(&image.version, BODY - CHECK_BYTES, image.check);
-    step = 0;
+    left = STEPS;
     done = false;
 }
 
 void store_tick(void)
 {
-    if (step == STEPS || !eeprom_is_ready())
+    if (left == 0 || !eeprom_is_ready())
         return;
     uint8_t *to = address(slot);
-    if (step == 0)
+    left--;
+    if (left == BODY + 1) {
         eeprom_write_byte(to, ERASED);
-    else if (step <= BODY)
-        eeprom_write_byte(to + step, ((const uint8_t *)&image)[step]);
-    else
+    } else if (left != 0) {
+        eeprom_write_byte(to + left, ((const uint8_t *)&image)[left]);
+    } else {
         eeprom_write_byte(to, COMPLETE);
-    if (++step == STEPS)
         done = true;
+    }
 }
 
 bool store_done(void)

@@ -1,13 +1,15 @@
 #include "telemetry.h"
 
+#include <util/atomic.h>
+
 #include "analog.h"
 #include "capture.h"
 #include "clock.h"
-#include "encoders.h"
 #include "link.h"
 #include "reset.h"
-#include "speed.h"
+#include "status.h"
 #include "store.h"
+#include "wheel.h"
 
 #define COMMAND_UNIT_TICKS 32 /* 128 us */
 #define DEFAULT_RATE 40
@@ -15,10 +17,10 @@
 /* Status goes out only right behind a state frame, so that answers are never held up by it. */
 #define STATE_BACKLOG (sizeof(state_t) + CHECK_BYTES + 2)
 
-static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE;
+static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE; /* ticks */
 static uint8_t state_size = sizeof(state_t);
 static bool capturing;
-static uint32_t next_state;
+static ticks_t next_state;
 static uint8_t sequence, dropped, item;
 
 void telemetry_configure(const settings_t *settings)
@@ -44,74 +46,69 @@ static void send(const void *payload, uint8_t size, uint8_t backlog)
 /* The same structure serves both kinds of frame: a counts frame is its beginning. */
 static void send_state(const deadman_t *deadman)
 {
-    encoder_t both[2];
     state_t frame = {.type = state_size == sizeof(state_t) ? TYPE_STATE : TYPE_COUNTS};
-    uint32_t now = encoders_read(both);
-    uint32_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
+    uint8_t drops = (uint8_t)status[ITEM_DROPPED];
+    ticks_t now;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    {
+        now = clock_now();
+        frame.left = LEFT->encoder.count;
+        frame.right = RIGHT->encoder.count;
+        frame.left_age = encoders_age(&LEFT->encoder, now);
+        frame.right_age = encoders_age(&RIGHT->encoder, now);
+    }
+    ticks_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
     frame.boot = reset_boot();
     frame.sequence = sequence++;
-    frame.dropped = dropped != link_dropped();
-    dropped = link_dropped();
+    frame.dropped = dropped != drops;
+    dropped = drops;
     frame.mode = deadman->mode;
     frame.command_age = age < COMMAND_AGE_NONE ? (uint16_t)age : COMMAND_AGE_NONE;
     frame.time = (uint16_t)(now >> 4);
-    frame.left = both[0].count;
-    frame.right = both[1].count;
     frame.range = analog_mean(0);
     frame.command = deadman->sequence;
-    frame.left_age = both[0].age;
-    frame.right_age = both[1].age;
     send(&frame, state_size, ANY_BACKLOG);
 }
 
-static uint16_t value(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
+static uint8_t flags(const deadman_t *deadman, uint8_t faults)
 {
-    encoder_t both[2];
-    encoders_read(both);
-    switch (item) {
-    case ITEM_UPTIME:
-        return (uint16_t)(clock_uptime() / 60);
-    case ITEM_FLAGS:
-        return (uint16_t)(reset_cause | store_done() << 4 | deadman->pressed << 5 | faults << 6);
-    case ITEM_BATTERY:
-        return analog_mean(1);
-    case ITEM_FREE_STACK:
-        return reset_free_stack();
-    case ITEM_LOOP:
-        return longest_us;
-    case ITEM_LEFT_REJECTED:
-        return both[0].rejected;
-    case ITEM_RIGHT_REJECTED:
-        return both[1].rejected;
-    case ITEM_DAMAGED:
-        return link_damaged();
-    case ITEM_FOREIGN:
-        return deadman->foreign;
-    default:
-        return link_dropped();
-    }
+    uint8_t flags = reset_cause | faults;
+    if (store_done())
+        flags |= FLAG_STORED;
+    if (deadman->pressed)
+        flags |= FLAG_BUTTON;
+    return flags;
 }
 
-bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_us)
+/* The next item in turn. */
+static void send_status(const deadman_t *deadman, uint8_t faults)
 {
-    uint32_t now = clock_now();
+    status_t frame = {.type = TYPE_STATUS};
+    status[ITEM_FLAGS] = flags(deadman, faults);
+    status[ITEM_BATTERY] = analog_mean(1);
+    status[ITEM_FREE_STACK] = reset_free_stack();
+    status[ITEM_FOREIGN] = deadman->foreign;
+    frame.item = item;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) frame.value = status[item];
+    if (item == ITEM_LOOP)
+        status[ITEM_LOOP] = 0;
+    item = item == ITEM_DROPPED ? 0 : item + 1;
+    send(&frame, sizeof frame, STATE_BACKLOG);
+}
+
+void telemetry_tick(const deadman_t *deadman, uint8_t faults)
+{
+    ticks_t now = clock_now();
     capture_t edges;
     if (capturing && capture_take(&edges, now))
         send(&edges, sizeof edges, ANY_BACKLOG);
-    if ((int32_t)(now - next_state) < 0)
-        return false;
-    uint32_t step = capturing ? 2 * period : period;
+    if (!ticks_due(now, next_state))
+        return;
+    ticks_t step = capturing ? 2 * period : period;
     next_state += step;
-    if ((int32_t)(now - next_state) >= 0)
+    if (ticks_due(now, next_state))
         next_state = now + step; /* the loop was held up for more than a frame */
     send_state(deadman);
-    if (sequence & 3)
-        return false;
-    status_t status = {.type = TYPE_STATUS};
-    status.item = item;
-    status.value = value(deadman, faults, longest_us);
-    bool told = item == ITEM_LOOP;
-    item = item == ITEM_DROPPED ? 0 : item + 1;
-    send(&status, sizeof status, STATE_BACKLOG);
-    return told;
+    if ((sequence & 3) == 0)
+        send_status(deadman, faults);
 }

@@ -10,9 +10,8 @@
 
 void telemetry_configure(const settings_t *settings);
 
-/* Sends what is due on every link that has been spoken to. True when the longest loop time has been
-   told and may start anew. */
-bool telemetry_tick(const deadman_t *deadman, uint8_t faults, uint16_t longest_us);
+/* Sends what is due on every link that has been spoken to. */
+void telemetry_tick(const deadman_t *deadman, uint8_t faults);
 
 /* Raw edges go out, and state frames at half their rate, while on. */
 void telemetry_capture(bool on);

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import cos, degrees, hypot, pi, sin
 from random import Random
 from statistics import median
+from typing import NamedTuple
 
 from diffbotctl.config.load import load
 from diffbotctl.links.diffbot import DiffbotHost
@@ -19,34 +20,52 @@ LONGEST = 60.0  # s of virtual time for one goal
 QUANTUM = 1 / 255  # of duty: eight bits of PWM
 
 
+class Trip(NamedTuple):
+    """One goal of one robot: true errors, and how its link did."""
+
+    reached: bool
+    far: float  # mm
+    turned: float  # deg
+    spoilt: int  # frames damaged or lost
+    rate: float  # state frames a second
+
+
 def goals(seed: int, count: int) -> Iterator[Row]:
-    """Random goals within 2 m, each with another robot, link and all noise as in the robot file."""
+    """Random goals, each with another robot, the radio's delay, and all noise of the robot file.
+
+    The median is judged where the main job judges it, for goals 0.8 to 1.2 m away.
+    """
     chance = Random(seed)
-    reached, far, turned, damaged, lost = 0, [], [], 0, 0
-    rates = []
-    for number in range(count):
-        distance, bearing = chance.uniform(0.3, 2.0), chance.uniform(-pi, pi)
-        goal = Goal(0, 1, distance * cos(bearing), distance * sin(bearing), chance.uniform(-pi, pi))
-        result, host = _drive(goal, seed * 1000 + number)
-        reached += result.reached == 1
-        pose = result.truth.pose
-        far.append(hypot(pose.x - goal.x, pose.y - goal.y) * 1000)
-        turned.append(abs(degrees((pose.heading - (goal.heading or 0) + pi) % (2 * pi) - pi)))
-        assert result.link is not None
-        damaged += result.link.damaged
-        lost += result.link.lost
-        rates.append(host.rate)
+    near = [_trip(chance, (0.8, 1.2), seed * 1000 + number) for number in range(count)]
+    trips = near + [_trip(chance, (0.3, 2.0), seed * 2000 + number) for number in range(count)]
+    reached = sum(trip.reached for trip in trips)
+    middle = median(trip.far for trip in near)
+    far, turned = max(trip.far for trip in trips), max(trip.turned for trip in trips)
+    spoilt, rate = sum(trip.spoilt for trip in trips), min(trip.rate for trip in trips)
+    total = len(trips)
     yield Row(
-        f"{count} goals on the emulated board: reached", f"{reached}", "all", reached == count
+        f"{total} goals on the emulated board: reached", f"{reached}", "all", reached == total
     )
-    yield Row("true position, median (goals within 2 m)", f"{median(far):.1f} mm", "<= 10 mm",
-              median(far) <= 10)  # fmt: skip
-    yield Row("true position, worst", f"{max(far):.1f} mm", "<= 60 mm", max(far) <= 60)
-    yield Row("true heading, worst", f"{max(turned):.2f} deg", "<= 4 deg", max(turned) <= 4)
     yield Row(
-        "checksum errors, state frames lost", f"{damaged}, {lost}", "0, 0", damaged + lost == 0
+        "true position, median, goals 0.8 to 1.2 m", f"{middle:.1f} mm", "<= 10 mm", middle <= 10
     )
-    yield Row("state frames, slowest run", f"{min(rates):.2f} Hz", ">= 40 Hz", min(rates) >= 39.99)
+    yield Row("true position, worst within 2 m", f"{far:.1f} mm", "<= 60 mm", far <= 60)
+    yield Row("true heading, worst", f"{turned:.2f} deg", "<= 4 deg", turned <= 4)
+    yield Row("checksum errors and state frames lost", f"{spoilt}", "0", spoilt == 0)
+    # Frames leave at whole milliseconds of the board: a span of seconds is told to 0.005 Hz.
+    yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 40 Hz", round(rate, 2) >= 40)
+
+
+def _trip(chance: Random, within: tuple[float, float], seed: int) -> Trip:
+    distance, bearing = chance.uniform(*within), chance.uniform(-pi, pi)
+    heading = chance.uniform(-pi, pi)
+    goal = Goal(0, 1, distance * cos(bearing), distance * sin(bearing), heading)
+    result, host = _drive(goal, seed)
+    pose = result.truth.pose
+    far = hypot(pose.x - goal.x, pose.y - goal.y) * 1000
+    turned = abs(degrees((pose.heading - heading + pi) % (2 * pi) - pi))
+    assert result.link is not None
+    return Trip(result.reached == 1, far, turned, result.link.damaged + result.link.lost, host.rate)
 
 
 def _drive(goal: Goal, seed: int) -> tuple[Result, DiffbotHost]:

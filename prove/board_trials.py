@@ -23,7 +23,7 @@ COMMAND_BYTES = 10
 
 def image() -> Iterator[Row]:
     """Size of the image, as the build tells it."""
-    done = subprocess.run(["make", "-C", str(FIRMWARE)], capture_output=True, text=True, check=True)
+    done = subprocess.run(["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True)
     found = re.search(r"flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
     assert found is not None, done.stdout
     flash, ram = int(found[1]), int(found[2])
@@ -178,14 +178,22 @@ def spoil(chance: Random) -> frames.Settings:
         choices[field] = sorted(LINKS | MISSING | USED | {54})  # 54 is A0, the range sensor's
     choices["range"] = [*range(16, 255)]
     choices["battery"] = [0, *range(16, 255)]
-    choices["edge"] = [3]
+    choices["edge"] = [0]
     choices["reserved"] = [1, 2, 3]
     choices["baud"] = [*range(5, 256)]
     choices["telemetry"] = [0, 101, 40_000, 65_535]
     choices["slots"] = [0, 10_001, 65_535]
     choices["glitch"] = [50_001, 65_535]
     choices["deadman"] = [0, 1, 99, 501, 65_535]
-    choices["left_start"] = choices["right_start"] = [32_768, 65_535]
+    for field in (
+        "left_start",
+        "left_gain",
+        "right_start",
+        "right_gain",
+        "proportional",
+        "integral",
+    ):
+        choices[field] = [frames.GAIN_MAXIMUM + 1, 32_768, 65_535]
     field = chance.choice(sorted(choices))
     return good._replace(**{field: chance.choice(choices[field])})
 

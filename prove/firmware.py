@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from prove import board_runs, board_trials, flash_trials, frame_damage
+from prove import board_restarts, board_runs, board_trials, flash_trials, frame_damage
 from prove.row import Row
 
 
@@ -35,6 +35,7 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board_runs.agreement, seed, many(10, 2)),
         partial(board_runs.goals, seed, many(20, 3)),
         partial(board_runs.same_twice, seed),
+        partial(board_restarts.rows, seed, many(30, 3)),
         partial(flash_trials.rows),
     ]
     for part in parts:

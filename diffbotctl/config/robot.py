@@ -75,15 +75,17 @@ class SpeedLoop(Section):
     """Feed-forward and PI of one wheel's speed, run on the board, or on the host for PWM boards."""
 
     static = Param(
-        float, unit="1", default=0.10, least=0.0, below=1.0,
+        float, unit="1", default=0.10, least=0.0, most=0.75,
         help="Duty that just overcomes friction.",
     )  # fmt: skip
     speed = Param(
-        float, none=True, default=None, above=0.0,
+        float, none=True, default=None, above=0.0, most=0.75,
         help="Duty per rad/s above the static part; none: the rest of the duty at rated speed.",
     )  # fmt: skip
-    proportional = Param(float, default=0.0, least=0.0, help="Duty per rad/s of speed error.")
-    integral = Param(float, default=0.02, least=0.0, help="Duty per rad of angle error.")
+    proportional = Param(
+        float, default=0.0, least=0.0, most=0.75, help="Duty per rad/s of speed error."
+    )
+    integral = Param(float, default=0.02, least=0.0, most=0.29, help="Duty per rad of angle error.")
 
 
 class Motor(Section):

@@ -8,7 +8,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import Decoder, encode
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, Settings, name_of
 from diffbotctl.links.diffbot_stranger import SIGN_ON, describe
-from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, Sent, Telemetry, volts_of
+from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, RawEdge, Sent, Telemetry, volts_of
 from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
 
 MILLISECOND = 1_000_000
@@ -53,7 +53,7 @@ class DiffbotHost:
         self.baud = settings.baud if settings.uart else USB_BAUD
         self.state = GONE
         self.hello: frames.Hello | None = None
-        self.edges: list[frames.Capture] = []
+        self.edges: list[RawEdge] = []
         """raw edges, when `capture` is on; whoever reads them empties the list"""
         self._decoder = Decoder()
         self._telemetry = Telemetry(self.baud)
@@ -281,7 +281,7 @@ class DiffbotHost:
         if isinstance(frame, frames.Status):
             return self._slow(now, frame)
         if isinstance(frame, frames.Capture):
-            self.edges.append(frame)
+            self.edges += self._telemetry.raw_edges(now, frame)
         return []
 
     def _met(self, now: int, hello: frames.Hello) -> Heard:

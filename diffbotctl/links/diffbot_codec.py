@@ -38,7 +38,7 @@ def checksum(payload: bytes) -> int:
 def encode(frame: Frame) -> bytes:
     """A frame as it goes over the wire."""
     payload = frame.pack()
-    stuffed: bytes = cobs.encode(payload + checksum(payload).to_bytes(CHECK_BYTES, "little"))
+    stuffed: bytes = cobs.encode(payload + checksum(payload).to_bytes(CHECK_BYTES, "big"))
     return stuffed + DELIMITER
 
 
@@ -78,7 +78,7 @@ def decode(piece: bytes) -> Frame | None:
     except cobs.DecodeError:
         return None
     payload = data[:-CHECK_BYTES]
-    if not payload or checksum(payload) != int.from_bytes(data[-CHECK_BYTES:], "little"):
+    if not payload or checksum(payload) != int.from_bytes(data[-CHECK_BYTES:], "big"):
         return None
     kind = OF_TYPE.get(payload[0] & 0xF)
     return None if kind is None else kind.unpack(payload)

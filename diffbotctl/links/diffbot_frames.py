@@ -12,7 +12,9 @@ CHECK_START = 0xFEDCBA
 TICK_NANOSECONDS = 64000  # one unit of the board's time in frames and of edge ages
 SPEED_ONE = 256  # a speed of 1 rad/s in frames
 DUTY_ONE = 32767  # full duty in a `duty` frame
-GAIN_ONE = 32768  # full duty in the gains: duty, duty per rad/s, duty per rad
+GAIN_ONE = 32768  # full duty in the gains: duty, duty per rad/s
+INTEGRAL_ONE = 83886  # a gain of 1 duty per rad: 65536 * 32768 / 256 a second / 100 periods
+GAIN_MAXIMUM = 24575  # of every gain; 0.75 duty, or duty per rad/s, and 0.29 duty per rad
 COMMAND_AGE_NANOSECONDS = 128000  # one unit of a command's age
 AGE_NONE = 65535  # the age of an edge that was never seen or is too old to tell
 COMMAND_AGE_NONE = 4095  # the age of a command that is too old to tell
@@ -24,8 +26,12 @@ DEADMAN_MAXIMUM = 500  # ms
 TELEMETRY_MAXIMUM = 100  # Hz
 GLITCH_MAXIMUM = 50000  # us; at 20 slots and 100 rpm one slot lasts 15 ms
 SLOTS_MAXIMUM = 10000  # counts a turn; ten times what a hobby encoder gives
+FLAG_STORED = 16  # settings are in the EEPROM
+FLAG_BUTTON = 32  # the stop button is pressed
+FLAG_LEFT_FAULT = 64  # the left motor had power and its encoder gave no edges
+FLAG_RIGHT_FAULT = 128  # the same on the right
 CAPTURE_EDGES = 8  # edges in one capture frame
-CAPTURE_FILLER = 16383  # an interval too long for one entry; no edge
+CAPTURE_TIME = 16383  # mask of the time in an entry
 MODE = {0: 'unset', 1: 'stopped', 2: 'speed', 3: 'duty', 4: 'expired', 5: 'fault', 6: 'overruled', 7: 'button'}
 MODE_MEANING = {'unset': 'no valid settings, nothing moves', 'stopped': 'stopped by its owner', 'speed': 'the wheel-speed loop runs', 'duty': 'raw duty', 'expired': 'the dead-man stopped it: no valid command in time', 'fault': 'a motor had power and its encoder gave no edges', 'overruled': 'another link stopped it', 'button': 'the stop button is pressed'}
 RESET = {0: 'unknown', 1: 'power', 2: 'line', 3: 'brownout', 4: 'watchdog'}
@@ -33,13 +39,13 @@ RESET_MEANING = {'unknown': 'not told by the chip or the bootloader', 'power': '
 REFUSAL = {0: 'none', 1: 'moving', 2: 'pin_missing', 3: 'pin_link', 4: 'pin_pwm', 5: 'pin_interrupt', 6: 'pin_analog', 7: 'pin_twice', 8: 'range', 9: 'owned'}
 REFUSAL_MEANING = {'none': 'taken', 'moving': 'settings are taken at rest only', 'pin_missing': 'the board has no such pin', 'pin_link': 'the pin carries a serial link', 'pin_pwm': 'the pin has no PWM', 'pin_interrupt': 'the pin cannot raise an interrupt', 'pin_analog': 'the pin is no analog input', 'pin_twice': 'the pin is used twice', 'range': 'the value is out of range', 'owned': 'another link owns the commands'}
 ITEM = {0: 'uptime', 1: 'flags', 2: 'battery', 3: 'free_stack', 4: 'loop', 5: 'left_rejected', 6: 'right_rejected', 7: 'damaged', 8: 'foreign', 9: 'dropped'}
-ITEM_MEANING = {'uptime': 'minutes since the start', 'flags': 'reset cause, and bits: 16 settings stored, 32 button, 64 left fault, 128 right fault', 'battery': 'analog reading', 'free_stack': 'bytes never used', 'loop': 'longest pass of the main loop since told last, us', 'left_rejected': 'edges refused by the glitch filter', 'right_rejected': 'edges refused by the glitch filter', 'damaged': 'frames refused', 'foreign': 'commands of a link that did not own them', 'dropped': 'frames that found no room'}
+ITEM_MEANING = {'uptime': 'minutes since the start', 'flags': 'reset cause, and the bits FLAG_...', 'battery': 'analog reading', 'free_stack': 'bytes never used', 'loop': 'longest pass of the main loop since told last, us', 'left_rejected': 'edges refused by the glitch filter', 'right_rejected': 'edges refused by the glitch filter', 'damaged': 'frames refused', 'foreign': 'commands of a link that did not own them', 'dropped': 'frames that found no room'}
 ACTION = {0: 'light', 1: 'clear', 2: 'capture'}
 ACTION_MEANING = {'light': 'LED: 0 off, 1 on, 2 toggle', 'clear': 'forget a wheel fault', 'capture': 'raw edges: 0 off, 1 on'}
 BOARD = {0: 'unknown', 1: 'mega2560'}
 BOARD_MEANING = {'unknown': '', 'mega2560': 'Arduino Mega 2560'}
-EDGE = {0: 'rising', 1: 'falling', 2: 'both'}
-EDGE_MEANING = {'rising': '', 'falling': '', 'both': ''}
+EDGE = {1: 'both', 2: 'falling', 3: 'rising'}
+EDGE_MEANING = {'both': '', 'falling': '', 'rising': ''}
 BAUD = {0: 'b9600', 1: 'b19200', 2: 'b38400', 3: 'b57600', 4: 'b115200'}
 BAUD_MEANING = {'b9600': '9600', 'b19200': '19200', 'b38400': '38400', 'b57600': '57600', 'b115200': '115200'}
 
@@ -210,7 +216,7 @@ class Settings(NamedTuple):
     right_start: int  # duty that just moves the wheel, 1/32768
     right_gain: int  # duty per rad/s, 1/32768
     proportional: int  # duty per rad/s of error, 1/32768
-    integral: int  # duty per rad of error, 1/32768
+    integral: int  # duty per rad of error, 1/INTEGRAL_ONE
 
     def pack(self) -> bytes:
         """Payload bytes."""
@@ -520,8 +526,8 @@ class Capture(NamedTuple):
     sequence: int  # counts frames of this kind
     lost: int  # edges found no room
     reserved: int  # zero
-    time: int  # 64 us, time of the first edge; 28 bits
-    edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, 14 bits of 64 us since the edge before
+    time: int  # 64 us, low 20 bits, of this frame; no edge in it is a second old
+    edges: tuple[int, ...]  # 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us
 
     def pack(self) -> bytes:
         """Payload bytes."""

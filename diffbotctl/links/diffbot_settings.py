@@ -8,7 +8,7 @@ from math import isfinite
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import checksum
 
-EDGES = {"rising": 0, "falling": 1, "both": 2}
+EDGES = {name: code for code, name in frames.EDGE.items()}
 BAUDS = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 FIRST_BAUD = 9600  # of UART1, before any settings
 USB_BAUD = 115200  # of UART0, always
@@ -108,7 +108,7 @@ class Settings:
             left_start=_gain("start", left.start), left_gain=_gain("gain", left.gain),
             right_start=_gain("start", right.start), right_gain=_gain("gain", right.gain),
             proportional=_gain("proportional", self.proportional),
-            integral=_gain("integral", self.integral),
+            integral=_gain("integral", self.integral, frames.INTEGRAL_ONE),
         )  # fmt: skip
 
     def mark(self) -> int:
@@ -131,7 +131,7 @@ def _whole(name: str, value: int, most: int = 0xFFFF) -> int:
     return value
 
 
-def _gain(name: str, value: float) -> int:
+def _gain(name: str, value: float, one: int = frames.GAIN_ONE) -> int:
     if not isfinite(value):
         raise ValueError(f"{name} is not a number ({value})")
-    return _whole(name, round(value * frames.GAIN_ONE))
+    return _whole(name, round(value * one))

@@ -28,6 +28,14 @@ class Sent(NamedTuple):
     kind: str  # `wheels` or `duty`
 
 
+class RawEdge(NamedTuple):
+    """One flank at an encoder's pin, unfiltered."""
+
+    time: int  # ns, host
+    wheel: int  # 0 left, 1 right
+    level: int  # after the flank
+
+
 class _Edge(NamedTuple):
     board: int  # ns of board time
     host: int
@@ -101,6 +109,16 @@ class Telemetry:
         if self._board is None or self._board == first:
             return float("nan")
         return (count - 1) * SECOND / (self._board - first)
+
+    def raw_edges(self, now: int, frame: frames.Capture) -> list[RawEdge]:
+        """The flanks of a capture frame that arrived at `now`; state frames must come as well."""
+        board = self._unwrap_time(now, frame.time % WRAP)
+        found = []
+        for entry in frame.edges[: frame.used]:
+            age = (frame.time - entry) & frames.CAPTURE_TIME
+            time = self.clock.to_host(board - age * TICK)
+            found.append(RawEdge(time, entry >> 15, entry >> 14 & 1))
+        return found
 
     def volts(self, encoders: Encoders, frame: State) -> Volts:
         """The distance sensor's voltage in a state frame."""

@@ -103,14 +103,13 @@ class SpeedLoop:
         ahead = self.direction * static + slope * target
         wanted = ahead + proportional * error + self._integral
         change = integral * error * step
-        if -1.0 < wanted < 1.0:
+        power = self.direction * wanted
+        if 0.0 <= power <= 1.0:
             self._gather(change)
-        else:
-            if wanted * change < 0.0:
+        else:  # out of what the motor can be given: gather only what leads back
+            if (power - 1.0) * self.direction * change < 0.0:
                 self._gather(change)
-            wanted = 1.0 if wanted > 0.0 else -1.0
-        if wanted * target < 0.0:
-            wanted = 0.0
+            wanted = float(self.direction) if power > 1.0 else 0.0
         self.duty = self._slewed(wanted, step) if self._slewing else wanted
 
     def _gather(self, change: float) -> None:
@@ -123,6 +122,6 @@ class SpeedLoop:
     def _slewed(self, wanted: float, step: float) -> float:
         """The next duty on the way to `wanted` through a reversal."""
         limit = SLEW if step else 0.0
-        move = min(max(wanted - self.duty, -limit), limit)
-        self._slewing = self.duty + move != wanted
-        return self.duty + move
+        growth = self.direction * (wanted - self.duty)
+        self._slewing = growth > limit
+        return self.duty + self.direction * limit if self._slewing else wanted

@@ -2,8 +2,8 @@
 
    pure codec           lines of hex bytes of a wire  ->  `frame HEX` or `damaged` for each delimiter
    pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
-   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET EDGES PERIOD` or
-                        `step EDGES PERIOD`           ->  `DUTY`
+   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET PERIOD` or
+                        `step PERIOD`                 ->  `DUTY`
    pure fuzz SEED N     N random or half-random inputs through everything; prints `fuzzed N`
    pure damage SEED N   N command frames damaged on the way; prints
                         `wrong W lost_intact L damaged D` */
@@ -84,23 +84,21 @@ static void settings_lines(void)
 static void speed_lines(void)
 {
     static char line[LINE];
-    speed_gains_t gains = {0};
     speed_t speed = {0};
-    speed_edges_t edges;
-    unsigned slots, count;
+    unsigned slots;
+    ticks_t period;
     int target;
     while (fgets(line, sizeof line, stdin)) {
-        if (sscanf(line, "gains %hu %hu %hu %hu %u", &gains.start, &gains.gain, &gains.proportional,
-                   &gains.integral, &slots) == 5) {
-            gains.pitch = speed_pitch((uint16_t)slots);
+        if (sscanf(line, "gains %hd %hd %hd %hd %u", &speed.start, &speed.gain,
+                   &speed.proportional, &speed.integral, &slots) == 5) {
+            speed.pitch = speed_pitch((uint16_t)slots);
             continue;
         }
-        if (sscanf(line, "command %d %u %u", &target, &count, &edges.period) == 3) {
-            edges.edges = (uint8_t)count;
-            speed_command(&speed, &gains, &edges, (int16_t)target);
-        } else if (sscanf(line, "step %u %u", &count, &edges.period) == 2) {
-            edges.edges = (uint8_t)count;
-            speed_step(&speed, &gains, &edges);
+        if (sscanf(line, "command %d %u", &target, &period) == 2) {
+            bool fresh = speed_command(&speed, (int16_t)target);
+            speed_step(&speed, fresh ? TICKS_UNKNOWN : period, false);
+        } else if (sscanf(line, "step %u", &period) == 1) {
+            speed_step(&speed, period, true);
         }
         printf("%d\n", speed.duty);
     }
@@ -108,12 +106,15 @@ static void speed_lines(void)
 
 static void fuzz_speed(speed_t *speed)
 {
-    speed_gains_t gains = {(uint16_t)chance() & 0x7FFF, (uint16_t)chance(), (uint16_t)chance(),
-                           (uint16_t)chance(), speed_pitch((uint16_t)(1 + chance() % 10000))};
-    speed_edges_t edges = {(uint8_t)(chance() % 3), (uint32_t)chance() >> chance() % 32};
+    ticks_t period = (uint32_t)chance() >> (8 + chance() % 24);
+    speed->start = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
+    speed->gain = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
+    speed->proportional = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
+    speed->integral = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
+    speed->pitch = speed_pitch((uint16_t)(1 + chance() % 10000));
     if (chance() & 1)
-        speed_command(speed, &gains, &edges, (int16_t)chance());
-    speed_step(speed, &gains, &edges);
+        speed_command(speed, (int16_t)chance());
+    speed_step(speed, period, chance() & 1);
     if (speed->duty != 0 && (speed->duty < 0) != (speed->target < 0) && !speed->slewing)
         exit(3); /* power against the target */
     if (speed_stalled(speed, chance() & 1))

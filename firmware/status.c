@@ -1,0 +1,3 @@
+#include "status.h"
+
+uint16_t status[STATUS_ITEMS];

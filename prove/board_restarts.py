@@ -1,0 +1,141 @@
+"""The board restarts under a goal: the robot stops, says why, and goes on only when told to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import hypot, pi
+from random import Random
+from typing import Any, NamedTuple
+
+from diffbotctl.config.load import load
+from diffbotctl.drivers.emulated import Emulated
+from diffbotctl.drivers.emulator_process import BROWNOUT, LINE, Emulator
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.graph import Sink
+from diffbotctl.links.diffbot_frames import RESET_MEANING
+from diffbotctl.messages import Goal, Odometry, Text
+from diffbotctl.runs.run import Options, Run
+from prove.row import Row
+
+MS = 1_000_000
+LONGEST = 60.0  # s of virtual time for the goal, the wait included
+OFF_WITHIN = 320 * MS
+WAIT = 2_000 * MS  # before the operator consents: far more than any stop takes
+STEP_MOST = 0.02  # m; at 0.3 m/s no two telemetry frames are further apart
+MISHAPS: dict[str, Callable[[Emulator], None]] = {
+    "line": lambda emulator: emulator.reset(LINE),
+    "brownout": lambda emulator: emulator.reset(BROWNOUT),
+    "watchdog": lambda emulator: emulator.hang(),
+}
+
+
+class Seen(NamedTuple):
+    """What one restart came to."""
+
+    stopped: bool
+    """both motors off in time, and until `resume`"""
+    told: bool
+    """the run held a latched stop, and a text named the cause"""
+    step: float
+    """m; longest step of the odometry: a difference of counts across the restart would be a jump"""
+    waited: bool
+    """the goal was still under way after the wait, and reached after `resume`"""
+
+
+class Struck:
+    """The emulated robot, to which something happens at `at`; WAIT later the operator resumes."""
+
+    def __init__(self, robot: Emulated, run: StruckRun) -> None:
+        self._robot, self._run = robot, run
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._robot, name)
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """As the robot does, and what happens meanwhile."""
+        run, board = self._run, self._robot.board
+        if not run.struck and now >= run.at:
+            run.struck = True
+            MISHAPS[run.kind](board.emulator)
+        heard = self._robot.deliver(now)
+        if run.struck and not run.resumed:
+            if now >= run.at + OFF_WITHIN and board.duty != [0.0, 0.0]:
+                run.still = False
+            if now >= run.at + WAIT:
+                run.consent(now)
+        return heard
+
+
+class StruckRun(Run):
+    """A run of the packaged goal pipeline whose board restarts in motion."""
+
+    def __init__(self, kind: str, at: int, goal: Goal, seed: int) -> None:
+        self.kind, self.at = kind, at
+        self.struck = self.resumed = False
+        self.still, self.waited, self.held = True, False, False
+        self.texts: list[str] = []
+        self.step = 0.0
+        self._last: Odometry | None = None
+        super().__init__(
+            load("goal", "book_2wd", (), real=False),
+            Options(port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST),
+            tell=lambda _: None,
+        )
+
+    def consent(self, now: int) -> None:
+        """What the operator finds, and `resume`."""
+        holding = self.operator.holding.values()
+        self.held = any(stop.code == "board_restart" and stop.latched for stop in holding)
+        self.waited = self.operator.reached == 0 and self.operator.under_way is not None
+        self.resumed = True
+        self.operator.resume(now)
+
+    def _robot(self) -> Any:
+        robot = super()._robot()
+        assert isinstance(robot, Emulated)
+        return Struck(robot, self)
+
+    def _sinks(self) -> dict[str, list[Sink]]:
+        sinks = super()._sinks()
+        sinks.setdefault("robot.text", []).append(self._note_text)
+        sinks.setdefault("odometry.odometry", []).append(self._note_step)
+        return sinks
+
+    def _note_text(self, _now: int, text: Text) -> None:
+        self.texts.append(text.text)
+
+    def _note_step(self, _now: int, odometry: Odometry) -> None:
+        last, self._last = self._last, odometry
+        if last is not None:
+            self.step = max(self.step, hypot(odometry.x - last.x, odometry.y - last.y))
+
+
+def rows(seed: int, count: int) -> Iterator[Row]:
+    """Reset line, brown-out and a hung program in turn, at a random moment of the way."""
+    chance = Random(seed)
+    kinds = list(MISHAPS)
+    seen = [one(kinds[n % len(kinds)], chance, seed * 1000 + n) for n in range(count)]
+    for name, each in (
+        ("stop until `resume`", lambda s: s.stopped),
+        ("reason shown", lambda s: s.told),
+        ("the goal waits for `resume`", lambda s: s.waited),
+    ):
+        good = sum(map(each, seen))
+        yield Row(f"board restart under a goal: {name}", f"{good} of {count}", "all", good == count)
+    step = max(each.step for each in seen) * 1000
+    yield Row("the same, counts re-based: longest odometry step", f"{step:.1f} mm",
+              f"<= {STEP_MOST * 1000:.0f} mm", step <= STEP_MOST * 1000)  # fmt: skip
+
+
+def one(kind: str, chance: Random, seed: int) -> Seen:
+    """One run."""
+    at = round(chance.uniform(1.5, 4.0) * 1000) * MS
+    goal = Goal(0, 1, 1.5, chance.uniform(-0.5, 0.5), chance.uniform(-pi, pi))
+    run = StruckRun(kind, at, goal, seed)
+    result = run.go()
+    return Seen(
+        stopped=run.struck and run.still,
+        told=run.held and any(RESET_MEANING[kind] in text for text in run.texts),
+        step=run.step,
+        waited=run.waited and result.reached == 1,
+    )

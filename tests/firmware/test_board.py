@@ -1,0 +1,277 @@
+"""The real image on the emulated board."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from diffbotctl.drivers.emulator_process import DUTY_ONE, LINE, Emulator, build
+from diffbotctl.links import diffbot_frames as frames
+from prove import board_restarts, board_runs, board_trials, frame_damage
+from prove.board_bench import BOOK, MS, RADIO, USB, Bench, speed
+
+
+def mode(bench):
+    """The mode of the last state frame that tells of now."""
+    bench.wait(60)
+    return frames.MODE[bench.state().mode]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        lambda: board_trials.latency(3, 20),
+        lambda: board_trials.telemetry(10),
+        lambda: board_trials.edges(seconds=0.2),
+        lambda: board_trials.bounce(3, 1),
+        lambda: board_trials.refused_settings(3, 25),
+        lambda: board_trials.eeprom_cuts(3, 1),
+        lambda: board_trials.restarts(3, 3),
+        lambda: board_trials.deadman(3, 18),
+        lambda: frame_damage.through_binary(3, 60),
+        lambda: board_runs.agreement(3, 2),
+        lambda: board_runs.same_twice(3),
+        lambda: board_restarts.rows(3, 3),
+    ],
+    ids=["latency", "telemetry", "edges", "bounce", "settings", "eeprom", "restarts", "deadman",
+         "damage", "speed loop", "same twice", "restarts under a goal"],
+)  # fmt: skip
+def test_figures(rows):
+    for row in rows():
+        assert row.met, row.line()
+
+
+def test_a_goal_is_reached():
+    for row in board_runs.goals(3, 1):
+        if "median" not in row.what:  # one robot has no median
+            assert row.met, row.line()
+
+
+def test_nothing_moves_before_settings():
+    with Bench() as bench:
+        bench.wait(30)
+        assert bench.ask().settings == 0
+        bench.claim()
+        bench.send(RADIO, speed(1, 5, 5), frames.Duty(2, 30000, 30000))
+        assert mode(bench) == "unset"
+        assert bench.changes == []
+
+
+def test_settings_survive_a_reset():
+    with Bench() as bench:
+        bench.ready()
+        bench.wait(400)
+        bench.emulator.reset(LINE)
+        bench.wait(30)
+        hello = bench.ask()
+        assert hello.settings == BOOK.mark()
+        assert frames.RESET[hello.reset] == "line"
+
+
+def test_settings_are_not_taken_in_motion():
+    with Bench() as bench:
+        bench.ready()
+        bench.turn(2)
+        bench.send(RADIO, speed(1, 5, 5))
+        bench.wait(30)
+        bench.send(RADIO, replace(BOOK, slots=40).frame())
+        for number in range(4):
+            bench.send(RADIO, speed(number, 5, 5))
+            bench.wait(60)
+        answer = next(h.frame for h in reversed(bench.heard) if isinstance(h.frame, frames.Answer))
+        assert frames.REFUSAL[answer.refusal] == "moving"
+        assert answer.settings == BOOK.mark()
+
+
+def test_a_command_drives_as_the_feed_forward_says():
+    with Bench() as bench:
+        bench.ready()
+        bench.turn(1)
+        bench.send(RADIO, speed(1, 5.0, -2.5))
+        bench.wait(12)  # the wire takes 10.4 ms, the loop has at most run once
+        # 0.10 + 0.086 x 5 = 0.530 and 0.10 + 0.086 x 2.5 = 0.315; a PWM step is 0.004
+        assert bench.duty == pytest.approx([0.530, -0.315], abs=0.004)
+
+
+@pytest.mark.parametrize(("brake", "expected"), [(False, False), (True, True)])
+def test_at_rest_it_coasts_or_brakes(brake, expected):
+    with Bench(settings=replace(BOOK, brake=brake)) as bench:
+        bench.ready()
+        bench.turn(1)
+        bench.send(RADIO, speed(1, 5, 5))
+        bench.wait(20)
+        bench.send(RADIO, frames.Stop(2))
+        bench.wait(20)
+        assert bench.duty == [0.0, 0.0]
+        assert [change.brake for change in bench.changes[-2:]] == [expected] * 2
+
+
+def test_raw_duty():
+    with Bench() as bench:
+        bench.ready()
+        bench.turn(1)
+        bench.send(RADIO, frames.Duty(1, 16384, -DUTY_ONE))
+        assert mode(bench) == "duty"
+        assert bench.duty == pytest.approx([0.5, -1.0], abs=0.004)
+        bench.wait(300)
+        assert bench.duty == [0.0, 0.0]
+
+
+def test_a_wheel_with_power_and_without_edges_is_a_fault():
+    """0.3 of duty for 500 ms; then a clear and a new claim are needed."""
+    with Bench() as bench:
+        bench.ready()
+        for number in range(12):
+            bench.send(RADIO, speed(number, 5, 0))
+            bench.wait(50)
+        assert mode(bench) == "fault"
+        assert bench.duty == [0.0, 0.0]
+        status = [h.frame for h in bench.wait(1100) if isinstance(h.frame, frames.Status)]
+        flags = [each.value for each in status if frames.ITEM[each.item] == "flags"]
+        assert flags[-1] >> 6 == 0b01  # the left wheel
+        bench.claim()
+        assert mode(bench) == "fault"
+        bench.send(RADIO, frames.Action(1, 0))
+        bench.claim()
+        assert mode(bench) == "stopped"
+
+
+@pytest.mark.parametrize("owner", [RADIO, USB])
+def test_any_link_may_stop_and_the_owner_must_agree_before_it_goes_on(owner):
+    with Bench() as bench:
+        bench.ready(owner)
+        bench.turn(3)
+        bench.send(owner, speed(1, 5, 5))
+        bench.wait(20)
+        bench.send(1 - owner, frames.Ask(frames.VERSION), frames.Stop(9))
+        bench.wait(20)
+        assert bench.duty == [0.0, 0.0]
+        for number in range(3):
+            bench.send(owner, speed(number, 5, 5))
+            bench.wait(50)
+        assert bench.duty == [0.0, 0.0]
+        assert mode(bench) == "overruled"
+        bench.claim(owner)
+        bench.send(owner, speed(4, 5, 5))
+        bench.wait(20)
+        assert min(bench.duty) > 0.5
+
+
+def test_the_stop_button():
+    with Bench(settings=replace(BOOK, button=30)) as bench:
+        bench.pins.append(bench.pins[0]._replace(pin=30, level=1))
+        bench.ready()
+        bench.turn(2)
+        bench.send(RADIO, speed(1, 5, 5))
+        bench.wait(20)
+        assert min(bench.duty) > 0.5
+        bench.pins.append(bench.pins[0]._replace(time=bench.now + MS, pin=30, level=0))
+        bench.wait(6)
+        assert bench.duty == [0.0, 0.0]
+        bench.claim()
+        assert mode(bench) == "button"
+        bench.pins.append(bench.pins[0]._replace(time=bench.now + MS, pin=30, level=1))
+        bench.wait(20)
+        assert mode(bench) == "button"
+        bench.claim()
+        assert mode(bench) == "stopped"
+
+
+@pytest.mark.parametrize("limit", [100, 300, 500])
+def test_the_deadman_time_is_a_setting(limit):
+    with Bench(settings=replace(BOOK, deadman=limit * MS)) as bench:
+        bench.ready()
+        bench.turn(2)
+        start = bench.now + 10_400_000
+        bench.changes.clear()
+        bench.send(RADIO, speed(1, 5, 5))
+        bench.wait(600)
+        end = bench.changes[-1].time
+        assert bench.duty == [0.0, 0.0]
+        assert limit * MS <= end - start <= (limit + 20) * MS
+        assert mode(bench) == "expired"
+
+
+def test_range_is_the_mean_of_the_readings():
+    with Bench() as bench:
+        bench.ready()
+        for millivolts in (0, 1000, 2500, 4990):
+            bench.run(bench.now + 120 * MS, {0: millivolts})
+            # simavr scales by 1023 and truncates: at most one reading low, four here
+            assert bench.state().range == pytest.approx(millivolts / 5000 * 4092, abs=4.1)
+
+
+def test_counts_frames_at_50_hz():
+    with Bench(settings=replace(BOOK, edge_times=False, telemetry=50)) as bench:
+        bench.ready()
+        bench.turn(5)
+        heard = [h for _ in range(40) for h in bench.wait(50)]
+        counts = [h.frame for h in heard if isinstance(h.frame, frames.Counts)]
+        assert len(counts) >= 99
+        steps = {(b.sequence - a.sequence) % 64 for a, b in pairwise(counts)}
+        assert steps == {1}
+
+
+def test_capture_tells_every_flank():
+    with Bench() as bench:
+        bench.ready()
+        bench.send(RADIO, frames.Action(2, 1))
+        bench.wait(50)
+        bench.turn(2, rate=20)
+        heard = [h.frame for _ in range(45) for h in bench.wait(50)]
+        captured = [frame for frame in heard if isinstance(frame, frames.Capture)]
+        assert not any(frame.lost for frame in captured)
+        edges = [edge for frame in captured for edge in frame.edges[: frame.used]]
+        # 2 wheels, 40 slots, 2 flanks
+        assert len(edges) == 160
+        assert [edge >> 15 for edge in edges].count(1) == 80
+        assert [edge >> 14 & 1 for edge in edges].count(1) == 80
+        # A frame's time and the low bits of each entry give the board's time: 25 ms apart.
+        times = sorted(
+            frame.time - (frame.time - edge & frames.CAPTURE_TIME)
+            for frame in captured
+            for edge in frame.edges[: frame.used]
+        )
+        flank = 25 * MS / frames.TICK_NANOSECONDS
+        steps = [round((time - times[0]) / flank) for time in times]
+        assert steps == [step for step in range(80) for _ in range(2)]
+        assert all(abs(t - times[0] - n * flank) <= 3 for t, n in zip(times, steps, strict=True))
+
+
+def test_a_quadrature_encoder_knows_its_direction():
+    """Channel B 90 degrees behind A: forward; ahead of it: backward."""
+    settings = replace(BOOK, left=replace(BOOK.left, encoder_b=22))
+    with Bench(settings=settings) as bench:
+        bench.pins.append(board_trials.Transition(0, 22, 0))
+        bench.ready()
+        for lag, expected in ((5 * MS, 10), (-5 * MS, -10)):
+            before = bench.state().left
+            start = bench.now + 20 * MS
+            for index in range(10):
+                for pin, shift in ((2, 0), (22, lag)):
+                    rise = start + index * 20 * MS + shift
+                    bench.pins += [board_trials.Transition(rise, pin, 1),
+                                   board_trials.Transition(rise + 10 * MS, pin, 0)]  # fmt: skip
+            for _ in range(6):
+                bench.wait(50)
+            assert (bench.state().left - before + 32768) % 65536 - 32768 == expected
+
+
+def test_the_light():
+    """Pin 13 is PB7."""
+    with Emulator([(13, 14, 15)]) as emulator:
+        from diffbotctl.links.diffbot_codec import encode
+
+        emulator.step(30 * MS)
+        lit = []
+        for how in (1, 2, 2, 0):
+            frame = encode(frames.Action(0, how))
+            lit += emulator.step(emulator.now + 20 * MS, received=(frame, b"")).changes
+        # The emulator reports the enable pin with both inputs low as braking.
+        assert [change.brake for change in lit] == [True, False, True, False]
+
+
+def test_the_emulator_compiles_without_a_cache(tmp_path):
+    program = build(tmp_path)
+    assert program.parent == tmp_path
+    assert build(tmp_path) == program

@@ -1,0 +1,50 @@
+"""The shipped image is what the source gives, byte for byte."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.drivers.emulator_process import IMAGE
+from diffbotctl.flash.image import read_hex
+from prove import board_trials
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+PACKAGES = "sudo apt-get install gcc-avr avr-libc make"
+COMPILER = "5.4.0"  # Debian's gcc-avr: another one gives other bytes
+
+
+@pytest.fixture(scope="module")
+def rebuilt(tmp_path_factory):
+    """The image that `make` gives from a copy of the source, in a folder of its own."""
+    for program in ("make", "avr-gcc", "avr-objcopy"):
+        assert shutil.which(program), f"{program} is missing: {PACKAGES}"
+    asked = ["avr-gcc", "-dumpversion"]
+    version = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+    assert version == COMPILER, (
+        f"avr-gcc {version} gives other bytes than {COMPILER}, with which the image is built: "
+        f"take Debian's ({PACKAGES})"
+    )
+    copy = tmp_path_factory.mktemp("rebuilt") / "firmware"
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "*.hex", "emulator"))
+    done = subprocess.run(["make", "-C", copy], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"the firmware does not build; make says:\n{done.stderr}"
+    return copy / IMAGE.name
+
+
+def test_the_shipped_image_is_what_the_source_gives(rebuilt):
+    shipped, fresh = (read_hex(path.read_text(), path.name) for path in (IMAGE, rebuilt))
+    differing = [
+        at for at, (one, two) in enumerate(zip(shipped, fresh, strict=False)) if one != two
+    ]
+    first = f"first at 0x{differing[0]:05X}" if differing else "the lengths differ"
+    assert rebuilt.read_bytes() == IMAGE.read_bytes(), (
+        f"{IMAGE.name} is not what firmware/ gives ({len(differing)} bytes differ, {first}): "
+        "run `make -C firmware` and commit the image with the source"
+    )
+
+
+def test_it_fits():
+    for row in board_trials.image():
+        assert row.met, row.line()

@@ -1,0 +1,173 @@
+"""Flashing through the real stock bootloader on the emulated board, at real pace."""
+
+import time
+
+import pytest
+
+from diffbotctl.drivers.emulator_process import IMAGE, Emulator, bootloader
+from diffbotctl.flash import find, stk500
+from diffbotctl.flash.find import Candidate
+from diffbotctl.flash.image import read_hex, write_hex
+from diffbotctl.flash.job import Board, Said, flash, load
+from diffbotctl.flash.stk500 import Answers, Ask, Progress, message
+from diffbotctl.flash.trouble import (
+    BadImageError,
+    NoBoardError,
+    NoSyncError,
+    RadioPortError,
+    RefusedError,
+    SeveralBoardsError,
+    VerifyMismatchError,
+    WrongSignatureError,
+)
+from prove import flash_trials
+from prove.board_bench import BOOK
+
+
+@pytest.fixture
+def blank():
+    """A board with nothing but the stock bootloader."""
+    with Emulator([], image=None, boot=bootloader(), pty=True, paced=True) as board:
+        yield board
+
+
+@pytest.mark.parametrize("programmer", flash_trials.PROGRAMMERS)
+@pytest.mark.parametrize("case", flash_trials.CASES)
+def test_it_is_written_verified_and_answers(programmer, case):
+    row = flash_trials.row(programmer, case)
+    assert "dirty 0, answers" in row.figure, row.line()
+
+
+def test_events_tell_how_far_it_is(blank):
+    events = list(flash(blank.ports[0], IMAGE, settings=BOOK))
+    size = len(load(IMAGE))
+    for what in ("writing", "verifying"):
+        done = [
+            event.done for event in events if isinstance(event, Progress) and event.what == what
+        ]
+        assert done == list(range(256, size + 1, 256))
+    said = [event.text for event in events if isinstance(event, Said)]
+    assert said[0].startswith("Mega 2560 on ")
+    assert said[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
+    assert said[-1].endswith(", ready")
+
+
+def test_an_interrupted_flash_can_be_flashed_again(blank):
+    events = flash(blank.ports[0], IMAGE)
+    for event in events:
+        if isinstance(event, Progress) and event.done >= 2048:
+            break
+    events.close()
+    assert blank.flash(0, len(load(IMAGE))) != load(IMAGE)
+    time.sleep(0.2)
+    list(flash(blank.ports[0], IMAGE))
+    assert blank.flash(0, len(load(IMAGE))) == load(IMAGE)
+    assert blank.dirty_writes() == 0
+
+
+def test_what_was_on_the_board_can_be_saved(tmp_path):
+    before = bytes.fromhex("ffcf") + bytes(range(1, 200))
+    older, saved = tmp_path / "older.hex", tmp_path / "saved.hex"
+    older.write_text(write_hex(before))
+    with Emulator([], image=older, boot=bootloader(), pty=True, paced=True) as board:
+        conversation = bytearray()
+        with Board(board.ports[0]) as port:
+            port.synchronise()
+            for progress in port.hold(stk500.read(port.device, conversation)):
+                if progress.done > 2048:  # the rest is erased; the whole takes half a minute
+                    break
+        saved.write_text(write_hex(bytes(conversation).rstrip(b"\xff")))
+    assert read_hex(saved.read_text())[: len(before)] == before
+
+
+def test_nobody_answers(tmp_path):
+    """The firmware runs, but the board has no bootloader."""
+    with (
+        Emulator([], pty=True, paced=True) as board,
+        pytest.raises(NoSyncError, match="no bootloader answers"),
+    ):
+        list(flash(board.ports[0], IMAGE))
+
+
+def test_a_radio_port_is_refused(tmp_path):
+    port = tmp_path / "rfcomm0"
+    port.touch()
+    with pytest.raises(RadioPortError, match="USB port alone"):
+        list(flash(str(port), IMAGE))
+
+
+def test_no_image(tmp_path):
+    with pytest.raises(BadImageError, match="No such file"):
+        list(flash("/dev/null", tmp_path / "none.hex"))
+
+
+MEGA, OTHER_MEGA = (Candidate(f"/dev/ttyACM{n}", "Mega", True) for n in (0, 1))
+CLONE, OTHER_CLONE = (Candidate(f"/dev/ttyUSB{n}", "CH340", False) for n in (0, 1))
+
+
+@pytest.mark.parametrize(
+    ("found", "chosen"),
+    [
+        ([], NoBoardError),
+        ([CLONE], "/dev/ttyUSB0"),
+        ([MEGA, CLONE], "/dev/ttyACM0"),  # a clone's USB chip may belong to anything
+        ([MEGA, OTHER_MEGA], SeveralBoardsError),
+        ([CLONE, OTHER_CLONE], SeveralBoardsError),
+    ],
+)
+def test_choosing_a_board(found, chosen):
+    if isinstance(chosen, str):
+        assert find.choose(found).device == chosen
+    else:
+        with pytest.raises(chosen):
+            find.choose(found)
+
+
+def talk(conversation, answer_to):
+    """Hold a conversation with a board that answers as `answer_to` says."""
+    answer = None
+    while True:
+        try:
+            wish = conversation.send(answer)
+        except StopIteration:
+            return
+        answer = answer_to(wish.body) if isinstance(wish, Ask) else b""
+
+
+@pytest.mark.parametrize(
+    ("signature", "name"),
+    [("1e9703", "Mega 1280"), ("1e950f", "Uno"), ("000000", "another chip")],
+)
+def test_another_chip_is_refused(signature, name):
+    code = bytes.fromhex(signature)
+
+    def answer(body):
+        return bytes([body[0], 0, 0, 0x30, 0, code[body[6]], 0])
+
+    with pytest.raises(WrongSignatureError, match=name):
+        talk(stk500.identify("port"), answer)
+
+
+def test_a_page_that_reads_back_wrong():
+    image = bytes(512)
+
+    def answer(body):
+        if body[0] == stk500.READ:
+            return bytes([body[0], 0]) + b"\0" * 5 + b"\x01" + b"\0" * 250 + b"\0"
+        return bytes([body[0], 0])
+
+    with pytest.raises(VerifyMismatchError, match="0x00005 the board has 0x01 instead of 0x00"):
+        talk(stk500.write("port", image), answer)
+
+
+def test_a_command_that_is_refused():
+    with pytest.raises(RefusedError, match="take an address"):
+        talk(stk500.write("port", bytes(256)), lambda body: bytes([body[0], 0xC0]))
+
+
+def test_answers_are_found_in_noise():
+    """Noise, an old answer, half an answer, then the one that is waited for."""
+    answers = Answers()
+    stream = b"\x1b\x1b\x00noise" + message(6, b"\x01\x00old") + message(7, b"\x13\x00")
+    got = [answers.feed(bytes([byte]), 7) for byte in stream]
+    assert [each for each in got if each is not None] == [b"\x13\x00"]
