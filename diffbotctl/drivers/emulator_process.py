@@ -88,7 +88,7 @@ class StepResult(NamedTuple):
         return bytes(each.byte for each in self.sent if each.uart == uart)
 
 
-def build(cache: Path | None = None) -> Path:
+def build(into: Path | None = None) -> Path:
     """The emulator's program, compiled into a cache folder when it is not there yet.
 
     Raises EmulatorError naming the Debian packages when a compiler or simavr is missing.
@@ -99,8 +99,7 @@ def build(cache: Path | None = None) -> Path:
     mark = hashlib.sha256()
     for source in sorted(SOURCES.glob("*.[ch]")):
         mark.update(source.read_bytes())
-    place = cache or Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
-    program = place / f"emulator-{mark.hexdigest()[:16]}"
+    program = (into or cache()) / f"emulator-{mark.hexdigest()[:16]}"
     if not program.exists():
         _compile(sources, program)
     return program
@@ -131,7 +130,7 @@ def _compile(sources: list[Path], program: Path) -> None:
 
 
 def bootloader() -> Path:
-    """The stock bootloader's image.
+    """The stock bootloader's image, without the records that simavr complains of.
 
     Raises EmulatorError naming the Debian package when it is not installed.
     """
@@ -139,7 +138,18 @@ def bootloader() -> Path:
         raise EmulatorError(
             "the stock bootloader is not here", "sudo apt-get install arduino-core-avr"
         )
-    return BOOTLOADER
+    kept = [line for line in BOOTLOADER.read_text("ascii").splitlines(True) if line[7:9] != "03"]
+    copy = cache() / "stk500boot_v2_mega2560.hex"
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    partial = copy.with_name(f"{copy.name}.{os.getpid()}")
+    partial.write_text("".join(kept), "ascii")
+    partial.replace(copy)
+    return copy
+
+
+def cache() -> Path:
+    """The folder for what is built once."""
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
 
 
 class Emulator:

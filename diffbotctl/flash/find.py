@@ -14,6 +14,10 @@ GENUINE |= {(0x2341, 0x0210), (0x2341, 0x0242)}
 CLONES = {(0x1A86, 0x7523), (0x1A86, 0x5523), (0x0403, 0x6001), (0x10C4, 0xEA60)}
 
 
+USB = re.compile(r"tty(ACM|USB)\d+\Z")
+RADIO = re.compile(r"rfcomm\d+\Z")
+
+
 class Candidate(NamedTuple):
     """A port that may lead to a board."""
 
@@ -45,7 +49,12 @@ def choose(found: list[Candidate]) -> Candidate:
     return likely[0]
 
 
+def is_usb(device: str) -> bool:
+    """Whether the port leads over USB: to UART0 at 115200 baud, and opening it resets the board."""
+    return any(USB.search(name) for name in (device, os.path.realpath(device)))
+
+
 def refuse_radio(device: str) -> None:
     """Raises RadioPortError for a port that leads over Bluetooth."""
-    if re.search(r"rfcomm\d+\Z", os.path.realpath(device)):
+    if any(RADIO.search(name) for name in (device, os.path.realpath(device))):
         raise RadioPortError(device)

@@ -18,6 +18,7 @@ SETTINGS_EVERY = 600 * MILLISECOND  # 40 bytes, and their answer, take 60 ms at 
 STOP_EVERY = 60 * MILLISECOND  # a stop and the frame that shows it take about 50
 REPEAT_EVERY = 100 * MILLISECOND  # a command lost to noise is made good within the dead-man's time
 REPEAT_FOR = 200 * MILLISECOND  # but an engine that has gone silent is not kept driving
+TAKE_OVER = 600 * MILLISECOND  # the longest dead-man's time, and a frame
 STALE = 250 * MILLISECOND
 LOST = SECOND
 BAUD_TRIES = 2 * SECOND  # at one baud rate before the next is tried
@@ -81,6 +82,7 @@ class DiffbotHost:
         self._refused = ""
         self._stop_sequence: int | None = None
         self._stop_at = NEVER
+        self._claimed = now
         self._confirmed = False
         self._wanted: tuple[int, Wheels | Duty] | None = None
         self._repeat_at = NEVER
@@ -172,6 +174,7 @@ class DiffbotHost:
     def _claim(self, now: int) -> None:
         self._sequence = (self._sequence + 1) % COMMANDS
         self._stop_sequence, self._stop_at, self._confirmed = self._sequence, now, False
+        self._claimed = now
 
     def _release(self, now: int) -> None:
         """A command after a stop of the board's own: a person has consented, so take over again."""
@@ -317,6 +320,7 @@ class DiffbotHost:
             return []
         assert self.hello is not None
         self.state, self._cause = UP, ""
+        self._claim(now)  # a board without settings keeps no claim
         return [("text", Text(now, introduction(self.hello))), ("link", self._link(now))]
 
     def _answered(self, now: int, answer: frames.Answer) -> Heard:
@@ -346,7 +350,7 @@ class DiffbotHost:
             self._ask_at = min(self._ask_at, now)
             return heard  # a restart: hello tells more, and comes first
         self._mode = frames.MODE[frame.mode]
-        self._check_stop(frame)
+        self._check_stop(now, frame)
         heard += self._check_hold(now)
         if self.state == STALE_STATE:
             self.state, self._cause = UP, ""
@@ -357,8 +361,10 @@ class DiffbotHost:
             heard.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return heard
 
-    def _check_stop(self, frame: frames.State | frames.Counts) -> None:
+    def _check_stop(self, now: int, frame: frames.State | frames.Counts) -> None:
         still = self._mode not in ("speed", "duty")
+        if self._mode == "overruled" and now < self._claimed + TAKE_OVER:
+            return  # by this very stop, while whoever drove before has only just fallen silent
         if self._stop_sequence is not None and still and frame.command == self._stop_sequence:
             self._stop_sequence, self._stop_at, self._confirmed = None, NEVER, True
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,12 +13,12 @@ from diffbotctl.drivers.guardian import Guardian
 from diffbotctl.drivers.port import Port
 from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.flash.find import is_usb
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.rosserial import RosserialHost
 from diffbotctl.runs.emulation import settings_of
 
 SECOND = 1_000_000_000
-USB = re.compile(r"/tty(ACM|USB)\d+\Z")
 TICK_BYTES, BITS = 16, 10  # of the pair of ticks, what is sent after the counts were taken
 NO_DEADMAN = """\
 Note: this board cannot stop by itself when the host falls silent. A guardian process
@@ -67,7 +65,7 @@ def _opened(device: str, baud: int) -> Port:
 def diffbot_host(robot: Robot, device: str) -> DiffbotHost:
     """The host's half for a board with our firmware; a USB port always means UART0 at 115200."""
     settings = settings_of(robot)
-    if USB.search(os.path.realpath(device)):
+    if is_usb(device):
         settings = replace(settings, uart=0)
     return DiffbotHost(settings)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import select
 import time
 from contextlib import contextmanager
+from pathlib import Path
 from random import Random
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 from diffbotctl.drivers.emulated import STEP, EmulatedBoard
@@ -25,7 +27,11 @@ REST = 0.0005  # s of sleep between two looks at the clock, half a step
 
 
 class VirtualBoard:
-    """A board paced to real time. `usb` and `radio` name its ports: UART0 and UART1."""
+    """A board paced to real time. `usb` and `radio` name its ports: UART0 and UART1.
+
+    The names are links in a new folder, called as Linux calls such ports on a real machine, since
+    the name says over what a port leads.
+    """
 
     def __init__(self, robot: Robot, seed: int, world: World | None, *, blank: bool) -> None:
         """`blank`: only the stock bootloader is on it. Raises EmulatorError: what to install."""
@@ -38,7 +44,10 @@ class VirtualBoard:
         emulator = Emulator(motors, image=image, boot=bootloader(), pty=True)
         self.board = EmulatedBoard(plant, settings, emulator)
         assert emulator.ports is not None
-        self.usb, self.radio = emulator.ports
+        self.folder = Path(mkdtemp(prefix="diffbot-"))
+        self.usb, self.radio = self.folder / "ttyACM0", self.folder / "rfcomm0"
+        for link, port in zip((self.usb, self.radio), emulator.ports, strict=True):
+            link.symlink_to(port)
         self.lost = 0.0
         """s that the machine was too slow for, and which the board has not lived"""
 
@@ -56,8 +65,11 @@ class VirtualBoard:
                 behind = time.monotonic_ns() - begun - self.board.now
 
     def close(self) -> None:
-        """End the emulator."""
+        """End the emulator; its ports vanish."""
         self.board.emulator.close()
+        for link in (self.usb, self.radio):
+            link.unlink(missing_ok=True)
+        self.folder.rmdir()
 
 
 @contextmanager
