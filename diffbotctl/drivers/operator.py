@@ -30,6 +30,8 @@ class Operator:
         self.stops: list[Stop] = []
         self.holding: dict[str, Stop] = {}
         self.state: GoalState | None = None
+        self.paused: Goal | None = None
+        self.stays = False
         self._next(0)
 
     def due(self) -> int:
@@ -59,6 +61,8 @@ class Operator:
             self._next(now)
         elif state.state in ENDED:
             self.under_way = None
+            if self.stays:
+                return
             self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
 
     def hear_path(self, now: int, path: Path) -> None:
@@ -80,9 +84,26 @@ class Operator:
 
         return hear
 
+    def take(self, now: int, goal: Goal) -> None:
+        """Follow a person's goal in place of all others. From now on no goal ends the run."""
+        self.stays = True
+        self.paused = None
+        self.waiting = [goal]
+        self._next(now)
+
+    def pause(self, now: int) -> None:
+        """Withdraw the goal under way until `resume`: a person takes over."""
+        if self.under_way is None:
+            return
+        self.paused, self.under_way = self.under_way, None
+        self._say(now, "goal", Goal(now, 0))
+
     def resume(self, now: int) -> None:
-        """Consent to move again."""
+        """Consent to move again, and to go on with a goal that waits."""
         self._say(now, "resume", Resume(now))
+        if self.paused is not None:
+            self.under_way, self.paused = self.paused, None
+            self._say(now, "goal", self.under_way)
 
     def _gravest(self, now: int) -> Stop:
         ranked = sorted(self.holding.values(), key=lambda stop: not stop.latched)
@@ -90,7 +111,7 @@ class Operator:
 
     def _next(self, now: int) -> None:
         if not self.waiting:
-            if self.under_way is not None:
+            if self.under_way is not None and not self.stays:
                 self.end(0, "all goals reached")
             self.under_way = None
             return

@@ -57,7 +57,7 @@ class Lines:
 
 
 class Request:
-    """One line of a client: fields are taken by name, with their type; RefusalError says what is wrong.
+    """One line of a client: its fields are taken by name and type, or refused with RefusalError.
 
     `number` is whatever the client put in `id`; the answer carries it back.
     """
@@ -131,17 +131,23 @@ EXAMPLE = 'send one JSON object a line, such as {"do": "stop"}'
 
 
 def _no_constant(word: str) -> NoReturn:
-    raise RefusalError("E-REQUEST", f"{word} is no number that a robot can follow", "send a finite one")
+    raise RefusalError(
+        "E-REQUEST", f"{word} is no number that a robot can follow", "send a finite one"
+    )
 
 
 def check_hello(first: Request) -> str:
     """The client's name from its hello. Raises RefusalError for another version."""
     version = first.fields.get("hello")
     if type(version) is not int:
-        raise RefusalError("E-PROTOCOL", "the first line must be a hello", 'send {"hello": 1} first')
+        raise RefusalError(
+            "E-PROTOCOL", "the first line must be a hello", 'send {"hello": 1} first'
+        )
     if version != PROTOCOL:
         cause = f"protocol {version % 10**9} is not spoken here; this is {PROTOCOL}"
-        raise RefusalError("E-PROTOCOL", cause, "install the same version of diffbotctl on both sides")
+        raise RefusalError(
+            "E-PROTOCOL", cause, "install the same version of diffbotctl on both sides"
+        )
     return first.text("name", "client")
 
 
