@@ -77,9 +77,7 @@ def _finish(run: Run) -> int:
     result = run.go()
     from diffbotctl.ui.summary import lines
 
-    goals = run.operator.given
-    last = goals[result.reached - 1] if result.reached else None
-    for line in lines(result, last):
+    for line in lines(result, run.operator.last):
         click.echo(line)
     if result.failure is not None:
         raise result.failure

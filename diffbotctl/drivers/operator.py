@@ -21,7 +21,7 @@ class Operator:
     def __init__(self, goals: Sequence[Goal], end: Callable[[int, str], None]) -> None:
         self.waiting = list(goals)
         self.end = end
-        self.given: list[Goal] = []
+        self.last: Goal | None = None
         self.under_way: Goal | None = None
         self.outbox: list[Delivery] = []
         self.at = 0
@@ -58,6 +58,7 @@ class Operator:
             return
         if state.state == "reached":
             self.reached += 1
+            self.last = self.under_way
             self._next(now)
         elif state.state in ENDED:
             self.under_way = None
@@ -68,7 +69,7 @@ class Operator:
     def hear_path(self, now: int, path: Path) -> None:
         """Take all waypoints of a path as the goals to visit."""
         self.waiting += path.goals
-        if self.under_way is None:
+        if self.under_way is None and self.paused is None:
             self._next(now)
 
     def hear_stop(self, source: str) -> Callable[[int, Stop], None]:
@@ -117,7 +118,6 @@ class Operator:
             return
         self.number += 1
         self.under_way = self.waiting.pop(0)._replace(number=self.number)
-        self.given.append(self.under_way)
         self._say(now, "goal", self.under_way)
 
     def _say(self, now: int, port: str, message: Message) -> None:
