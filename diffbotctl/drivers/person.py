@@ -65,11 +65,13 @@ class Person:
             self.channel.answer(Answer(command.number, code))
         if was_open and not self.channel.is_open and self.driving is not None:
             self._lose(now, self.gone)
+        self.channel.flush()
 
     def _stop(self, now: int, command: Command) -> str:
         """Hold the robot until `resume`."""
         (cause,) = command.values
-        self._say(now, "twist", Twist(now, 0.0, 0.0))
+        if self.driving is not None:
+            self._say(now, "twist", Twist(now, 0.0, 0.0))
         self._say(now, "halt", Stop(now, "operator_stop", cause, True))
         self._let_go()
         return ""

@@ -7,6 +7,7 @@ import struct
 from collections import deque
 from typing import NamedTuple
 
+from diffbotctl.hub.pace import Pace
 from diffbotctl.links.control import Lines, line
 
 MOST_STREAMED = 500  # lines that wait for a client which reads slowly; the oldest goes first
@@ -14,7 +15,7 @@ MOST_ANSWERS = 50  # answers that wait; then nothing more is read from that clie
 CREDENTIALS = struct.Struct("3i")
 READ = 1 << 16  # bytes at once
 REQUESTS_PER_SECOND = 200.0
-MOST_SAVED = 100.0  # requests that a client may send in one burst
+MOST_AT_ONCE = 100.0  # requests that a client may send in one burst
 
 
 class Peer(NamedTuple):
@@ -49,7 +50,8 @@ class Client:
         self.hears = True  # False once the other end sends no more
         self.ending = False  # True: closed when what waits is sent
         self.expected = 0  # commands that the engine has not answered yet
-        self.saved, self.saved_at = MOST_SAVED, now
+        self.drives = False  # True once it has driven: its leaving matters
+        self.pace = Pace(REQUESTS_PER_SECOND, MOST_AT_ONCE, now)
         connection.setblocking(False)
 
     @property
@@ -78,14 +80,19 @@ class Client:
         self.lines.add(data)
         return bool(data)
 
-    def may_ask(self, now: float) -> bool:
-        """True, and one request is spent, unless it asks too often."""
-        saved = self.saved + (now - self.saved_at) * REQUESTS_PER_SECOND
-        self.saved, self.saved_at = min(saved, MOST_SAVED), now
-        if self.saved < 1.0 or len(self.answers) >= MOST_ANSWERS:
-            return False
-        self.saved -= 1.0
-        return True
+    def next_line(self, now: float) -> bytes | None:
+        """The next whole line, unless this client asks too often. Raises RefusalError."""
+        if not self.pace.allows(now) or len(self.answers) >= MOST_ANSWERS:
+            return None
+        found = self.lines.next()
+        if found is not None:
+            self.pace.spend()
+        return found
+
+    @property
+    def is_paused(self) -> bool:
+        """True when requests of it wait, so that no more need be read."""
+        return b"\n" in self.lines.rest
 
     def write(self) -> bool:
         """Send what fits. False when the other end is gone."""
@@ -107,7 +114,7 @@ class Client:
     @property
     def is_done(self) -> bool:
         """True when all is said on both sides."""
-        if self.waits or self.expected:
+        if self.waits or self.expected or (self.is_paused and not self.ending):
             return False
         return self.ending or not (self.hears or self.watched)
 

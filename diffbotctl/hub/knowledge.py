@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from diffbotctl.engine.channel import News
@@ -29,7 +30,7 @@ class Rate(NamedTuple):
     rate: float
     least_gap: float
     most_gap: float
-    count: int
+    messages: int
 
 
 class Knowledge:
@@ -73,7 +74,7 @@ class Knowledge:
         count = self.counts[wire]
         if len(recent) < 2:
             return Rate(0.0, float("nan"), float("nan"), count)
-        gaps = [(b - a) / SECOND for a, b in zip(recent, recent[1:], strict=False)]
+        gaps = [(b - a) / SECOND for a, b in pairwise(recent)]
         # A wire that has fallen silent must not keep the rate that it had.
         span = max(self.now - recent[0], recent[-1] - recent[0], 1) / SECOND
         return Rate((len(recent) - 1) / span, min(gaps), max(gaps), count)

@@ -1,0 +1,51 @@
+"""Where a run meets the people around it: the control socket's hub, and the driver behind it."""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple
+
+from diffbotctl import __version__
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.drivers.operator import Operator
+from diffbotctl.drivers.person import Person
+from diffbotctl.engine.channel import Channel
+from diffbotctl.graph import Graph
+from diffbotctl.hub import hub_process
+from diffbotctl.hub.listening import listen
+from diffbotctl.hub.verbs import About
+
+
+class Socket(NamedTuple):
+    """What the command line says of the control socket: its name, and the group that may use it."""
+
+    name: str | None = None
+    group: str | None = None
+
+
+class Station:
+    """The engine's side of the control socket. Raises RunError when it cannot be made."""
+
+    def __init__(
+        self, wanted: Socket, configuration: Configuration, graph: Graph, port: str
+    ) -> None:
+        listener, path = listen(wanted.name, configuration.name, wanted.group)
+        robot = configuration.robot
+        about = About(
+            name=path.stem,
+            version=__version__,
+            pid=os.getpid(),
+            pipeline=str(configuration.file),
+            robot=str(configuration.robot_file or ""),
+            port=port,
+            graph=graph,
+            speed=None if robot is None else robot.limits.speed,
+            turn_rate=None if robot is None else robot.limits.turn_rate,
+        )
+        end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
+        self.name = path.stem
+        self.channel = Channel(end)
+
+    def person(self, operator: Operator, wakes: bool) -> Person:
+        """The driver that follows what comes from the socket."""
+        return Person(self.channel, operator, wakes)
