@@ -15,6 +15,10 @@ COMMANDS = {
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
     "blocks": "List the blocks there are, or show one.",
+    "stop": "Stop the robot of a running engine, whatever else is broken.",
+    "resume": "Let a stopped robot move again.",
+    "goto": "Send the robot of a running engine to a place.",
+    "why": "Tell why the robot stopped, from the sensor to the motors.",
     "replay": "Run a recording again, and compare every message.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }

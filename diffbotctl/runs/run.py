@@ -93,7 +93,6 @@ class Run:
         self.station: Station | None = None
         if options.socket is not None:
             self.station = Station(options.socket, configuration, graph, options.port)
-            self.children.append(self.station.pid)
         self.robot = self._robot()
         self.seen: dict[str, Any] = {}
         self.travelled = 0.0
@@ -290,6 +289,8 @@ class Run:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
             driver.close()
+        if self.station is not None:
+            self.station.end()
         for pid in self.children:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
 from typing import NamedTuple
 
 from diffbotctl import __version__
@@ -12,8 +14,12 @@ from diffbotctl.drivers.person import Person
 from diffbotctl.engine.channel import Channel
 from diffbotctl.graph import Graph
 from diffbotctl.hub import hub_process
-from diffbotctl.hub.listening import listen
+from diffbotctl.hub.listening import forget, listen
 from diffbotctl.hub.verbs import About
+
+
+PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
+LOOK = 0.005  # s between two looks whether it has ended
 
 
 class Socket(NamedTuple):
@@ -43,9 +49,20 @@ class Station:
             turn_rate=None if robot is None else robot.limits.turn_rate,
         )
         end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
-        self.name = path.stem
+        self.path = path
         self.channel = Channel(end)
 
     def person(self, operator: Operator, wakes: bool) -> Person:
         """The driver that follows what comes from the socket."""
         return Person(self.channel, operator, wakes)
+
+    def end(self) -> None:
+        """See the hub end; one that is frozen is killed, for nobody else is left to do it."""
+        forget(self.path)
+        deadline = time.monotonic() + PATIENCE
+        while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
+            if time.monotonic() > deadline:
+                os.kill(self.pid, signal.SIGKILL)
+                os.waitpid(self.pid, 0)
+                return
+            time.sleep(LOOK)
