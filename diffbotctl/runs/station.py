@@ -17,7 +17,6 @@ from diffbotctl.hub import hub_process
 from diffbotctl.hub.listening import forget, listen
 from diffbotctl.hub.verbs import About
 
-
 PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
 LOOK = 0.005  # s between two looks whether it has ended
 
