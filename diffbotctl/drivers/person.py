@@ -10,12 +10,14 @@ from collections.abc import Callable
 from math import isfinite
 
 from diffbotctl.drivers.operator import Operator
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Answer, Channel, Command
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import NEVER
-from diffbotctl.messages import Goal, Message, Stop, Twist
+from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
 
 SILENCE = 300_000_000  # ns; with one telemetry period and the way down it stays below 500 ms
+LATER = "later"  # a verb that answers by itself
 HOLDING = "gate.stop"  # the wire that says what holds the robot at the last gate
 
 Verb = Callable[["Person", int, Command], str]
@@ -27,9 +29,11 @@ class Person:
     A paced simulation is not woken: it has its own exact times, and looks each instant.
     """
 
-    def __init__(self, channel: Channel, operator: Operator, wakes: bool) -> None:
+    def __init__(self, channel: Channel, operator: Operator, changes: Changes, wakes: bool) -> None:
         self.channel = channel
         self.operator = operator
+        self.changes = changes
+        self.calls: list[int] = []
         self.woken_by = [channel.fileno()] if wakes else []
         self.outbox: list[Delivery] = []
         self.at = 0
@@ -60,9 +64,13 @@ class Person:
     def idle(self, now: int) -> None:
         """Follow the commands that have come. Called when what the instant commanded has left."""
         was_open = self.channel.is_open
+        while self.changes.outcomes:
+            refused = self.changes.outcomes.pop(0)
+            self.channel.answer(Answer(self.calls.pop(0), "refused" if refused else "", (refused,)))
         for command in self.channel.receive():
             code = VERBS[command.verb](self, now, command)
-            self.channel.answer(Answer(command.number, code))
+            if code is not LATER:
+                self.channel.answer(Answer(command.number, code))
         if was_open and not self.channel.is_open and self.driving is not None:
             self._lose(now, self.gone)
         self.channel.flush()
@@ -118,6 +126,16 @@ class Person:
         self._let_go()
         return ""
 
+    def _set(self, now: int, command: Command) -> str:
+        self._say(now, "setting", Setting(now, *command.values))
+        return ""
+
+    def _call(self, now: int, command: Command) -> str:
+        """Call an action; the answer comes when it has been done."""
+        self._say(now, "call", Call(now, *command.values))
+        self.calls.append(command.number)
+        return LATER
+
     def _leave(self, now: int, command: Command) -> str:
         """A client has gone: nothing happens unless it was driving."""
         if self.driving is not None and self.driving.client == command.client:
@@ -150,5 +168,7 @@ VERBS: dict[str, Verb] = {
     "goto": Person._goto,
     "drive": Person._drive,
     "release": Person._release,
+    "set": Person._set,
+    "call": Person._call,
     "leave": Person._leave,
 }

@@ -13,6 +13,7 @@ from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.drivers.person import Person
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
@@ -94,6 +95,7 @@ class Run:
         if options.socket is not None:
             self.station = Station(options.socket, configuration, graph, options.port)
         self.robot = self._robot()
+        self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
         self.travelled = 0.0
         self.operator = Operator(self._goals(), self._end)
@@ -102,7 +104,9 @@ class Run:
         drivers: list[Driver] = [*([self.robot] if self.robot else []), self.operator]
         self.person: Person | None = None
         if self.station is not None:
-            self.person = self.station.person(self.operator, real or self.robot is None)
+            self.person = self.station.person(
+                self.operator, self.changes, real or self.robot is None
+            )
             drivers.append(self.person)
         self.engine = Engine(
             graph,
@@ -180,6 +184,8 @@ class Run:
             add(wire, self.operator.hear_stop(wire))
         for wire in wires_of(self.assembly, Odometry):
             add(wire, self._note_odometry)
+        for wire, sink in self.changes.sinks().items():
+            add(wire, sink)
         if self.configuration.robot is not None:
             add("robot.link", self._note_link)
         if self.latest is not None:

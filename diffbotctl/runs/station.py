@@ -11,6 +11,7 @@ from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.drivers.person import Person
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Channel
 from diffbotctl.graph import Graph
 from diffbotctl.hub import hub_process
@@ -51,9 +52,9 @@ class Station:
         self.path = path
         self.channel = Channel(end)
 
-    def person(self, operator: Operator, wakes: bool) -> Person:
+    def person(self, operator: Operator, changes: Changes, wakes: bool) -> Person:
         """The driver that follows what comes from the socket."""
-        return Person(self.channel, operator, wakes)
+        return Person(self.channel, operator, changes, wakes)
 
     def end(self) -> None:
         """See the hub end; one that is frozen is killed, for nobody else is left to do it."""

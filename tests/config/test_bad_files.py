@@ -16,7 +16,8 @@ FILES = sorted(BAD.glob("*.yaml"))
 # What only the installation, a run or the command line can bring about, not a file.
 NOT_FROM_FILES = {
     "E-BLOCK-CLASH", "E-BLOCK-IMPORT", "E-BLOCK-RAISED", "E-CODE", "E-DEFECT", "E-FILE-ENCODING",
-    "E-FILE-SIZE", "E-RECORD", "E-RECORDING", "E-RECORDING-CUT", "E-ROBOT-FIELD", "E-ROBOT-WHICH",
+    "E-FILE-SIZE", "E-BUSY", "E-HELD", "E-NO-ANSWER", "E-NO-ENGINE", "E-PROTOCOL", "E-REQUEST",
+    "E-SOCKET", "E-RECORD", "E-RECORDING", "E-RECORDING-CUT", "E-ROBOT-FIELD", "E-ROBOT-WHICH",
 }  # fmt: skip
 
 
