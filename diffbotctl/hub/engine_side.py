@@ -5,13 +5,12 @@ from __future__ import annotations
 import pickle
 import socket
 import time
-from typing import Any
 
 from diffbotctl.engine.channel import Answer, Command, News
 from diffbotctl.hub.client import Client
+from diffbotctl.hub.desk import Wanted
 from diffbotctl.hub.pace import Pace
-from diffbotctl.hub.verbs import ANSWERS, Wanted
-from diffbotctl.links.control import RefusalError
+from diffbotctl.hub.verbs import in_words
 
 LARGEST = 1 << 20  # bytes of one piece of news
 AT_ONCE = 32  # pieces of news taken between two looks at the clients
@@ -77,7 +76,7 @@ class EngineSide:
         client, number = self.asked.pop(said.number, (None, None))
         if client is not None:
             client.expected -= 1
-            client.answer({"id": number, **in_words(said.code)})
+            client.answer({"id": number, **in_words(said.code, said.values)})
         return client
 
     def _send(self, command: Command) -> bool:
@@ -88,8 +87,3 @@ class EngineSide:
         except OSError:
             self.lives = False
         return True
-
-
-def in_words(code: str) -> dict[str, Any]:
-    """What a client is told when the engine has said `code`."""
-    return RefusalError(*ANSWERS[code]).fields() if code else {"ok": True}

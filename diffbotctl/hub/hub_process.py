@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from diffbotctl.hub.desk import About
 from diffbotctl.hub.listening import forget
 from diffbotctl.hub.server import Log, Server
-from diffbotctl.hub.verbs import About
 
 NICENESS = 5  # the control path goes first on a machine with one core
 LAST_WORDS = 0.5  # s for clients to take what waits when the run is over

@@ -6,9 +6,10 @@ from collections import deque
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import News
-from diffbotctl.graph import SECOND
-from diffbotctl.messages import Message, Stop
+from diffbotctl.graph import SECOND, Graph
+from diffbotctl.messages import Message, Setting, Stop
 
 RATE_SPAN = 2 * SECOND  # ns over which a rate is taken: long enough for 1 Hz, short enough to show
 MOST_TIMES = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
@@ -34,9 +35,12 @@ class Rate(NamedTuple):
 
 
 class Knowledge:
-    """Follows the engine's news. `wires` maps each wire to its message class."""
+    """Follows the engine's news. The blocks of `graph` are the hub's own copy of them: their live
+    parameters follow too."""
 
-    def __init__(self, wires: dict[str, type]) -> None:
+    def __init__(self, graph: Graph) -> None:
+        wires = graph.kinds
+        self.changes = Changes(graph, {})
         self.wires = wires
         self.names = list(wires)
         self.stops = [wire for wire, kind in wires.items() if kind is Stop]
@@ -62,6 +66,8 @@ class Knowledge:
                 self.times[wire].append(now)
                 if type(message) is Stop and message.code:
                     self._remember(now, wire, message)
+                elif type(message) is Setting:
+                    self.changes.set(now, message)
 
     def _remember(self, now: int, wire: str, stop: Stop) -> None:
         if wire.startswith("operator."):

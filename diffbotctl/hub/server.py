@@ -11,9 +11,10 @@ from typing import Any
 
 from diffbotctl.engine.channel import News
 from diffbotctl.hub.client import Client, peer_of
+from diffbotctl.hub.desk import About, Desk, Wanted
 from diffbotctl.hub.engine_side import EngineSide
 from diffbotctl.hub.knowledge import Knowledge
-from diffbotctl.hub.verbs import About, Verbs, Wanted
+from diffbotctl.hub.verbs import follow
 from diffbotctl.links.control import PROTOCOL, RefusalError, check_hello, line, request
 from diffbotctl.links.json_messages import encoder
 
@@ -39,8 +40,8 @@ class Server:
         self.engine = EngineSide(channel)
         self.shared = shared
         self.log = log
-        self.knowledge = Knowledge(about.graph.kinds)
-        self.verbs = Verbs(about, self.knowledge)
+        self.knowledge = Knowledge(about.graph)
+        self.desk = Desk(about, self.knowledge)
         self.encoders = {wire: encoder(kind) for wire, kind in about.graph.kinds.items()}
         self.clients: dict[int, Client] = {}
         self.connected = 0
@@ -136,7 +137,7 @@ class Server:
         try:
             asked = request(data)
             number = asked.number
-            said = self.verbs.follow(client, asked)
+            said = follow(self.desk, client, asked)
         except RefusalError as refusal:
             client.answer({"id": number, **refusal.fields()})
             return

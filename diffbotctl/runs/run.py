@@ -93,7 +93,7 @@ class Run:
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station: Station | None = None
         if options.socket is not None:
-            self.station = Station(options.socket, configuration, graph, options.port)
+            self.station = Station(options.socket, configuration, self.assembly, options.port)
         self.robot = self._robot()
         self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}

@@ -11,12 +11,13 @@ from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.drivers.person import Person
+from diffbotctl.drivers.simulated import Simulated
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Channel
-from diffbotctl.graph import Graph
 from diffbotctl.hub import hub_process
+from diffbotctl.hub.desk import About
 from diffbotctl.hub.listening import forget, listen
-from diffbotctl.hub.verbs import About
+from diffbotctl.runs.assembly import Assembly
 
 PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
 LOOK = 0.005  # s between two looks whether it has ended
@@ -33,7 +34,7 @@ class Station:
     """The engine's side of the control socket. Raises RunError when it cannot be made."""
 
     def __init__(
-        self, wanted: Socket, configuration: Configuration, graph: Graph, port: str
+        self, wanted: Socket, configuration: Configuration, assembly: Assembly, port: str
     ) -> None:
         listener, path = listen(wanted.name, configuration.name, wanted.group)
         robot = configuration.robot
@@ -44,7 +45,9 @@ class Station:
             pipeline=str(configuration.file),
             robot=str(configuration.robot_file or ""),
             port=port,
-            graph=graph,
+            graph=assembly.graph,
+            command=assembly.command,
+            drivers={"robot": Simulated} if robot is not None and port == "sim" else {},
             speed=None if robot is None else robot.limits.speed,
             turn_rate=None if robot is None else robot.limits.turn_rate,
         )
