@@ -49,6 +49,15 @@ def held_by(status: dict[str, Any]) -> str:
     return "" if held is None else f"{held['code']}: {held['cause']}"
 
 
+def paced(row: dict[str, Any]) -> str:
+    """`50.0 Hz`, `silent for 3.2 s`, `nothing yet`."""
+    if row["age"] is None:
+        return "nothing yet"
+    if row["rate"] == 0.0:
+        return f"last {row['age']:.1f} s ago"
+    return f"{row['rate']:6.1f} Hz"
+
+
 def settled(caller: Caller, seen: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """The status as soon as `seen` is true of it, or after SETTLING whatever it is then."""
     import time

@@ -58,13 +58,14 @@ def list_actions(desk: Desk, client: Client, request: Request) -> Fields:
 def call(desk: Desk, client: Client, request: Request) -> Wanted:
     """Call an action with numbers as its arguments, by name."""
     request.only("action", "arguments")
-    node, _, name = request.text("action").partition(".")
+    wanted = request.text("action")
+    node, _, name = wanted.partition(".")
     found = {
         f"{each}.{action}": method
         for each, kind in _targets(desk).items()
         for action, method in actions(kind).items()
     }
-    method = found.get(f"{node}.{name}")
+    method = found.get(wanted)
     if method is None:
         raise RefusalError(
             "E-REQUEST", f"there is no action '{node}.{name}'", nearest_of(node, found)
