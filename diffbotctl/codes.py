@@ -293,6 +293,10 @@ CODES: dict[str, Code] = {
         The emulated board is a small program on simavr that runs the real firmware. It is built
         once on your machine, which takes a C compiler and simavr's headers; the simulated robot
         needs neither."""),
+    "E-PORT-SILENT": _code("no firmware of ours answers on this port", """
+        The port opens, but what is behind it does not speak diffbotctl's protocol: no power, a
+        wrong port, crossed wires, another baud rate, or another program on the board. The cause
+        says what was heard. `diffbotctl flash firmware` puts our program on a Mega 2560."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),
