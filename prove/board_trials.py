@@ -23,7 +23,9 @@ COMMAND_BYTES = 10
 
 def image() -> Iterator[Row]:
     """Size of the image, as the build tells it."""
-    done = subprocess.run(["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True
+    )
     found = re.search(r"flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
     assert found is not None, done.stdout
     flash, ram = int(found[1]), int(found[2])
