@@ -6,6 +6,7 @@ SEED ?= 1
 ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
+BOARD ?= 1
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 .PHONY: demo test prove bench packages clean
@@ -28,7 +29,8 @@ test: packages $(VENV)/tested
 	$(BIN)/python -m pytest
 
 prove: packages $(VENV)/tested
-	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS)
+	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
+	  --board $(BOARD)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from itertools import chain
 
-from prove import faults, link_rosserial, motion
+from prove import faults, firmware, link_rosserial, motion
 
 
 def main() -> int:
@@ -15,12 +15,14 @@ def main() -> int:
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--starts", type=int, default=100)
+    parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
     options = parser.parse_args()
     missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
+        firmware.rows(options.seed, options.board),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)

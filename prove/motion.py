@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from math import cos, degrees, hypot, pi, sin
+from math import cos, degrees, hypot, pi, radians, sin
+from pathlib import Path
 from random import Random
 from statistics import median, pstdev
 from typing import NamedTuple
@@ -17,6 +18,9 @@ from diffbotctl.runs.run import Options, Run
 from prove.row import Row
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
+IDEAL = str(Path(__file__).with_name("ideal_robot.yaml"))
+# The goals whose time-optimal motions are published with the bound (m, m, deg).
+KNOWN_GOALS = ((1.0, 0.0, 0), (1.0, 1.0, 90), (0.5, 0.5, 180), (-0.3, 0.4, -90), (0.0, 0.1, 0))
 OPEN_FLOOR = ["world.walls=[]"]
 # A stock board's counts cannot tell 10 mm: its row asks for 20 mm and 3 deg.
 TOLERANCES = {"stock": ("follower.tolerance=20 mm", "follower.heading_tolerance=3 deg")}
@@ -47,8 +51,8 @@ def configuration(kind: str, *sets: str) -> Configuration:
     return load("goal", ROBOTS[kind], [*OPEN_FLOOR, *TOLERANCES.get(kind, ()), *sets])
 
 
-def trip(setup: Configuration, goal: Goal, seed: int) -> Trip:
-    """Run one goal on the robot that `seed` draws."""
+def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> Trip:
+    """Run one goal on the robot that `seed` draws; `reverse`: the bound may drive backwards."""
     run = Run(setup, Options(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
     start = hypot(goal.x, goal.y)
     farthest = [0.0]
@@ -71,7 +75,7 @@ def trip(setup: Configuration, goal: Goal, seed: int) -> Trip:
         goal.x, goal.y, goal.heading,
         Limits(limits.speed, limits.turn_rate, limits.acceleration, limits.braking,
                setup.robot.drive.track),
-        reverse=False,
+        reverse=reverse,
     )  # fmt: skip
     return Trip(
         result.reached == 1,
@@ -157,6 +161,20 @@ def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
         )
         yield straight(kind, seed, robots, "model")
     yield straight("edges", seed, robots, "count")
+    yield ideal()
+
+
+def ideal() -> Row:
+    """The slowest of the known goals on a plant without faults, which may drive backwards."""
+    setup = load("goal", IDEAL, [*OPEN_FLOOR, "follower.reverse=true"])
+    trips = [
+        trip(setup, Goal(0, 0, x, y, radians(heading)), seed=1, reverse=True)
+        for x, y, heading in KNOWN_GOALS
+    ]
+    ratios = [one.ratio for one in trips]
+    met = all(one.reached for one in trips) and max(ratios) <= 1.15
+    shown = " ".join(f"{ratio:.2f}" for ratio in ratios)
+    return Row("ideal plant: time over the bound, five goals", shown, "<= 1.15", met)
 
 
 def truth_rows(kind: str, trips: list[Trip]) -> Iterator[Row]:

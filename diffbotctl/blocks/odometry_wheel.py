@@ -57,7 +57,7 @@ class OdometryWheel:
         self.static = motor.loop.static
         self.count = self.first = count
         static = motor.loop.static
-        friction = static / (1.0 - static) * motor.rated * self.to_pitches
+        friction = static / (1.0 - static) * motor.rated
         spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
         self.filter = WheelFilter(spread, time, count, slots)
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)

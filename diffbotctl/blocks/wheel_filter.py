@@ -14,8 +14,8 @@ class WheelFilter:
 
     __slots__ = ("tracks",)
 
-    def __init__(self, spread: Spread, time: int, count: int, slots: int = 0) -> None:
-        """`slots` of the disc, whose errors are learnt when the board tells edges' times; or 0."""
+    def __init__(self, spread: Spread, time: int, count: int, slots: int) -> None:
+        """`slots` of the disc, whose errors are learnt when the board tells edges' times."""
         self.tracks = [WheelTrack(spread, time, count, slots)]
 
     @property

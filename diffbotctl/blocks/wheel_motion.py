@@ -20,26 +20,40 @@ from typing import NamedTuple
 from diffbotctl.blocks.slot_places import Row, SlotPlaces
 from diffbotctl.blocks.transition import Factors
 
-CREEP = 0.3  # pitches/s (3 mm/s); without drive, friction ends what is slower
+TURN = 2.0 * pi
 LEAST_MASS = 1e-6  # a bound this unlikely is taken as a plain measurement of its nearer end
 UNIFORM = 1.0 / 12.0  # variance of what is equally likely anywhere in one pitch
-EDGE = 0.004  # pitches; how well an edge's time marks its own flank: 50 us of jitter, a little play
+EDGE = 0.004  # pitches; how well an edge marks its own flank: the light barrier has a little play
+LATE = 50e-6  # s; how well its time does
 
 
 class Spread(NamedTuple):
-    """What is known of the motors and discs before the first move. Standard deviations."""
+    """What is known of the motors and discs before the first move: standard deviations, as found on
+    kits of this kind, of motors in rad/s, of discs in pitches."""
 
     lag: float = 0.10  # s, the middle
     lag_ratio: float = 0.27  # of the logarithm of the lag
     gain: float = 0.065
-    offset: float = 0.7  # pitches/s
+    offset: float = 0.22  # rad/s
+    friction: float = 1.16  # rad/s, not a deviation: the speed that a usual dead band takes away
+    creep: float = 0.094  # rad/s, not a deviation: without drive, friction ends what is slower
+    rough: float = 0.28  # rad/s per square root of a second: what the model leaves out
+    drift: float = 0.016  # rad/s per square root of a second: how the offset wanders
     slot: float = 0.03  # pitches; place of an edge
     open: float = 0.05  # pitches; of the open share of a pitch
-    friction: float = 3.7  # pitches/s, a usual motor's: the speed that its dead band takes away
     stamp: float = 0.0  # s; of a frame's time
     hold: float = 0.0  # s; of the time at which a command takes hold
-    rough: float = 0.9  # pitches/s per square root of a second: what the model leaves out
-    drift: float = 0.05  # pitches/s per square root of a second: how the offset wanders
+
+    def in_pitches(self, slots: int) -> Spread:
+        """The same with all speeds in pitches/s of a disc with `slots` slots."""
+        scale = slots / TURN
+        return self._replace(
+            offset=self.offset * scale,
+            friction=self.friction * scale,
+            creep=self.creep * scale,
+            rough=self.rough * scale,
+            drift=self.drift * scale,
+        )
 
 
 Covariance = tuple[
@@ -58,8 +72,8 @@ class WheelMotion:
     )  # fmt: skip
 
     def __init__(self, spread: Spread, slots: int) -> None:
-        """`slots`: of the disc; 0 when they are not to be learnt."""
-        self.spread = spread
+        """`slots`: of the disc."""
+        self.spread = spread = spread.in_pitches(slots)
         self.disc = SlotPlaces(slots, spread.slot, spread.open)
         self.z = self.phase = 0.5
         self.speed = self.offset = self.shifted = 0.0
@@ -92,6 +106,10 @@ class WheelMotion:
         """(pitches/s)2"""
         return self.covariance[6]
 
+    def rolls(self, creeps: float) -> bool:
+        """True when it is faster than `creeps` times what friction ends."""
+        return abs(self.speed) > creeps * self.spread.creep
+
     def flank_variance(self, forward: bool) -> float:
         """Variance of z about a flank that is seen now, as it is known before."""
         spread = self.spread
@@ -119,7 +137,7 @@ class WheelMotion:
 
     def run(self, span: float, drive: float) -> None:
         """Let `span` seconds pass under `drive` (pitches/s)."""
-        sign = (drive > 0.0) - (drive < 0.0)
+        spread, sign = self.spread, (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never pushes
             drive, sign = 0.0, 0
         speed = self.speed
@@ -130,7 +148,7 @@ class WheelMotion:
             self._brake(span, drive)
             return
         self._move(span, drive, sign, driven=drive != 0.0)
-        if not drive and -CREEP < self.speed < CREEP:
+        if not drive and abs(self.speed) < spread.creep:
             self._halt()
 
     def _brake(self, span: float, drive: float) -> None:
@@ -235,7 +253,7 @@ class WheelMotion:
         # What is seen is z less the flank's error.
         slots = [p - q for p, q in zip(disc.shared[0], own, strict=True)]
         motion = _less(row, shared)
-        noise = EDGE * EDGE if forward else self.spread.slot**2
+        noise = EDGE * EDGE + (self.speed * LATE) ** 2 if forward else self.spread.slot**2
         whole = motion[0] - slots[entry] + noise
         pull = (place + disc.error[entry] - self.z) / whole
         self._note(pull * whole, whole)

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from math import log, sqrt
 
-from diffbotctl.blocks.wheel_motion import CREEP, Spread, WheelMotion, cumulated
+from diffbotctl.blocks.wheel_motion import Spread, WheelMotion, cumulated
 
 OPEN = 0.5  # share of the pitch that lies open, the middle of all discs
 UNLIKELY = 8.0  # a split's branch so far below the best (natural logarithm) is not taken up
 LEAST_SHARE = 1e-6  # no direction is quite impossible
-ROLLING = 1.0  # pitches/s; from slower than this a wheel hardly rolls out
-SLACK = 0.3  # pitches/s; a speed is never known better when the direction hangs on it
+ROLLING = 3.0  # times the speed that friction ends; slower than this a wheel hardly rolls out
 OUTSIDE = 0.08  # mass beyond a bound from which on it is believed; less says nothing new at rest
 SURE = 0.001  # the same while moving, when each frame says something new
 
@@ -27,8 +26,8 @@ class WheelTrack:
         "count", "drive", "heading", "motion", "passed", "slot", "time", "turned_back",
     )  # fmt: skip
 
-    def __init__(self, spread: Spread, time: int, count: int, slots: int = 0) -> None:
-        """`slots` of the disc, whose errors are learnt when the board tells edges' times; or 0."""
+    def __init__(self, spread: Spread, time: int, count: int, slots: int) -> None:
+        """`slots` of the disc, whose errors are learnt when the board tells edges' times."""
         self.motion = WheelMotion(spread, slots)
         self.time = time
         self.count = count
@@ -87,16 +86,18 @@ class WheelTrack:
                 track._advance(switch)
                 track._turn(drive)
             track._advance(time)
-            track._see_bounds(not marked and (steps != 0 or abs(track.motion.speed) > CREEP))
+            track._see_bounds(
+                not marked and (steps != 0 or abs(track.motion.speed) > track.motion.spread.creep)
+            )
         return tracks
 
     def rolling_out(self, drive: float) -> list[WheelTrack]:
         """Split over how friction ends the motion, the first time that `drive` leaves off."""
-        speed = self.motion.speed
-        if self.motion.dry is not None or drive * speed > 0.0 or abs(speed) < ROLLING:
+        motion = self.motion
+        if motion.dry is not None or drive * motion.speed > 0.0 or not motion.rolls(ROLLING):
             return [self]
         twin = self.copy()
-        self.motion.dry, twin.motion.dry = False, True
+        motion.dry, twin.motion.dry = False, True
         return [self, twin]
 
     def _see_bounds(self, moving: bool) -> None:
@@ -109,7 +110,7 @@ class WheelTrack:
         has it (ns)."""
         span = (time - self.time) * 1e-9
         speed = self.motion.speed
-        if abs(speed) < 1.0:
+        if not self.motion.rolls(ROLLING):
             return time - int(0.5e9 * span)
         heading = -1 if speed < 0.0 else 1
         beyond = heading * (self.motion.z + speed * span - self.place) - abs(steps)
@@ -162,7 +163,8 @@ class WheelTrack:
         """Which flank it may have been: (how well it fits, log of its direction's probability,
         direction, slot)."""
         motion = self.motion
-        forward = cumulated(motion.speed / sqrt(motion.speed_variance + SLACK * SLACK))
+        # A speed is never known better than to a creep when the direction hangs on it.
+        forward = cumulated(motion.speed / sqrt(motion.speed_variance + motion.spread.creep**2))
         branches = []
         for heading, share in ((1, forward), (-1, 1.0 - forward)):
             prior = log(max(share, LEAST_SHARE))

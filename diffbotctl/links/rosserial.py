@@ -13,7 +13,7 @@ from math import isfinite, nan
 
 from diffbotctl.links.rosserial_counts import Count
 from diffbotctl.links.rosserial_frames import Decoder, Frame, encode
-from diffbotctl.links.rosserial_speeds import NEVER, PERIOD, Speeds, pair
+from diffbotctl.links.rosserial_speeds import NEVER, Speeds, pair
 from diffbotctl.links.rosserial_topics import (
     FIRST_TOPIC,
     LOG,
@@ -210,7 +210,7 @@ class RosserialHost:
             self._zeroed_at = now
         hurried = self._stopping and not self._stopped
         moving = self.state == "up" and not self._stopping
-        return self.speeds.take(now, numbers, moving, self.speeds.gap if hurried else PERIOD)
+        return self.speeds.take(now, numbers, moving, hurried)
 
     # What the board says
 

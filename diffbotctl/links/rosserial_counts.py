@@ -11,6 +11,7 @@ from math import floor
 SECOND = 1_000_000_000
 MARGIN = 1.5  # over the rated speed: a light robot on a full battery, and one bounce in two counts
 SCATTER = 50_000_000  # ns; a frame's age varies by about one pass of the sketch's loop
+PROMPT = 400_000_000  # ns; after a longer gap the reach is wide enough for a damaged value
 SLACK = 2  # counts; the edge that is just due, and a bounce of it
 INT16 = 1 << 15
 WRAPS = (0, 1 << 16, -(1 << 16), 1 << 32, -(1 << 32))
@@ -21,7 +22,8 @@ class Count:
 
     A value beyond what the wheel can have turned since the last accepted one is held back as a
     suspect. Only when the next one agrees with it is it believed: the board has counted anew, and
-    `take` says so. The very first value needs the same confirmation.
+    `take` says so. The very first value needs the same confirmation, and so does the first after a
+    gap, when a wheel can have turned so far that damage would pass for it.
     """
 
     def __init__(self, rate: float) -> None:
@@ -42,11 +44,12 @@ class Count:
         from another base, and `value` has nothing to do with the one before."""
         self.taken += 1
         step = self._step(self._last, now, raw) if self.based else None
-        if step is not None:
+        confirmed = self._suspect is not None and self._step(self._suspect, now, raw) is not None
+        if step is not None and (confirmed or now - self._last[0] <= PROMPT):
             self.value += step
             self._accept(now, raw)
             return "counted"
-        if self._suspect is not None and self._step(self._suspect, now, raw) is not None:
+        if confirmed:
             verdict = "anew" if self.based else "counted"
             self.based, self.value = True, raw
             self._accept(now, raw)

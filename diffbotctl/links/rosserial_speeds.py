@@ -10,7 +10,10 @@ from typing import NamedTuple
 from diffbotctl.links.rosserial_frames import encode
 
 NEVER = 1 << 62  # ns
-PERIOD = 50_000_000  # ns; repeated this often, since the board loses a quarter of single frames
+# ns; repeated 20 times a second, since the board loses a quarter of single frames. Unevenly: a board
+# whose loop takes 20 ms loses the frames that straddle two passes, and would lose the same one of
+# each pair for long.
+PERIODS = (41_000_000, 52_000_000, 57_000_000)
 GAP_BYTES = 28  # bytes' time between two pairs of 24: the replies need room
 FULL = 255  # PWM value of duty 1
 
@@ -36,6 +39,7 @@ class Speeds:
         self.wanted = (0, 0)
         self.due = NEVER
         self._sent_at = -NEVER
+        self._turn = 0
         self._sent: deque[tuple[int, int, int]] = deque([(-NEVER, 0, 0)])
 
     def want(self, now: int, left: float, right: float) -> None:
@@ -49,10 +53,13 @@ class Speeds:
         """Send again as soon as possible."""
         self.due = now
 
-    def take(self, now: int, numbers: tuple[int, int], moving: bool, period: int) -> bytes:
-        """The pair to write now, for the board's topics `numbers`; zeros unless `moving`."""
+    def take(self, now: int, numbers: tuple[int, int], moving: bool, hurried: bool) -> bytes:
+        """The pair to write now, for the board's topics `numbers`; zeros unless `moving`. The next
+        is due after the usual period, or `hurried` as soon as the wire is free."""
         left, right = self.wanted if moving else (0, 0)
-        self._sent_at, self.due = now, now + period
+        self._turn = (self._turn + 1) % len(PERIODS)
+        self._sent_at = now
+        self.due = now + (self.gap if hurried else PERIODS[self._turn])
         if (left, right) != self._sent[-1][1:]:
             self._sent.append((now + self.delay, left, right))
         return pair(numbers, left, right)

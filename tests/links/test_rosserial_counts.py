@@ -42,7 +42,19 @@ def test_verdicts(values, verdicts, value):
 
 def test_more_may_have_been_counted_after_a_pause():
     _, count = run([0, 0])
-    assert count.take(STEP + 1_000_000_000, 33) == "counted"
+    later = STEP + 1_000_000_000
+    assert count.take(later, 33) == "suspect", "in a second, damage can pass for 33 counts"
+    assert count.take(later + STEP, 34) == "counted"
+    assert count.value == 34
+
+
+def test_damage_after_a_pause_is_not_counted():
+    _, count = run([0, 0])
+    later = STEP + 1_000_000_000
+    assert count.take(later, 44) == "suspect"
+    assert count.take(later + STEP, 3) == "suspect"  # 41 back in 60 ms: these two do not agree
+    assert count.take(later + 2 * STEP, 4) == "counted"
+    assert count.value == 4
 
 
 def test_after_twenty_minutes_a_wrap_could_hide():
