@@ -24,9 +24,6 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
-    "E-PORT-PROTOCOL": _code("a protocol that cannot be spoken yet", """
-        The robot file names a protocol that this version of diffbotctl speaks to the simulated
-        board only."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),
@@ -294,6 +291,10 @@ CODES: dict[str, Code] = {
     "E-CODE": _code("no such code", """
         Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
         without a code lists them all."""),
+    "E-EMULATOR": _code("the emulated board cannot run", """
+        The emulated board is a small program on simavr that runs the real firmware. It is built
+        once on your machine, which takes a C compiler and simavr's headers; the simulated robot
+        needs neither."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),

@@ -16,6 +16,7 @@ COMMANDS = {
     "graph": "Draw a pipeline's blocks and wires.",
     "blocks": "List the blocks there are, or show one.",
     "replay": "Run a recording again, and compare every message.",
+    "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.config.resources import folder
+from diffbotctl.errors import Problem, RunError
 
 FIRMWARE = folder("firmware")
 IMAGE = FIRMWARE / "diffbot_mega2560.hex"
@@ -32,8 +33,11 @@ _EVENT = struct.Struct("<IBhB")
 _BYTE = struct.Struct("<IBB")
 
 
-class EmulatorError(RuntimeError):
+class EmulatorError(RunError):
     """The emulator cannot be built or has died; its words say why and what to install."""
+
+    def __init__(self, cause: str, fix: str = "run again with --debug and send us what it prints"):
+        super().__init__(Problem("E-EMULATOR", "emulated board", cause, fix))
 
 
 class Transition(NamedTuple):
@@ -91,7 +95,7 @@ def build(cache: Path | None = None) -> Path:
     """
     sources = sorted(SOURCES.glob("*.c"))
     if not sources:
-        raise EmulatorError(f"the emulator's sources are not in {SOURCES}; use a checkout")
+        raise EmulatorError(f"its sources are not in {SOURCES}", "use a checkout")
     mark = hashlib.sha256()
     for source in sorted(SOURCES.glob("*.[ch]")):
         mark.update(source.read_bytes())
@@ -106,10 +110,14 @@ def _compile(sources: list[Path], program: Path) -> None:
     compiler = shutil.which("gcc")
     if compiler is None:
         raise EmulatorError(
-            "the emulated board needs a compiler: sudo apt-get install gcc libc6-dev libsimavr-dev"
+            "it is built on this machine, and there is no compiler",
+            "sudo apt-get install gcc libc6-dev libsimavr-dev",
         )
     if not Path("/usr/include/simavr/sim_avr.h").exists():
-        raise EmulatorError("the emulated board needs simavr: sudo apt-get install libsimavr-dev")
+        raise EmulatorError(
+            "it is built on this machine, and simavr is not here",
+            "sudo apt-get install libsimavr-dev",
+        )
     program.parent.mkdir(parents=True, exist_ok=True)
     partial = program.with_name(f"{program.name}.{os.getpid()}")
     done = subprocess.run(
@@ -118,7 +126,7 @@ def _compile(sources: list[Path], program: Path) -> None:
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode != 0:
-        raise EmulatorError(f"the emulator does not compile; gcc says:\n{done.stderr.strip()}")
+        raise EmulatorError(f"it does not compile; gcc says:\n{done.stderr.strip()}")
     partial.replace(program)
 
 
@@ -129,7 +137,7 @@ def bootloader() -> Path:
     """
     if not BOOTLOADER.exists():
         raise EmulatorError(
-            "the stock bootloader is not here: sudo apt-get install arduino-core-avr"
+            "the stock bootloader is not here", "sudo apt-get install arduino-core-avr"
         )
     return BOOTLOADER
 
@@ -251,10 +259,10 @@ class Emulator:
             self._requests.write(data)
             self._requests.flush()
         except BrokenPipeError:
-            raise EmulatorError("the emulator has died") from None
+            raise EmulatorError("it has died") from None
 
     def _read(self, size: int) -> bytes:
         data = self._answers.read(size)
         if len(data) != size:
-            raise EmulatorError("the emulator has died")
+            raise EmulatorError("it has died")
         return data

@@ -19,6 +19,7 @@ class Port:
 
     def __init__(self, device: str, baud: int) -> None:
         self.device = device
+        self.baud = baud
         self.fd = _open(device)
         try:
             _lock(self.fd, device)
@@ -43,6 +44,12 @@ class Port:
             return os.write(self.fd, data)
         except BlockingIOError:
             return 0
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate, once what was written is out."""
+        if baud != self.baud:
+            self.baud = baud
+            _make_raw(self.fd, baud)
 
     def discard_unsent(self) -> None:
         """Throw away what the kernel has not put on the wire."""

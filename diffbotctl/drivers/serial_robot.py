@@ -54,6 +54,7 @@ class SerialRobot:
             data = self.port.read()
             heard = self.protocol.receive(now, data) if data else []
             heard += self.protocol.timed(now)
+            self.port.change_baud(self.protocol.baud)
             self._write(now)
             if self.guardian is not None:
                 self.guardian.arm(self.protocol.farewell())

@@ -157,6 +157,10 @@ class DiffbotHost:
         """Why the link is not up, in words."""
         return self._cause
 
+    def farewell(self) -> bytes:
+        """A stop, for whoever must send it when the host has died; the board would stop anyway."""
+        return b"\0" + encode(frames.Stop((self._sequence + 1) % COMMANDS))
+
     @property
     def stopped(self) -> bool:
         """True when telemetry has shown the last stop."""

@@ -14,6 +14,9 @@ from diffbotctl.messages import Duty, Message, Wheels
 class LinkProtocol(Protocol):
     """The host's half of one link to one board. All times are logical nanoseconds."""
 
+    baud: int
+    """the rate that the port must have now"""
+
     def opened(self, now: int) -> None:
         """The port has just been opened, or opened again: forget the peer, start negotiating."""
 

@@ -69,6 +69,7 @@ class RosserialHost:
         self.names = Names(*(name.lstrip("/") for name in wanted))
         self.topics = Topics(self.names)
         self.decoder = Decoder(self.topics.plausible)
+        self.baud = baud
         self.byte_time = BITS * SECOND // baud
         self.speeds = Speeds(command_delay, self.byte_time)
         self.counts = {self.names.left_ticks: Count(rate), self.names.right_ticks: Count(rate)}

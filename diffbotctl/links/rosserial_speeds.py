@@ -10,9 +10,9 @@ from typing import NamedTuple
 from diffbotctl.links.rosserial_frames import encode
 
 NEVER = 1 << 62  # ns
-# ns; repeated 20 times a second, since the board loses a quarter of single frames. Unevenly: a board
-# whose loop takes 20 ms loses the frames that straddle two passes, and would lose the same one of
-# each pair for long.
+# ns; repeated 20 times a second, since the board loses a quarter of single frames. Unevenly: a
+# board whose loop takes 20 ms loses the frames that straddle two passes, and would lose the same
+# one of each pair for long.
 PERIODS = (41_000_000, 52_000_000, 57_000_000)
 GAP_BYTES = 28  # bytes' time between two pairs of 24: the replies need room
 FULL = 255  # PWM value of duty 1

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from math import pi
 
@@ -12,9 +15,12 @@ from diffbotctl.drivers.guardian import Guardian
 from diffbotctl.drivers.port import Port
 from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.rosserial import RosserialHost
+from diffbotctl.runs.emulation import settings_of
 
 SECOND = 1_000_000_000
+USB = re.compile(r"/tty(ACM|USB)\d+\Z")
 TICK_BYTES, BITS = 16, 10  # of the pair of ticks, what is sent after the counts were taken
 NO_DEADMAN = """\
 Note: this board cannot stop by itself when the host falls silent. A guardian process
@@ -27,29 +33,47 @@ def serial_robot(
     """Open `device` and drive the configuration's robot through it. Raises RunError."""
     robot = configuration.robot
     assert robot is not None
-    if robot.link.protocol != "rosserial":
-        cause = f"this version cannot speak the protocol {robot.link.protocol} to a real board"
-        fix = "use a robot file with link: {protocol: rosserial}, such as book_2wd_stock"
-        raise RunError(Problem("E-PORT-PROTOCOL", device, cause, fix))
+    if robot.link.protocol == "rosserial":
+        return _stock(robot, device, tell)
+    host = diffbot_host(robot, device)
+    driver = SerialRobot(host, lambda: Port(device, host.baud))
+    driver.adopt(0, _opened(device, host.baud))
+    return driver
+
+
+def _stock(robot: Robot, device: str, tell: Callable[[str], None]) -> SerialRobot:
+    """A board with the book's firmware: a guardian stands in for the dead-man's stop it lacks."""
     guardian = Guardian()
     try:
-        port = Port(device, robot.link.baud)
-    except OSError as error:
-        guardian.dismiss()
-        cause = error.strerror or str(error)
-        fix = "is the board plugged in, or the Bluetooth module paired and bound?"
-        raise RunError(Problem("E-PORT-OPEN", f"port {device}", cause, fix)) from error
+        port = _opened(device, robot.link.baud)
     except RunError:
         guardian.dismiss()
         raise
     tell(NO_DEADMAN)
-    driver = SerialRobot(host(robot), partial(Port, device, robot.link.baud), guardian)
+    driver = SerialRobot(rosserial_host(robot), partial(Port, device, robot.link.baud), guardian)
     driver.adopt(0, port)
     return driver
 
 
-def host(robot: Robot) -> RosserialHost:
-    """The protocol that this robot's board speaks."""
+def _opened(device: str, baud: int) -> Port:
+    try:
+        return Port(device, baud)
+    except OSError as error:
+        cause = error.strerror or str(error)
+        fix = "is the board plugged in, or the Bluetooth module paired and bound?"
+        raise RunError(Problem("E-PORT-OPEN", f"port {device}", cause, fix)) from error
+
+
+def diffbot_host(robot: Robot, device: str) -> DiffbotHost:
+    """The host's half for a board with our firmware; a USB port always means UART0 at 115200."""
+    settings = settings_of(robot)
+    if USB.search(os.path.realpath(device)):
+        settings = replace(settings, uart=0)
+    return DiffbotHost(settings)
+
+
+def rosserial_host(robot: Robot) -> RosserialHost:
+    """The host's half for a board with the book's firmware."""
     drive, link = robot.drive, robot.link
     return RosserialHost(
         drive.left.motor.rated * drive.left.encoder.slots / (2 * pi),

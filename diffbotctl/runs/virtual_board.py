@@ -1,0 +1,72 @@
+"""A virtual board that answers on two pseudo-terminals, with the robot's plant behind its pins."""
+
+from __future__ import annotations
+
+import select
+import time
+from contextlib import contextmanager
+from random import Random
+from typing import TYPE_CHECKING
+
+from diffbotctl.drivers.emulated import STEP, EmulatedBoard
+from diffbotctl.drivers.emulator_process import IMAGE, Emulator, bootloader
+from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.runs.emulation import settings_of
+from diffbotctl.runs.simulation import board_kind, machine
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from diffbotctl.config.robot import Robot
+    from diffbotctl.plant.world import World
+
+FARTHEST_BEHIND = 200_000_000  # ns; a machine that lost more time than this does not make it up
+REST = 0.0005  # s of sleep between two looks at the clock, half a step
+
+
+class VirtualBoard:
+    """A board paced to real time. `usb` and `radio` name its ports: UART0 and UART1."""
+
+    def __init__(self, robot: Robot, seed: int, world: World | None, *, blank: bool) -> None:
+        """`blank`: only the stock bootloader is on it. Raises EmulatorError: what to install."""
+        plant = SimulatedRobot(
+            board_kind(robot), machine(robot), robot.simulation, Random(seed), world
+        )
+        settings = settings_of(robot)
+        motors = [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
+        image = None if blank else IMAGE
+        emulator = Emulator(motors, image=image, boot=bootloader(), pty=True)
+        self.board = EmulatedBoard(plant, settings, emulator)
+        assert emulator.ports is not None
+        self.usb, self.radio = emulator.ports
+        self.lost = 0.0
+        """s that the machine was too slow for, and which the board has not lived"""
+
+    def serve(self, stop: int) -> None:
+        """Keep pace with real time until the file `stop` becomes readable."""
+        begun = time.monotonic_ns() - self.board.now
+        while not select.select([stop], [], [], REST)[0]:
+            behind = time.monotonic_ns() - begun - self.board.now
+            if behind > FARTHEST_BEHIND:
+                self.lost += behind * 1e-9
+                begun += behind
+            while behind >= STEP:
+                self.board.advance(self.board.now + STEP)
+                self.board.received.clear()
+                behind = time.monotonic_ns() - begun - self.board.now
+
+    def close(self) -> None:
+        """End the emulator."""
+        self.board.emulator.close()
+
+
+@contextmanager
+def virtual_board(
+    robot: Robot, seed: int, world: World | None = None, *, blank: bool = False
+) -> Iterator[VirtualBoard]:
+    """A VirtualBoard that is closed at the end. Raises EmulatorError."""
+    board = VirtualBoard(robot, seed, world, blank=blank)
+    try:
+        yield board
+    finally:
+        board.close()
