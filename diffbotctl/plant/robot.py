@@ -152,7 +152,7 @@ class SimulatedRobot:
     def roll(self, until: int, left: float, right: float) -> list[tuple[int, int]]:
         """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
 
-        Returns the encoders' edges that count, as (time in ns, 0 for left or 1 for right), in order.
+        Returns the edges that count, as (time in ns, 0 for left or 1 for right), in order.
         For a board that is not simulated here; not to be mixed with `advance`.
         """
         self._pushes = self._shares(left, right)
