@@ -171,6 +171,12 @@ class SimulatedRobot:
         """The distance sensors' output voltages now."""
         return {mounting.name: sensor.output(self.now) for mounting, sensor in self._sensors}
 
+    def teleport(self, x: float, y: float, heading: float) -> None:
+        """Put the robot elsewhere, as a hand does: m and rad in `odom`; its wheels do not turn."""
+        self._move(self.now)
+        self._roll()
+        self.body.x, self.body.y, self.body.heading = x, y, heading
+
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""
         self._move(self.now)
