@@ -23,7 +23,9 @@ VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 @click.command()
 @click.argument("pipeline")
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
-@click.option("--port", default="sim", show_default=True, help="sim, emulated, or a serial device.")
+@click.option(
+    "--port", default="sim", show_default=True, help="sim, emulated, auto, or a serial device."
+)
 @click.option(
     "--goal",
     "goals",
@@ -65,7 +67,7 @@ def command(
     from diffbotctl.runs.station import Socket
 
     if port == "auto":
-        raise click.UsageError("--port auto is not there yet; give a device such as /dev/rfcomm0")
+        port = _only_board()
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
@@ -79,6 +81,12 @@ def command(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
+
+
+def _only_board() -> str:
+    from diffbotctl.flash.find import candidates, choose
+
+    return choose(candidates()).device
 
 
 def _finish(run: Run) -> int:

@@ -8,6 +8,7 @@ import shutil
 import struct
 import subprocess
 from pathlib import Path
+from threading import Lock
 from typing import NamedTuple
 
 from diffbotctl.config.resources import folder
@@ -179,6 +180,7 @@ class Emulator:
         self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._requests, self._answers = self._process.stdin, self._process.stdout
+        self._turn = Lock()  # one request and its answer at a time, from whatever thread
         self.now = 0
         self.ports: tuple[str, str] | None = None
         if pty:
@@ -203,8 +205,9 @@ class Emulator:
         parts += [_TRANSITION.pack(max(0, time - self.now), pin, level)
                   for time, pin, level in changes]  # fmt: skip
         parts += [_ANALOG.pack(channel, value) for channel, value in analogs.items()]
-        self._write(b"".join([*parts, *received]))
-        return self._result()
+        with self._turn:
+            self._write(b"".join([*parts, *received]))
+            return self._result()
 
     def _result(self) -> StepResult:
         began = self.now
@@ -219,33 +222,39 @@ class Emulator:
 
     def reset(self, cause: int = LINE) -> None:
         """Pull the reset line, or let another cause act."""
-        self._write(bytes((ord("R"), cause)))
-        self._read(1)
+        with self._turn:
+            self._write(bytes((ord("R"), cause)))
+            self._read(1)
 
     def hang(self) -> None:
         """The main program stops making progress from now on; interrupts still run."""
-        self._write(b"H")
-        self._read(1)
+        with self._turn:
+            self._write(b"H")
+            self._read(1)
 
     def eeprom(self) -> bytes:
         """All bytes of the EEPROM."""
-        self._write(b"Q")
-        return self._read(EEPROM_SIZE)
+        with self._turn:
+            self._write(b"Q")
+            return self._read(EEPROM_SIZE)
 
     def set_eeprom(self, content: bytes) -> None:
         """Put `content` into the EEPROM, as if it had always been there."""
-        self._write(b"W" + content.ljust(EEPROM_SIZE, b"\xff"))
-        self._read(1)
+        with self._turn:
+            self._write(b"W" + content.ljust(EEPROM_SIZE, b"\xff"))
+            self._read(1)
 
     def flash(self, offset: int, length: int) -> bytes:
         """Bytes of the flash."""
-        self._write(b"F" + struct.pack("<II", offset, length))
-        return self._read(length)
+        with self._turn:
+            self._write(b"F" + struct.pack("<II", offset, length))
+            return self._read(length)
 
     def dirty_writes(self) -> int:
         """Flash words that were written without having been erased."""
-        self._write(b"D")
-        return int.from_bytes(self._read(4), "little")
+        with self._turn:
+            self._write(b"D")
+            return int.from_bytes(self._read(4), "little")
 
     def close(self) -> None:
         """End the emulator."""

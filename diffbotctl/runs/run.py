@@ -295,6 +295,7 @@ class Run:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
             driver.close()
+        self.engine.clock.close()
         if self.station is not None:
             self.station.end()
         for pid in self.children:

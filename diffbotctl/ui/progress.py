@@ -1,0 +1,30 @@
+"""How far a job is: a bar on a terminal, plain lines without one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from diffbotctl.flash.job import Event
+
+
+def show(events: Iterable[Event], console: Console | None = None) -> None:
+    """Draw the events of a job as they come. Raises what the job raises."""
+    from diffbotctl.flash.job import Said
+
+    console = console or Console(highlight=False)
+    columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+        tasks = {}
+        for event in events:
+            if isinstance(event, Said):
+                bars.console.print(event.text, markup=False)
+                continue
+            if event.what not in tasks:
+                tasks[event.what] = bars.add_task(event.what, total=event.total)
+            bars.update(tasks[event.what], completed=event.done)
