@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import pi
 from typing import TypeAlias
 
@@ -80,7 +81,7 @@ def _cuts(drive: Drive, nominal: Geometry, length: float) -> Iterator[tuple[int,
     marks = rolled[0] + np.arange(1, pieces) * (rolled[-1] - rolled[0]) / pieces
     inner = np.searchsorted(rolled, marks)
     bounds = sorted({0, *map(int, inner), len(rolled) - 1})
-    yield from zip(bounds, bounds[1:], strict=False)
+    yield from pairwise(bounds)
 
 
 def _stretch(drive: Drive, first: int, last: int) -> Stretch:
