@@ -1,8 +1,8 @@
 """Weighted least squares of the geometry over stretches, with unlikely stretches held down.
 
-The unknowns are the natural logarithms of mean diameter, wheel ratio and track: whatever the robot's
-size, one per cent of each weighs the same. Each stretch is weighted by the inverse of what
-its end may be off. A stretch that is further off than chance allows counts for less: Huber's weights
+The unknowns are the natural logarithms of mean diameter, wheel ratio and track: whatever the
+robot's size, one per cent of each weighs the same. Each stretch is weighted by the inverse of what
+its end may be off. A stretch further off than chance allows counts for less: Huber's weights
 when the answer is near, Cauchy's, which let go of gross errors altogether, when looking for it.
 """
 

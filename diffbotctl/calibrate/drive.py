@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from math import pi
+from math import ceil, pi
 from typing import TypeAlias
 
 import numpy as np
@@ -14,6 +12,7 @@ from numpy.typing import NDArray
 from diffbotctl.calibrate.geometry import Geometry
 
 Floats: TypeAlias = NDArray[np.float64]
+OVERLAP = 20  # pieces begun in the length of one: where the first begins must not matter
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,23 +64,31 @@ class Stretch:
 
 
 def stretches(drive: Drive, nominal: Geometry, length: float) -> list[Stretch]:
-    """The drive cut into pieces in which a wheel rolls about `length` m; the rest joins the last.
+    """Pieces of the drive in each of which the wheels roll about `length` m, overlapping.
 
-    Raises ValueError when fewer than two poses are known.
+    A drive that is shorter, or has no pose in between, is one piece. Raises ValueError when fewer
+    than two poses are known.
     """
     if len(drive.rows) < 2:
         raise ValueError(f"{drive.name}: a beginning and an end pose are needed")
     return [_stretch(drive, first, last) for first, last in _cuts(drive, nominal, length)]
 
 
-def _cuts(drive: Drive, nominal: Geometry, length: float) -> Iterator[tuple[int, int]]:
+def whole(drive: Drive) -> Stretch:
+    """The drive from its first known pose to its last."""
+    return _stretch(drive, 0, len(drive.rows) - 1)
+
+
+def _cuts(drive: Drive, nominal: Geometry, length: float) -> list[tuple[int, int]]:
     steps = np.abs(np.diff(drive.turns, axis=0)).mean(axis=1) * pi * nominal.mean
     rolled = np.concatenate(([0.0], np.cumsum(steps)))[drive.rows]
-    pieces = max(1, int((rolled[-1] - rolled[0]) / length))
-    marks = rolled[0] + np.arange(1, pieces) * (rolled[-1] - rolled[0]) / pieces
-    inner = np.searchsorted(rolled, marks)
-    bounds = sorted({0, *map(int, inner), len(rolled) - 1})
-    yield from pairwise(bounds)
+    spare = float(rolled[-1] - rolled[0]) - length
+    if spare <= 0:
+        return [(0, len(rolled) - 1)]
+    begins = rolled[0] + np.linspace(0, spare, 1 + ceil(spare * OVERLAP / length))
+    first = np.searchsorted(rolled, begins)
+    last = np.minimum(np.searchsorted(rolled, begins + length), len(rolled) - 1)
+    return sorted({(int(a), int(b)) for a, b in zip(first, last, strict=True) if a < b})
 
 
 def _stretch(drive: Drive, first: int, last: int) -> Stretch:
