@@ -34,6 +34,8 @@ class Drive:
     """One recorded run. Rows may be at any rate; where few poses are known, only some have one."""
 
     name: str
+    times: Floats
+    """(rows,): s, rising"""
     turns: Floats
     """(rows, 2): turns of the right and left wheel since the first row, forward positive"""
     rows: NDArray[np.intp]

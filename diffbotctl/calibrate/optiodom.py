@@ -61,8 +61,9 @@ def read_run(path: Path, ticks_per_turn: float) -> Drive:
         raise _unreadable(path, f"{len(table)} rows of {table.shape[1]} columns")
     turns = np.cumsum(table[:, 4:], axis=0) / ticks_per_turn
     tick = 1 / ticks_per_turn
+    rows = np.arange(len(table))
     return Drive(
-        path.stem, turns - turns[0], np.arange(len(table)), table[:, 1:4], (tick, tick), CAMERAS
+        path.stem, table[:, 0], turns - turns[0], rows, table[:, 1:4], (tick, tick), CAMERAS
     )
 
 
