@@ -8,6 +8,7 @@ Liang & Zeger, Biometrika 73(1), 1986), and is never let below what the pieces' 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
@@ -71,7 +72,7 @@ def _covariance(result: Adjusted, counts: Sequence[int], diameter_sd: float) -> 
     pulls = np.array(
         [
             normal_equations(result.misfits[a:b], result.weights[a:b])[1]
-            for a, b in zip(ends[:-1], ends[1:], strict=True)
+            for a, b in pairwise(ends.tolist())
         ]
     )
     drives = len(counts)

@@ -31,6 +31,7 @@ from diffbotctl.calibrate.geometry import Geometry
 STRETCH = 20.0
 TRACKS = (1.0, 2.0, 0.5)  # the true track over the stated one
 EVIDENCE = 4.0  # times better must a mistake of the user explain the drives than none
+SPARSE = 4  # one piece in so many is enough to recognise a mistake
 STRAY = 25.0  # times the usual variance; chance does that to one drive in ten thousand
 LEAST_DRIVES = 4  # of which one can be told to be the odd one
 DIAMETER_USEFUL = 0.005  # relative sd above which the stated mean diameter is the better one
@@ -99,7 +100,7 @@ def _mistakes(drives: Sequence[Drive], stated: Geometry) -> tuple[bool, float, G
     for swapped, times in product((False, True), TRACKS):
         start = stated._replace(track=stated.track * times)
         pieces = _flat(_pieces([drive.swapped() if swapped else drive for drive in drives], start))
-        result = adjust(pieces, start, stated, cauchy)
+        result = adjust(pieces[::SPARSE], start, stated, cauchy)
         score = float(np.median([each.chi for each in result.misfits]))
         drawn_in = abs(np.log(result.geometry.track / start.track)) < np.log(2) / 2
         if drawn_in and abs(np.log(result.geometry.ratio)) < np.log(2) / 2:
