@@ -59,16 +59,20 @@ def with_own_poses(counts: Counts) -> Drive:
 
 
 def with_end(counts: Counts, end: Sequence[float]) -> Drive:
-    """The drive, begun at the origin along x and ended at `end`: x, y in m, heading in rad or nan."""
+    """The drive, begun at the origin along x and ended at `end`: x, y in m, heading in rad or nan.
+
+    Raises UsageError when x or y is nan.
+    """
+    if not np.isfinite(end[:2]).all():
+        raise unusable(Path(counts.name), "its end pose lacks x or y")
     rows = np.array([0, len(counts.times) - 1])
     poses = np.array([[0.0, 0.0, 0.0], end])
     return Drive(counts.name, counts.times, counts.turns, rows, poses, counts.tick, TAPE)
 
 
 def with_truth(counts: Counts, path: Path) -> Drive:
-    """The drive, with the true poses of the CSV file at `path`: time since its start, x, y, heading.
-
-    Raises UsageError when it is none, or tells of another time.
+    """The drive, with the true poses of the CSV file at `path`: time since its start,
+    x, y and heading. Raises UsageError when it is none, or tells of another time.
     """
     truth = _columns(path, ("time", *POSE))
     inside = (truth[:, 0] >= 0) & (truth[:, 0] <= counts.times[-1]) & np.isfinite(truth).all(axis=1)

@@ -16,6 +16,7 @@ COMMANDS = {
     "graph": "Draw a pipeline's blocks and wires.",
     "blocks": "List the blocks there are, or show one.",
     "replay": "Run a recording again, and compare every message.",
+    "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
