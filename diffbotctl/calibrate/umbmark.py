@@ -94,12 +94,12 @@ def corrected(geometry: Geometry, side: float, angles: Angles) -> Geometry:
     second round that began again from equal wheels would undo the first. Raises ValueError when the
     angles are beyond what a square can tell.
     """
-    track_ratio = QUARTER / (QUARTER - angles.alpha)
     # The side is the chord of an arc with radius r: half of it is r sin(beta / 2). The wheels run
     # at r + b/2 and r - b/2; both are multiplied by sin(beta / 2) here, since r may be infinite.
     chord, half = side / 2, geometry.track / 2 * sin(angles.beta / 2)
-    if not (track_ratio > 0 and abs(half) < chord):
+    if angles.alpha >= QUARTER or abs(half) >= chord:
         raise ValueError("these end points are too far off for squares of that size")
+    track_ratio = QUARTER / (QUARTER - angles.alpha)
     wheel_ratio = (chord + half) / (chord - half)
     return geometry.reshaped(geometry.ratio * wheel_ratio, geometry.track * track_ratio)
 
