@@ -18,6 +18,7 @@ FURTHEST = 0.3  # s; clocks further apart are a mistake in the files, not a dela
 STEP = 0.005  # s; at 1 rad/s a third of a degree
 SWEPT = 2.0  # s over which the mismatch is levelled: shorter than most drift, longer than a turn
 LEAST_POSES = 40  # known within a drive: fewer do not show how it moved
+SLOWEST = 0.2  # s between poses; where they are sparser, chords between them hide the offset
 LEAST_GAIN = 0.98  # of the mismatch left; else the robot hardly turned, and chance decides
 
 
@@ -29,6 +30,8 @@ def clock_offset(drive: Drive, geometry: Geometry) -> float:
     headings = (rolled[:, 0] - rolled[:, 1]) / geometry.track
     known = drive.times[drive.rows]
     period = max(float(np.median(np.diff(known))), STEP)
+    if period > SLOWEST:
+        return 0.0
     span = min(2 * int(SWEPT / period / 2) + 1, 2 * (len(known) // 4) + 1)
     offsets = np.arange(-FURTHEST, FURTHEST + STEP / 2, STEP)
     left = [
@@ -41,10 +44,12 @@ def clock_offset(drive: Drive, geometry: Geometry) -> float:
 
 
 def delayed(drive: Drive, offset: float) -> Drive:
-    """The drive with its counts later by `offset` s; at its ends the robot is taken to rest."""
+    """The drive with its counts later by `offset` s, less the poses without counts."""
+    known = drive.times[drive.rows] - offset
+    inside = (known >= drive.times[0]) & (known <= drive.times[-1])
     at = drive.times - offset
     turns = np.stack([np.interp(at, drive.times, wheel) for wheel in drive.turns.T], axis=1)
-    return replace(drive, turns=turns)
+    return replace(drive, turns=turns, rows=drive.rows[inside], poses=drive.poses[inside])
 
 
 def _unevenness(mismatch: Floats, span: int) -> float:
