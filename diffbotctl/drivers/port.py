@@ -110,14 +110,23 @@ def _make_raw(fd: int, baud: int) -> None:
 
 
 def holder(device: str) -> str:
-    """The program that has `device` open, as far as /proc lets us see."""
+    """The programs that have `device` open, as far as /proc lets us see."""
     real = os.path.realpath(device)
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        if int(pid) == os.getpid():
-            continue
-        with suppress(OSError):
-            for fd in os.listdir(f"/proc/{pid}/fd"):
+    pids = [pid for pid in os.listdir("/proc") if pid.isdigit() and int(pid) != os.getpid()]
+    found = [_called(pid) for pid in sorted(pids, key=int) if _holds(pid, real)]
+    return " and ".join(found) or "another program"
+
+
+def _holds(pid: str, real: str) -> bool:
+    with suppress(OSError):
+        for fd in os.listdir(f"/proc/{pid}/fd"):
+            with suppress(OSError):
                 if os.path.realpath(f"/proc/{pid}/fd/{fd}") == real:
-                    with open(f"/proc/{pid}/comm") as name:
-                        return f"{name.read().strip()} (process {pid})"
-    return "another program"
+                    return True
+    return False
+
+
+def _called(pid: str) -> str:
+    with suppress(OSError), open(f"/proc/{pid}/comm") as name:
+        return f"{name.read().strip()} (process {pid})"
+    return f"process {pid}"
