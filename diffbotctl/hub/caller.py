@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -122,7 +123,8 @@ class Caller:
 
 def _connected(path: Path) -> socket.socket:
     made = socket.socket(socket.AF_UNIX)
-    made.settimeout(PATIENCE)
+    # A full queue makes a blocking connect wait, for so long, and one with a time-out fail at once.
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE), 0))
     try:
         made.connect(str(path))
     except OSError as error:

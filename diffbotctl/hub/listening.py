@@ -17,7 +17,7 @@ from diffbotctl.hub.place import answers, group_folder, own_folder, process_of, 
 
 LONGEST_NAME = 40  # characters; a socket's whole path must fit in 107 bytes
 NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}")
-BACKLOG = 128  # connections that may wait to be accepted
+BACKLOG = 1024  # connections that may wait to be accepted
 
 
 def listen(name: str | None, fallback: str, group: str | None) -> tuple[socket.socket, Path]:

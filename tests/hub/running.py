@@ -48,8 +48,8 @@ class Plain:
 
     def __init__(self, folder, name="test", hello='{"hello": 1, "name": "plain"}'):
         self.socket = socket.socket(socket.AF_UNIX)
-        self.socket.settimeout(PATIENCE)
         self.socket.connect(str(folder / "diffbotctl" / f"{name}.socket"))
+        self.socket.settimeout(PATIENCE)
         self.lines = self.socket.makefile("rb")
         self.greeting = self.read()
         if hello:
