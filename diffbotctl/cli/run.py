@@ -91,7 +91,8 @@ def _finish(run: Run) -> int:
         click.echo(line)
     if result.failure is not None:
         raise result.failure
-    return result.ending.code
+    unproven = result.ending.stopped is False  # it may still be moving: that is no success
+    return result.ending.code or int(unproven)
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:

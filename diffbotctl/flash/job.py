@@ -15,7 +15,7 @@ from diffbotctl.drivers.port import Port
 from diffbotctl.flash import stk500
 from diffbotctl.flash.find import refuse_radio
 from diffbotctl.flash.image import read_hex, write_hex
-from diffbotctl.flash.stk500 import Answers, Conversation, Progress
+from diffbotctl.flash.stk500 import Answers, Ask, Conversation, Progress
 from diffbotctl.flash.trouble import (
     BadImageError,
     NoProgrammerError,
@@ -122,7 +122,7 @@ class Board:
     def synchronise(self) -> None:
         """Find the bootloader. Raises NoSyncError."""
         for _ in range(SYNC_TRIES):
-            if self._ask(bytes([stk500.SIGN_ON]), SYNC_WAIT) is not None:
+            if self._ask(stk500.HELLO, SYNC_WAIT) is not None:
                 return
         raise NoSyncError(self.device)
 
@@ -140,7 +140,7 @@ class Board:
                 yield wish
                 answer = b""
                 continue
-            got = self._ask(wish.body, ANSWER_WAIT)
+            got = self._ask(wish, ANSWER_WAIT)
             if got is None:
                 raise RefusedError(self.device, "answer")
             answer = got
@@ -161,9 +161,9 @@ class Board:
             if data:
                 select.select([], [self._port.fd], [], SYNC_WAIT)
 
-    def _ask(self, body: bytes, wait: float) -> bytes | None:
+    def _ask(self, wish: Ask, wait: float) -> bytes | None:
         self._sequence = (self._sequence + 1) & 0xFF
-        self.write(stk500.message(self._sequence, body))
+        self.write(wish.wire(self._sequence))
         until = time.monotonic() + wait
         while (left := until - time.monotonic()) > 0:
             answer = self._answers.feed(self.read(left), self._sequence)
