@@ -225,9 +225,11 @@ CODES: dict[str, Code] = {
         turns. Only some pins can make such pulses by themselves; on the others the motor could only
         be off or at full speed. Move the EN wire to one of the pins listed."""),
     "E-PIN-TIMER": _code("a PWM pin whose timer is taken", """
-        Pulses are made by timers, and each timer serves two or three pins. Timer 0 also keeps the
-        board's clock, by which edges are dated and the dead-man's time runs out. Its pins can
-        switch, but not drive a motor: 4 and 13 on a Mega 2560, 5 and 6 on an ATmega328P."""),
+        Pulses are made by timers, and each timer serves two or three pins. One of them also
+        keeps the board's clock, by which edges are dated and the dead-man's time runs out. Its pins
+        can switch, but not drive a motor: with our firmware on a Mega 2560 it is timer 1 with pins
+        11 and 12; with the book's it is timer 0, 4 and 13 on a Mega 2560, 5 and 6 on an
+        ATmega328P."""),
     "E-PIN-INTERRUPT": _code("a pin that cannot raise an interrupt", """
         An encoder's slot passes in a few milliseconds. The board catches each edge by an interrupt,
         and only some pins have one: 2, 3, 18, 19, 20 and 21 on a Mega 2560, 2 and 3 on an
@@ -244,8 +246,8 @@ CODES: dict[str, Code] = {
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
     "E-LINK-UART": _code("a serial port that the board does not have", """
-        A Mega 2560 has the ports 0 (USB) to 3; an ATmega328P has only port 0, which it shares with
-        the USB."""),
+        A Mega 2560 has the ports 0 (USB) to 3, of which our firmware uses 0 and 1 (pins 18 and 19);
+        an ATmega328P has only port 0, which it shares with the USB."""),
     "E-LINK-BUDGET": _code("more telemetry than the line carries", """
         Each byte takes ten bits, so 9600 baud carry about 960 bytes a second. Frames beyond that
         would pile up on the board and be dropped, and the robot would act on old news. Lower

@@ -19,6 +19,7 @@ from prove.row import Row
 FIRMWARE = Path(__file__).resolve().parent.parent / "firmware"
 DEADMAN_TARGET = 320 * MS
 COMMAND_BYTES = 10
+SPARE_STACK = 1024  # bytes; more than any interrupt on top of any function takes
 
 
 def image() -> Iterator[Row]:
@@ -70,11 +71,15 @@ def telemetry(seconds: int) -> Iterator[Row]:
                    for a, b in pairwise(states))  # fmt: skip
         dropped = sum(h.frame.dropped for h in states)
         damaged = bench.decoders[RADIO].damaged
+        status = [h.frame for h in bench.heard if isinstance(h.frame, frames.Status)]
     rate = len(states) / took
     yield Row("state frames with edge ages at 9600 baud", f"{rate:.2f} Hz", ">= 40 Hz",
               len(states) >= int(40 * took))  # fmt: skip
     yield Row("state frames lost, dropped, damaged", f"{gaps}, {dropped}, {damaged}", "0, 0, 0",
               gaps + dropped + damaged == 0)  # fmt: skip
+    stack = min(each.value for each in status if frames.ITEM[each.item] == "free_stack")
+    yield Row("stack never used meanwhile", f"{stack} B", f">= {SPARE_STACK} B",
+              stack >= SPARE_STACK)  # fmt: skip
 
 
 def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:

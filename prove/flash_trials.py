@@ -56,5 +56,6 @@ def _flashed(programmer: str, case: str, before: Path | None) -> Row:
         same = board.flash(0, len(wanted)) == wanted
         dirty = board.dirty_writes()
     good = same and ready and dirty == 0 and greeted <= 2.5
-    figure = f"{greeted:.2f} s, dirty {dirty}, {'answers' if ready else 'SILENT'}"
-    return Row(f"flash with {programmer}, {case}", figure, "<= 2.5 s, 0, answers", good)
+    found = f"{'equal' if same else 'DIFFERS'}, dirty {dirty}, {'answers' if ready else 'SILENT'}"
+    target = "<= 2.5 s, equal, dirty 0, answers"
+    return Row(f"flash with {programmer}, {case}", f"{greeted:.2f} s, {found}", target, good)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-CLOCK_TIMER = 0  # keeps the board's clock, so its PWM pins are not free
-
 
 @dataclass(frozen=True)
 class Board:
     """One kind of board. Pins are named as printed; an analog pin's digital number is the same pin.
 
-    `pwm` maps a pin to the timer behind it, `uarts` a port to its (receive, transmit) pins.
+    `pwm` maps a pin to the timer behind it, `uarts` a port to its (receive, transmit) pins. A
+    firmware, named by its protocol, keeps its clock with one timer, whose PWM is not free then, and
+    speaks on some of the ports.
     """
 
     title: str
@@ -22,6 +22,8 @@ class Board:
     pwm: dict[str, int]
     interrupts: tuple[str, ...]
     uarts: dict[int, tuple[str, str]]
+    clock_timer: dict[str, int]
+    links: dict[str, tuple[int, ...]]
 
     def named(self, pin: str) -> str:
         """`pin` by the name under which the tables know it: 54 of a Mega 2560 is A0."""
@@ -47,6 +49,8 @@ MEGA_2560 = Board(
     },
     interrupts=("2", "3", "18", "19", "20", "21"),
     uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
+    clock_timer={"diffbot": 1, "rosserial": 0},
+    links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
 )  # fmt: skip
 
 ATMEGA_328P = Board(
@@ -58,6 +62,8 @@ ATMEGA_328P = Board(
     pwm={"5": 0, "6": 0, "9": 1, "10": 1, "3": 2, "11": 2},
     interrupts=("2", "3"),
     uarts={0: ("0", "1")},
+    clock_timer={"diffbot": 0, "rosserial": 0},
+    links={"diffbot": (0,), "rosserial": (0,)},
 )
 
 BOARDS = {"mega2560": MEGA_2560, "atmega328p": ATMEGA_328P}

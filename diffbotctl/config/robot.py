@@ -19,7 +19,7 @@ class Board(Section):
         help="Kind of board: its pins decide what can be connected where.",
     )  # fmt: skip
     telemetry = Param(
-        float, unit="Hz", default=40.0, least=1.0, most=200.0,
+        float, unit="Hz", default=40.0, least=1.0, most=100.0,
         help="How often the board reports counts, edge times and sensor voltages.",
     )  # fmt: skip
     edge_times = Param(

@@ -11,8 +11,8 @@ from typing import Any
 CRYSTAL = 16_000_000  # Hz; both kinds of board
 BITS = 10  # on the wire for each byte: start, eight, stop
 USB_BAUD = 115_200
-EDGE_FRAME = 21  # bytes: counts, two edge times, one sensor, status, framing, CRC
-COUNT_FRAME = 15  # bytes: the same without edge times
+EDGE_FRAME = 21  # bytes: counts, two edge times, one sensor, command in force, framing, CRC
+COUNT_FRAME = 17  # bytes: the same without edge times
 ROSSERIAL_FRAME = 36  # bytes: three messages of 12, left ticks, right ticks, range
 SENSOR = 2  # bytes for each sensor after the first
 # Time answers, log lines and settings need the rest.

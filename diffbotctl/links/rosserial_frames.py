@@ -72,7 +72,20 @@ class Decoder:
     def feed(self, data: bytes) -> list[Frame]:
         """Take more bytes of the stream; return the frames that they complete."""
         found: list[Frame] = []
-        for byte in data:
+        place, end = 0, len(data)
+        while place < end:
+            size = 0 if self._starts else self._whole(data, place)
+            if size:
+                self._seen += size
+                self._taken += size
+                self._covered = self._seen
+                self.frames += 1
+                body = data[place + 5 : place + size - 1]
+                found.append(Frame(body[0] | body[1] << 8, body[2:]))
+                place += size
+                continue
+            byte = data[place]
+            place += 1
             self._seen += 1
             if byte == SYNC:
                 self._starts.append(len(self._buffer))
@@ -83,6 +96,23 @@ class Decoder:
             if frame is not None:
                 found.append(frame)
         return found
+
+    def _whole(self, data: bytes, start: int) -> int:
+        """Size of the intact frame that lies in `data` from `start` on, if nothing in it may start
+        another; 0 when each byte has to be looked at. Most frames come so, and this costs a fifth.
+        """
+        if start + OVERHEAD > len(data) or data[start] != SYNC or data[start + 1] != VERSION:
+            return 0
+        length = data[start + 2] | data[start + 3] << 8
+        end = start + OVERHEAD + length
+        if length > LARGEST or end > len(data):
+            return 0
+        if (data[start + 2] + data[start + 3] + data[start + 4]) % 256 != 255:
+            return 0
+        if data.find(SYNC, start + 1, end) >= 0 or sum(data[start + 5 : end]) % 256 != 255:
+            return 0
+        topic = data[start + 5] | data[start + 6] << 8
+        return OVERHEAD + length if self.plausible(topic, length) else 0
 
     def _advance(self) -> Frame | None:
         """Let every candidate judge the newest byte; return the frame that it completes."""

@@ -1,8 +1,10 @@
+#include <fcntl.h>
 #include <simavr/avr_flash.h>
 #include <simavr/sim_hex.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "board.h"
 
@@ -54,10 +56,23 @@ void flash_begin(board_t *board)
     avr_register_io(board->avr, &flash->io); /* goes in front of simavr's own */
 }
 
+/* Without a word: simavr complains of records that tell a start address, which an AVR has no use
+   for. */
+static int read_quietly(const char *file, ihex_chunk_p *chunks)
+{
+    int speaking = dup(STDERR_FILENO), nowhere = open("/dev/null", O_WRONLY);
+    dup2(nowhere, STDERR_FILENO);
+    int count = read_ihex_chunks(file, chunks);
+    dup2(speaking, STDERR_FILENO);
+    close(nowhere);
+    close(speaking);
+    return count;
+}
+
 void flash_load(board_t *board, const char *file)
 {
     ihex_chunk_p chunks = NULL;
-    int count = read_ihex_chunks(file, &chunks);
+    int count = read_quietly(file, &chunks);
     if (count <= 0) {
         fprintf(stderr, "%s: no Intel hex file\n", file);
         exit(1);

@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.config import wire
-from diffbotctl.config.boards import ATMEGA_328P, BOARDS, CLOCK_TIMER, MEGA_2560
+from diffbotctl.config.boards import ATMEGA_328P, BOARDS, MEGA_2560
 from diffbotctl.config.checks import loops
 from diffbotctl.config.checks.pins import able
 from diffbotctl.config.checks.tolerance import resolution
@@ -30,7 +30,7 @@ def test_what_a_line_carries(baud, divider, bytes_a_second):
         ("diffbot", True, 0, 21),
         ("diffbot", True, 1, 21),
         ("diffbot", True, 3, 25),
-        ("diffbot", False, 1, 15),
+        ("diffbot", False, 1, 17),
         ("rosserial", False, 1, 36),
     ],
 )
@@ -80,17 +80,19 @@ def test_loops(sources, found):
 
 
 @pytest.mark.parametrize(
-    "board, role, pins",
+    "board, role, protocol, pins",
     [
-        (MEGA_2560, "interrupt", ["2", "3", "18", "19", "20", "21"]),
-        (MEGA_2560, "pwm", ["2", "3", "5", "6", "7", "8", "9", "10", "11", "12", "44", "45", "46"]),
-        (ATMEGA_328P, "interrupt", ["2", "3"]),
-        (ATMEGA_328P, "pwm", ["3", "9", "10", "11"]),  # 5 and 6 hang on the clock's timer
-        (ATMEGA_328P, "analog", ["A0", "A1", "A2", "A3", "A4", "A5", "A6", "A7"]),
+        (MEGA_2560, "interrupt", "diffbot", "2 3 18 19 20 21"),
+        # The clock of our firmware is timer 1 (11, 12), that of the Arduino core timer 0 (4, 13).
+        (MEGA_2560, "pwm", "diffbot", "2 3 4 5 6 7 8 9 10 13 44 45 46"),
+        (MEGA_2560, "pwm", "rosserial", "2 3 5 6 7 8 9 10 11 12 44 45 46"),
+        (ATMEGA_328P, "interrupt", "rosserial", "2 3"),
+        (ATMEGA_328P, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 hang on the clock's timer
+        (ATMEGA_328P, "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
     ],
 )
-def test_what_pins_can_do(board, role, pins):
-    assert able(board, role) == pins
+def test_what_pins_can_do(board, role, protocol, pins):
+    assert able(board, role, protocol) == pins.split()
 
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
@@ -99,7 +101,8 @@ def test_the_tables_name_pins_that_there_are(board):
         assert board.has(pin)
     for pins in board.uarts.values():
         assert all(board.has(pin) for pin in pins)
-    assert CLOCK_TIMER in board.pwm.values()
+    assert set(board.clock_timer.values()) <= set(board.pwm.values())
+    assert all(set(ports) <= set(board.uarts) for ports in board.links.values())
 
 
 @pytest.mark.parametrize(

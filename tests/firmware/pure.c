@@ -4,6 +4,7 @@
    pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
    pure speed           `gains START GAIN P I SLOTS`, then `command TARGET PERIOD` or
                         `step PERIOD`                 ->  `DUTY`
+   pure pins                                         ->  `PWM INTERRUPT` of each pin from 0 on
    pure fuzz SEED N     N random or half-random inputs through everything; prints `fuzzed N`
    pure damage SEED N   N command frames damaged on the way; prints
                         `wrong W lost_intact L damaged D` */
@@ -12,6 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "board.h"
 #include "codec.h"
 #include "deadman.h"
 #include "settings.h"
@@ -102,6 +104,13 @@ static void speed_lines(void)
         }
         printf("%d\n", speed.duty);
     }
+}
+
+static void pins(void)
+{
+    pin_t pin;
+    for (uint8_t number = 0; board_pin(number, &pin); number++)
+        printf("%u %u\n", pin.pwm, pin.interrupt);
 }
 
 static void fuzz_speed(speed_t *speed)
@@ -214,6 +223,8 @@ int main(int count, char **words)
         settings_lines();
     else if (!strcmp(job, "speed"))
         speed_lines();
+    else if (!strcmp(job, "pins"))
+        pins();
     else if (!strcmp(job, "fuzz") && count > 3)
         fuzz(atol(words[3]));
     else if (!strcmp(job, "damage") && count > 3)

@@ -35,7 +35,7 @@ def blank():
 @pytest.mark.parametrize("case", flash_trials.CASES)
 def test_it_is_written_verified_and_answers(programmer, case):
     row = flash_trials.row(programmer, case)
-    assert "dirty 0, answers" in row.figure, row.line()
+    assert row.figure.endswith("equal, dirty 0, answers"), row.line()
 
 
 def test_events_tell_how_far_it_is(blank):

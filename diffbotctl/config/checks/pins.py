@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from diffbotctl.config.boards import BOARDS, CLOCK_TIMER, Board
+from diffbotctl.config.boards import BOARDS, Board
 from diffbotctl.config.case import Case
 from diffbotctl.config.sides import SIDES
 from diffbotctl.errors import Place, listed
@@ -24,25 +24,43 @@ class Use(NamedTuple):
 
 def check(case: Case) -> None:
     """Check every pin of the robot file against the table of its board."""
-    known = case.known("board.type", "link.uart")
+    known = case.known("board.type", "link.uart", "link.protocol")
     if known is None:
         return
-    board = BOARDS[known[0]]
-    if known[1] not in board.uarts:
-        cause = f"an {board.title} has no uart {known[1]}"
+    board, uart, protocol = BOARDS[known[0]], known[1], known[2]
+    if uart not in board.uarts:
+        cause = f"an {board.title} has no uart {uart}"
         fix = f"it has uart {listed(board.uarts)}"
         case.error("E-LINK-UART", case.blame("link.uart", "board.type"), cause, fix)
         return
-    serial = serial_pins(board, known[1])
+    if uart not in board.links[protocol]:
+        ports = listed(board.links[protocol], "and")
+        cause = f"our firmware speaks on uart {ports} of a {board.title}, not on {uart}"
+        fix = f"connect the radio to uart {board.links[protocol][-1]}: {_pins_of(board, protocol)}"
+        case.error("E-LINK-UART", case.blame("link.uart", "link.protocol"), cause, fix)
+        return
+    serial = serial_pins(board, uart, protocol)
     uses = list(pins_in_use(case, board))
     for use in uses:
-        _check_use(case, board, use, uses, serial)
+        _check_use(case, board, protocol, use, uses, serial)
     _check_shared(case, uses)
 
 
-def serial_pins(board: Board, uart: int) -> dict[str, str]:
-    """The pins that carry serial lines, with what they carry."""
-    found = {pin: f"uart {uart}, the link" for pin in board.uarts[uart]}
+def _pins_of(board: Board, protocol: str) -> str:
+    receive, transmit = board.uarts[board.links[protocol][-1]]
+    return f"its TX to pin {receive}, its RX to pin {transmit}"
+
+
+def serial_pins(board: Board, uart: int, protocol: str) -> dict[str, str]:
+    """The pins that carry serial lines, with what they carry.
+
+    Our firmware listens on all its ports at once, whichever is the link.
+    """
+    found: dict[str, str] = {}
+    if protocol == "diffbot":
+        for port in board.links[protocol]:
+            found.update(dict.fromkeys(board.uarts[port], f"uart {port} of our firmware"))
+    found.update(dict.fromkeys(board.uarts[uart], f"uart {uart}, the link"))
     found.update(dict.fromkeys(board.uarts[0], "the USB port"))
     return found
 
@@ -66,14 +84,17 @@ def pins_in_use(case: Case, board: Board) -> Iterator[Use]:
             yield Use(board.named(str(found[0])), role, whose, case.robot_place(*steps))
 
 
-def _check_use(case: Case, board: Board, use: Use, uses: list[Use], serial: dict[str, str]) -> None:
-    wrong = _wrong(board, use, serial)
+def _check_use(
+    case: Case, board: Board, protocol: str, use: Use, uses: list[Use], serial: dict[str, str]
+) -> None:
+    wrong = _wrong(board, protocol, use, serial)
     if wrong is not None:
         code, cause = wrong
-        case.error(code, use.place, cause, _fix(board, use, uses, serial))
+        fix = _fix(able(board, use.role, protocol), use, uses, serial)
+        case.error(code, use.place, cause, fix)
 
 
-def _wrong(board: Board, use: Use, serial: dict[str, str]) -> tuple[str, str] | None:
+def _wrong(board: Board, protocol: str, use: Use, serial: dict[str, str]) -> tuple[str, str] | None:
     """The code and the reason why this pin cannot do this, or None when it can."""
     pin = f"pin {use.pin} of a {board.title}".replace("a ATmega", "an ATmega")
     if not board.has(use.pin):
@@ -82,8 +103,9 @@ def _wrong(board: Board, use: Use, serial: dict[str, str]) -> tuple[str, str] | 
         return "E-PIN-UART", f"{pin} carries {serial[use.pin]}"
     if use.role == "pwm" and use.pin not in board.pwm:
         return "E-PIN-PWM", f"{pin} has no PWM, so the motor could only be off or at full speed"
-    if use.role == "pwm" and board.pwm[use.pin] == CLOCK_TIMER:
-        cause = f"the PWM of pin {use.pin} comes from timer 0, which keeps the board's clock"
+    timer = board.clock_timer[protocol]
+    if use.role == "pwm" and board.pwm[use.pin] == timer:
+        cause = f"the PWM of pin {use.pin} comes from timer {timer}, which keeps the board's clock"
         return "E-PIN-TIMER", cause
     if use.role == "interrupt" and use.pin not in board.interrupts:
         return "E-PIN-INTERRUPT", f"{pin} cannot raise an interrupt, so edges would be missed"
@@ -94,11 +116,11 @@ def _wrong(board: Board, use: Use, serial: dict[str, str]) -> tuple[str, str] | 
     return None
 
 
-def able(board: Board, role: str) -> list[str]:
+def able(board: Board, role: str, protocol: str) -> list[str]:
     """The pins of `board` that can do `role`, those on the clock's timer left out."""
     if role == "pwm":
-        usable = [pin for pin, timer in board.pwm.items() if timer != CLOCK_TIMER]
-        return sorted(usable, key=int)
+        clock = board.clock_timer[protocol]
+        return sorted((pin for pin, timer in board.pwm.items() if timer != clock), key=int)
     if role == "interrupt":
         return list(board.interrupts)
     if role == "analog":
@@ -106,8 +128,7 @@ def able(board: Board, role: str) -> list[str]:
     return [pin for pin in (*board.digital, *board.analog) if pin not in board.analog_only]
 
 
-def _fix(board: Board, use: Use, uses: list[Use], serial: dict[str, str]) -> str:
-    candidates = able(board, use.role)
+def _fix(candidates: list[str], use: Use, uses: list[Use], serial: dict[str, str]) -> str:
     taken = {each.pin: each.label for each in uses if each is not use}
     free = [pin for pin in candidates if pin not in taken and pin not in serial]
     shown = free[:SHOWN]

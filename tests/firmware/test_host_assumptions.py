@@ -1,0 +1,132 @@
+"""What the host's tables say of our firmware is what the firmware does."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.config import wire
+from diffbotctl.config.boards import MEGA_2560
+from diffbotctl.config.checks.pins import able, serial_pins
+from diffbotctl.config.robot import Board, Encoder, Link, SpeedLoop
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_settings import BAUDS
+from prove import pure_parts
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+TIMERS = (0, 2, 3, 4, 5)  # of three PWM outputs each, in the order of the firmware's numbers
+NOTHING, LINK = 15, 14  # of board.h
+BOARDS = "diffbotctl/config/boards.py"
+BUDGET = "diffbotctl/config/wire.py"
+ROBOT = "diffbotctl/config/robot.py"
+
+
+@pytest.fixture(scope="module")
+def table():
+    """(PWM output, interrupt) of each pin, as the firmware's own table has them."""
+    return [tuple(map(int, line.split())) for line in pure_parts.run("pins")]
+
+
+def differ(what, host, firmware, place):
+    return (
+        f"{what}: the host believes {host}, the firmware does {firmware}. A robot file would pass "
+        f"the check and be refused by the board, or the other way round: mend {place}"
+    )
+
+
+def test_the_board_has_the_pins_of_the_host_s_table(table):
+    host = len(MEGA_2560.digital) + len(MEGA_2560.analog)
+    assert host == len(table), differ("pins", host, len(table), BOARDS)
+    source = (FIRMWARE / "board_mega2560.c").read_text()
+    for name, believed in (
+        ("board_first_analog", MEGA_2560.first_analog),
+        ("board_analogs", len(MEGA_2560.analog)),
+    ):
+        found = int(re.search(rf"{name} = (\d+);", source)[1])
+        assert believed == found, differ(name, believed, found, BOARDS)
+
+
+def test_pins_with_pwm_and_their_timers(table):
+    believed = {int(pin): MEGA_2560.pwm[pin] for pin in able(MEGA_2560, "pwm", "diffbot")}
+    found = {number: TIMERS[pwm // 3] for number, (pwm, _) in enumerate(table) if pwm != NOTHING}
+    assert believed == found, differ("timers of PWM pins", believed, found, BOARDS)
+
+
+def test_pins_with_interrupts(table):
+    serial = serial_pins(MEGA_2560, 1, "diffbot")
+    believed = {int(pin) for pin in MEGA_2560.interrupts if pin not in serial}
+    found = {number for number, (_, line) in enumerate(table) if line < LINK}
+    assert believed == found, differ("pins with interrupts", believed, found, BOARDS)
+
+
+@pytest.mark.parametrize("uart", MEGA_2560.links["diffbot"])
+def test_pins_of_the_serial_links(table, uart):
+    believed = {int(pin) for pin in serial_pins(MEGA_2560, uart, "diffbot")}
+    found = {number for number, (_, line) in enumerate(table) if line == LINK}
+    assert believed == found, differ("pins of serial links", believed, found, BOARDS)
+
+
+@pytest.mark.parametrize(
+    ("name", "believed", "frame"),
+    [
+        ("EDGE_FRAME", wire.EDGE_FRAME, frames.State),
+        ("COUNT_FRAME", wire.COUNT_FRAME, frames.Counts),
+    ],
+)
+def test_bytes_of_a_frame(name, believed, frame):
+    found = frames.WIRE[frame]
+    assert believed == found, (
+        f"{name}: the link budget reckons with {believed} bytes a frame, protocol.yaml makes it "
+        f"{found}. A telemetry rate would pass that the line cannot carry: mend {BUDGET}"
+    )
+
+
+def test_the_line_s_real_baud_rate():
+    """The budget's divider is the firmware's."""
+    source = (FIRMWARE / "link.c").read_text()
+    dividers = [int(each) for each in re.search(r"divisors\[\].*\{(.*)\}", source)[1].split(",")]
+    for baud, code in BAUDS.items():
+        found = wire.CRYSTAL / 8 / (dividers[code] + 1) / wire.BITS
+        assert wire.capacity(baud) == pytest.approx(found), (
+            f"{baud} baud: the budget reckons with {wire.capacity(baud):.0f} bytes a second, the "
+            f"firmware's divider gives {found:.0f}: mend {BUDGET} or firmware/link.c"
+        )
+
+
+def test_baud_rates():
+    coded = {frames.BAUD_MEANING[name]: code for code, name in frames.BAUD.items()}
+    believed = {str(baud): code for baud, code in BAUDS.items()}
+    assert believed == coded, differ("baud rates", believed, coded, "diffbot_settings.py")
+    assert set(Link.baud.choices) <= set(BAUDS), differ(
+        "baud rates", Link.baud.choices, BAUDS, ROBOT
+    )
+
+
+@pytest.mark.parametrize(
+    ("parameter", "name", "unit", "most"),
+    [
+        (Board.telemetry, "telemetry", 1, frames.TELEMETRY_MAXIMUM),
+        (Board.deadman, "deadman", 1e3, frames.DEADMAN_MAXIMUM),
+        (Encoder.slots, "slots", 1, frames.SLOTS_MAXIMUM),
+        (Encoder.glitch, "glitch", 1e6, frames.GLITCH_MAXIMUM),
+        (SpeedLoop.static, "static", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoop.speed, "speed", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoop.proportional, "proportional", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoop.integral, "integral", frames.INTEGRAL_ONE, frames.GAIN_MAXIMUM),
+    ],
+)
+def test_bounds_of_the_robot_file(parameter, name, unit, most):
+    """What the robot file may say, the board takes."""
+    upper = parameter.bounds["most"]
+    assert round(upper * unit) <= most, (
+        f"{name}: a robot file may say {upper}, which is {upper * unit:g} on the wire, and the "
+        f"board takes at most {most}. It would pass the check and be refused: mend {ROBOT}"
+    )
+
+
+def test_the_shortest_deadman():
+    least = Board.deadman.bounds["least"] * 1000
+    assert least >= frames.DEADMAN_MINIMUM, (
+        f"a robot file may ask for {least:g} ms, the board takes at least "
+        f"{frames.DEADMAN_MINIMUM}: mend {ROBOT}"
+    )
