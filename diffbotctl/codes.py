@@ -291,6 +291,10 @@ CODES: dict[str, Code] = {
     "E-CODE": _code("no such code", """
         Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
         without a code lists them all."""),
+    "E-FLASH-BACKUP": _code("the board's old program cannot be saved", """
+        `--backup FILE` reads the program that is on the board, which takes half a minute, and
+        writes it to an Intel hex file, from which `--hex FILE` brings it back. An existing file is
+        never overwritten: it may be the only copy of what was there before."""),
     "E-EMULATOR": _code("the emulated board cannot run", """
         The emulated board is a small program on simavr that runs the real firmware. It is built
         once on your machine, which takes a C compiler and simavr's headers; the simulated robot

@@ -11,7 +11,7 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.flash.job import Event
+    from diffbotctl.flash.events import Event
 
 FLOATS = """\
 While the board is being written its pins float for about 0.8 s: a driver whose inputs

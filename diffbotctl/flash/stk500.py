@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
+from diffbotctl.flash.events import Progress
 from diffbotctl.flash.image import ERASED, PAGE, ROOM
 from diffbotctl.flash.trouble import RefusedError, VerifyMismatchError, WrongSignatureError
 from diffbotctl.links.bootloader import LEAVE, SIGN_ON, START, TOKEN, message, parity
@@ -33,14 +34,6 @@ class Ask(NamedTuple):
 
 HELLO = Ask(bytes([SIGN_ON]))
 """is a bootloader there?"""
-
-
-class Progress(NamedTuple):
-    """How far a job is."""
-
-    what: str  # `writing`, `verifying`, `reading`
-    done: int  # bytes
-    total: int  # bytes
 
 
 Conversation = Generator[Ask | Progress, bytes, None]

@@ -109,7 +109,7 @@ class DiffbotHost:
         """The port is gone."""
         self.state, self._cause = GONE, cause
         self._stop_at = self._ask_at = self._settings_at = NEVER
-        return [("link", self._link(now))]
+        return [("link", self.link(now))]
 
     def receive(self, now: int, data: bytes) -> Heard:
         """Take bytes; return what they say."""
@@ -152,6 +152,13 @@ class DiffbotHost:
     def capture(self, now: int, on: bool) -> None:
         """Raw edges of both encoders, in `edges`, while on."""
         self._act("capture", int(on))
+
+    def link(self, now: int) -> Link:
+        """State and figures of the link."""
+        return Link(
+            now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
+            self._telemetry.boots, self._telemetry.latency, self._cause,
+        )  # fmt: skip
 
     @property
     def rate(self) -> float:
@@ -319,7 +326,7 @@ class DiffbotHost:
         self._met_before = True
         self._claim(now)  # a board without settings keeps no claim
         text = "; ".join(filter(None, (news, introduction(self.hello))))
-        return [("text", Text(now, text)), ("link", self._link(now))]
+        return [("text", Text(now, text)), ("link", self.link(now))]
 
     def _answered(self, now: int, answer: frames.Answer) -> Heard:
         if answer.settings == self._mark and answer.refusal == 0:
@@ -342,7 +349,7 @@ class DiffbotHost:
 
     def _negotiate(self, now: int, cause: str) -> Heard:
         self.state, self._cause = NEGOTIATING, cause
-        return [("link", self._link(now))]
+        return [("link", self.link(now))]
 
     def _told(self, now: int, frame: frames.State | frames.Counts) -> Heard:
         heard: Heard = []
@@ -354,7 +361,7 @@ class DiffbotHost:
         heard += self._check_hold(now)
         if self.state == STALE_STATE:
             self.state, self._cause = UP, ""
-            heard.append(("link", self._link(now)))
+            heard.append(("link", self.link(now)))
         encoders = self._telemetry.read(now, frame)
         heard.append(("encoders", encoders))
         if self.settings.range_channel is not None:
@@ -388,7 +395,7 @@ class DiffbotHost:
         if item == "battery" and self.settings.battery_channel is not None:
             volts = volts_of(status.value) * self.settings.battery_divider
             return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
-        return [("link", self._link(now))] if item == "dropped" else []
+        return [("link", self.link(now))] if item == "dropped" else []
 
     # --- time ---
 
@@ -400,12 +407,12 @@ class DiffbotHost:
         if self.state == UP and silence >= STALE:
             self.state, self._cause = STALE_STATE, "no frames from the board"
             self._ask_at = min(self._ask_at, now)
-            return [("link", self._link(now))]
+            return [("link", self.link(now))]
         if self.state == STALE_STATE and silence >= LOST:
             self._forget_peer(now)
             self._claim(now)  # a stop is the first thing a board hears that comes back
             self.state, self._cause = NEGOTIATING, "the board has gone silent"
-            lost = self._link(now)._replace(state=GONE)
+            lost = self.link(now)._replace(state=GONE)
             return [("link", lost)]
         if self.state in (OPENING, NEGOTIATING):
             return self._look_on(now) if self.hello is None else self._press(now)
@@ -439,12 +446,6 @@ class DiffbotHost:
             return
         self.baud = self._telemetry.baud = baud
         self._fresh = True
-
-    def _link(self, now: int) -> Link:
-        return Link(
-            now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
-            self._telemetry.boots, self._telemetry.latency, self._cause,
-        )  # fmt: skip
 
 
 def _quantised(now: int, sequence: int, wanted: Wheels | Duty) -> tuple[frames.Frame, Sent]:
