@@ -303,6 +303,9 @@ CODES: dict[str, Code] = {
         The port opens, but nothing behind it says a word, at any of the baud rates that were tried:
         no power, a wrong port, crossed or loose wires, or a board that hangs. On a Mega 2560 the
         radio module's RX goes to pin 18 (TX1), its TX to pin 19 (RX1)."""),
+    "E-BOARD-KIND": _code("no firmware for this kind of board", """
+        Our firmware runs on a Mega 2560. Robots with other boards can be simulated, and driven with
+        the book's firmware (link: {protocol: rosserial}) where their board has it."""),
     "E-BOARD-BLANK": _code("the board has no program", """
         Only the bootloader answers, the small program that writes others. It was told to start what
         is on the board, and nothing started: `diffbotctl flash firmware` puts our program on it."""

@@ -61,7 +61,9 @@ def command(
     from diffbotctl.runs.signals import Signals
 
     if port == "auto":
-        port = _only_board()
+        from diffbotctl.cli.port import choose_port
+
+        port = choose_port(radio=True)
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
@@ -73,12 +75,6 @@ def command(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
-
-
-def _only_board() -> str:
-    from diffbotctl.flash.find import candidates, choose
-
-    return choose(candidates()).device
 
 
 def _finish(run: Run) -> int:

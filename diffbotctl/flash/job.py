@@ -27,10 +27,10 @@ from diffbotctl.flash.trouble import (
     SilentError,
 )
 from diffbotctl.flash.visit import Visit
+from diffbotctl.links.bootloader import BAUD
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 
-BAUD = 115200
 RESET_PULSE = 0.05  # s that DTR is low; the capacitor to the reset line needs a tenth of that
 SYNC_TRIES = 15
 SYNC_WAIT = 0.1  # s for the answer to one try; the bootloader listens for 0.8 s

@@ -22,7 +22,8 @@ class NoBoardError(FlashError):
     def __init__(self) -> None:
         super().__init__(
             "ports", "no board is plugged in",
-            "plug the Mega's USB cable in; a charging cable without data wires shows nothing",
+            "plug the Mega's USB cable in (a charging cable without data wires shows nothing), or "
+            "name the port with --port",
         )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+BAUD = 115200
 START, TOKEN = 0x1B, 0x0E
 SIGN_ON, LEAVE = 0x01, 0x11
 NAME = b"AVRISP_2"

@@ -53,7 +53,7 @@ class DiffbotHost:
         self._mark = settings.mark()
         usb = settings.uart == 0
         rates = (USB_BAUD, settings.baud) if usb else (settings.baud, FIRST_BAUD, USB_BAUD)
-        self._search = Search(rates, usb)
+        self._search = Search(rates)
         self.baud = self._search.rate
         self.refusal: Refusal | None = None
         self._met_before = False

@@ -24,10 +24,9 @@ class Search:
     reset while we were talking, is told to start its program.
     """
 
-    def __init__(self, rates: Iterable[int], usb: bool) -> None:
-        """`rates`: the likeliest first. `usb`: the port is one on which a bootloader listens."""
+    def __init__(self, rates: Iterable[int]) -> None:
+        """`rates`: the likeliest first."""
         self.rates = tuple(dict.fromkeys(rates))
-        self.usb = usb
         self.begin(0, self.rates[0])
 
     def begin(self, now: int, rate: int) -> None:
@@ -62,7 +61,7 @@ class Search:
         if now < self.poke_at:
             return b""
         self.poke_at = now + POKE_EVERY
-        if not self.usb:
+        if self.rate != bootloader.BAUD:
             return TOPICS
         if not self._left and bootloader.NAME in self._heard.get(self.rate, b""):
             self._left, self._pokes = True, 0
@@ -77,10 +76,10 @@ class Search:
             return
         self._tries += 1
         self._try(now)
-        waits = self.usb and not self._left  # a bootloader may yet start a program
-        stranger = None if waits and self._bootloader else known(self._heard)
+        stranger = known(self._heard)
         if stranger is not None:
-            self.finding, self.final = stranger, True
+            self.finding = stranger
+            self.final = self._left or not self._bootloader  # which may yet start a program
         elif self._tries >= len(self._order):
             self.finding = unknown(self._heard, self._order)
             self.final = self._tries >= ROUNDS * len(self._order)
