@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import grp
 import os
 import stat
 import termios
@@ -119,8 +120,6 @@ def _busy(device: str) -> RunError:
 
 def _group(device: str) -> str:
     """The group that owns the device; `dialout`, as Debian has it, when that is of no use."""
-    import grp
-
     try:
         number = os.stat(device).st_gid
         return grp.getgrgid(number).gr_name if number else "dialout"
@@ -146,14 +145,33 @@ def _make_raw(fd: int, baud: int) -> None:
 
 
 def holder(device: str) -> str:
-    """The program that has `device` open, as far as /proc lets us see."""
-    real = os.path.realpath(device)
+    """The program that keeps `device` from us, as far as /proc lets us see."""
+    pid = _locker(device) or _opener(os.path.realpath(device))
+    with suppress(OSError), open(f"/proc/{pid}/comm") as name:
+        return f"{name.read().strip()} (process {pid})"
+    return "another program"
+
+
+def _locker(device: str) -> str | None:
+    """Who has locked the device: `number: FLOCK ADVISORY WRITE pid device:inode ...` a line."""
+    with suppress(OSError, ValueError):
+        about = os.stat(device)
+        wanted = (os.major(about.st_dev), os.minor(about.st_dev), about.st_ino)
+        with open("/proc/locks") as locks:
+            for words in map(str.split, locks):
+                major, minor, inode = words[5].split(":")
+                if (int(major, 16), int(minor, 16), int(inode)) == wanted:
+                    return words[4]
+    return None
+
+
+def _opener(real: str) -> str | None:
+    """Who else has the device open."""
     for pid in filter(str.isdigit, os.listdir("/proc")):
         if int(pid) == os.getpid():
             continue
         with suppress(OSError):
             for fd in os.listdir(f"/proc/{pid}/fd"):
                 if os.path.realpath(f"/proc/{pid}/fd/{fd}") == real:
-                    with open(f"/proc/{pid}/comm") as name:
-                        return f"{name.read().strip()} (process {pid})"
-    return "another program"
+                    return pid
+    return None
