@@ -92,6 +92,8 @@ class Engine:
             self.end(1, f"{type(error).__name__}: {error}")
             self._stop()
             raise
+        finally:
+            gc.unfreeze()
         self.end(0, f"{until / SECOND:g} s are over")
         stopped = self._stop()
         assert self.ending is not None

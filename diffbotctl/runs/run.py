@@ -272,6 +272,7 @@ class Run:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
             driver.close()
+        self.engine.clock.close()
         for pid in self.children:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)
