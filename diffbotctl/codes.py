@@ -345,6 +345,36 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-SOCKET": _code("the control socket", """
+        Other processes watch and command a run through a Unix socket that only its own user may
+        open, or with `--group` the members of a group. It could not be made, or it does not obey
+        whoever asked. `run --no-socket` does without one; then nobody can speak to that run."""),
+    "E-NO-ENGINE": _code("no such engine", """
+        The command speaks to a running engine: one that `diffbotctl run` started, of your own user
+        or of a group that you are in. With several, `--engine NAME` says which."""),
+    "E-NO-ANSWER": _code("the engine does not answer", """
+        Its control socket is there, but nothing came from it in time: the process is stopped, the
+        machine is overloaded, or the run has just ended. `diffbotctl stop` does not need the
+        socket: it ends the engine by a signal."""),
+    "E-PROTOCOL": _code("a line that is not understood", """
+        The control socket speaks JSON, one object a line, the first one a hello with the version.
+        docs/protocol.md describes it, with a client of a few lines."""),
+    "E-REQUEST": _code("a request that cannot be followed", """
+        The request was read, but something in it is missing, misspelt, of another kind or beyond
+        the limits of the robot. Nothing of it was done."""),
+    "E-BUSY": _code("not now", """
+        Someone else is driving, too many are connected, or more was asked for than the engine
+        takes in a second. A stop is never refused for that."""),
+    "E-HELD": _code("the robot is held", """
+        A stop that waits for a person is in force: `diffbotctl why` tells what it was. When it is
+        safe, `diffbotctl resume`."""),
+    "operator_stop": _code("a person asked to stop", """
+        Someone stopped the robot by `diffbotctl stop` or through the control socket. It stands
+        until `resume`; a goal that was under way then goes on."""),
+    "operator_lost": _code("whoever was driving is gone", """
+        A person who drives says so many times a second. 300 ms without a word, or the end of the
+        connection, and the robot stands: the terminal was closed, the radio failed, the laptop
+        sleeps. When it is safe, `resume`."""),
     "obstacle": _code("something stands ahead", """
         `obstacle_stop` slows the robot down so that it can always stop, and holds it when no
         room is left. Turning and backing away stay possible. It drives on when the way is

@@ -19,7 +19,9 @@ from diffbotctl.plant.board import RADIO
 from diffbotctl.plant.robot import SimulatedRobot
 
 STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
-PULSE = 4_000_000  # ns until a pin changes back after an edge that counts: longer than any sensible glitch time, an eighth of a slot
+# ns until a pin changes back after an edge that counts: longer than any sensible glitch time, an
+# eighth of a slot at full speed
+PULSE = 4_000_000
 MILLIVOLTS = 1000
 
 

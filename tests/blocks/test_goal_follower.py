@@ -134,3 +134,15 @@ def test_without_a_goal_it_stands():
     for _ in range(5):
         course.step(None)
     assert {t[1:] for t in course.twists} == {(0.0, 0.0)}
+
+
+def test_number_zero_withdraws_the_goal_and_the_next_one_is_followed():
+    course, ahead = Course(), goal(1.0, 0.0)
+    for _ in range(20):
+        course.step(ahead)
+    assert course.linear > 0.0
+    withdrawn = Goal(course.now, 0, 0.0, 0.0)
+    for _ in range(20):
+        course.step(withdrawn)
+        assert (course.linear, course.angular) == (0.0, 0.0)
+    assert course.drive(goal(0.5, 0.0, number=2)) == "reached"
