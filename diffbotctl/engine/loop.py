@@ -86,7 +86,8 @@ class Engine:
             self._turn_until(until)
         except RunError as failure:
             self.failure = failure
-            self.end(1, str(failure))
+            first = failure.problems[0]
+            self.end(1, f"{first.place}: {first.cause}")
         except BaseException as error:
             self.end(1, f"{type(error).__name__}: {error}")
             self._stop()
