@@ -17,7 +17,8 @@ demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
 # The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
-DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr
+DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
+  netcat-openbsd socat
 
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \

@@ -147,8 +147,8 @@ def robot_fields(block: type[Block]) -> dict[str, str]:
     return {name: value.field for name, value in _members(block, (RobotField,)).items()}
 
 
-def actions(block: type[Block]) -> dict[str, Callable[..., Any]]:
-    """Actions of a block class by name."""
+def actions(block: type) -> dict[str, Callable[..., Any]]:
+    """Actions of a block class, or of a driver's, by name."""
     return {
         name: getattr(block, name)
         for name in dir(block)

@@ -302,14 +302,41 @@ CODES: dict[str, Code] = {
     "E-CODE": _code("no such code", """
         Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
         without a code lists them all."""),
+    "E-FLASH-BACKUP": _code("the board's old program cannot be saved", """
+        `--backup FILE` reads the program that is on the board, which takes half a minute, and
+        writes it to an Intel hex file, from which `--hex FILE` brings it back. An existing file is
+        never overwritten: it may be the only copy of what was there before."""),
     "E-EMULATOR": _code("the emulated board cannot run", """
         The emulated board is a small program on simavr that runs the real firmware. It is built
         once on your machine, which takes a C compiler and simavr's headers; the simulated robot
         needs neither."""),
-    "E-PORT-SILENT": _code("no firmware of ours answers on this port", """
-        The port opens, but what is behind it does not speak diffbotctl's protocol: no power, a
-        wrong port, crossed wires, another baud rate, or another program on the board. The cause
-        says what was heard. `diffbotctl flash firmware` puts our program on a Mega 2560."""),
+    "E-PORT-SILENT": _code("nothing answers on this port", """
+        The port opens, but nothing behind it says a word, at any of the baud rates that were tried:
+        no power, a wrong port, crossed or loose wires, or a board that hangs. On a Mega 2560 the
+        radio module's RX goes to pin 18 (TX1), its TX to pin 19 (RX1)."""),
+    "E-BOARD-KIND": _code("no firmware for this kind of board", """
+        Our firmware runs on a Mega 2560. Robots with other boards can be simulated, and driven with
+        the book's firmware (link: {protocol: rosserial}) where their board has it."""),
+    "E-BOARD-BLANK": _code("the board has no program", """
+        Only the bootloader answers, the small program that writes others. It was told to start what
+        is on the board, and nothing started: `diffbotctl flash firmware` puts our program on it."""
+        ),
+    "E-BOARD-ROSSERIAL": _code("the board runs the book's firmware", """
+        It speaks rosserial, and the robot file says link: {protocol: diffbot}. Either flash our
+        firmware (the board can then stop by itself, and tells when each edge came), or drive the
+        board as it is with a robot file that says link: {protocol: rosserial}."""),
+    "E-BOARD-UNKNOWN": _code("what answers cannot be understood", """
+        Bytes come, but they are no frames of ours at any of the baud rates that were tried: another
+        program on the board, or a radio module that was set to another rate than the board's port.
+        Over the USB cable the rate is always right: try that first."""),
+    "E-BOARD-VERSION": _code("firmware of another version", """
+        Board and host must speak the same version of the protocol, which each release of diffbotctl
+        has one of. Flash the firmware that came with this diffbotctl, or install the diffbotctl
+        that the firmware came with."""),
+    "E-BOARD-SETTINGS": _code("the board does not take the robot's settings", """
+        Before it moves, the board is sent pins, gains and times of the robot file, and checks them
+        by itself. It takes them at rest only, from the port that drives it. The cause says which
+        one it refuses, and why."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),
@@ -329,6 +356,36 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-SOCKET": _code("the control socket", """
+        Other processes watch and command a run through a Unix socket that only its own user may
+        open, or with `--group` the members of a group. It could not be made, or it does not obey
+        whoever asked. `run --no-socket` does without one; then nobody can speak to that run."""),
+    "E-NO-ENGINE": _code("no such engine", """
+        The command speaks to a running engine: one that `diffbotctl run` started, of your own user
+        or of a group that you are in. With several, `--engine NAME` says which."""),
+    "E-NO-ANSWER": _code("the engine does not answer", """
+        Its control socket is there, but nothing came from it in time: the process is stopped, the
+        machine is overloaded, or the run has just ended. `diffbotctl stop` does not need the
+        socket: it ends the engine by a signal."""),
+    "E-PROTOCOL": _code("a line that is not understood", """
+        The control socket speaks JSON, one object a line, the first one a hello with the version.
+        docs/protocol.md describes it, with a client of a few lines."""),
+    "E-REQUEST": _code("a request that cannot be followed", """
+        The request was read, but something in it is missing, misspelt, of another kind or beyond
+        the limits of the robot. Nothing of it was done."""),
+    "E-BUSY": _code("not now", """
+        Someone else is driving, too many are connected, or more was asked for than the engine
+        takes in a second. A stop is never refused for that."""),
+    "E-HELD": _code("the robot is held", """
+        A stop that waits for a person is in force: `diffbotctl why` tells what it was. When it is
+        safe, `diffbotctl resume`."""),
+    "operator_stop": _code("a person asked to stop", """
+        Someone stopped the robot by `diffbotctl stop` or through the control socket. It stands
+        until `resume`; a goal that was under way then goes on."""),
+    "operator_lost": _code("whoever was driving is gone", """
+        A person who drives says so many times a second. 300 ms without a word, or the end of the
+        connection, and the robot stands: the terminal was closed, the radio failed, the laptop
+        sleeps. When it is safe, `resume`."""),
     "obstacle": _code("something stands ahead", """
         `obstacle_stop` slows the robot down so that it can always stop, and holds it when no
         room is left. Turning and backing away stay possible. It drives on when the way is

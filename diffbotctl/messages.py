@@ -186,6 +186,25 @@ class Resume(NamedTuple):
     time: Time
 
 
+class Setting(NamedTuple):
+    """A live parameter of a running block, changed by a person; neither number nor text: none."""
+
+    time: Time
+    block: Annotated[str, Field("", "The block's name in the pipeline.")]
+    name: Annotated[str, Field("", "The parameter's attribute.")]
+    number: Annotated[float | None, Field("see unit", "The value where it is a number.")] = None
+    text: Annotated[str | None, Field("", "The value where it is a text.")] = None
+
+
+class Call(NamedTuple):
+    """An action of a running block, or of the simulated robot, called by a person."""
+
+    time: Time
+    block: Annotated[str, Field("", "The block's name in the pipeline, or `robot`.")]
+    action: Annotated[str, Field("", "The action's name.")]
+    arguments: Annotated[tuple[float, ...], Field("SI", "Its arguments in order.")] = ()
+
+
 Message = (
     Encoders
     | Volts
@@ -203,12 +222,14 @@ Message = (
     | Battery
     | Text
     | Resume
+    | Setting
+    | Call
 )
 
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
     for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Resume)
+                 GoalState, Stop, Link, Battery, Text, Resume, Setting, Call)
 }  # fmt: skip
 
 

@@ -121,7 +121,10 @@ class GoalFollower(Block):
 
     def _take(self, goal: Goal, odometry: Odometry) -> None:
         self.seen = goal
-        self.target = goal if goal.number else None
+        if not goal.number:
+            self.target, self.phase = None, "idle"
+            return
+        self.target = goal
         self.tries = 0
         self.clock = self.held = self.idle = 0.0
         limits = Limits(self.speed, self.turn_rate, self.acceleration, self.braking, self.track)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diffbotctl.block import Block, In, Out
+from diffbotctl.block import Block, In, Out, action
 from diffbotctl.blocks.frame_times import FrameTimes
 from diffbotctl.blocks.odometry_wheel import CountedWheel, OdometryWheel, Side
 from diffbotctl.blocks.pose_estimate import PoseEstimate
@@ -46,6 +46,11 @@ class Odometry(Block):
         self.pose = PoseEstimate(self.track, self.slip)
         self.times = FrameTimes(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[OdometryWheel, OdometryWheel] | None = None
+
+    @action
+    def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
+        """Say where the robot is: x and y in m, heading in rad; the origin when left out."""
+        self.pose.place(x, y, heading)
 
     def react(self, now: int, encoders: Encoders | None) -> Pose | None:
         if encoders is None:

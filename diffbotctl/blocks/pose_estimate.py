@@ -38,6 +38,17 @@ class PoseEstimate:
         """Wheels are counted anew from here."""
         self.first_x, self.first_y, self.first_heading = self.x, self.y, self.heading
 
+    def place(self, x: float, y: float, heading: float) -> None:
+        """Be there from now on, and sure of it: the way so far is moved along, m and rad."""
+        turn = heading - self.heading
+        c, s = cos(turn), sin(turn)
+        back_x, back_y = self.first_x - self.x, self.first_y - self.y
+        self.first_x = x + back_x * c - back_y * s
+        self.first_y = y + back_x * s + back_y * c
+        self.first_heading += turn
+        self.x, self.y, self.heading = x, y, heading
+        self.slipped = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
     def move(self, left: Rolling, right: Rolling) -> None:
         """Roll on as the wheels have since the last frame."""
         if left.begun or right.begun:

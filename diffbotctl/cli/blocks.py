@@ -7,17 +7,23 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.attach import engine_option
+
 if TYPE_CHECKING:
     from diffbotctl.block import Block
     from diffbotctl.params import Declaration
 
 
 @click.group(invoke_without_command=True)
+@click.option("--live", is_flag=True, help="The blocks of a running engine, with their rates.")
+@engine_option
 @click.pass_context
-def command(ctx: click.Context) -> int:
+def command(ctx: click.Context, live: bool, engine: str | None) -> int:
     """List the blocks there are; `blocks show NAME` tells all about one."""
     if ctx.invoked_subcommand is not None:
         return 0
+    if live or engine is not None:
+        return _live(engine)
     from diffbotctl.config import registry
 
     for name in registry.names():
@@ -30,6 +36,17 @@ def command(ctx: click.Context) -> int:
     for clash in clashes:
         click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
     return 2 if clashes else 0
+
+
+def _live(engine: str | None) -> int:
+    from diffbotctl.cli.attach import attached, paced
+
+    with attached(engine, "blocks") as caller:
+        for row in caller.ask("blocks")["blocks"]:
+            click.echo(
+                f"{row['block']:15} {row['class']:16} {paced(row):>16}  {row['messages']} messages"
+            )
+    return 0
 
 
 @command.command()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.attach import attached, engine_option, paced
+
 if TYPE_CHECKING:
     from rich.tree import Tree
 
@@ -16,12 +18,21 @@ Wire = tuple[str, str, str, str]  # from node, from port, to node, to port
 
 
 @click.command()
-@click.argument("pipeline")
+@click.argument("pipeline", required=False)
+@click.option("--live", is_flag=True, help="A running engine's, with rates and silent wires.")
+@engine_option
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
 @click.option("--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE", help="Change one value.")
 @click.option("--mermaid", is_flag=True, help="Print a Mermaid diagram instead.")
-def command(pipeline: str, robot: str | None, sets: tuple[str, ...], mermaid: bool) -> int:
+def command(
+    pipeline: str | None, live: bool, engine: str | None, robot: str | None,
+    sets: tuple[str, ...], mermaid: bool,
+) -> int:  # fmt: skip
     """Draw PIPELINE with all that is added to it: who feeds whom, with what."""
+    if live or engine is not None:
+        return _live(engine)
+    if pipeline is None:
+        raise click.UsageError("name a pipeline, such as goal, or ask for --live")
     from diffbotctl.config.load import load
     from diffbotctl.runs.assembly import assemble
 
@@ -39,6 +50,20 @@ def command(pipeline: str, robot: str | None, sets: tuple[str, ...], mermaid: bo
         title += f" on {configuration.robot_file}"
     Console(soft_wrap=True, highlight=False).print(as_tree(title, wires, assembly.graph))
     return 0
+
+
+def _live(engine: str | None) -> int:
+    with attached(engine, "graph") as caller:
+        rows = caller.ask("graph")["wires"]
+    for row in rows:
+        silent = row["age"] is not None and row["rate"] == 0.0 and row["messages"] > MANY
+        mark = "  SILENT" if silent else ""
+        to = f"{row['to']}.{row['port']}"
+        click.echo(f"{row['topic']:22} -> {to:22} {row['type']:10} {paced(row):>16}{mark}")
+    return 0
+
+
+MANY = 20  # messages that make a wire one that is expected to go on, and silence worth a mark
 
 
 def wires_of(graph: Graph, command: str | None) -> Iterator[Wire]:

@@ -15,6 +15,14 @@ COMMANDS = {
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
     "blocks": "List the blocks there are, or show one.",
+    "stop": "Stop the robot of a running engine, whatever else is broken.",
+    "resume": "Let a stopped robot move again.",
+    "goto": "Send the robot of a running engine to a place.",
+    "why": "Tell why the robot stopped, from the sensor to the motors.",
+    "drive": "Drive the robot of a running engine by hand, for a time, a distance or an angle.",
+    "topic": "List, print and measure the messages of a running engine.",
+    "param": "List and change the parameters of running blocks.",
+    "call": "Call an action of a running block.",
     "replay": "Run a recording again, and compare every message.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
@@ -47,6 +55,11 @@ class Lazy(click.Group):
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
 
+            from diffbotctl.cli.ros_commands import answer
+
+            known = answer(args)
+            if known:
+                raise click.UsageError(known)
             near = get_close_matches(args[0], COMMANDS, n=1)
             hint = f" Did you mean '{near[0]}'?" if near else " See diffbotctl --help."
             raise click.UsageError(f"There is no command '{args[0]}'.{hint}")

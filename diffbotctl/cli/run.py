@@ -47,10 +47,15 @@ VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
 )
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
+@click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
+@click.option("--name", help="What `--engine` calls this run; without it the pipeline's name.")
+@click.option("--group", help="Let the members of this group command it, from /run.")
+@click.option("--no-socket", is_flag=True, help="Nobody can watch or command this run.")
 @click.option("--quiet", is_flag=True, help="No live view and no lines while it runs.")
 def command(
     pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
-    seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, quiet: bool,
+    seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
+    name: str | None, group: str | None, no_socket: bool, quiet: bool,
 ) -> int:  # fmt: skip
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
@@ -59,39 +64,37 @@ def command(
     from diffbotctl.config.load import load
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.signals import Signals
+    from diffbotctl.runs.station import Socket
 
     if port == "auto":
-        port = _only_board()
+        from diffbotctl.cli.port import choose_port
+
+        port = choose_port(radio=True)
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
-    options = Options(port, wanted, seed, fast and port in VIRTUAL, seconds, record, digest)
+    fast = fast and port in VIRTUAL
+    socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
+    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
 
 
-def _only_board() -> str:
-    from diffbotctl.flash.find import candidates, choose
-
-    return choose(candidates()).device
-
-
 def _finish(run: Run) -> int:
     result = run.go()
     from diffbotctl.ui.summary import lines
 
-    goals = run.operator.given
-    last = goals[result.reached - 1] if result.reached else None
-    for line in lines(result, last):
+    for line in lines(result, run.operator.last):
         click.echo(line)
     if result.failure is not None:
         raise result.failure
-    return result.ending.code
+    unproven = result.ending.stopped is False  # it may still be moving: that is no success
+    return result.ending.code or int(unproven)
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:

@@ -15,6 +15,8 @@ OPERATOR: dict[str, type] = {
     "resume": messages.Resume,
     "stop": messages.Stop,
     "halt": messages.Stop,
+    "setting": messages.Setting,
+    "call": messages.Call,
 }
 ROBOT: dict[str, type] = {
     "encoders": messages.Encoders,

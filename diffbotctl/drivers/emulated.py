@@ -11,6 +11,7 @@ from collections import deque
 
 from diffbotctl.drivers.emulator_process import Emulator, Transition
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 from diffbotctl.messages import Duty, Wheels
@@ -18,7 +19,9 @@ from diffbotctl.plant.board import RADIO
 from diffbotctl.plant.robot import SimulatedRobot
 
 STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
-PULSE = 4_000_000  # ns a pin stays high: longer than any sensible glitch time, an eighth of a slot
+# ns until a pin changes back after an edge that counts: longer than any sensible glitch time, an
+# eighth of a slot at full speed
+PULSE = 4_000_000
 MILLIVOLTS = 1000
 
 
@@ -40,7 +43,8 @@ class EmulatedBoard:
         """ns at which each motor's duty last changed"""
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
-        self._levels = [Transition(plant.now, pin, 0) for pin in self.pins]
+        self._after = 0 if settings.edge == "falling" else 1  # level behind an edge that counts
+        self._levels = [Transition(plant.now, pin, 1 - self._after) for pin in self.pins]
 
     @property
     def now(self) -> int:
@@ -71,10 +75,11 @@ class EmulatedBoard:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
 
     def _pulses(self, rises: list[tuple[int, int]], until: int) -> list[Transition]:
-        """The plant tells where the pins rise; each falls again one PULSE later."""
+        """The plant tells the edges that count; each pin changes back one PULSE later."""
+        after = self._after
         for time, side in rises:
-            self._levels += [Transition(time, self.pins[side], 1),
-                             Transition(time + PULSE, self.pins[side], 0)]  # fmt: skip
+            self._levels += [Transition(time, self.pins[side], after),
+                             Transition(time + PULSE, self.pins[side], 1 - after)]  # fmt: skip
         self._levels.sort()
         due = [level for level in self._levels if level.time <= until]
         del self._levels[: len(due)]
@@ -109,7 +114,13 @@ class Emulated:
         return []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Let board and plant run until `now`; what the host has understood by then."""
+        """Let board and plant run until `now`; what the host has understood by then.
+
+        Raises RunError, once, when the board cannot use the robot's settings.
+        """
+        refusal, self.host.refusal = self.host.refusal, None
+        if refusal is not None:
+            raise RunError(Problem(refusal.code, "emulated board", refusal.cause, refusal.fix))
         heard: list[Delivery] = []
         while self.board.now < now:
             self._send(self.board.now)

@@ -21,7 +21,7 @@ class Operator:
     def __init__(self, goals: Sequence[Goal], end: Callable[[int, str], None]) -> None:
         self.waiting = list(goals)
         self.end = end
-        self.given: list[Goal] = []
+        self.last: Goal | None = None
         self.under_way: Goal | None = None
         self.outbox: list[Delivery] = []
         self.at = 0
@@ -30,6 +30,8 @@ class Operator:
         self.stops: list[Stop] = []
         self.holding: dict[str, Stop] = {}
         self.state: GoalState | None = None
+        self.paused: Goal | None = None
+        self.stays = False
         self._next(0)
 
     def due(self) -> int:
@@ -56,15 +58,18 @@ class Operator:
             return
         if state.state == "reached":
             self.reached += 1
+            self.last = self.under_way
             self._next(now)
         elif state.state in ENDED:
             self.under_way = None
+            if self.stays:
+                return
             self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
 
     def hear_path(self, now: int, path: Path) -> None:
         """Take all waypoints of a path as the goals to visit."""
         self.waiting += path.goals
-        if self.under_way is None:
+        if self.under_way is None and self.paused is None:
             self._next(now)
 
     def hear_stop(self, source: str) -> Callable[[int, Stop], None]:
@@ -80,9 +85,26 @@ class Operator:
 
         return hear
 
+    def take(self, now: int, goal: Goal) -> None:
+        """Follow a person's goal in place of all others. From now on no goal ends the run."""
+        self.stays = True
+        self.paused = None
+        self.waiting = [goal]
+        self._next(now)
+
+    def pause(self, now: int) -> None:
+        """Withdraw the goal under way until `resume`: a person takes over."""
+        if self.under_way is None:
+            return
+        self.paused, self.under_way = self.under_way, None
+        self._say(now, "goal", Goal(now, 0))
+
     def resume(self, now: int) -> None:
-        """Consent to move again."""
+        """Consent to move again, and to go on with a goal that waits."""
         self._say(now, "resume", Resume(now))
+        if self.paused is not None:
+            self.under_way, self.paused = self.paused, None
+            self._say(now, "goal", self.under_way)
 
     def _gravest(self, now: int) -> Stop:
         ranked = sorted(self.holding.values(), key=lambda stop: not stop.latched)
@@ -90,13 +112,12 @@ class Operator:
 
     def _next(self, now: int) -> None:
         if not self.waiting:
-            if self.under_way is not None:
+            if self.under_way is not None and not self.stays:
                 self.end(0, "all goals reached")
             self.under_way = None
             return
         self.number += 1
         self.under_way = self.waiting.pop(0)._replace(number=self.number)
-        self.given.append(self.under_way)
         self._say(now, "goal", self.under_way)
 
     def _say(self, now: int, port: str, message: Message) -> None:

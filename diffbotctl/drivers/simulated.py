@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from diffbotctl.block import action
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Duty, Encoders, Link, Wheels
 from diffbotctl.plant.robot import SimulatedRobot
@@ -51,6 +52,12 @@ class Simulated:
         """Send a command to the simulated board."""
         self.robot.advance(now)
         self.robot.command(now, wanted)
+
+    @action
+    def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
+        """Put the robot elsewhere, as a hand does: x and y in m, heading in rad."""
+        self.robot.advance(now)
+        self.robot.teleport(x, y, heading)
 
     def stop(self, now: int) -> None:
         """Stop the wheels; `stopped` becomes true when they have stood still for a while."""

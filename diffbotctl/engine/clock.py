@@ -17,6 +17,9 @@ class Clock(Protocol):
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Return (the logical time it is, files ready) at `until` or as soon as a file is ready."""
 
+    def close(self) -> None:
+        """Nobody waits any longer."""
+
 
 class VirtualClock:
     """Time jumps to the next event: simulation and replay as fast as they go."""
@@ -30,6 +33,10 @@ class VirtualClock:
         self.turns += 1
         ready = self.poller.ready(0, files) if files and self.turns % LOOK_EVERY == 0 else []
         return until, ready
+
+    def close(self) -> None:
+        """Nobody waits any longer."""
+        self.poller.close()
 
 
 LOOK_EVERY = 64  # instants: about a millisecond of an unpaced run between two looks for a person
@@ -55,6 +62,10 @@ class PacedClock:
             return until, ready
         return time.monotonic_ns() - self.start, ready
 
+    def close(self) -> None:
+        """Nobody waits any longer."""
+        self.poller.close()
+
 
 class _Poller:
     """Waits with nanoseconds; poll() alone knows only whole milliseconds."""
@@ -72,6 +83,9 @@ class _Poller:
         # epoll rounds up to a millisecond; sleep the rest short of it so that timers stay sharp.
         seconds = min(left, LONGEST) / 1e9
         return [file for file, _ in self.epoll.poll(seconds)]
+
+    def close(self) -> None:
+        self.epoll.close()
 
     def _watch(self, files: list[int]) -> None:
         self.epoll.close()

@@ -86,11 +86,14 @@ class Engine:
             self._turn_until(until)
         except RunError as failure:
             self.failure = failure
-            self.end(1, str(failure))
+            first = failure.problems[0]
+            self.end(1, f"{first.place}: {first.cause}")
         except BaseException as error:
             self.end(1, f"{type(error).__name__}: {error}")
             self._stop()
             raise
+        finally:
+            gc.unfreeze()
         self.end(0, f"{until / SECOND:g} s are over")
         stopped = self._stop()
         assert self.ending is not None

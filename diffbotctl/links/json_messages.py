@@ -19,15 +19,15 @@ def encoder(kind: type) -> Encoder:
     """A function that turns a message of class `kind` into one JSON object."""
     names = list(fields(kind))
     pattern = "{" + ", ".join(f'"{name}": %r' for name in names) + "}"
-    plain = all(hint in (int, float) for hint, _ in fields(kind).values())
+    simple = all(hint in (int, float) for hint, _ in fields(kind).values())
 
     def encode(message: Any) -> bytes:
-        if plain:
+        if simple:
             # Twelve times faster than json.dumps; 'n' stands only in nan, inf and field names.
             text: str = pattern % message
             if text.count("n") == clean:
                 return text.encode()
-        return json.dumps(_plain(message), allow_nan=False).encode()
+        return json.dumps(plain(message), allow_nan=False).encode()
 
     clean = "".join(names).count("n")
     return encode
@@ -81,13 +81,14 @@ def _is_tuple(hint: Any) -> bool:
     return getattr(hint, "__origin__", None) is tuple
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A message or a value in it as JSON has it; nan and infinities as texts."""
     if isinstance(value, float):
         return value if isfinite(value) else repr(value)
     if hasattr(value, "_asdict"):
-        return {name: _plain(item) for name, item in value._asdict().items()}
+        return {name: plain(item) for name, item in value._asdict().items()}
     if isinstance(value, tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     return value
 
 

@@ -42,6 +42,7 @@ class Machine(NamedTuple):
     gains: tuple[Gains, Gains]  # of the board's speed loop, left and right
     reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
     sensors: tuple[Mounting, ...] = ()
+    falling: bool = False  # the encoders count falling edges instead of rising ones
 
 
 class Truth(NamedTuple):
@@ -86,7 +87,7 @@ class SimulatedRobot:
         # Own generators for what happens often, so that one wheel's luck does not move the other's.
         seeds = [chance.getrandbits(64) for _ in range(3)]
         self.wheels = tuple(
-            Wheel(motor, disc, Random(seed))
+            Wheel(motor, disc, Random(seed), falling=machine.falling)
             for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
         )
         self.board = Board(
@@ -151,7 +152,7 @@ class SimulatedRobot:
     def roll(self, until: int, left: float, right: float) -> list[tuple[int, int]]:
         """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
 
-        Returns where the encoder pins rose, as (time in ns, 0 for left or 1 for right), in order.
+        Returns the edges that count, as (time in ns, 0 for left or 1 for right), in order.
         For a board that is not simulated here; not to be mixed with `advance`.
         """
         self._pushes = self._shares(left, right)
@@ -169,6 +170,12 @@ class SimulatedRobot:
     def volts(self) -> dict[str, float]:
         """The distance sensors' output voltages now."""
         return {mounting.name: sensor.output(self.now) for mounting, sensor in self._sensors}
+
+    def teleport(self, x: float, y: float, heading: float) -> None:
+        """Put the robot elsewhere, as a hand does: m and rad in `odom`; its wheels do not turn."""
+        self._move(self.now)
+        self._roll()
+        self.body.x, self.body.y, self.body.heading = x, y, heading
 
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""

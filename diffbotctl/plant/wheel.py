@@ -70,13 +70,18 @@ class Wheel:
     """
 
     __slots__ = (
-        "_ahead", "_angle", "_begun", "_behind", "_chance", "_disc", "_end", "_fade", "_flank",
-        "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale", "_settled",
+        "_ahead", "_angle", "_begun", "_behind", "_chance", "_counted", "_disc", "_end", "_fade",
+        "_flank", "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale",
+        "_settled",
         "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
-    def __init__(self, motor: Motor, disc: Disc, chance: Random, now: int = 0) -> None:
+    def __init__(
+        self, motor: Motor, disc: Disc, chance: Random, now: int = 0, falling: bool = False
+    ) -> None:
+        """`falling`: the board listens to falling edges of the pin instead of rising ones."""
         self.motor = motor
+        self._counted = int(falling)  # parity of the flanks that count going forward
         self._disc = disc
         self._chance = chance
         self.now = now
@@ -103,7 +108,7 @@ class Wheel:
     def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
 
-        Returns the times (ns) at which the pin rose until then, in order.
+        Returns the times (ns) of the edges that count until then, in order.
         """
         if duty != self.duty or self.now == self._end:
             self.duty = duty
@@ -165,20 +170,20 @@ class Wheel:
     def _cross(self, angle: float, past: float) -> None:
         """Pass the flanks up to `angle`, which is reached `past` seconds into the stretch.
 
-        Only the rising ones are timed: nothing listens to the others.
+        Only those that count are timed: nothing listens to the others.
         """
         while angle >= self._ahead:
-            if self._flank % 2 == 0:
-                self._rise(self._ahead, angle, past)
+            if self._flank % 2 == self._counted:
+                self._mark(self._ahead, angle, past)
             self._flank += 1
             self._behind, self._ahead = self._ahead, self._place(self._flank)
         while angle < self._behind:
             self._flank -= 1
-            if self._flank % 2:
-                self._rise(self._behind, angle, past)
+            if self._flank % 2 != self._counted:
+                self._mark(self._behind, angle, past)
             self._behind, self._ahead = self._place(self._flank - 1), self._behind
 
-    def _rise(self, place: float, angle: float, past: float) -> None:
+    def _mark(self, place: float, angle: float, past: float) -> None:
         guess = past * (place - self._angle) / (angle - self._angle)
         time = self._begun + round(self._time_of(place, guess, past) * SECOND)
         if self._disc.jitter:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.loop import Ending, Engine
@@ -51,7 +52,8 @@ def replay(path: Path, check: bool) -> Replayed:
             checker.record(instant)
 
     driver = Replay(RecordingReader(path).messages())
-    engine = Engine(graph, [driver], VirtualClock(), record=record)
+    sinks = {wire: [sink] for wire, sink in Changes(graph, {}).sinks().items()}
+    engine = Engine(graph, [driver], VirtualClock(), sinks=sinks, record=record)
     until = int(end["last"]) + 1 if end is not None else _last_delivery(path) + 1
     ending = engine.run(min(until, NEVER))
     if check:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
+from diffbotctl.drivers.person import Person
+from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
@@ -27,6 +29,7 @@ from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
+from diffbotctl.runs.station import Socket, Station
 
 SECOND = 1_000_000_000
 
@@ -41,6 +44,8 @@ class Options(NamedTuple):
     duration: float | None = None  # s
     record: Path | None = None
     digest: bool = False
+    socket: Socket | None = None  # None: nobody can speak to this run
+    stay: bool = False
 
 
 class Result(NamedTuple):
@@ -86,12 +91,23 @@ class Run:
         if options.record is not None:
             self.recorder = self._recorder(options.record)
         self.digest = Digest(graph.kinds) if options.digest else None
+        self.station: Station | None = None
+        if options.socket is not None:
+            self.station = Station(options.socket, configuration, self.assembly, options.port)
         self.robot = self._robot()
+        self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
         self.travelled = 0.0
         self.operator = Operator(self._goals(), self._end)
         self.total = len(self.operator.waiting) + (self.operator.under_way is not None)
+        self.operator.stays = options.stay
         drivers: list[Driver] = [*([self.robot] if self.robot else []), self.operator]
+        self.person: Person | None = None
+        if self.station is not None:
+            self.person = self.station.person(
+                self.operator, self.changes, real or self.robot is None
+            )
+            drivers.append(self.person)
         self.engine = Engine(
             graph,
             drivers,
@@ -168,6 +184,8 @@ class Run:
             add(wire, self.operator.hear_stop(wire))
         for wire in wires_of(self.assembly, Odometry):
             add(wire, self._note_odometry)
+        for wire, sink in self.changes.sinks().items():
+            add(wire, sink)
         if self.configuration.robot is not None:
             add("robot.link", self._note_link)
         if self.latest is not None:
@@ -199,27 +217,32 @@ class Run:
         self.seen["link"] = link
 
     def _record(self) -> Callable[[tuple[Any, ...]], object] | None:
-        recorder, digest = self.recorder, self.digest
-        if recorder is not None and digest is not None:
+        takers: list[Callable[[tuple[Any, ...]], object]] = [
+            each.record
+            for each in (self.recorder, self.digest, self.station.channel if self.station else None)
+            if each is not None
+        ]
+        if len(takers) < 2:
+            return takers[0] if takers else None
 
-            def both(instant: tuple[Any, ...]) -> None:
-                recorder.record(instant)
-                digest.record(instant)
+        def all_of_them(instant: tuple[Any, ...]) -> None:
+            for take in takers:
+                take(instant)
 
-            return both
-        if recorder is not None:
-            return recorder.record
-        return digest.record if digest is not None else None
+        return all_of_them
 
     def _idle(self) -> Callable[[], None] | None:
-        recorder, latest = self.recorder, self.latest
-        if latest is None:
+        recorder, latest, person = self.recorder, self.latest, self.person
+        if latest is None and person is None:
             return None if recorder is None else recorder.drain
 
         def idle() -> None:
+            if person is not None:
+                person.idle(self.engine.last)
             if recorder is not None:
                 recorder.drain()
-            latest.idle(self.engine.last)
+            if latest is not None:
+                latest.idle(self.engine.last)
 
         return idle
 
@@ -272,6 +295,9 @@ class Run:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
             driver.close()
+        self.engine.clock.close()
+        if self.station is not None:
+            self.station.end()
         for pid in self.children:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)

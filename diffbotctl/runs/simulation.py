@@ -49,6 +49,7 @@ def machine(robot: Robot) -> Machine:
         deadman=round(robot.board.deadman * SECOND),
         gains=(gains(drive.left), gains(drive.right)),
         reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
+        falling=drive.left.encoder.edge == "falling",
         sensors=tuple(
             Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
             for name, sensor in robot.sensors.items()

@@ -235,3 +235,25 @@ def test_it_is_never_faster_forward_than_it_can_stop(steps):
             assert stopping_distance(linear, 1.5, 0.2) <= distance - 0.05 + 1e-9
         if state in ("too_close", "fault", None):
             assert linear <= 0.0
+
+
+@pytest.mark.parametrize(
+    "debounce, readings, moves",
+    [
+        # n: something stands 60 mm away, f: free. Moves forward after the last reading?
+        (1, "n", False),
+        (1, "nf", True),
+        (3, "ffn", True),
+        (3, "ffnn", True),
+        (3, "ffnnn", False),
+        (3, "ffnnfnn", True),  # the count begins anew
+        (3, "ffnnnff", False),  # held until as many say that it is free
+        (3, "ffnnnffnff", False),
+        (3, "ffnnnfff", True),
+    ],
+)
+def test_so_many_readings_in_a_row_hold_it_and_let_it_go(debounce, readings, moves):
+    course = Course(guard(debounce=debounce))
+    for reading in readings:
+        linear, _ = course.see("measured", 0.06 if reading == "n" else 0.3, wish=(0.05, 0.0))
+    assert (linear > 0.0) is moves

@@ -65,6 +65,17 @@ def test_edge_times_by_hand(sign, first):
     assert len(rises) == sum(t <= 3.0 for t in wanted)  # none is lost, none comes twice
 
 
+@pytest.mark.parametrize("sign, first", [(1, 0.5), (-1, 1.0)])
+def test_falling_edges_come_at_the_other_flanks(sign, first):
+    made = Wheel(MOTOR, IDEAL, Random(1), falling=True)
+    falls = made.advance(3 * SECOND, sign * HALF)
+    # The slot that lies open at the start closes half a pitch ahead, or at its near end behind,
+    # which is where the disc stands: that one is a whole pitch away.
+    wanted = [LAG + (first + k) * PITCH / 5 for k in range(60)]
+    late = [round(t * SECOND) for t in wanted if 2.0 < t <= 3.0]
+    assert [t for t in falls if t > 2 * SECOND] == pytest.approx(late, abs=2)
+
+
 def test_an_edge_while_it_speeds_up_lies_at_its_flank():
     time = wheel().advance(SECOND // 2, HALF)[0] / SECOND
     angle = 5 * (time - LAG * (1 - exp(-time / LAG)))

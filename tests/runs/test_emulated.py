@@ -14,3 +14,15 @@ def test_the_real_binary_drives_to_the_goal_and_twice_the_same():
     assert first.reached == 1 and first.ending.stopped is True
     assert first.link.damaged == 0 and first.link.lost == 0
     assert first.digest == again.digest
+
+
+def test_falling_edges_serve_as_well_as_rising_ones(tmp_path):
+    robot = tmp_path / "falling.yaml"
+    robot.write_text(
+        "format: 1\nkind: robot\ninclude: book_2wd\ndrive: {encoder: {edge: falling}}\n"
+    )
+    setup = load("goal", str(robot))
+    for port in ("sim", "emulated"):
+        result = Run(setup, Options(port=port, fast=True, seed=2, duration=60.0)).go()
+        assert result.reached == 1, port
+        assert abs(result.truth.pose.x - 1.0) < 0.05 and abs(result.truth.pose.y - 0.5) < 0.05

@@ -1,0 +1,174 @@
+"""The person at the control socket: commands in, messages of the node `operator` out.
+
+Whoever drives must go on saying so. After SILENCE without a word the wheels are commanded to zero
+and the robot is held, and that is decided here, in the engine: a hub that hangs changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+
+from diffbotctl.drivers.operator import Operator
+from diffbotctl.engine.changes import Changes
+from diffbotctl.engine.channel import Answer, Channel, Command
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.graph import NEVER
+from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
+
+SILENCE = 300_000_000  # ns; with one telemetry period and the way down it stays below 500 ms
+LATER = "later"  # a verb that answers by itself
+HOLDING = "gate.stop"  # the wire that says what holds the robot at the last gate
+
+Verb = Callable[["Person", int, Command], str]
+
+
+class Person:
+    """A driver that follows the commands of one channel. `wakes`: a command wakes the loop.
+
+    A paced simulation is not woken: it has its own exact times, and looks each instant.
+    """
+
+    def __init__(self, channel: Channel, operator: Operator, changes: Changes, wakes: bool) -> None:
+        self.channel = channel
+        self.operator = operator
+        self.changes = changes
+        self.calls: list[int] = []
+        self.woken_by = [channel.fileno()] if wakes else []
+        self.outbox: list[Delivery] = []
+        self.at = 0
+        self.driving: Command | None = None
+        self.deadline = NEVER
+        self.silent = self.gone = ""
+
+    def due(self) -> int:
+        """At once when something waits to be delivered; when whoever drives has been silent."""
+        return min(self.at, self.deadline) if self.outbox else self.deadline
+
+    def files(self) -> list[int]:
+        """The channel, where commands wake the loop."""
+        return self.woken_by if self.channel.is_open else []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Hand out what waits, stamped with `now`, and notice silence."""
+        if now >= self.deadline:
+            self._lose(now, self.silent)
+        out = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
+        self.outbox = []
+        return out
+
+    def close(self) -> None:
+        """Let the hub know that the run is over."""
+        self.channel.close()
+
+    def idle(self, now: int) -> None:
+        """Follow the commands that have come. Called when what the instant commanded has left."""
+        was_open = self.channel.is_open
+        while self.changes.outcomes:
+            refused = self.changes.outcomes.pop(0)
+            self.channel.answer(Answer(self.calls.pop(0), "refused" if refused else "", (refused,)))
+        for command in self.channel.receive():
+            code = VERBS[command.verb](self, now, command)
+            if code is not LATER:
+                self.channel.answer(Answer(command.number, code))
+        if was_open and not self.channel.is_open and self.driving is not None:
+            self._lose(now, self.gone)
+        self.channel.flush()
+
+    def _stop(self, now: int, command: Command) -> str:
+        """Hold the robot until `resume`."""
+        (cause,) = command.values
+        if self.driving is not None:
+            self._say(now, "twist", Twist(now, 0.0, 0.0))
+        self._say(now, "halt", Stop(now, "operator_stop", cause, True))
+        self._let_go()
+        return ""
+
+    def _resume(self, now: int, command: Command) -> str:
+        if self.driving is not None:
+            return "driving"  # a goal must not set off under the hands of whoever drives
+        self.operator.resume(now)
+        return ""
+
+    def _goto(self, now: int, command: Command) -> str:
+        x, y, heading = command.values
+        if not (isfinite(x) and isfinite(y) and (heading is None or isfinite(heading))):
+            return "not_finite"
+        self.operator.take(now, Goal(now, 0, x, y, heading))
+        return ""
+
+    def _drive(self, now: int, command: Command) -> str:
+        """Pass a velocity to the mux; a goal under way is withdrawn until `resume`."""
+        linear, angular, takes_over = command.values
+        if not (isfinite(linear) and isfinite(angular)):
+            return "not_finite"
+        if self._is_held():
+            return "held"
+        if self.driving is None or self.driving.client != command.client:
+            if self.driving is not None and not takes_over:
+                return "busy"
+            self._begin(now, command)
+        self.deadline = now + SILENCE
+        self._say(now, "twist", Twist(now, linear, angular))
+        return ""
+
+    def _begin(self, now: int, command: Command) -> None:
+        self.driving = command
+        self.silent = f"{command.who} was driving and fell silent"
+        self.gone = f"{command.who} was driving and is gone"
+        self.operator.pause(now)
+
+    def _release(self, now: int, command: Command) -> str:
+        """The driver lets go in good order: the robot stands, and nothing is held."""
+        if self.driving is None or self.driving.client != command.client:
+            return "not_driving"
+        self._say(now, "twist", Twist(now, 0.0, 0.0))
+        self._let_go()
+        return ""
+
+    def _set(self, now: int, command: Command) -> str:
+        self._say(now, "setting", Setting(now, *command.values))
+        return ""
+
+    def _call(self, now: int, command: Command) -> str:
+        """Call an action; the answer comes when it has been done."""
+        self._say(now, "call", Call(now, *command.values))
+        self.calls.append(command.number)
+        return LATER
+
+    def _leave(self, now: int, command: Command) -> str:
+        """A client has gone: nothing happens unless it was driving."""
+        if self.driving is not None and self.driving.client == command.client:
+            self._lose(now, self.gone)
+        return ""
+
+    def _lose(self, now: int, cause: str) -> None:
+        self._say(now, "twist", Twist(now, 0.0, 0.0))
+        self._say(now, "halt", Stop(now, "operator_lost", cause, True))
+        self._let_go()
+
+    def _let_go(self) -> None:
+        self.driving, self.deadline = None, NEVER
+
+    def _is_held(self) -> bool:
+        stop = self.operator.holding.get(HOLDING)
+        return stop is not None and stop.latched
+
+    def _say(self, now: int, port: str, message: Message) -> None:
+        wire = "operator." + port
+        if port == "twist":  # of several velocities in one idle time only the last counts
+            self.outbox = [each for each in self.outbox if each.wire != wire]
+        self.outbox.append(Delivery(wire, message))
+        self.at = now + 1
+
+
+VERBS: dict[str, Verb] = {
+    "stop": Person._stop,
+    "resume": Person._resume,
+    "goto": Person._goto,
+    "drive": Person._drive,
+    "release": Person._release,
+    "set": Person._set,
+    "call": Person._call,
+    "leave": Person._leave,
+}

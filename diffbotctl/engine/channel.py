@@ -1,0 +1,109 @@
+"""The engine's end of the channel to the hub: what happened goes up, what people want comes down.
+
+Nothing here formats text or waits: datagrams of pickled records, dropped and counted when the hub
+does not keep up, taken in the loop's idle time.
+"""
+
+from __future__ import annotations
+
+import pickle
+import socket
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+LARGEST = 1 << 16  # bytes of one command
+AT_ONCE = 16  # commands taken in one idle time; more wait for the next
+MOST_ANSWERS = 256  # that wait for a hub which does not read
+
+
+class Command(NamedTuple):
+    """What a person wants: `verb` with its `values`, by `client`, whose name is `who`."""
+
+    number: int
+    client: int
+    who: str
+    verb: str
+    values: tuple[Any, ...] = ()
+
+
+class Answer(NamedTuple):
+    """What the engine says to command `number`: an empty code when it follows it."""
+
+    number: int
+    code: str
+    values: tuple[Any, ...] = ()
+
+
+class News(NamedTuple):
+    """One datagram to the hub. `lost` counts the instants that were dropped before these."""
+
+    lost: int
+    instants: list[tuple[Any, ...]]
+    answers: list[Answer]
+
+
+class Channel:
+    """Gathers instants with `record`, sends them with `flush`, and hands out commands."""
+
+    def __init__(self, channel: socket.socket) -> None:
+        self.channel = channel
+        self.pending: list[tuple[Any, ...]] = []
+        self.answers: list[Answer] = []
+        self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
+        self.lost = 0
+        self.is_open = True
+        channel.setblocking(False)
+
+    def fileno(self) -> int:
+        """The file that becomes readable when a command comes."""
+        return self.channel.fileno()
+
+    def answer(self, said: Answer) -> None:
+        """Answer a command; sent with the next `flush`."""
+        if len(self.answers) < MOST_ANSWERS:
+            self.answers.append(said)
+
+    def flush(self) -> None:
+        """Send what has gathered. A full channel drops the instants and keeps the answers."""
+        if not self.is_open:
+            self.pending.clear()
+            return
+        if not self.pending and not self.answers:
+            return
+        news = News(self.lost, self.pending, self.answers)
+        try:
+            self.channel.send(pickle.dumps(tuple(news), pickle.HIGHEST_PROTOCOL))
+        except BlockingIOError:
+            self.lost += len(self.pending)
+        except OSError:
+            self._close()
+        else:
+            self.lost = 0
+            self.answers.clear()
+        self.pending.clear()
+
+    def receive(self) -> list[Command]:
+        """What people want, in order; at most AT_ONCE. `is_open` is False once the hub is gone."""
+        found: list[Command] = []
+        while self.is_open and len(found) < AT_ONCE:
+            try:
+                data = self.channel.recv(LARGEST)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            if not data:
+                self._close()
+                break
+            found.append(Command(*pickle.loads(data)))
+        return found
+
+    def close(self) -> None:
+        """Send the last of it, and let the hub know that this was all."""
+        self.flush()
+        self._close()
+
+    def _close(self) -> None:
+        if self.is_open:
+            self.is_open = False
+            self.channel.close()

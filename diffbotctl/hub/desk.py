@@ -1,0 +1,72 @@
+"""Where requests are answered: the run that a hub stands before, and what is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from diffbotctl.errors import nearest
+from diffbotctl.graph import Graph
+from diffbotctl.hub.client import Client
+from diffbotctl.hub.knowledge import Knowledge
+from diffbotctl.links.control import RefusalError, Request
+
+
+class About(NamedTuple):
+    """The run that a hub stands before. Speeds are the robot's limits; None without a robot.
+
+    `drivers` maps a node that is no block to the class of its driver.
+    """
+
+    name: str
+    version: str
+    pid: int
+    pipeline: str
+    robot: str
+    port: str
+    graph: Graph
+    command: str | None  # the wire that leaves for the robot
+    drivers: dict[str, type]
+    speed: float | None  # m/s
+    turn_rate: float | None  # rad/s
+
+
+class Wanted(NamedTuple):
+    """A command for the engine, before it has a number."""
+
+    verb: str
+    values: tuple[Any, ...] = ()
+
+
+Fields = dict[str, Any]
+
+
+class Desk:
+    """What every verb is handed: the run, and what is known of it."""
+
+    def __init__(self, about: About, knowledge: Knowledge) -> None:
+        self.about = about
+        self.knowledge = knowledge
+        self.blocks = {node.name: node.block for node in about.graph.nodes}
+        self.heard = {wire for node in about.graph.nodes for wire in node.wires.values()}
+
+    def needs(self, wire: str, cause: str) -> None:
+        """Refuse what no block of this pipeline would hear."""
+        if wire not in self.heard:
+            raise RefusalError("E-REQUEST", cause, f"wire {wire} to a block that takes it")
+
+    def within(self, name: str, value: float, limit: float | None, unit: str) -> None:
+        """Refuse what is beyond the robot's limit."""
+        if limit is not None and abs(value) > limit:
+            cause = f"{name} {value:g} {unit} is beyond this robot's limit of {limit:g} {unit}"
+            raise RefusalError("E-REQUEST", cause, "ask for less")
+
+
+def nearest_of(name: str, names: Iterable[str]) -> str:
+    """The way out for a name that does not exist."""
+    names = list(names)
+    near = nearest(name, names)
+    return f"did you mean {near}?" if near else f"there is {', '.join(names) or 'none'}"
+
+
+Verb = Callable[[Desk, Client, Request], Fields | Wanted]

@@ -1,0 +1,101 @@
+"""What the hub knows of the run: the newest message of each wire, rates, and past stops."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from diffbotctl.engine.changes import Changes
+from diffbotctl.engine.channel import News
+from diffbotctl.graph import SECOND, Graph
+from diffbotctl.messages import Message, Setting, Stop
+
+RATE_SPAN = 2 * SECOND  # ns over which a rate is taken: long enough for 1 Hz, short enough to show
+MOST_TIMES = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
+MOST_EPISODES = 20  # stops remembered
+
+
+class Episode(NamedTuple):
+    """One stop: who said it when, and the newest message of every wire at that moment."""
+
+    time: int
+    wire: str
+    stop: Stop
+    before: dict[str, Message]
+
+
+class Rate(NamedTuple):
+    """Messages a second over the last RATE_SPAN, gaps in s; nan where there are too few."""
+
+    rate: float
+    least_gap: float
+    most_gap: float
+    messages: int
+
+
+class Knowledge:
+    """Follows the engine's news. The blocks of `graph` are the hub's own copy of them: their live
+    parameters follow too."""
+
+    def __init__(self, graph: Graph) -> None:
+        wires = graph.kinds
+        self.changes = Changes(graph, {})
+        self.wires = wires
+        self.names = list(wires)
+        self.stops = [wire for wire, kind in wires.items() if kind is Stop]
+        self.latest: dict[str, Message] = {}
+        self.counts = dict.fromkeys(wires, 0)
+        self.times: dict[str, deque[int]] = {wire: deque(maxlen=MOST_TIMES) for wire in wires}
+        self.episodes: deque[Episode] = deque(maxlen=MOST_EPISODES)
+        self.now = 0
+        self.lost = 0
+
+    def take(self, news: News) -> None:
+        """Take what the engine sent."""
+        self.lost += news.lost
+        for instant in news.instants:
+            self._instant(instant)
+
+    def _instant(self, instant: tuple[Any, ...]) -> None:
+        self.now = now = instant[0]
+        for wire, message in zip(self.names, instant[1:], strict=True):
+            if message is not None:
+                self.latest[wire] = message
+                self.counts[wire] += 1
+                self.times[wire].append(now)
+                if type(message) is Stop and message.code:
+                    self._remember(now, wire, message)
+                elif type(message) is Setting:
+                    self.changes.set(now, message)
+
+    def _remember(self, now: int, wire: str, stop: Stop) -> None:
+        if wire.startswith("operator."):
+            return  # the echo of a block's stop, or a wish that the gate will speak of
+        self.episodes.append(Episode(now, wire, stop, dict(self.latest)))
+
+    def rate(self, wire: str) -> Rate:
+        """How often `wire` has lately carried a message."""
+        recent = [time for time in self.times[wire] if time >= self.now - RATE_SPAN]
+        count = self.counts[wire]
+        if len(recent) < 2:
+            return Rate(0.0, float("nan"), float("nan"), count)
+        gaps = [(b - a) / SECOND for a, b in pairwise(recent)]
+        # A wire that has fallen silent must not keep the rate that it had.
+        span = max(self.now - recent[0], recent[-1] - recent[0], 1) / SECOND
+        return Rate((len(recent) - 1) / span, min(gaps), max(gaps), count)
+
+    def age(self, wire: str) -> float | None:
+        """Seconds since the last message on `wire`; None before the first."""
+        times = self.times[wire]
+        return (self.now - times[-1]) / SECOND if times else None
+
+    def holding(self) -> tuple[str, Stop] | None:
+        """The gravest stop in force and the wire that says so."""
+        found = [(wire, self.latest[wire]) for wire in self.stops if wire in self.latest]
+        held = [
+            (wire, stop)
+            for wire, stop in found
+            if isinstance(stop, Stop) and stop.code and not wire.startswith("operator.")
+        ]
+        return min(held, key=lambda each: not each[1].latched) if held else None

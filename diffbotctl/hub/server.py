@@ -1,0 +1,204 @@
+"""The hub: stands between any number of clients and one engine, and can slow none of them."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import time
+from collections.abc import Callable
+from typing import Any
+
+from diffbotctl.engine.channel import News
+from diffbotctl.hub.client import Client, peer_of
+from diffbotctl.hub.desk import About, Desk, Wanted
+from diffbotctl.hub.engine_side import EngineSide
+from diffbotctl.hub.knowledge import Knowledge
+from diffbotctl.hub.verbs import follow
+from diffbotctl.links.control import PROTOCOL, RefusalError, check_hello, line, request
+from diffbotctl.links.json_messages import encoder
+
+MOST_CLIENTS = 100
+AT_ONCE = 32  # connections accepted between two looks at the others
+PERIOD = 0.05  # s; how long a client that asks too often waits, and how soon a dead engine shows
+GREETING_TIME = 10.0  # s in which a client must have said hello
+READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
+
+Log = Callable[[dict[str, Any]], None]
+
+
+class Server:
+    """Accepts clients at `listener`, speaks with the engine through `channel`.
+
+    `shared`: any user whom the socket's permissions let through may speak, not only its own.
+    """
+
+    def __init__(
+        self, listener: socket.socket, channel: socket.socket, about: About, shared: bool, log: Log
+    ) -> None:
+        self.listener = listener
+        self.engine = EngineSide(channel)
+        self.shared = shared
+        self.log = log
+        self.knowledge = Knowledge(about.graph)
+        self.desk = Desk(about, self.knowledge)
+        self.encoders = {wire: encoder(kind) for wire, kind in about.graph.kinds.items()}
+        self.clients: dict[int, Client] = {}
+        self.connected = 0
+        self.epoll = select.epoll()
+        self.epoll.register(listener, READ)
+        self.epoll.register(channel, READ)
+        hello = {"hello": PROTOCOL, "engine": about.name, "pid": about.pid}
+        self.greeting = line({**hello, "version": about.version})
+        listener.setblocking(False)
+
+    def run(self) -> None:
+        """Serve until the engine has ended or died."""
+        parent, looked = os.getppid(), 0.0
+        while self.engine.lives and os.getppid() == parent:
+            for file, state in self.epoll.poll(PERIOD):
+                self._ready(file, state)
+            self.engine.retry()
+            now = time.monotonic()
+            if now - looked >= PERIOD:
+                looked = now
+                self._look_round(now)
+
+    def farewell(self, patience: float) -> None:
+        """Tell all clients that it is over; they have `patience` seconds to take what waits."""
+        self.listener.close()
+        deadline = time.monotonic() + patience
+        waiting = list(self.clients.values())
+        for client in waiting:
+            client.answer({"ended": True})
+        while waiting and time.monotonic() < deadline:
+            waiting = [client for client in waiting if client.write() and client.waits]
+            select.select([], [client.connection for client in waiting], [], PERIOD)
+
+    def _ready(self, file: int, state: int) -> None:
+        if file == self.engine.channel.fileno():
+            for news in self.engine.news():
+                self._take(news)
+        elif file == self.listener.fileno():
+            self._accept()
+        elif file in self.clients:
+            client = self.clients[file]
+            if client.hears:
+                client.hears = client.read()
+                self._follow(client, time.monotonic())
+            elif state & GONE:
+                self._part(client)
+            self._serve(client)
+
+    def _accept(self) -> None:
+        for _ in range(AT_ONCE):
+            try:
+                connection, _ = self.listener.accept()
+            except OSError:
+                return
+            self._welcome(connection)
+
+    def _welcome(self, connection: socket.socket) -> None:
+        peer = peer_of(connection)
+        self.connected += 1
+        client = Client(connection, self.connected, peer, time.monotonic())
+        self.clients[connection.fileno()] = client
+        self.epoll.register(connection, READ)
+        if not self.shared and peer.uid not in (0, os.getuid()):
+            self.log({"event": "refused", **peer._asdict()})
+            self._dismiss(client, RefusalError("E-SOCKET", "this engine obeys its own user alone"))
+            return
+        client.answers.append(self.greeting)
+        if len(self.clients) > MOST_CLIENTS:
+            strangers = [each for each in self.clients.values() if not each.name]
+            self._dismiss(strangers[0], RefusalError("E-BUSY", "too many clients are connected"))
+        self._serve(client)
+
+    def _dismiss(self, client: Client, refusal: RefusalError) -> None:
+        client.answer(refusal.fields())
+        client.watched.clear()
+        client.ending, client.hears = True, False
+        self._serve(client)
+
+    def _follow(self, client: Client, now: float) -> None:
+        """Do what the client's whole lines say, as fast as it may ask."""
+        try:
+            while not client.ending and (data := client.next_line(now)) is not None:
+                self._one(client, data)
+        except RefusalError as refusal:  # of the line as such: what follows it cannot be trusted
+            self._dismiss(client, refusal)
+
+    def _one(self, client: Client, data: bytes) -> None:
+        if not client.name:
+            client.name = check_hello(request(data)) or "client"
+            self.log({"event": "connected", "name": client.name, **client.peer._asdict()})
+            return
+        number: int | str | None = None
+        try:
+            asked = request(data)
+            number = asked.number
+            said = follow(self.desk, client, asked)
+        except RefusalError as refusal:
+            client.answer({"id": number, **refusal.fields()})
+            return
+        if isinstance(said, Wanted):
+            if said.verb != "drive":
+                self.log({"event": said.verb, "values": list(said.values), "by": client.who})
+            self.engine.command(client, number, said)
+        else:
+            client.answer({"id": number, "ok": True, **said})
+
+    def _take(self, news: News) -> None:
+        self.knowledge.take(news)
+        for answer in news.answers:
+            client = self.engine.whose(answer)
+            if client is not None:
+                self._serve(client)
+        watchers = [client for client in self.clients.values() if client.watched]
+        for data, wire in self._encoded(news, watchers):
+            for client in watchers:
+                if wire in client.watched:
+                    client.push(data)
+        for client in watchers:
+            client.lost += news.lost
+            self._serve(client)
+
+    def _encoded(self, news: News, watchers: list[Client]) -> list[tuple[bytes, str]]:
+        """The messages that someone watches, as lines, each encoded once, with their wires."""
+        wanted: set[str] = set().union(*(client.watched for client in watchers))
+        places = [(i, w) for i, w in enumerate(self.knowledge.names, 1) if w in wanted]
+        return [
+            (PIECE % (wire.encode(), self.encoders[wire](instant[place])), wire)
+            for instant in news.instants
+            for place, wire in places
+            if instant[place] is not None
+        ]
+
+    def _serve(self, client: Client) -> None:
+        """Send what fits; wait for what must be waited for; part when all is said."""
+        if client.connection.fileno() < 0:
+            return
+        if not client.write() or client.is_done:
+            self._part(client)
+            return
+        reads = client.hears and not client.is_paused
+        wanted = (READ if reads else 0) | (WRITE if client.waits else 0)
+        self.epoll.modify(client.connection, wanted)
+
+    def _part(self, client: Client) -> None:
+        del self.clients[client.connection.fileno()]
+        client.connection.close()
+        if client.drives:
+            self.engine.command(client, None, Wanted("leave"))
+
+    def _look_round(self, now: float) -> None:
+        """What must be done though nothing came: slow down the hasty, part from the silent."""
+        for client in list(self.clients.values()):
+            if client.is_paused:
+                self._follow(client, now)
+                self._serve(client)
+            elif not client.name and not client.ending and now - client.since > GREETING_TIME:
+                self._dismiss(client, RefusalError("E-PROTOCOL", "no hello came in time"))
+
+
+PIECE = b'{"topic": "%s", "message": %s}\n'

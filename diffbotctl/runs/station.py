@@ -1,0 +1,71 @@
+"""Where a run meets the people around it: the control socket's hub, and the driver behind it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import NamedTuple
+
+from diffbotctl import __version__
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.drivers.operator import Operator
+from diffbotctl.drivers.person import Person
+from diffbotctl.drivers.simulated import Simulated
+from diffbotctl.engine.changes import Changes
+from diffbotctl.engine.channel import Channel
+from diffbotctl.hub import hub_process
+from diffbotctl.hub.desk import About
+from diffbotctl.hub.listening import forget, listen
+from diffbotctl.runs.assembly import Assembly
+
+PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
+LOOK = 0.005  # s between two looks whether it has ended
+
+
+class Socket(NamedTuple):
+    """What the command line says of the control socket: its name, and the group that may use it."""
+
+    name: str | None = None
+    group: str | None = None
+
+
+class Station:
+    """The engine's side of the control socket. Raises RunError when it cannot be made."""
+
+    def __init__(
+        self, wanted: Socket, configuration: Configuration, assembly: Assembly, port: str
+    ) -> None:
+        listener, path = listen(wanted.name, configuration.name, wanted.group)
+        robot = configuration.robot
+        about = About(
+            name=path.stem,
+            version=__version__,
+            pid=os.getpid(),
+            pipeline=str(configuration.file),
+            robot=str(configuration.robot_file or ""),
+            port=port,
+            graph=assembly.graph,
+            command=assembly.command,
+            drivers={"robot": Simulated} if robot is not None and port == "sim" else {},
+            speed=None if robot is None else robot.limits.speed,
+            turn_rate=None if robot is None else robot.limits.turn_rate,
+        )
+        end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
+        self.path = path
+        self.channel = Channel(end)
+
+    def person(self, operator: Operator, changes: Changes, wakes: bool) -> Person:
+        """The driver that follows what comes from the socket."""
+        return Person(self.channel, operator, changes, wakes)
+
+    def end(self) -> None:
+        """See the hub end; one that is frozen is killed, for nobody else is left to do it."""
+        forget(self.path)
+        deadline = time.monotonic() + PATIENCE
+        while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
+            if time.monotonic() > deadline:
+                os.kill(self.pid, signal.SIGKILL)
+                os.waitpid(self.pid, 0)
+                return
+            time.sleep(LOOK)

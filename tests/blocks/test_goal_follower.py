@@ -1,0 +1,148 @@
+"""From goal to goal on a robot that does what it is told; and when something is in the way."""
+
+from math import cos, pi, radians, sin
+
+import pytest
+
+from diffbotctl.blocks.goal_follower import GoalFollower
+from diffbotctl.messages import Goal, Odometry, Stop
+
+MS = 1_000_000
+STEP = 20 * MS  # ns between two poses
+NONE = (0.0,) * 6
+
+
+class Course:
+    """An ideal robot at 50 Hz: it moves as the last twist says. Keeps twists and states."""
+
+    def __init__(self, moves=True, **values):
+        self.block = GoalFollower(
+            **{"patience": 3.0, **values}, speed=0.3, turn_rate=4.0, acceleration=1.0, braking=1.5,
+            track=0.125, lag=0.02, command_delay=0.0,
+        )  # fmt: skip
+        self.block.reset()
+        self.moves = moves
+        self.now = 0
+        self.x = self.y = self.heading = self.linear = self.angular = 0.0
+        self.twists, self.states = [], []
+
+    def step(self, goal, stop=None):
+        self.now += STEP
+        if self.moves and not (stop and stop.code and self.linear > 0.0):
+            self.heading += self.angular * STEP * 1e-9
+            self.x += self.linear * cos(self.heading) * STEP * 1e-9
+            self.y += self.linear * sin(self.heading) * STEP * 1e-9
+        speeds = (self.linear, self.angular) if self.moves else (0.0, 0.0)
+        pose = Odometry(self.now, self.x, self.y, self.heading, *speeds, NONE)
+        twist, state = self.block.react(self.now, pose, goal, stop)
+        self.linear, self.angular = twist.linear, twist.angular
+        self.twists.append(twist)
+        if state is not None:
+            self.states.append(state.state)
+        return self
+
+    def drive(self, goal, seconds=30.0, stop=None):
+        until = self.now + int(seconds * 1e9)
+        ends = ("reached", "blocked", "stuck", "timed_out")
+        begun = len(self.states)
+        while self.now < until and not any(end in self.states[begun:] for end in ends):
+            self.step(goal, stop)
+        return self.states[-1]
+
+
+def goal(x, y, heading=None, number=1):
+    return Goal(0, number, x, y, None if heading is None else radians(heading))
+
+
+def turn(angle):
+    return (angle + pi) % (2 * pi) - pi
+
+
+@pytest.mark.parametrize(
+    "x, y, heading",
+    [(1.0, 0.0, 0), (1.0, 1.0, 90), (0.5, 0.5, 180), (-0.3, 0.4, -90), (0.0, 0.1, 0), (2, 1, None)],
+)
+@pytest.mark.parametrize("reverse", [False, True])
+def test_known_goals_are_reached(x, y, heading, reverse):
+    course = Course(reverse=reverse)
+    assert course.drive(goal(x, y, heading)) == "reached"
+    assert abs(course.x - x) < 0.01 and abs(course.y - y) < 0.01
+    if heading is not None:
+        assert abs(turn(course.heading - radians(heading))) < radians(2)
+
+
+@pytest.mark.parametrize(
+    "bearing, sign",
+    [(30, 1), (-30, -1), (170, 1), (-170, -1)],  # degrees: always the shorter way round
+)
+def test_it_turns_the_short_way_first(bearing, sign):
+    course = Course()
+    for _ in range(5):
+        course.step(goal(cos(radians(bearing)), sin(radians(bearing))))
+    assert course.linear == pytest.approx(0.0, abs=0.02)
+    assert course.angular * sign > 0.0
+
+
+def test_backwards_only_when_it_may():
+    behind = goal(-0.5, 0.0, 0)
+    forwards, either = Course(), Course(reverse=True)
+    assert forwards.drive(behind) == either.drive(behind) == "reached"
+    assert min(t.linear for t in forwards.twists) > -0.1, "a short correction, no drive backwards"
+    assert min(t.linear for t in either.twists) < -0.2
+    assert max(abs(t.angular) for t in either.twists) < 1.0, "no turn was needed"
+    assert len(either.twists) < len(forwards.twists)
+
+
+def test_several_goals_in_a_row():
+    course = Course()
+    for number, (x, y) in enumerate([(0.3, 0.0), (0.3, 0.3), (0.0, 0.0)], 1):
+        assert course.drive(goal(x, y, number=number)) == "reached"
+        assert abs(course.x - x) < 0.01 and abs(course.y - y) < 0.01
+
+
+def test_a_robot_that_does_not_move_is_stuck_and_is_told_so_in_time():
+    course = Course(moves=False)
+    assert course.drive(goal(1.0, 0.0)) == "stuck"
+    assert 1.5e9 < course.now < 4e9  # `stuck_after` is 2 s
+    assert course.twists[-1][1:] == (0.0, 0.0)
+
+
+def test_an_obstacle_is_waited_for_then_it_is_blocked():
+    course = Course()
+    for _ in range(50):
+        course.step(goal(1.0, 0.0))
+    wall = Stop(course.now, "obstacle", "something stands 5 cm ahead", False)
+    begun = course.now
+    assert course.drive(goal(1.0, 0.0), stop=wall) != "reached"
+    assert course.states[-1] == "blocked"
+    assert 2.5e9 < course.now - begun < 5e9  # `patience` is 3 s
+
+
+def test_a_latched_stop_holds_the_goal_until_it_is_lifted():
+    course, there = Course(), goal(0.5, 0.0)
+    for _ in range(30):
+        course.step(there)
+    latched = Stop(course.now, "reconnect", "the board came back", True)
+    for _ in range(100):
+        course.step(there, latched)
+        assert (course.linear, course.angular) == (0.0, 0.0)
+    assert course.drive(there, stop=Stop(course.now, "", "", False)) == "reached"
+
+
+def test_without_a_goal_it_stands():
+    course = Course()
+    for _ in range(5):
+        course.step(None)
+    assert {t[1:] for t in course.twists} == {(0.0, 0.0)}
+
+
+def test_number_zero_withdraws_the_goal_and_the_next_one_is_followed():
+    course, ahead = Course(), goal(1.0, 0.0)
+    for _ in range(20):
+        course.step(ahead)
+    assert course.linear > 0.0
+    withdrawn = Goal(course.now, 0, 0.0, 0.0)
+    for _ in range(20):
+        course.step(withdrawn)
+        assert (course.linear, course.angular) == (0.0, 0.0)
+    assert course.drive(goal(0.5, 0.0, number=2)) == "reached"

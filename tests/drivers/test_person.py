@@ -1,0 +1,160 @@
+"""The person at the socket, on a channel of its own, in logical time."""
+
+import pickle
+import socket
+
+import pytest
+
+from diffbotctl.drivers.operator import Operator
+from diffbotctl.drivers.person import SILENCE, Person
+from diffbotctl.engine.changes import Changes
+from diffbotctl.engine.channel import Channel, Command, News
+from diffbotctl.graph import NEVER, Graph
+from diffbotctl.messages import Goal, Stop
+
+MS = 1_000_000
+
+
+class Desk:
+    """The hub's end of the channel, and the person at the engine's end."""
+
+    def __init__(self, goals=()):
+        ours, self.hub = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.ended = []
+        self.operator = Operator(list(goals), lambda code, cause: self.ended.append(cause))
+        changes = Changes(Graph([], {}), {})
+        self.person = Person(Channel(ours), self.operator, changes, wakes=False)
+        self.said = {}
+
+    def send(self, verb, *values, client=1, number=1):
+        command = Command(number, client, "ann", verb, values)
+        self.hub.send(pickle.dumps(tuple(command)))
+
+    def idle(self, now):
+        """One idle time; the answers' codes."""
+        self.person.idle(now)
+        try:
+            data = self.hub.recv(1 << 16, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return []
+        return [answer.code for answer in News(*pickle.loads(data)).answers]
+
+    def instant(self, now):
+        """What both drivers deliver at `now`, by wire; the gate's stops come back at once."""
+        found = {}
+        for driver in (self.operator, self.person):
+            if driver.due() <= now:
+                found.update({wire: message for wire, message in driver.deliver(now)})
+        halt = found.get("operator.halt")
+        if halt is not None:
+            self.operator.hear_stop("gate.stop")(now, halt)
+        if "operator.resume" in found:
+            self.operator.hear_stop("gate.stop")(now, Stop(now, "", "", False))
+        return found
+
+
+def test_silence_of_whoever_drives_holds_the_robot_to_the_nanosecond():
+    desk = Desk()
+    desk.send("drive", 0.2, 0.0, False)
+    assert desk.idle(1000 * MS) == [""]
+    assert desk.instant(1000 * MS + 1)["operator.twist"].linear == 0.2
+    assert desk.person.due() == 1000 * MS + SILENCE
+    assert desk.instant(1000 * MS + SILENCE - 1) == {}
+    found = desk.instant(1000 * MS + SILENCE)
+    assert (found["operator.twist"].linear, found["operator.twist"].angular) == (0.0, 0.0)
+    halt = found["operator.halt"]
+    assert (halt.code, halt.latched) == ("operator_lost", True)
+    assert halt.cause == "ann was driving and fell silent"
+    assert desk.person.due() == NEVER
+
+
+def test_each_word_pushes_the_end_of_patience_on():
+    desk = Desk()
+    for step in range(10):
+        desk.send("drive", 0.2, 0.0, False)
+        desk.idle(step * 200 * MS)
+        assert "operator.halt" not in desk.instant(step * 200 * MS + 1)
+    assert desk.person.due() == 9 * 200 * MS + SILENCE
+
+
+def test_a_driver_who_leaves_holds_the_robot_and_a_watcher_who_leaves_does_not():
+    desk = Desk()
+    desk.send("drive", 0.2, 0.0, False, client=1)
+    desk.send("leave", client=2)
+    desk.idle(0)
+    assert "operator.halt" not in desk.instant(1)
+    desk.send("leave", client=1)
+    desk.idle(10)
+    assert desk.instant(11)["operator.halt"].cause == "ann was driving and is gone"
+
+
+def test_a_dead_hub_is_a_lost_operator_only_while_someone_drives():
+    watched, driven = Desk(), Desk()
+    driven.send("drive", 0.2, 0.0, False)
+    driven.idle(0)
+    for desk in (watched, driven):
+        desk.instant(1)
+        desk.hub.close()
+        desk.person.idle(10)
+    assert watched.instant(11) == {}
+    assert driven.instant(11)["operator.halt"].code == "operator_lost"
+
+
+def test_a_goal_waits_for_resume_while_a_person_drives_and_after_they_are_lost():
+    desk = Desk([Goal(0, 0, 1.0, 0.0)])
+    assert desk.instant(1)["operator.goal"].number == 1
+    desk.send("drive", 0.2, 0.0, False)
+    desk.idle(10)
+    assert desk.instant(11)["operator.goal"].number == 0
+    desk.instant(10 + SILENCE)
+    desk.send("drive", 0.2, 0.0, False)
+    desk.send("resume", number=2)
+    assert desk.idle(20 + SILENCE) == ["held", ""]
+    found = desk.instant(21 + SILENCE)
+    assert found["operator.goal"].number == 1 and "operator.resume" in found
+
+
+def test_one_drives_and_the_other_is_told_unless_they_take_over():
+    desk = Desk()
+    desk.send("drive", 0.2, 0.0, False, client=1)
+    desk.send("drive", 0.1, 0.0, False, client=2)
+    desk.send("release", client=2)
+    assert desk.idle(0) == ["", "busy", "not_driving"]
+    desk.send("drive", 0.1, 0.0, True, client=2)
+    desk.send("drive", 0.2, 0.0, False, client=1)
+    assert desk.idle(10) == ["", "busy"]
+    assert desk.instant(11)["operator.twist"].linear == 0.1
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+def test_what_is_not_finite_is_refused_here_too(value):
+    desk = Desk()
+    desk.send("drive", value, 0.0, False)
+    desk.send("drive", 0.0, value, False)
+    desk.send("goto", 0.0, value, None)
+    desk.send("goto", 0.0, 0.0, value)
+    assert desk.idle(0) == ["not_finite"] * 4
+    assert desk.instant(1) == {}
+
+
+def test_of_many_velocities_in_one_idle_time_the_last_counts():
+    desk = Desk()
+    for step in range(30):
+        desk.send("drive", step / 100, 0.0, False)
+    assert len(desk.idle(0)) == 16  # the rest waits for the next idle time
+    assert desk.instant(1)["operator.twist"].linear == 0.15
+
+
+def test_a_persons_goal_does_not_end_the_run():
+    from diffbotctl.messages import GoalState
+
+    desk = Desk([Goal(0, 0, 1.0, 0.0)])
+    desk.send("goto", 0.5, 0.5, None)
+    desk.idle(10)
+    assert desk.instant(11)["operator.goal"].number == 2
+    desk.operator.hear_goal_state(20, GoalState(20, 2, "reached", 0.0, 0.0))
+    desk.send("goto", 0.5, 0.5, None)
+    desk.idle(30)
+    desk.instant(31)
+    desk.operator.hear_goal_state(40, GoalState(40, 3, "stuck", 0.0, 0.0, "a wall"))
+    assert desk.ended == []

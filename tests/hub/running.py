@@ -1,0 +1,92 @@
+"""A real run with its control socket in a folder of its own, and plain sockets to speak to it."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+OPEN_FIELD = ["--set", "world.walls=[]"]
+PATIENCE = 10  # s that a test waits for what must come; it fails by itself afterwards
+
+
+def command(folder, *words):
+    """How to start `diffbotctl words` with its sockets in `folder`."""
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}
+    return [sys.executable, "-c", PROGRAM, *words], environment
+
+
+def cli(folder, *words, **options):
+    """Run `diffbotctl words` to its end: (exit code, what it printed, complaints)."""
+    line, environment = command(folder, *words)
+    done = subprocess.run(
+        line, env=environment, capture_output=True, text=True, timeout=60, **options
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@contextmanager
+def running(folder, *words, name="test"):
+    """`diffbotctl run words`; the process, once its socket answers."""
+    line, environment = command(folder, "run", *words, *OPEN_FIELD, "--name", name)
+    process = subprocess.Popen(
+        line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    try:
+        process.stdout.readline()  # the headline
+        process.stdout.readline()  # the first live line: the socket is there
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+class Plain:
+    """A client as any language would write it: a socket and lines of JSON."""
+
+    def __init__(self, folder, name="test", hello='{"hello": 1, "name": "plain"}'):
+        self.socket = socket.socket(socket.AF_UNIX)
+        self.socket.connect(str(folder / "diffbotctl" / f"{name}.socket"))
+        self.socket.settimeout(PATIENCE)
+        self.lines = self.socket.makefile("rb")
+        self.greeting = self.read()
+        if hello:
+            self.send(hello)
+
+    def send(self, text):
+        self.socket.sendall(text if isinstance(text, bytes) else text.encode() + b"\n")
+
+    def read(self):
+        line = self.lines.readline()
+        return json.loads(line) if line else None
+
+    def ask(self, do, **fields):
+        """The answer to one request; what is streamed meanwhile is passed over."""
+        self.send(json.dumps({"id": do, "do": do, **fields}))
+        while (said := self.read()) is not None:
+            if said.get("id") == do:
+                return said
+        return None
+
+    def until(self, seen):
+        """Ask for the status again and again until `seen(status)`."""
+        while True:
+            status = self.ask("status")
+            assert status is not None, "the run has ended"
+            if seen(status):
+                return status
+
+    def close(self):
+        self.lines.close()
+        self.socket.close()
+
+
+def moves(status):
+    wheels = status["gate.wheels"]
+    return wheels is not None and (wheels["left"] != 0 or wheels["right"] != 0)
+
+
+def stands(status):
+    return not moves(status)

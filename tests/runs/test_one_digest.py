@@ -1,0 +1,96 @@
+"""Same inputs, same run: one digest over every message, whatever the process was like."""
+
+import os
+import re
+import select
+import subprocess
+import sys
+import threading
+import tty
+from random import Random
+
+import pytest
+
+from tests.book_board import OnPort
+
+MAIN = "from diffbotctl.cli.main import main; main()"
+LONGEST = 60  # s
+
+
+def digest(*words, hash_seed="random"):
+    """The digest that a command prints, run as a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", MAIN, *map(str, words)], stdin=subprocess.DEVNULL, text=True,
+        capture_output=True, env={**os.environ, "PYTHONHASHSEED": hash_seed}, timeout=LONGEST,
+        check=False,
+    )  # fmt: skip
+    found = re.search(r"digest\s+([0-9a-f]{64})", done.stdout)
+    assert found, done.stdout + done.stderr
+    return found[1], done.stdout
+
+
+GOAL = ("run", "goal", "--robot", "book_2wd", "--goal", "0.1 0", "--seed", "4", "--quiet")
+
+
+def test_hash_seeds_paced_unpaced_and_replayed(tmp_path):
+    log = tmp_path / "goal.mcap"
+    seen = {
+        digest(*GOAL, "--fast", "--digest", hash_seed="0")[0],
+        digest(*GOAL, "--fast", "--digest", "--record", log, hash_seed="1")[0],
+        digest(*GOAL, "--digest", hash_seed="2")[0],
+        digest("replay", log, "--check", hash_seed="3")[0],
+    }
+    assert len(seen) == 1
+
+
+class Shaken:
+    """A second pseudo-terminal in front of a board's: bytes pass in pieces, with random pauses."""
+
+    def __init__(self, board, seed):
+        self.board = board
+        self.chance = Random(seed)
+        self.ours, self.theirs = os.openpty()
+        tty.setraw(self.theirs)
+        self.name = os.ttyname(self.theirs)
+        self.far = os.open(board.name, os.O_RDWR | os.O_NOCTTY)
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self.pass_on)
+        self.thread.start()
+
+    def pass_on(self):
+        while not self.ended.is_set():
+            ready, _, _ = select.select([self.ours, self.far], [], [], 0.05)
+            for file in ready:
+                data = os.read(file, 4096)
+                while data:
+                    size = self.chance.randint(1, 9)
+                    os.write(self.far if file == self.ours else self.ours, data[:size])
+                    data = data[size:]
+                    if self.chance.random() < 0.3:
+                        self.ended.wait(self.chance.uniform(0.0, 0.012))
+
+    def close(self):
+        self.ended.set()
+        self.thread.join()
+        for file in (self.ours, self.theirs, self.far):
+            os.close(file)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp_path, seed):
+    log = tmp_path / "live.mcap"
+    board = OnPort()
+    line = Shaken(board, seed)
+    try:
+        live, said = digest(
+            "run", "goal", "--robot", "book_2wd_stock", "--port", line.name, "--goal", "0.15 0.05",
+            "--set", "robot.drive.polarity=by_hand", "--for", "9s", "--record", log, "--digest",
+            "--quiet",
+        )  # fmt: skip
+    finally:
+        line.close()
+        board.close()
+    assert re.search(r"pose x 0\.[01]\d* m", said), said
+    replayed, said = digest("replay", log, "--check")
+    assert "bit for bit" in said
+    assert replayed == live
