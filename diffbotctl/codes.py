@@ -376,6 +376,10 @@ CODES: dict[str, Code] = {
     "E-BUSY": _code("not now", """
         Someone else is driving, too many are connected, or more was asked for than the engine
         takes in a second. A stop is never refused for that."""),
+    "E-SAVE": _code("the parameters were not saved", """
+        `param save` changes values of the pipeline file and leaves all else as it stands. It does
+        not touch files that ship with diffbotctl, nor a layout that it might damage: with `--to`
+        it writes a new file that includes the old one."""),
     "E-HELD": _code("the robot is held", """
         A stop that waits for a person is in force: `diffbotctl why` tells what it was. When it is
         safe, `diffbotctl resume`."""),
