@@ -99,6 +99,7 @@ def test_a_link_that_stays_pulled_is_no_success(tmp_path):
         said, _ = driver.communicate()
         assert virtual.board.duty == STILL
     assert "final stop NOT CONFIRMED" in said
+    assert "ended 2 s are over, after 2.0 s" in said  # though nothing has come for long
     assert driver.returncode == 1
 
 
