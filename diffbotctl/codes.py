@@ -24,6 +24,17 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-CALIBRATE-LOG": _code("a log to calibrate from that cannot serve", """
+        `calibrate from-log` reads recordings (.mcap) of ours, and CSV files whose first line names
+        the columns: time (s), right and left (counts since the start; backward is less), and where
+        known x, y (m) and heading (rad). Where the files do not tell where the robot was, --ends
+        names a CSV file with the columns recording, x, y and heading or heading_deg, one line a
+        drive; or --truth, once for each file, a CSV file with time (since the drive's start), x, y
+        and heading. A drive begins at the origin, looking along x."""),
+    "E-CALIBRATE-FIT": _code("no geometry fits", """
+        No wheel diameters and no track near the stated ones bring the drives to where they
+        ended. Most often the counts per turn of the robot file are wrong, or one wheel is counted
+        backwards, or the end poses belong to other drives."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),
@@ -365,6 +376,10 @@ CODES: dict[str, Code] = {
     "E-BUSY": _code("not now", """
         Someone else is driving, too many are connected, or more was asked for than the engine
         takes in a second. A stop is never refused for that."""),
+    "E-SAVE": _code("the parameters were not saved", """
+        `param save` changes values of the pipeline file and leaves all else as it stands. It does
+        not touch files that ship with diffbotctl, nor a layout that it might damage: with `--to`
+        it writes a new file that includes the old one."""),
     "E-HELD": _code("the robot is held", """
         A stop that waits for a person is in force: `diffbotctl why` tells what it was. When it is
         safe, `diffbotctl resume`."""),

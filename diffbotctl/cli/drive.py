@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 PERIOD = 0.05  # s between two words; the engine takes 0.3 s of silence for a lost operator
 BRAKING = 0.15  # m/s2, gentle for any robot, so that it comes to rest near the mark
 TURN_BRAKING = 1.0  # rad/s2
+A_MOMENT = "1 s"
 CREEP = 0.25  # of the speed, kept up to the mark: slower, friction may hold a wheel before it
 
 
@@ -66,9 +67,10 @@ def command(
     linear: str, angular: str, duration: str | None, distance: str | None, angle: str | None,
     take_over: bool, engine: str | None,
 ) -> int:  # fmt: skip
-    """Drive by hand. Ctrl-C lets go and the robot stands; so does the end of this process.
+    """Drive by hand, for a second unless you say how long or how far.
 
-    A goal that was under way waits for `diffbotctl resume`.
+    Ctrl-C lets go and the robot stands; so does the end of this process. A goal that was under way
+    waits for `diffbotctl resume`.
     """
     v, w = quantity_of(linear, "m/s", "--v"), quantity_of(angular, "rad/s", "--w")
     way = _way(v, w, duration, distance, angle)
@@ -91,6 +93,8 @@ def _way(v: float, w: float, duration: str | None, distance: str | None, angle: 
         raise click.UsageError("give one of --for, --distance, --angle")
     if (distance is not None and not v) or (angle is not None and not w):
         raise click.UsageError("--distance needs a speed --v, --angle needs a rate --w")
+    if distance is None and angle is None:
+        duration = duration or A_MOMENT  # never without end: nobody may be left to end it
     seconds, metres, radians = (
         None if text is None else abs(quantity_of(text, unit, option))
         for text, unit, option in (

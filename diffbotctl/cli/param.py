@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -72,3 +73,72 @@ def _show(row: dict[str, Any]) -> None:
     mark = "*" if row["live"] else " "
     unit = "" if row["unit"] in ("", "1") else f" {row['unit']}"
     click.echo(f"{mark} {row['parameter']:26} {row['value']}{unit}")
+
+
+@command.command()
+@click.argument("parameters", nargs=-1)
+@click.option("--to", "file", metavar="FILE", help="A new pipeline file that includes the old one.")
+@engine_option
+def save(parameters: tuple[str, ...], file: str | None, engine: str | None) -> int:
+    """Write what was changed in this run into the pipeline file; comments stay.
+
+    Without PARAMETERS everything that was changed. Files that ship with diffbotctl are not
+    touched: give --to for those.
+    """
+    with attached(engine, "param save") as caller:
+        rows = caller.ask("parameters")["parameters"]
+        pipeline = caller.ask("status")["pipeline"]
+    wanted = [row for row in rows if row["changed"] and not parameters] + [
+        row for row in rows if row["parameter"] in parameters
+    ]
+    missing = set(parameters) - {row["parameter"] for row in wanted}
+    if missing:
+        raise click.UsageError(f"there is no parameter {', '.join(sorted(missing))}")
+    if not wanted:
+        click.echo("nothing was changed in this run")
+        return 0
+    path = _saved(Path(pipeline), None if file is None else Path(file), wanted)
+    for row in wanted:
+        click.echo(f"{path}: {row['parameter']}: {_written(row)}")
+    return 0
+
+
+def _saved(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
+    """Write `rows` into the pipeline, or into a new file that includes it; the file written."""
+    from diffbotctl.config.lookup import is_shipped
+    from diffbotctl.config.rewrite import with_entry
+    from diffbotctl.errors import Problem, UsageError
+
+    if new is None and is_shipped(pipeline):
+        cause = "this file ships with diffbotctl and stays as it is"
+        raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --to mine.yaml"))
+    path = new or pipeline
+    if new is not None and new.exists():
+        raise UsageError(Problem("E-SAVE", str(new), "it exists already", "give another --to"))
+    try:
+        text = NEW.format(json.dumps(str(pipeline))) if new is not None else path.read_text()
+        for row in rows:
+            block, _, key = row["parameter"].partition(".")
+            text = with_entry(text, ["blocks", block, "with", key], _written(row))
+        beside = path.with_name(f".{path.name}.new")
+        beside.write_text(text)
+        beside.replace(path)
+    except (OSError, ValueError) as error:
+        cause = f"cannot save there: {error}"
+        raise UsageError(Problem("E-SAVE", str(path), cause, "change it by hand")) from error
+    return path
+
+
+NEW = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
+
+
+def _written(row: dict[str, Any]) -> str:
+    """The value as the file has it: `0.08 m`."""
+    value = row["value"]
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value if value.replace("_", "").isalpha() else json.dumps(value)
+    return repr(value) if row["unit"] in ("", "1") else f"{value!r} {row['unit']}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -14,6 +15,9 @@ from diffbotctl.cli.attach import attached, engine_option, paced, quantity_of
 
 if TYPE_CHECKING:
     from diffbotctl.hub.caller import Caller
+
+
+WATCHING = 10  # niceness: whoever looks on leaves a small machine to the control path
 
 
 @click.group()
@@ -47,6 +51,7 @@ def echo(topic: str, once: bool, duration: str | None, engine: str | None) -> in
     On a terminal one message a line as words, piped as JSON lines; `*` is every topic.
     """
     until = None if duration is None else time.monotonic() + quantity_of(duration, "s", "--for")
+    os.nice(WATCHING)
     with attached(engine, "topic echo") as caller:
         name, path = _apart(caller, topic)
         known = caller.ask("watch", topic=name, last=once)["topic"]

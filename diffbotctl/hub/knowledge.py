@@ -41,6 +41,7 @@ class Knowledge:
     def __init__(self, graph: Graph) -> None:
         wires = graph.kinds
         self.changes = Changes(graph, {})
+        self.changed: set[tuple[str, str]] = set()
         self.wires = wires
         self.names = list(wires)
         self.stops = [wire for wire, kind in wires.items() if kind is Stop]
@@ -68,6 +69,7 @@ class Knowledge:
                     self._remember(now, wire, message)
                 elif type(message) is Setting:
                     self.changes.set(now, message)
+                    self.changed.add((message.block, message.name))
 
     def _remember(self, now: int, wire: str, stop: Stop) -> None:
         if wire.startswith("operator."):

@@ -25,6 +25,7 @@ def parameters(desk: Desk, client: Client, request: Request) -> Fields:
                     "value": _shown(getattr(block, attribute)),
                     "unit": setting.unit,
                     "live": setting.live,
+                    "changed": (name, attribute) in desk.knowledge.changed,
                     "help": setting.help,
                 }
             )

@@ -42,7 +42,7 @@ class Station:
             name=path.stem,
             version=__version__,
             pid=os.getpid(),
-            pipeline=str(configuration.file),
+            pipeline=str(configuration.file.resolve()),
             robot=str(configuration.robot_file or ""),
             port=port,
             graph=assembly.graph,

@@ -23,7 +23,7 @@ def drives(status):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGHUP])
 def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
     path = tmp_path / "lost.mcap"
-    line, environment = command(tmp_path, "drive", "--v", "-0.15")
+    line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0", "--record", str(path)) as process:
         watcher = Plain(tmp_path)
         watcher.until(moves)
@@ -73,7 +73,7 @@ def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
 
 
 def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
-    line, environment = command(tmp_path, "drive", "--v", "-0.15")
+    line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
         client = Plain(tmp_path)
         client.until(moves)

@@ -96,6 +96,29 @@ def test_live_parameters_are_set_and_the_others_are_not(folder):
         assert code == 1 and words in " ".join(complaint.split()), complaint
 
 
+def test_changed_parameters_are_saved_and_load_again(folder, tmp_path):
+    from diffbotctl.config.load import load
+
+    assert cli(folder, "param", "set", "guard.resume", "wait")[0] == 0
+    code, _, complaint = cli(folder, "param", "save")
+    assert code == 2 and "ships with diffbotctl" in complaint
+    mine = tmp_path / "mine.yaml"
+    code, out, complaint = cli(folder, "param", "save", "guard.resume", "--to", str(mine))
+    assert code == 0 and "guard.resume: wait" in out, complaint
+    guard = next(use for use in load(str(mine)).blocks if use.name == "guard")
+    assert guard.values["resume_by"] == "wait" and guard.values["margin"] == 0.05
+
+
+def test_saving_into_ones_own_file_keeps_its_comments(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    before = "format: 1\nkind: pipeline\ninclude: goal\n# my robot brakes late\ngoals: []\n"
+    mine.write_text(before)
+    with running(tmp_path, str(mine)):
+        assert cli(tmp_path, "param", "set", "guard.margin", "7cm")[0] == 0
+        assert cli(tmp_path, "param", "save")[0] == 0
+    assert mine.read_text() == before + "blocks: {guard: {with: {margin: 0.07 m}}}\n"
+
+
 def test_actions_are_called_and_wrong_ones_refused(folder):
     assert "odometry.set_pose [x=...] [y=...] [heading=...]" in cli(folder, "call")[1]
     assert cli(folder, "call", "robot.teleport", "x=0.5")[0] == 0

@@ -1,0 +1,75 @@
+"""Changing one value of a YAML file and nothing else: comments, order and layout stay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+
+
+def with_entry(text: str, path: Sequence[str], written: str) -> str:
+    """`text` with the value at `path` replaced by `written`, or added where there was none.
+
+    Raises ValueError where the file's layout does not allow it; `text` is then to be changed by
+    hand.
+    """
+    root = yaml.compose(text, Loader=yaml.CSafeLoader)
+    if not isinstance(root, yaml.MappingNode):
+        raise ValueError("it is no mapping")
+    node: Any = root
+    left = list(path)
+    while left:
+        if not isinstance(node, yaml.MappingNode):
+            raise ValueError(f"there is a plain value where {left[0]} should stand")
+        below = next((value for key, value in node.value if key.value == left[0]), None)
+        if below is None:
+            return _checked(text, _with_new(text, node, left, written), path, written)
+        node, left = below, left[1:]
+    changed = text[: node.start_mark.index] + written + text[node.end_mark.index :]
+    return _checked(text, changed, path, written)
+
+
+def _with_new(text: str, node: Any, keys: list[str], written: str) -> str:
+    """`text` with an entry more at the end of the mapping `node`."""
+    entry = written
+    for key in reversed(keys[1:]):
+        entry = f"{{{key}: {entry}}}"
+    entry = f"{keys[0]}: {entry}"
+    if node.flow_style:
+        at = node.value[-1][1].end_mark.index if node.value else node.start_mark.index + 1
+        return f"{text[:at]}{', ' if node.value else ''}{entry}{text[at:]}"
+    at = text.find("\n", _last(node).end_mark.index)  # behind a comment on that line
+    at = len(text) if at < 0 else at
+    return f"{text[:at]}\n{' ' * node.value[0][0].start_mark.column}{entry}{text[at:]}"
+
+
+def _last(node: Any) -> Any:
+    """The last thing inside a block mapping or list: its own end lies behind later comments."""
+    while isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
+        last = node.value[-1]
+        node = last[1] if isinstance(node, yaml.MappingNode) else last
+    return node
+
+
+def _checked(before: str, after: str, path: Sequence[str], written: str) -> str:
+    """`after`, if it reads as `before` with exactly that one value changed."""
+    wanted = _unshared(yaml.load(before, Loader=yaml.CSafeLoader))
+    place = wanted
+    for step in path[:-1]:
+        place = place.setdefault(step, {})
+    place[path[-1]] = yaml.load(written, Loader=yaml.CSafeLoader)
+    try:
+        found = yaml.load(after, Loader=yaml.CSafeLoader)
+    except yaml.YAMLError:
+        found = None
+    if found != wanted:
+        raise ValueError("its layout is too uncommon to change it safely")
+    return after
+
+
+def _unshared(value: Any) -> Any:
+    """A copy in which what an alias names is no longer the same object twice."""
+    if isinstance(value, dict):
+        return {key: _unshared(each) for key, each in value.items()}
+    return [_unshared(each) for each in value] if isinstance(value, list) else value
