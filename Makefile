@@ -7,6 +7,8 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
+# Folders of the OptiOdom data set, which does not ship.
+OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
 .PHONY: demo test prove bench packages clean
@@ -27,11 +29,11 @@ test: packages $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 3  # more than cores: many tests wait for a board in real time
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD)
+	  --board $(BOARD) --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench

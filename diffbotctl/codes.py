@@ -24,6 +24,17 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-CALIBRATE-LOG": _code("a log to calibrate from that cannot serve", """
+        `calibrate from-log` reads recordings (.mcap) of ours, and CSV files whose first line names
+        the columns: time (s), right and left (counts since the start; backward is less), and where
+        known x, y (m) and heading (rad). Where the files do not tell where the robot was, --ends
+        names a CSV file with the columns recording, x, y and heading or heading_deg, one line a
+        drive; or --truth, once for each file, a CSV file with time (since the drive's start), x, y
+        and heading. A drive begins at the origin, looking along x."""),
+    "E-CALIBRATE-FIT": _code("no geometry fits", """
+        No wheel diameters and no track near the stated ones bring the drives to where they
+        ended. Most often the counts per turn of the robot file are wrong, or one wheel is counted
+        backwards, or the end poses belong to other drives."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),
@@ -291,14 +302,41 @@ CODES: dict[str, Code] = {
     "E-CODE": _code("no such code", """
         Codes stand behind the place of each problem, such as E-PIN-PWM. `diffbotctl explain`
         without a code lists them all."""),
+    "E-FLASH-BACKUP": _code("the board's old program cannot be saved", """
+        `--backup FILE` reads the program that is on the board, which takes half a minute, and
+        writes it to an Intel hex file, from which `--hex FILE` brings it back. An existing file is
+        never overwritten: it may be the only copy of what was there before."""),
     "E-EMULATOR": _code("the emulated board cannot run", """
         The emulated board is a small program on simavr that runs the real firmware. It is built
         once on your machine, which takes a C compiler and simavr's headers; the simulated robot
         needs neither."""),
-    "E-PORT-SILENT": _code("no firmware of ours answers on this port", """
-        The port opens, but what is behind it does not speak diffbotctl's protocol: no power, a
-        wrong port, crossed wires, another baud rate, or another program on the board. The cause
-        says what was heard. `diffbotctl flash firmware` puts our program on a Mega 2560."""),
+    "E-PORT-SILENT": _code("nothing answers on this port", """
+        The port opens, but nothing behind it says a word, at any of the baud rates that were tried:
+        no power, a wrong port, crossed or loose wires, or a board that hangs. On a Mega 2560 the
+        radio module's RX goes to pin 18 (TX1), its TX to pin 19 (RX1)."""),
+    "E-BOARD-KIND": _code("no firmware for this kind of board", """
+        Our firmware runs on a Mega 2560. Robots with other boards can be simulated, and driven with
+        the book's firmware (link: {protocol: rosserial}) where their board has it."""),
+    "E-BOARD-BLANK": _code("the board has no program", """
+        Only the bootloader answers, the small program that writes others. It was told to start what
+        is on the board, and nothing started: `diffbotctl flash firmware` puts our program on it."""
+        ),
+    "E-BOARD-ROSSERIAL": _code("the board runs the book's firmware", """
+        It speaks rosserial, and the robot file says link: {protocol: diffbot}. Either flash our
+        firmware (the board can then stop by itself, and tells when each edge came), or drive the
+        board as it is with a robot file that says link: {protocol: rosserial}."""),
+    "E-BOARD-UNKNOWN": _code("what answers cannot be understood", """
+        Bytes come, but they are no frames of ours at any of the baud rates that were tried: another
+        program on the board, or a radio module that was set to another rate than the board's port.
+        Over the USB cable the rate is always right: try that first."""),
+    "E-BOARD-VERSION": _code("firmware of another version", """
+        Board and host must speak the same version of the protocol, which each release of diffbotctl
+        has one of. Flash the firmware that came with this diffbotctl, or install the diffbotctl
+        that the firmware came with."""),
+    "E-BOARD-SETTINGS": _code("the board does not take the robot's settings", """
+        Before it moves, the board is sent pins, gains and times of the robot file, and checks them
+        by itself. It takes them at rest only, from the port that drives it. The cause says which
+        one it refuses, and why."""),
     "E-PORT-BUSY": _code("the serial port is in use", """
         Another program holds the port: a serial monitor, another diffbotctl, or ModemManager, which
         looks at each new port for some seconds. Two programs on one port garble each other."""),

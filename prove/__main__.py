@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from itertools import chain
+from pathlib import Path
 
-from prove import faults, firmware, link_rosserial, motion
+from prove import calibration, faults, firmware, link_rosserial, motion
 
 
 def main() -> int:
@@ -16,6 +17,9 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
+    parser.add_argument(
+        "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
+    )
     options = parser.parse_args()
     missed = 0
     tables = (
@@ -23,6 +27,7 @@ def main() -> int:
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
+        calibration.rows(options.optiodom),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)

@@ -11,12 +11,12 @@ import click
 @click.option("--times", default=10, show_default=True, type=click.IntRange(1, 1000))
 def command(port: str, robot: str | None, times: int) -> None:
     """Check a board in a minute: make the link, and blink its light. No motor moves."""
+    from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.flash.blink import blink
-    from diffbotctl.flash.find import candidates, choose
     from diffbotctl.runs.real import diffbot_host
 
-    device = choose(candidates()).device if port == "auto" else port
+    device = choose_port(radio=True) if port == "auto" else port
     file = load_robot(robot)
     click.echo(f"robot {file.file}, port {device}")
     for said in blink(device, diffbot_host(file.robot, device), times):

@@ -2,31 +2,76 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import click
+
+if TYPE_CHECKING:
+    from diffbotctl.config.robot import Robot
+    from diffbotctl.plant.world import World
+
+TRY = """\
+Now, from another terminal:
+    diffbotctl flash firmware --robot {robot} --port {usb}
+    diffbotctl blink --robot {robot} --port {usb}
+    diffbotctl run goal --robot {robot} --port {radio}
+Ctrl-C ends the board."""
 
 
 @click.command()
 @click.argument("robot", required=False)
 @click.option("--blank", is_flag=True, help="With the stock bootloader alone, to be flashed.")
+@click.option(
+    "--hex", "image", type=click.Path(dir_okay=False, path_type=Path), help="Another program on it."
+)
+@click.option("--world", metavar="PIPELINE", help="Put that pipeline's walls around the robot.")
 @click.option("--seed", default=0, show_default=True, help="Draws the simulated robot.")
-def command(robot: str | None, blank: bool, seed: int) -> None:
+def command(
+    robot: str | None, blank: bool, image: Path | None, world: str | None, seed: int
+) -> None:
     """Start a virtual Mega 2560 that runs the real firmware, wired to the simulated ROBOT.
 
     Prints its two ports, and keeps pace with real time until Ctrl-C. Use them from another
     terminal as those of a real board: flash, run --port, blink.
     """
     from diffbotctl.config.load import load_robot
+    from diffbotctl.drivers.emulator_process import IMAGE
+    from diffbotctl.flash.job import load
     from diffbotctl.runs.signals import Signals
     from diffbotctl.runs.virtual_board import virtual_board
 
     file = load_robot(robot)
+    if image is None and not blank:
+        image = IMAGE
+        _speaks_ours(file.robot, str(file.file))
+    if image is not None:
+        load(image)
+    walls = None if world is None else _walls(world, robot)
     signals = Signals()
-    with virtual_board(file.robot, seed, blank=blank) as board:
-        what = "a blank board with its bootloader" if blank else "the board runs diffbotctl's own"
-        click.echo(f"EMULATED board, SIMULATED robot {file.file} (seed {seed}); {what}")
+    with virtual_board(file.robot, seed, walls, image) as board:
+        what = "nothing but its bootloader" if image is None else image.name
+        click.echo(f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})")
         click.echo(f"USB port    {board.usb}")
         click.echo(f"radio port  {board.radio}")
-        click.echo("Ctrl-C ends it.")
+        click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))
         board.serve(signals.file)
         if board.lost:
             click.echo(f"This machine was too slow for {board.lost:.1f} s of it.", err=True)
+
+
+def _speaks_ours(robot: Robot, file: str) -> None:
+    from diffbotctl.errors import ConfigurationError, Problem
+
+    if robot.link.protocol != "diffbot":
+        cause = (f"the virtual board runs our firmware, but this robot's board speaks "
+                 f"{robot.link.protocol}")  # fmt: skip
+        fix = "take a robot with link: {protocol: diffbot}, or give its own program with --hex FILE"
+        raise ConfigurationError(Problem("E-EMULATOR", file, cause, fix))
+
+
+def _walls(pipeline: str, robot: str | None) -> World:
+    from diffbotctl.config.load import load
+    from diffbotctl.runs.simulation import world
+
+    return world(load(pipeline, robot, ()))

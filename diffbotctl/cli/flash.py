@@ -11,11 +11,15 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.flash.job import Event
+    from diffbotctl.flash.events import Event
 
 FLOATS = """\
-While the board is being written its pins float for about 0.8 s: a driver whose inputs
-float may turn the wheels. Lift the wheels off the ground, or switch the motor battery off."""
+After each reset the board's pins float for 0.83 s, and a motor driver whose inputs float may
+turn the wheels. Lift them off the ground, or switch the motors' supply off."""
+STILL_ROSSERIAL = """\
+Note: {file} says link: {{protocol: rosserial}}, which this board no longer speaks. Say
+link: {{protocol: diffbot}} there before the next run."""
+INTERRUPTED = "\nInterrupted. The bootloader is untouched: flash again whenever you like."
 
 
 @click.command()
@@ -44,50 +48,40 @@ def command(
 
     An interrupted flash leaves a board that can be flashed again.
     """
+    from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.resources import folder
     from diffbotctl.flash.find import refuse_radio
-    from diffbotctl.flash.job import flash
+    from diffbotctl.flash.job import flash, load
     from diffbotctl.runs.emulation import settings_of
 
-    device = _device(port)
+    device = choose_port() if port == "auto" else port
     refuse_radio(device)
     file = load_robot(robot)
+    ours = image is None
+    program = folder("firmware") / "diffbot_mega2560.hex" if image is None else image
+    load(program)
+    settings = settings_of(file.robot) if ours else None
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
     if not yes and not _agreed():
         raise click.Abort
-    ours = image is None
-    program = folder("firmware") / "diffbot_mega2560.hex" if image is None else image
-    settings = settings_of(file.robot) if ours else None
     _show(flash(device, program, programmer=programmer, backup=backup, settings=settings))
+    if ours and file.robot.link.protocol == "rosserial":
+        click.echo(STILL_ROSSERIAL.format(file=file.file))
 
 
 def _agreed() -> bool:
     if not sys.stdin.isatty():
         raise click.UsageError("Nobody is there to say that the wheels are lifted: add --yes.")
-    return click.confirm("Go on?")
-
-
-def _device(port: str) -> str:
-    from diffbotctl.flash.find import candidates, choose
-    from diffbotctl.flash.trouble import SeveralBoardsError
-
-    if port != "auto":
-        return port
-    found = candidates()
-    try:
-        return choose(found).device
-    except SeveralBoardsError:
-        if not sys.stdin.isatty():
-            raise
-    for number, each in enumerate(found, 1):
-        click.echo(f"{number}  {each.device}  {each.title}")
-    number = click.prompt("Which board", type=click.IntRange(1, len(found)))
-    return found[number - 1].device
+    return click.confirm("Are the wheels in the air, or the motors without supply?")
 
 
 def _show(events: Iterable[Event]) -> None:
     from diffbotctl.ui.progress import show
 
-    show(events)
+    try:
+        show(events)
+    except KeyboardInterrupt:
+        click.echo(INTERRUPTED, err=True)
+        raise click.Abort from None

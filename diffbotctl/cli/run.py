@@ -67,7 +67,9 @@ def command(
     from diffbotctl.runs.station import Socket
 
     if port == "auto":
-        port = _only_board()
+        from diffbotctl.cli.port import choose_port
+
+        port = choose_port(radio=True)
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
@@ -83,12 +85,6 @@ def command(
     return _finish(run)
 
 
-def _only_board() -> str:
-    from diffbotctl.flash.find import candidates, choose
-
-    return choose(candidates()).device
-
-
 def _finish(run: Run) -> int:
     result = run.go()
     from diffbotctl.ui.summary import lines
@@ -97,7 +93,8 @@ def _finish(run: Run) -> int:
         click.echo(line)
     if result.failure is not None:
         raise result.failure
-    return result.ending.code
+    unproven = result.ending.stopped is False  # it may still be moving: that is no success
+    return result.ending.code or int(unproven)
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:

@@ -11,6 +11,7 @@ from collections import deque
 
 from diffbotctl.drivers.emulator_process import Emulator, Transition
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 from diffbotctl.messages import Duty, Wheels
@@ -113,7 +114,13 @@ class Emulated:
         return []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Let board and plant run until `now`; what the host has understood by then."""
+        """Let board and plant run until `now`; what the host has understood by then.
+
+        Raises RunError, once, when the board cannot use the robot's settings.
+        """
+        refusal, self.host.refusal = self.host.refusal, None
+        if refusal is not None:
+            raise RunError(Problem(refusal.code, "emulated board", refusal.cause, refusal.fix))
         heard: list[Delivery] = []
         while self.board.now < now:
             self._send(self.board.now)

@@ -20,6 +20,7 @@ BOOTLOADER = Path(
     "/usr/share/arduino/hardware/arduino/avr/bootloaders/stk500v2/stk500boot_v2_mega2560.hex"
 )
 SOURCES = FIRMWARE / "emulator"
+SIMAVR = "libsimavr-dev"
 EEPROM_SIZE = 4096
 DUTY_ONE = 32767
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
@@ -106,18 +107,22 @@ def build(into: Path | None = None) -> Path:
     return program
 
 
+def _require(boots: bool = False) -> None:
+    """Raises EmulatorError with all Debian packages that are missing to build it, and to boot."""
+    missing = [what for what, here in (
+        ("gcc", shutil.which("gcc") is not None),
+        ("libc6-dev", Path("/usr/include/stdlib.h").exists()),
+        (SIMAVR, Path("/usr/include/simavr/sim_avr.h").exists()),
+        ("arduino-core-avr", not boots or BOOTLOADER.exists()),
+    ) if not here]  # fmt: skip
+    if missing:
+        why = "it is built on this machine, from parts that are not here"
+        raise EmulatorError(why, f"sudo apt-get install {' '.join(missing)}")
+
+
 def _compile(sources: list[Path], program: Path) -> None:
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        raise EmulatorError(
-            "it is built on this machine, and there is no compiler",
-            "sudo apt-get install gcc libc6-dev libsimavr-dev",
-        )
-    if not Path("/usr/include/simavr/sim_avr.h").exists():
-        raise EmulatorError(
-            "it is built on this machine, and simavr is not here",
-            "sudo apt-get install libsimavr-dev",
-        )
+    _require()
+    compiler = shutil.which("gcc") or "gcc"
     program.parent.mkdir(parents=True, exist_ok=True)
     partial = program.with_name(f"{program.name}.{os.getpid()}")
     done = subprocess.run(
@@ -136,9 +141,7 @@ def bootloader() -> Path:
     Raises EmulatorError naming the Debian package when it is not installed.
     """
     if not BOOTLOADER.exists():
-        raise EmulatorError(
-            "the stock bootloader is not here", "sudo apt-get install arduino-core-avr"
-        )
+        _require(boots=True)
     kept = [line for line in BOOTLOADER.read_text("ascii").splitlines(True) if line[7:9] != "03"]
     copy = cache() / "stk500boot_v2_mega2560.hex"
     copy.parent.mkdir(parents=True, exist_ok=True)
@@ -184,8 +187,14 @@ class Emulator:
         self.now = 0
         self.ports: tuple[str, str] | None = None
         if pty:
-            left, right = self._answers.readline().decode().split()
-            self.ports = (left, right)
+            self.ports = self._ports()
+
+    def _ports(self) -> tuple[str, str]:
+        names = self._answers.readline().decode().split()
+        if len(names) != 2:
+            self.close()
+            raise EmulatorError("it did not start", f"sudo apt-get install {SIMAVR}")
+        return names[0], names[1]
 
     def step(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import grp
 import os
 import stat
 import termios
@@ -24,6 +25,7 @@ class Port:
         try:
             _lock(self.fd, device)
             _make_raw(self.fd, baud)
+            termios.tcflush(self.fd, termios.TCIOFLUSH)
         except BaseException:
             os.close(self.fd)
             raise
@@ -46,10 +48,11 @@ class Port:
             return 0
 
     def change_baud(self, baud: int) -> None:
-        """Go on at another rate, once what was written is out."""
+        """Go on at another rate, and forget what came at the old one. Raises OSError."""
         if baud != self.baud:
             self.baud = baud
             _make_raw(self.fd, baud)
+            termios.tcflush(self.fd, termios.TCIFLUSH)
 
     def discard_unsent(self) -> None:
         """Throw away what the kernel has not put on the wire."""
@@ -62,12 +65,32 @@ class Port:
             os.close(self.fd)
 
 
+def opened(device: str, baud: int) -> Port:
+    """Open a port that must be there. Raises RunError."""
+    try:
+        return Port(device, baud)
+    except OSError as error:
+        raise gone(device, error) from error
+
+
+def gone(device: str, error: OSError) -> RunError:
+    """What to tell of a device that is not there, or no longer."""
+    fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
+    return _trouble("E-PORT-OPEN", device, error.strerror or str(error), fix)
+
+
 def _open(device: str) -> int:
     try:
         fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except PermissionError as error:
-        fix = "join the group that owns it, then log out and in: sudo usermod -a -G dialout $USER"
-        raise _trouble("E-PORT-RIGHTS", device, "you have no right to open it", fix) from error
+        group = _group(device)
+        fix = f"join that group, then log out and in: sudo usermod -a -G {group} $USER"
+        cause = f"you have no right to open it; it belongs to the group {group}"
+        raise _trouble("E-PORT-RIGHTS", device, cause, fix) from error
+    except OSError as error:
+        if error.errno == errno.EBUSY:
+            raise _busy(device) from error
+        raise
     if not stat.S_ISCHR(os.fstat(fd).st_mode) or not os.isatty(fd):
         os.close(fd)
         raise _trouble("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
@@ -86,9 +109,22 @@ def _lock(fd: int, device: str) -> None:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(fd, termios.TIOCEXCL)
     except OSError as error:
-        fix = "end that program; two writers on one port garble each other's frames"
-        cause = f"it is in use by {holder(device)}"
-        raise _trouble("E-PORT-BUSY", device, cause, fix) from error
+        raise _busy(device) from error
+
+
+def _busy(device: str) -> RunError:
+    fix = (f"end that program (sudo fuser -v {device} tells more); two writers on one port garble "
+           "each other's frames")  # fmt: skip
+    return _trouble("E-PORT-BUSY", device, f"it is in use by {holder(device)}", fix)
+
+
+def _group(device: str) -> str:
+    """The group that owns the device; `dialout`, as Debian has it, when that is of no use."""
+    try:
+        number = os.stat(device).st_gid
+        return grp.getgrgid(number).gr_name if number else "dialout"
+    except (OSError, KeyError):
+        return "dialout"
 
 
 def _make_raw(fd: int, baud: int) -> None:
@@ -104,20 +140,38 @@ def _make_raw(fd: int, baud: int) -> None:
         special[termios.VMIN], special[termios.VTIME] = 1, 0  # so that empty means hung up
         settings: list[object] = [0, 0, control, 0, speed, speed, special]
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
-        termios.tcflush(fd, termios.TCIOFLUSH)
     except termios.error as error:
         raise OSError(*error.args) from error
 
 
 def holder(device: str) -> str:
-    """The program that has `device` open, as far as /proc lets us see."""
-    real = os.path.realpath(device)
+    """The program that keeps `device` from us, as far as /proc lets us see."""
+    pid = _locker(device) or _opener(os.path.realpath(device))
+    with suppress(OSError), open(f"/proc/{pid}/comm") as name:
+        return f"{name.read().strip()} (process {pid})"
+    return "another program"
+
+
+def _locker(device: str) -> str | None:
+    """Who has locked the device: `number: FLOCK ADVISORY WRITE pid device:inode ...` a line."""
+    with suppress(OSError, ValueError):
+        about = os.stat(device)
+        wanted = (os.major(about.st_dev), os.minor(about.st_dev), about.st_ino)
+        with open("/proc/locks") as locks:
+            for words in map(str.split, locks):
+                major, minor, inode = words[5].split(":")
+                if (int(major, 16), int(minor, 16), int(inode)) == wanted:
+                    return words[4]
+    return None
+
+
+def _opener(real: str) -> str | None:
+    """Who else has the device open."""
     for pid in filter(str.isdigit, os.listdir("/proc")):
         if int(pid) == os.getpid():
             continue
         with suppress(OSError):
             for fd in os.listdir(f"/proc/{pid}/fd"):
                 if os.path.realpath(f"/proc/{pid}/fd/{fd}") == real:
-                    with open(f"/proc/{pid}/comm") as name:
-                        return f"{name.read().strip()} (process {pid})"
-    return "another program"
+                    return pid
+    return None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from diffbotctl.drivers.guardian import Guardian
 from diffbotctl.drivers.port import Port
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.errors import RunError
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER
 from diffbotctl.links.protocol import LinkProtocol
 from diffbotctl.messages import Duty, Message, Wheels
@@ -37,9 +37,12 @@ class SerialRobot:
         self.retry_at = 0
         self.retry_pause = FIRST_RETRY
         self.unsent = b""
+        self.gave_up = False
 
     def due(self) -> int:
         """The protocol's next wish, or the next try to open the port."""
+        if self.protocol.refusal is not None and not self.gave_up:
+            return 0
         return self.retry_at if self.port is None else self.protocol.due()
 
     def files(self) -> list[int]:
@@ -47,9 +50,14 @@ class SerialRobot:
         return [] if self.port is None else [self.port.fd]
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Read, let time speak, write what is due."""
+        """Read, let time speak, write what is due.
+
+        Raises RunError, once, when the port leads to no board that can be driven; a stop can still
+        be sent after it.
+        """
         if self.port is None:
             return self._reopen(now)
+        self._give_up(self.port)
         try:
             data = self.port.read()
             heard = self.protocol.receive(now, data) if data else []
@@ -86,6 +94,12 @@ class SerialRobot:
             self.guardian.dismiss()
         if self.port is not None:
             self.port.close()
+
+    def _give_up(self, port: Port) -> None:
+        refusal = self.protocol.refusal
+        if refusal is not None and not self.gave_up:
+            self.gave_up = True
+            raise RunError(Problem(refusal.code, f"port {port.device}", refusal.cause, refusal.fix))
 
     def _write_or_lose(self, now: int) -> None:
         try:

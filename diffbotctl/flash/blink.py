@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import select
-import time
 from collections.abc import Iterator
 
-from diffbotctl.drivers.port import Port
-from diffbotctl.errors import Problem, RunError
-from diffbotctl.flash.job import Said
-from diffbotctl.links.diffbot import UP, DiffbotHost
-from diffbotctl.messages import Text
+from diffbotctl.drivers.port import gone, opened
+from diffbotctl.flash.events import Said
+from diffbotctl.flash.visit import Visit
+from diffbotctl.links.diffbot import DiffbotHost
 
-SECOND = 1_000_000_000
-MEET = 8 * SECOND  # ns until the board must have answered: bootloader, three tries, settings
-HALF = SECOND // 2  # ns the light is on, and off
-LOOK = 0.05  # s between two looks at the port when it is silent
-FLIP = 2  # of the action `light`
+HALF = 0.5  # s the light is on, and off
+OFF, FLIP = 0, 2  # of the action `light`
 
 
 def blink(device: str, host: DiffbotHost, times: int) -> Iterator[Said]:
@@ -24,50 +18,25 @@ def blink(device: str, host: DiffbotHost, times: int) -> Iterator[Said]:
 
     Raises RunError: what opening the port has to say, or why the board cannot be spoken to.
     """
+    port = opened(device, host.baud)
     try:
-        port = Port(device, host.baud)
-    except OSError as error:
-        raise _deaf(device, error.strerror or str(error)) from error
-    try:
-        start = time.monotonic_ns()
-        host.opened(0)
-        yield from _meet(port, host, start)
+        visit = Visit(port, host)
+        yield from visit.meet()
         yield Said(f"its light, L beside pin 13, now blinks {times} times")
         for _ in range(2 * times):
-            now = time.monotonic_ns() - start
-            host.light(now, FLIP)
-            yield from _talk(port, host, start, now + HALF)
-        yield Said("if you saw it, board, cable and port are right")
+            host.light(visit.now, FLIP)
+            yield from visit.stay(HALF)
+        host.light(visit.now, OFF)
+        yield from visit.stay(HALF)
+        yield Said(f"the link: {_figures(host)}")
+        yield Said("if you saw it blink, board, cable and port are right")
     except OSError as error:
-        raise _deaf(device, error.strerror or str(error)) from error
+        raise gone(device, error) from error
     finally:
         port.close()
 
 
-def _meet(port: Port, host: DiffbotHost, start: int) -> Iterator[Said]:
-    while host.state != UP:
-        now = time.monotonic_ns() - start
-        if now > MEET:
-            raise _deaf(port.device, host.cause or "nothing answers")
-        yield from _talk(port, host, start, now)
-
-
-def _talk(port: Port, host: DiffbotHost, start: int, until: int) -> Iterator[Said]:
-    """Read and write until then; at least once."""
-    while True:
-        now = time.monotonic_ns() - start
-        if host.due() <= now:
-            port.write(host.send(now))
-        port.change_baud(host.baud)
-        for _, heard in host.receive(now, port.read()) + host.timed(now):
-            if isinstance(heard, Text):
-                yield Said(heard.text)
-        if now >= until:
-            return
-        rest = min(LOOK, max(host.due() - now, 0) * 1e-9)
-        select.select([port.fd], [], [], rest)
-
-
-def _deaf(device: str, cause: str) -> RunError:
-    fix = "press the board's reset button; `diffbotctl flash firmware` puts our program on it"
-    return RunError(Problem("E-PORT-SILENT", f"port {device}", cause, fix))
+def _figures(host: DiffbotHost) -> str:
+    link = host.link(0)
+    return (f"{host.rate:.0f} frames a second, {link.damaged} damaged, {link.lost} lost, "
+            f"answers after {link.latency * 1000:.0f} ms")  # fmt: skip

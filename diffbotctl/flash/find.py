@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from typing import NamedTuple
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.flash.trouble import NoBoardError, RadioPortError, SeveralBoardsError
 
@@ -13,9 +16,14 @@ GENUINE = {(vendor, product) for vendor in (0x2341, 0x2A03) for product in (0x00
 GENUINE |= {(0x2341, 0x0210), (0x2341, 0x0242)}
 CLONES = {(0x1A86, 0x7523), (0x1A86, 0x5523), (0x0403, 0x6001), (0x10C4, 0xEA60)}
 
+if TYPE_CHECKING:
+    from serial.tools.list_ports_common import ListPortInfo
 
 USB = re.compile(r"tty(ACM|USB)\d+\Z")
 RADIO = re.compile(r"rfcomm\d+\Z")
+
+
+STABLE_NAMES = Path("/dev/serial/by-id")
 
 
 class Candidate(NamedTuple):
@@ -24,19 +32,41 @@ class Candidate(NamedTuple):
     device: str
     title: str
     likely: bool  # a genuine Mega; clones share their USB chip with other things
+    stable: str = ""  # a name that stays the same when other devices come and go
 
 
-def candidates() -> list[Candidate]:
-    """Ports that may lead to a Mega 2560, genuine boards first."""
+def candidates(radio: bool = False) -> list[Candidate]:
+    """This machine's ports that may lead to a Mega 2560; with `radio`, bound Bluetooth ports too.
+
+    Those that may be boards come first.
+    """
     from serial.tools import list_ports
 
+    return sort(list_ports.comports(), radio, stable_names(STABLE_NAMES))
+
+
+def sort(
+    ports: Iterable[ListPortInfo], radio: bool = False, stable: dict[str, str] | None = None
+) -> list[Candidate]:
+    """The candidates among `ports`; `stable` has the stable name of a device."""
     found = []
-    for port in list_ports.comports():
-        usb = (port.vid, port.pid)
+    for port in ports:
+        usb, name = (port.vid, port.pid), (stable or {}).get(port.device, "")
         if usb in GENUINE or usb in CLONES:
             title = port.product or port.description or "USB serial"
-            found.append(Candidate(port.device, title, usb in GENUINE))
+            found.append(Candidate(port.device, title, usb in GENUINE, name))
+        elif radio and RADIO.search(port.device):
+            found.append(Candidate(port.device, "Bluetooth", True))
     return sorted(found, key=lambda each: (not each.likely, each.device))
+
+
+def stable_names(folder: Path) -> dict[str, str]:
+    """Stable name of each device; udev makes such links for USB ports."""
+    names = {}
+    with suppress(OSError):
+        for link in sorted(folder.iterdir()):
+            names[os.path.realpath(link)] = str(link)
+    return names
 
 
 def choose(found: list[Candidate]) -> Candidate:
@@ -45,7 +75,7 @@ def choose(found: list[Candidate]) -> Candidate:
     if not likely:
         raise NoBoardError
     if len(likely) > 1:
-        raise SeveralBoardsError([each.device for each in likely])
+        raise SeveralBoardsError([each.stable or each.device for each in likely])
     return likely[0]
 
 

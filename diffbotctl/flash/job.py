@@ -8,41 +8,33 @@ import shutil
 import subprocess
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.port import gone, opened
+from diffbotctl.errors import RunError
 from diffbotctl.flash import stk500
+from diffbotctl.flash.events import Event, Progress, Said
 from diffbotctl.flash.find import refuse_radio
 from diffbotctl.flash.image import read_hex, write_hex
-from diffbotctl.flash.stk500 import Answers, Conversation, Progress
+from diffbotctl.flash.stk500 import Answers, Ask, Conversation
 from diffbotctl.flash.trouble import (
     BadImageError,
+    NoBackupError,
     NoProgrammerError,
     NoSyncError,
     RefusedError,
     SilentError,
 )
-from diffbotctl.links.diffbot import UP, DiffbotHost
+from diffbotctl.flash.visit import Visit
+from diffbotctl.links.bootloader import BAUD
+from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
-from diffbotctl.messages import Text
 
-BAUD = 115200
-SECOND = 1_000_000_000
 RESET_PULSE = 0.05  # s that DTR is low; the capacitor to the reset line needs a tenth of that
 SYNC_TRIES = 15
 SYNC_WAIT = 0.1  # s for the answer to one try; the bootloader listens for 0.8 s
 ANSWER_WAIT = 1.0  # s; a page takes 15 ms
-BOOT_WAIT = 6.0  # s until the firmware has spoken: bootloader, start, settings
-
-
-class Said(NamedTuple):
-    """A line for the person who waits."""
-
-    text: str
-
-
-Event = Progress | Said
 
 
 def load(file: Path) -> bytes:
@@ -70,6 +62,8 @@ def flash(
     """
     refuse_radio(device)
     image = load(file)
+    if backup is not None:
+        _check_place(backup)
     if backup is not None or programmer == "built-in":
         with Board(device) as board:
             yield from _with_bootloader(board, image, backup, programmer == "built-in")
@@ -91,12 +85,27 @@ def _with_bootloader(
     if backup is not None:
         saved = bytearray()
         yield from board.hold(stk500.read(board.device, saved))
-        backup.write_text(write_hex(bytes(saved)))
+        _save(backup, write_hex(bytes(saved)))
         yield Said(f"what was on the board is in {backup}")
     if writes:
         yield from board.hold(stk500.write(board.device, image))
         yield Said(f"{len(image)} bytes written and verified")
     yield from board.hold(stk500.leave(board.device))
+
+
+def _check_place(backup: Path) -> None:
+    """Before half a minute of reading; and what was saved before the last flash stays saved."""
+    if backup.exists():
+        raise NoBackupError(str(backup), "the file exists, and may hold an earlier backup")
+    if not os.access(backup.parent, os.W_OK):
+        raise NoBackupError(str(backup), "its folder does not exist or cannot be written to")
+
+
+def _save(backup: Path, text: str) -> None:
+    try:
+        backup.write_text(text)
+    except OSError as error:
+        raise NoBackupError(str(backup), error.strerror or str(error)) from error
 
 
 class Board:
@@ -105,24 +114,21 @@ class Board:
     def __init__(self, device: str) -> None:
         """Raises RunError when the port cannot be opened."""
         self.device = device
-        try:
-            self._port = Port(device, BAUD)
-        except OSError as error:
-            raise NoSyncError(device) from error
+        self.port = opened(device, BAUD)
         self._sequence = 0
         self._answers = Answers()
-        _pulse_reset(self._port.fd)
+        _pulse_reset(self.port.fd)
 
     def __enter__(self) -> Board:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._port.close()
+        self.port.close()
 
     def synchronise(self) -> None:
         """Find the bootloader. Raises NoSyncError."""
         for _ in range(SYNC_TRIES):
-            if self._ask(bytes([stk500.SIGN_ON]), SYNC_WAIT) is not None:
+            if self._ask(stk500.HELLO, SYNC_WAIT) is not None:
                 return
         raise NoSyncError(self.device)
 
@@ -140,30 +146,33 @@ class Board:
                 yield wish
                 answer = b""
                 continue
-            got = self._ask(wish.body, ANSWER_WAIT)
+            got = self._ask(wish, ANSWER_WAIT)
             if got is None:
                 raise RefusedError(self.device, "answer")
             answer = got
 
     def read(self, wait: float) -> bytes:
         """What arrives within `wait` seconds; b"" when nothing does."""
-        if not select.select([self._port.fd], [], [], max(0.0, wait))[0]:
+        if not select.select([self.port.fd], [], [], max(0.0, wait))[0]:
             return b""
         try:
-            return self._port.read()
+            return self.port.read()
         except OSError as error:
-            raise RefusedError(self.device, "stay on the port") from error
+            raise gone(self.device, error) from error
 
     def write(self, data: bytes) -> None:
-        """Write all of `data`."""
+        """Write all of `data`. Raises RunError when the port is gone."""
         while data:
-            data = data[self._port.write(data) :]
+            try:
+                data = data[self.port.write(data) :]
+            except OSError as error:
+                raise gone(self.device, error) from error
             if data:
-                select.select([], [self._port.fd], [], SYNC_WAIT)
+                select.select([], [self.port.fd], [], SYNC_WAIT)
 
-    def _ask(self, body: bytes, wait: float) -> bytes | None:
+    def _ask(self, wish: Ask, wait: float) -> bytes | None:
         self._sequence = (self._sequence + 1) & 0xFF
-        self.write(stk500.message(self._sequence, body))
+        self.write(wish.wire(self._sequence))
         until = time.monotonic() + wait
         while (left := until - time.monotonic()) > 0:
             answer = self._answers.feed(self.read(left), self._sequence)
@@ -188,24 +197,19 @@ def _pulse_reset(fd: int) -> None:
 
 
 def greet(board: Board, settings: Settings) -> Iterator[Event]:
-    """Meet the firmware over USB, send it its settings, tell its name. Raises SilentError."""
-    from dataclasses import replace
+    """Meet the firmware over USB, send it its settings, tell its name.
 
+    Raises SilentError, or RunError when it takes no settings.
+    """
     host = DiffbotHost(replace(settings, uart=0))
-    start = time.monotonic_ns()
-    host.opened(0)
-    cause = ""
-    while (now := time.monotonic_ns() - start) < BOOT_WAIT * SECOND:
-        data = host.send(now) if host.due() <= now else b""
-        board.write(data)
-        wait = min(max(host.due() - now, 0) / SECOND, SYNC_WAIT)
-        for _port, heard in host.receive(now, board.read(wait)) + host.timed(now):
-            if isinstance(heard, Text):
-                yield Said(heard.text)
-        if host.state == UP:
-            return
-        cause = host.cause
-    raise SilentError(board.device) if host.hello is None else RefusedError(board.device, cause)
+    try:
+        yield from Visit(board.port, host).meet()
+    except OSError as error:
+        raise gone(board.device, error) from error
+    except RunError as error:
+        if host.hello is None:
+            raise SilentError(board.device, host.cause) from error
+        raise
 
 
 def _avrdude(device: str, file: Path) -> Iterator[Event]:
@@ -215,6 +219,7 @@ def _avrdude(device: str, file: Path) -> Iterator[Event]:
             "avrdude is not installed",
             "sudo apt-get install avrdude, or leave --programmer out: diffbotctl flashes by itself",
         )
+    opened(device, BAUD).close()  # who else holds it, and what rights we lack, we say better
     words = [program, "-c", "wiring", "-p", "m2560", "-P", device, "-b", str(BAUD), "-D",
              "-U", f"flash:w:{os.path.abspath(file)}:i"]  # fmt: skip
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
+from diffbotctl.flash.events import Progress
 from diffbotctl.flash.image import ERASED, PAGE, ROOM
 from diffbotctl.flash.trouble import RefusedError, VerifyMismatchError, WrongSignatureError
+from diffbotctl.links.bootloader import LEAVE, SIGN_ON, START, TOKEN, message, parity
 
-START, TOKEN = 0x1B, 0x0E
-SIGN_ON, LOAD_ADDRESS, LEAVE = 0x01, 0x06, 0x11
+LOAD_ADDRESS = 0x06
 PROGRAM, READ, SPI_MULTI = 0x13, 0x14, 0x1D
 READ_SIGNATURE = 0x30  # the chip's own serial command
 OK = 0
@@ -26,29 +27,16 @@ class Ask(NamedTuple):
 
     body: bytes
 
+    def wire(self, sequence: int) -> bytes:
+        """Its bytes."""
+        return message(sequence, self.body)
 
-class Progress(NamedTuple):
-    """How far a job is."""
 
-    what: str  # `writing`, `verifying`, `reading`
-    done: int  # bytes
-    total: int  # bytes
+HELLO = Ask(bytes([SIGN_ON]))
+"""is a bootloader there?"""
 
 
 Conversation = Generator[Ask | Progress, bytes, None]
-
-
-def message(sequence: int, body: bytes) -> bytes:
-    """A command or an answer on the wire."""
-    head = bytes([START, sequence & 0xFF, *len(body).to_bytes(2, "big"), TOKEN])
-    return head + body + bytes([_parity(head + body)])
-
-
-def _parity(data: bytes) -> int:
-    value = 0
-    for byte in data:
-        value ^= byte
-    return value
 
 
 class Answers:
@@ -75,7 +63,7 @@ class Answers:
             if len(self._data) < size + 6:
                 return None
             whole, rest = self._data[: size + 6], self._data[size + 6 :]
-            if _parity(whole):
+            if parity(whole):
                 self._data = self._data[1:]
                 continue
             self._data = rest

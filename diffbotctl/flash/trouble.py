@@ -22,7 +22,8 @@ class NoBoardError(FlashError):
     def __init__(self) -> None:
         super().__init__(
             "ports", "no board is plugged in",
-            "plug the Mega's USB cable in; a charging cable without data wires shows nothing",
+            "plug the Mega's USB cable in (a charging cable without data wires shows nothing), or "
+            "name the port with --port",
         )  # fmt: skip
 
 
@@ -111,11 +112,21 @@ class SilentError(FlashError):
 
     code = "E-FLASH-SILENT"
 
-    def __init__(self, device: str) -> None:
+    def __init__(self, device: str, cause: str = "") -> None:
         super().__init__(
-            f"port {device}", "written and verified, but the firmware says nothing",
+            f"port {device}",
+            f"written and verified, but our firmware does not speak: {cause or 'nothing comes'}",
             "press the reset button; if it stays silent, flash again",
-        )  # fmt: skip
+        )
+
+
+class NoBackupError(FlashError):
+    """What is on the board cannot be saved."""
+
+    code = "E-FLASH-BACKUP"
+
+    def __init__(self, file: str, cause: str) -> None:
+        super().__init__(file, cause, "name another file, or leave --backup out")
 
 
 class BadImageError(FlashError):

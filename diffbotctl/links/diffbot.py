@@ -6,9 +6,11 @@ from math import isfinite
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import Decoder, encode
+from diffbotctl.links.diffbot_search import Search
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, Settings, name_of
-from diffbotctl.links.diffbot_stranger import SIGN_ON, describe
+from diffbotctl.links.diffbot_stranger import another_version, refused_setting, unsettled
 from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, RawEdge, Sent, Telemetry, volts_of
+from diffbotctl.links.protocol import Refusal
 from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
 
 MILLISECOND = 1_000_000
@@ -21,14 +23,12 @@ REPEAT_FOR = 200 * MILLISECOND  # but an engine that has gone silent is not kept
 TAKE_OVER = 600 * MILLISECOND  # the longest dead-man's time, and a frame
 STALE = 250 * MILLISECOND
 LOST = SECOND
-BAUD_TRIES = 2 * SECOND  # at one baud rate before the next is tried
+DEAF = 2 * SECOND  # a board that fell silent over its settings is looked for anew
+SETTLE = 10 * SECOND  # until a board must have taken its settings
 # Opening a USB port resets the board, and each byte that comes too early keeps it in its
 # bootloader. The firmware speaks first when it starts.
 USB_QUIET = 1_500 * MILLISECOND
-SILENT = 3 * SECOND  # after which a person is told
-PROBE_EVERY = SECOND
 LEFT_FAULT, RIGHT_FAULT = 64, 128  # of the item `flags`
-HEARD_MOST = 512  # bytes kept to tell a stranger by
 HOLDING = {
     "fault": ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
     "overruled": ("overruled", "another program or port stopped the robot"),
@@ -51,7 +51,12 @@ class DiffbotHost:
         self.settings = settings
         self._frame = settings.frame()
         self._mark = settings.mark()
-        self.baud = settings.baud if settings.uart else USB_BAUD
+        usb = settings.uart == 0
+        rates = (USB_BAUD, settings.baud) if usb else (settings.baud, FIRST_BAUD, USB_BAUD)
+        self._search = Search(rates)
+        self.baud = self._search.rate
+        self.refusal: Refusal | None = None
+        self._met_before = False
         self.state = GONE
         self.hello: frames.Hello | None = None
         self.edges: list[RawEdge] = []
@@ -71,15 +76,13 @@ class DiffbotHost:
 
     def _forget_peer(self, now: int) -> None:
         self.hello = None
-        self._opened = self._baud_since = now
         self._last_good = NEVER
-        self._heard = b""
         self._fresh = True  # a delimiter goes in front of the first frame
         self._line_free = self._ask_at = now
         self._quiet_until = now
         self._settings_at = NEVER
-        self._probe_at = now + SILENT
-        self._refused = ""
+        self._settle_until = NEVER
+        self._search.begin(now, self.baud)
         self._stop_sequence: int | None = None
         self._stop_at = NEVER
         self._claimed = now
@@ -98,6 +101,7 @@ class DiffbotHost:
         self._forget_peer(now)
         if not self.settings.uart:
             self._quiet_until = now + USB_QUIET
+            self._search.begin(now + USB_QUIET, self.baud)
         self.state = OPENING
         self._cause = ""
 
@@ -105,12 +109,12 @@ class DiffbotHost:
         """The port is gone."""
         self.state, self._cause = GONE, cause
         self._stop_at = self._ask_at = self._settings_at = NEVER
-        return [("link", self._link(now))]
+        return [("link", self.link(now))]
 
     def receive(self, now: int, data: bytes) -> Heard:
         """Take bytes; return what they say."""
         if self.hello is None:
-            self._heard = (self._heard + data)[-HEARD_MOST:]
+            self._search.hear(data)
         heard: Heard = []
         for frame in self._decoder.feed(data):
             self._last_good = now
@@ -148,6 +152,13 @@ class DiffbotHost:
     def capture(self, now: int, on: bool) -> None:
         """Raw edges of both encoders, in `edges`, while on."""
         self._act("capture", int(on))
+
+    def link(self, now: int) -> Link:
+        """State and figures of the link."""
+        return Link(
+            now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
+            self._telemetry.boots, self._telemetry.latency, self._cause,
+        )  # fmt: skip
 
     @property
     def rate(self) -> float:
@@ -192,7 +203,9 @@ class DiffbotHost:
         return min(write, self._next_judgement())
 
     def _next_write(self) -> int:
-        times = [self._ask_at, self._settings_at, self._stop_at, self._probe_at]
+        times = [self._ask_at, self._settings_at, self._stop_at]
+        if self.hello is None:
+            times.append(self._search.poke_at)
         if self._may_drive:
             times.append(self._repeat_at)
         if self._actions and self.hello is not None:
@@ -204,7 +217,9 @@ class DiffbotHost:
             return self._last_good + STALE
         if self.state == STALE_STATE:
             return self._last_good + LOST
-        return self._baud_since + BAUD_TRIES
+        if self.hello is None:
+            return self._search.turn_at
+        return min(self._last_good + DEAF, self._settle_until)
 
     @property
     def _may_drive(self) -> bool:
@@ -216,7 +231,7 @@ class DiffbotHost:
             return b""
         frame = self._next_frame(now)
         if frame is None:
-            data = SIGN_ON if self._probe(now) else b""
+            data = self._search.poke(now) if self.hello is None else b""
         else:
             data = b"\0" * self._fresh + encode(frame)
             self._fresh = False
@@ -243,15 +258,6 @@ class DiffbotHost:
         if self._actions and self.hello is not None:
             return self._actions.pop(0)
         return None
-
-    def _probe(self, now: int) -> bool:
-        """On a USB port where nobody answers: does a bootloader?"""
-        if now < self._probe_at:
-            return False
-        self._probe_at = now + PROBE_EVERY
-        if self.settings.uart:
-            self._probe_at = NEVER
-        return not self.settings.uart
 
     def _command_frame(self, now: int) -> frames.Frame | None:
         if self._wanted is None:
@@ -292,57 +298,58 @@ class DiffbotHost:
         return []
 
     def _met(self, now: int, hello: frames.Hello) -> Heard:
-        heard: Heard = []
+        news = ""
         if hello.version != frames.VERSION:
-            cause = (f"the board speaks version {hello.version} of the protocol, this host "
-                     f"{frames.VERSION}: run `diffbotctl flash firmware`")  # fmt: skip
-            return self._negotiate(now, cause)
+            self._search.begin(now, self.baud)  # it is found, though of no use
+            return self._refuse(now, another_version(hello.version))
         self._ask_at = NEVER
         if self._boot is not None and hello.boot != self._boot:
-            heard.append(("text", Text(now, f"the board restarted: {reset_words(hello.reset)}")))
+            news = f"the board restarted: {reset_words(hello.reset)}"
             self._telemetry.restarted()
             self._commanded = -NEVER
             self._wanted = None
             self._ask_at = now  # it talks only to those who ask, and has forgotten that we did
         self._boot, self.hello = hello.boot, hello
-        self._probe_at = NEVER
         if hello.settings == self._mark:
             self._settings_at = NEVER
-            return heard + self._introduce(now)
-        if not self._refused and self._settings_at == NEVER:
-            self._settings_at = now
-        return heard + self._negotiate(
-            now, self._refused or "the board has other settings: sending"
-        )
+            return self._introduce(now, news)
+        heard: Heard = [("text", Text(now, news))] if news else []
+        if self._settle_until == NEVER:
+            self._settings_at, self._settle_until = now, now + SETTLE
+        return heard + self._negotiate(now, "the board has other settings: sending")
 
-    def _introduce(self, now: int) -> Heard:
+    def _introduce(self, now: int, news: str = "") -> Heard:
         if self.state == UP:
-            return []
+            return [("text", Text(now, news))] if news else []
         assert self.hello is not None
         self.state, self._cause = UP, ""
+        self._met_before = True
         self._claim(now)  # a board without settings keeps no claim
-        return [("text", Text(now, introduction(self.hello))), ("link", self._link(now))]
+        text = "; ".join(filter(None, (news, introduction(self.hello))))
+        return [("text", Text(now, text)), ("link", self.link(now))]
 
     def _answered(self, now: int, answer: frames.Answer) -> Heard:
         if answer.settings == self._mark and answer.refusal == 0:
             self._settings_at = NEVER
             assert self.hello is not None
             self.hello = self.hello._replace(settings=answer.settings)
-            self._change_baud(now, self.settings.baud if self.settings.uart else USB_BAUD)
+            self._change_baud(self.settings.baud if self.hello.uart else USB_BAUD)
             return self._introduce(now)
         why = frames.REFUSAL.get(answer.refusal, "unknown")
         if why in ("moving", "owned"):
             return self._negotiate(now, f"settings wait: {frames.REFUSAL_MEANING[why]}")
         self._settings_at = NEVER
-        names = frames.Settings._fields
-        field = names[answer.field] if answer.field < len(names) else f"number {answer.field}"
-        meaning = frames.REFUSAL_MEANING.get(why, "unknown reason")
-        self._refused = f"the board refuses the setting `{field}`: {meaning}"
-        return self._negotiate(now, self._refused)
+        return self._refuse(now, refused_setting(answer.field, answer.refusal))
+
+    def _refuse(self, now: int, refusal: Refusal) -> Heard:
+        """This board cannot be driven. One that could before may yet come back."""
+        if not self._met_before:
+            self.refusal = refusal
+        return self._negotiate(now, refusal.cause)
 
     def _negotiate(self, now: int, cause: str) -> Heard:
         self.state, self._cause = NEGOTIATING, cause
-        return [("link", self._link(now))]
+        return [("link", self.link(now))]
 
     def _told(self, now: int, frame: frames.State | frames.Counts) -> Heard:
         heard: Heard = []
@@ -354,10 +361,10 @@ class DiffbotHost:
         heard += self._check_hold(now)
         if self.state == STALE_STATE:
             self.state, self._cause = UP, ""
-            heard.append(("link", self._link(now)))
+            heard.append(("link", self.link(now)))
         encoders = self._telemetry.read(now, frame)
         heard.append(("encoders", encoders))
-        if self.settings.range_channel is not None:
+        if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             heard.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return heard
 
@@ -386,9 +393,11 @@ class DiffbotHost:
         if item == "flags":
             self._faults = (bool(status.value & LEFT_FAULT), bool(status.value & RIGHT_FAULT))
         if item == "battery" and self.settings.battery_channel is not None:
+            if status.value == frames.ANALOG_NONE:
+                return []  # not measured yet
             volts = volts_of(status.value) * self.settings.battery_divider
             return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
-        return [("link", self._link(now))] if item == "dropped" else []
+        return [("link", self.link(now))] if item == "dropped" else []
 
     # --- time ---
 
@@ -400,41 +409,45 @@ class DiffbotHost:
         if self.state == UP and silence >= STALE:
             self.state, self._cause = STALE_STATE, "no frames from the board"
             self._ask_at = min(self._ask_at, now)
-            return [("link", self._link(now))]
+            return [("link", self.link(now))]
         if self.state == STALE_STATE and silence >= LOST:
             self._forget_peer(now)
             self._claim(now)  # a stop is the first thing a board hears that comes back
             self.state, self._cause = NEGOTIATING, "the board has gone silent"
-            lost = self._link(now)._replace(state=GONE)
+            lost = self.link(now)._replace(state=GONE)
             return [("link", lost)]
-        if self.state in (OPENING, NEGOTIATING) and now >= self._baud_since + BAUD_TRIES:
-            return self._try_again(now)
+        if self.state in (OPENING, NEGOTIATING):
+            return self._look_on(now) if self.hello is None else self._press(now)
         return []
 
-    def _try_again(self, now: int) -> Heard:
-        self._baud_since = now
-        if self.hello is not None:
+    def _look_on(self, now: int) -> Heard:
+        """Nobody is known to be there."""
+        if now < self._search.turn_at:
             return []
-        cause = describe(self._heard, self.baud)
-        rates = sorted({self.settings.baud, FIRST_BAUD}) if self.settings.uart else [USB_BAUD]
-        if len(rates) > 1:
-            self._change_baud(now, rates[self.baud == rates[0]])
-            self._heard = b""
-        if now - self._opened < SILENT:
+        self._search.turn(now)
+        self._change_baud(self._search.rate)
+        finding = self._search.finding
+        if finding is None:
             return []
-        return self._negotiate(now, cause)
+        if self._search.final:
+            return self._refuse(now, finding)
+        return self._negotiate(now, finding.cause)
 
-    def _change_baud(self, now: int, baud: int) -> None:
+    def _press(self, now: int) -> Heard:
+        """The board is known, but has not taken its settings."""
+        if now - self._last_good >= DEAF:
+            self._forget_peer(now)
+            return self._negotiate(now, "the board has gone silent")
+        if now >= self._settle_until:
+            self._settle_until = now + SETTLE
+            return self._refuse(now, unsettled(self._cause))
+        return []
+
+    def _change_baud(self, baud: int) -> None:
         if baud == self.baud:
             return
         self.baud = self._telemetry.baud = baud
         self._fresh = True
-
-    def _link(self, now: int) -> Link:
-        return Link(
-            now, self.state, self._decoder.received, self._decoder.damaged, self._telemetry.lost,
-            self._telemetry.boots, self._telemetry.latency, self._cause,
-        )  # fmt: skip
 
 
 def _quantised(now: int, sequence: int, wanted: Wheels | Duty) -> tuple[frames.Frame, Sent]:

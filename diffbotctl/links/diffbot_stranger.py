@@ -2,22 +2,80 @@
 
 from __future__ import annotations
 
-ROSSERIAL = b"\xff\xfe"  # sync byte and protocol version 2
-BOOTLOADER = b"AVRISP_2"  # how the stock bootloader names itself
-# STK500v2 sign-on: start, sequence 1, length 1, token, command, checksum. A bootloader that waits
-# for a program answers it; our firmware and rosserial take it for noise.
-SIGN_ON = bytes((0x1B, 1, 0, 1, 0x0E, 1, 0x1B ^ 1 ^ 0 ^ 1 ^ 0x0E ^ 1))
+from collections.abc import Mapping
+
+from diffbotctl.errors import listed
+from diffbotctl.links import bootloader
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.protocol import Refusal
+from diffbotctl.links.rosserial_frames import SYNC, VERSION
+from diffbotctl.links.rosserial_frames import encode as rosserial_frame
+from diffbotctl.links.rosserial_topics import REQUEST
+
+# Questions for strangers. Our firmware takes them for noise.
+SIGN_ON = bootloader.message(1, bytes([bootloader.SIGN_ON]))
+LEAVE = bootloader.message(2, bytes([bootloader.LEAVE, 1, 1]))
+"""ends a bootloader's wait: the program starts, if there is one"""
+TOPICS = rosserial_frame(REQUEST)
+
+FLASH = "`diffbotctl flash firmware` puts our program on it, over the USB cable"
+ROSSERIAL = bytes((SYNC, VERSION))
+ENOUGH = 2  # such pairs of bytes; one may be chance
 
 
-def describe(heard: bytes, baud: int) -> str:
-    """Why there is no handshake, and what to do, in words for a person."""
-    if not heard:
-        return (f"nothing answers at {baud} baud: is the robot switched on, the right port chosen, "
-                "RX and TX crossed?")  # fmt: skip
-    if BOOTLOADER in heard:
-        return "only the bootloader answers: run `diffbotctl flash firmware`"
-    if heard.count(ROSSERIAL) >= 2:
-        return ("the book's rosserial firmware answers: run `diffbotctl flash firmware`, or set "
-                "link: {protocol: rosserial}")  # fmt: skip
-    return (f"bytes come that mean nothing at {baud} baud: another baud rate or another firmware; "
-            "run `diffbotctl flash firmware` over USB")  # fmt: skip
+def known(heard: Mapping[int, bytes]) -> Refusal | None:
+    """A stranger by name; `heard` has the bytes that came at each baud rate."""
+    if any(bootloader.NAME in data for data in heard.values()):
+        return Refusal("E-BOARD-BLANK", "only the bootloader answers: the board has no program",
+                       FLASH)  # fmt: skip
+    if any(data.count(ROSSERIAL) >= ENOUGH for data in heard.values()):
+        return Refusal(
+            "E-BOARD-ROSSERIAL", "the board runs the book's firmware, which speaks rosserial",
+            f"{FLASH}; or drive it as it is with link: {{protocol: rosserial}}, as the robot "
+            "book_2wd_stock does",
+        )  # fmt: skip
+    return None
+
+
+def unknown(heard: Mapping[int, bytes], rates: tuple[int, ...]) -> Refusal:
+    """Silence, or bytes that mean nothing."""
+    tried = f"{listed(rates)} baud"
+    if not any(heard.values()):
+        return Refusal(
+            "E-PORT-SILENT", f"nothing answers at {tried}",
+            "is the robot switched on, this the right port, the module's RX wired to the board's "
+            f"TX and its TX to RX? Press the reset button; if it stays silent, {FLASH}",
+        )  # fmt: skip
+    return Refusal(
+        "E-BOARD-UNKNOWN", f"bytes come that mean nothing at {tried}",
+        f"another firmware ({FLASH}), or a radio module set to another baud rate than link.baud "
+        "says",
+    )  # fmt: skip
+
+
+def another_version(theirs: int) -> Refusal:
+    """Our firmware, of another time."""
+    fix = FLASH if theirs < frames.VERSION else (
+        f"upgrade diffbotctl (pip install --upgrade diffbotctl); or {FLASH}, an older one"
+    )  # fmt: skip
+    cause = (f"the board's firmware speaks version {theirs} of the protocol, this diffbotctl "
+             f"version {frames.VERSION}")  # fmt: skip
+    return Refusal("E-BOARD-VERSION", cause, fix)
+
+
+def refused_setting(field: int, code: int) -> Refusal:
+    """The board cannot use one of the robot's settings."""
+    names = frames.Settings._fields
+    name = names[field] if field < len(names) else f"number {field}"
+    why = frames.REFUSAL.get(code, "")
+    meaning = frames.REFUSAL_MEANING.get(why, "for a reason that this version does not know")
+    return Refusal("E-BOARD-SETTINGS", f"the board refuses the setting `{name}`: {meaning}",
+                   "change it in the robot file, and the wire with it")  # fmt: skip
+
+
+def unsettled(cause: str) -> Refusal:
+    """The board answers, but takes no settings."""
+    return Refusal(
+        "E-BOARD-SETTINGS", cause or "the board does not answer to its settings",
+        "let the wheels come to rest and end what else drives this board, over its other port too",
+    )  # fmt: skip

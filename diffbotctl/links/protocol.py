@@ -6,9 +6,17 @@ calls it may feed it byte by byte; the messages that come out are the same.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from diffbotctl.messages import Duty, Message, Wheels
+
+
+class Refusal(NamedTuple):
+    """Why the board behind a port cannot be driven, for a person."""
+
+    code: str
+    cause: str
+    fix: str
 
 
 class LinkProtocol(Protocol):
@@ -16,6 +24,8 @@ class LinkProtocol(Protocol):
 
     baud: int
     """the rate that the port must have now"""
+    refusal: Refusal | None
+    """set when a board that was never met turns out not to be one that can be driven"""
 
     def opened(self, now: int) -> None:
         """The port has just been opened, or opened again: forget the peer, start negotiating."""

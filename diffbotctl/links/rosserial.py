@@ -11,6 +11,7 @@ import struct
 from collections import deque
 from math import isfinite, nan
 
+from diffbotctl.links.protocol import Refusal
 from diffbotctl.links.rosserial_counts import Count
 from diffbotctl.links.rosserial_frames import Decoder, Frame, encode
 from diffbotctl.links.rosserial_speeds import NEVER, Speeds, pair
@@ -70,6 +71,7 @@ class RosserialHost:
         self.topics = Topics(self.names)
         self.decoder = Decoder(self.topics.plausible)
         self.baud = baud
+        self.refusal: Refusal | None = None  # it goes on asking: such a board may miss any question
         self.byte_time = BITS * SECOND // baud
         self.speeds = Speeds(command_delay, self.byte_time)
         self.counts = {self.names.left_ticks: Count(rate), self.names.right_ticks: Count(rate)}

@@ -8,6 +8,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, Side
 from diffbotctl.drivers.emulated import Emulated, EmulatedBoard
 from diffbotctl.drivers.emulator_process import Emulator
+from diffbotctl.errors import ConfigurationError, Problem
 from diffbotctl.links import diffbot_settings
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
@@ -15,11 +16,19 @@ from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.runs.simulation import board_kind, gains, machine, world
 
 SECOND = 1_000_000_000
+FIRMWARE_FOR = "mega2560"
 FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
 
 
 def settings_of(robot: Robot) -> Settings:
-    """What our firmware must know of this robot."""
+    """What our firmware must know of this robot.
+
+    Raises ConfigurationError for a board that it does not run on.
+    """
+    if robot.board.type != FIRMWARE_FOR:
+        cause = f"there is no firmware of ours for the board {robot.board.type} yet"
+        fix = f"take a Mega 2560 (board: {{type: {FIRMWARE_FOR}}}), or simulate: --port sim"
+        raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     drive, left = robot.drive, gains(robot.drive.left)
     name, sensor = next(iter(robot.sensors.items()), ("range", None))
     return Settings(

@@ -10,9 +10,9 @@ from math import pi
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.guardian import Guardian
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.port import Port, opened
 from diffbotctl.drivers.serial_robot import SerialRobot
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import RunError
 from diffbotctl.flash.find import is_usb
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.rosserial import RosserialHost
@@ -35,7 +35,7 @@ def serial_robot(
         return _stock(robot, device, tell)
     host = diffbot_host(robot, device)
     driver = SerialRobot(host, lambda: Port(device, host.baud))
-    driver.adopt(0, _opened(device, host.baud))
+    driver.adopt(0, opened(device, host.baud))
     return driver
 
 
@@ -43,7 +43,7 @@ def _stock(robot: Robot, device: str, tell: Callable[[str], None]) -> SerialRobo
     """A board with the book's firmware: a guardian stands in for the dead-man's stop it lacks."""
     guardian = Guardian()
     try:
-        port = _opened(device, robot.link.baud)
+        port = opened(device, robot.link.baud)
     except RunError:
         guardian.dismiss()
         raise
@@ -51,15 +51,6 @@ def _stock(robot: Robot, device: str, tell: Callable[[str], None]) -> SerialRobo
     driver = SerialRobot(rosserial_host(robot), partial(Port, device, robot.link.baud), guardian)
     driver.adopt(0, port)
     return driver
-
-
-def _opened(device: str, baud: int) -> Port:
-    try:
-        return Port(device, baud)
-    except OSError as error:
-        cause = error.strerror or str(error)
-        fix = "is the board plugged in, or the Bluetooth module paired and bound?"
-        raise RunError(Problem("E-PORT-OPEN", f"port {device}", cause, fix)) from error
 
 
 def diffbot_host(robot: Robot, device: str) -> DiffbotHost:

@@ -33,14 +33,16 @@ class VirtualBoard:
     the name says over what a port leads.
     """
 
-    def __init__(self, robot: Robot, seed: int, world: World | None, *, blank: bool) -> None:
-        """`blank`: only the stock bootloader is on it. Raises EmulatorError: what to install."""
+    def __init__(self, robot: Robot, seed: int, world: World | None, image: Path | None) -> None:
+        """`image`: the program on it besides the stock bootloader, if any.
+
+        Raises EmulatorError: what to install.
+        """
         plant = SimulatedRobot(
             board_kind(robot), machine(robot), robot.simulation, Random(seed), world
         )
         settings = settings_of(robot)
         motors = [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
-        image = None if blank else IMAGE
         emulator = Emulator(motors, image=image, boot=bootloader(), pty=True)
         self.board = EmulatedBoard(plant, settings, emulator)
         assert emulator.ports is not None
@@ -74,10 +76,10 @@ class VirtualBoard:
 
 @contextmanager
 def virtual_board(
-    robot: Robot, seed: int, world: World | None = None, *, blank: bool = False
+    robot: Robot, seed: int, world: World | None = None, image: Path | None = IMAGE
 ) -> Iterator[VirtualBoard]:
     """A VirtualBoard that is closed at the end. Raises EmulatorError."""
-    board = VirtualBoard(robot, seed, world, blank=blank)
+    board = VirtualBoard(robot, seed, world, image)
     try:
         yield board
     finally:

@@ -10,12 +10,12 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.flash.job import Event
+    from diffbotctl.flash.events import Event
 
 
 def show(events: Iterable[Event], console: Console | None = None) -> None:
     """Draw the events of a job as they come. Raises what the job raises."""
-    from diffbotctl.flash.job import Said
+    from diffbotctl.flash.events import Said
 
     console = console or Console(highlight=False)
     columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())

@@ -1,0 +1,1 @@
+"""Jobs that find out what a robot's dimensions and motors really are."""

@@ -1,0 +1,101 @@
+"""`diffbotctl calibrate`: find out what the robot's dimensions really are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.calibrate.drive import Drive
+    from diffbotctl.calibrate.geometry import Geometry
+    from diffbotctl.calibrate.logs import Counts
+
+A_FILE = click.Path(path_type=Path)
+
+
+@click.group()
+def command() -> None:
+    """Find out what the robot's dimensions really are."""
+
+
+@command.command("from-log")
+@click.argument("files", nargs=-1, required=True, type=A_FILE, metavar="FILE...")
+@click.option("--robot", help="Robot file with the stated geometry; the rules of `run` for none.")
+@click.option("--ends", type=A_FILE, help="CSV file with the end pose of each drive.")
+@click.option("--truth", type=A_FILE, multiple=True, help="CSV file of true poses; one a FILE.")
+def from_log(
+    files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
+) -> None:
+    """Fit wheel diameters and track to recorded drives whose ends, or paths, are known.
+
+    FILE: a recording, a CSV file with counts, or the folder of an OptiOdom session, which states
+    its own geometry. Nothing moves, no file is changed.
+    """
+    from diffbotctl.calibrate.fit import fit
+    from diffbotctl.errors import Problem, RunError
+    from diffbotctl.ui.geometry_table import lines
+
+    folders = [file for file in files if file.is_dir()]
+    if folders:
+        drives, stated = _sessions(files, folders, bool(robot or ends or truth))
+    else:
+        drives, stated = _logs(files, robot, ends, truth)
+    try:
+        found = fit(drives, stated)
+    except ValueError as error:
+        fix = "`diffbotctl explain E-CALIBRATE-FIT` tells the usual causes"
+        place = ", ".join(map(str, files))
+        raise RunError(Problem("E-CALIBRATE-FIT", place, str(error), fix)) from error
+    for line in lines(found):
+        click.echo(line)
+
+
+def _sessions(
+    files: tuple[Path, ...], folders: list[Path], has_options: bool
+) -> tuple[list[Drive], Geometry]:
+    from diffbotctl.calibrate.logs import unusable
+    from diffbotctl.calibrate.optiodom import read_session
+
+    if has_options or len(folders) < len(files):
+        raise click.UsageError("A session's folder brings its own geometry and poses: give folders"
+                               " alone, without --robot, --ends and --truth.")  # fmt: skip
+    sessions = [read_session(folder) for folder in folders]
+    stated = sessions[0].nominal
+    for folder, session in zip(folders, sessions, strict=True):
+        if session.nominal != stated:
+            raise unusable(folder, "states another geometry than the first folder")
+    return [drive for session in sessions for drive in session.drives], stated
+
+
+def _logs(
+    files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
+) -> tuple[list[Drive], Geometry]:
+    from diffbotctl.calibrate.geometry import Geometry
+    from diffbotctl.calibrate.logs import read_counts
+    from diffbotctl.config.load import load_robot
+
+    if truth and (ends or len(truth) != len(files)):
+        raise click.UsageError("Give --truth once for each FILE, in their order, or --ends.")
+    drive = load_robot(robot).robot.drive
+    right, left = drive.right, drive.left
+    stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
+    ticks = (right.encoder.slots, left.encoder.slots)
+    counts = [read_counts(file, ticks) for file in files]
+    return _placed(counts, ends, truth), stated
+
+
+def _placed(counts: list[Counts], ends: Path | None, truth: tuple[Path, ...]) -> list[Drive]:
+    """The drives with the poses that are known of them, from wherever they are told."""
+    from diffbotctl.calibrate.logs import read_ends, unusable, with_end, with_own_poses, with_truth
+
+    if truth:
+        return [with_truth(*each) for each in zip(counts, truth, strict=True)]
+    if ends is None:
+        return [with_own_poses(each) for each in counts]
+    told = read_ends(ends)
+    for each in counts:
+        if each.name not in told:
+            raise unusable(ends, f"has no line for the recording {each.name}")
+    return [with_end(each, told[each.name]) for each in counts]

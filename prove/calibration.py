@@ -1,0 +1,93 @@
+"""Calibration from recorded drives of a real robot: fitted to one session, scored on the others.
+
+The data is not ours and does not ship: `--optiodom FOLDER` names a folder that holds sessions of
+the OptiOdom data set, at any depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from diffbotctl.calibrate import umbmark
+from diffbotctl.calibrate.ends import end_error, mean_distance
+from diffbotctl.calibrate.fit import fit
+from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.optiodom import Session, is_session, read_session
+from prove.row import NoData, Row
+
+LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
+FIT_LEAST = 6.0  # times better by E_max,syst
+UMBMARK_LEAST = 4.0
+SHARE_MOST = 0.5  # of the nominal end error, on paths that are no squares
+NOT_SQUARE = ("circ", "joy", "straight")  # begin the names of the folders of the other paths
+MM = 1000.0
+
+
+def rows(folders: Sequence[Path]) -> Iterator[Row]:
+    """Rows for every session below `folders`; one that says so when there is no data."""
+    found = {path.name: path for folder in folders for path in _sessions(folder)}
+    if LEARNT_FROM not in found:
+        target = f"needs session {LEARNT_FROM}: --optiodom FOLDER"
+        yield NoData("calibration from a real robot's log", "no data", target, True)
+        return
+    learnt = read_session(found.pop(LEARNT_FROM))
+    fitted = fit(learnt.drives, learnt.nominal).geometry
+    classic = by_umbmark(learnt)
+    for path in found.values():
+        session = read_session(path)
+        if session.side is None or _is_other_path(path):
+            yield _share(session, learnt.nominal, fitted)
+        else:
+            yield _gain(session, learnt.nominal, fitted, "from-log", FIT_LEAST)
+            yield _gain(session, learnt.nominal, classic, "UMBmark", UMBMARK_LEAST)
+
+
+def by_umbmark(session: Session) -> Geometry:
+    """One round of UMBmark on a session of squares: first half clockwise, second counter."""
+    if session.side is None:
+        raise ValueError("UMBmark needs squares")
+    clockwise, counter = _ends(session, session.nominal)
+    angles = umbmark.from_positions(
+        session.side, umbmark.mean(clockwise), umbmark.mean(counter)
+    )  # fmt: skip
+    return umbmark.corrected(session.nominal, session.side, angles)
+
+
+def systematic_error(session: Session, geometry: Geometry) -> float:
+    """E_max,syst of the session's squares, dead-reckoned with `geometry`; m."""
+    return umbmark.systematic_error(*_ends(session, geometry))
+
+
+def _sessions(folder: Path) -> Iterator[Path]:
+    for path in sorted({each.parent for each in folder.rglob("*_metadata.csv")}):
+        if is_session(path):
+            yield path
+
+
+def _is_other_path(path: Path) -> bool:
+    return any(part.lower().startswith(NOT_SQUARE) for part in path.parts)
+
+
+def _ends(
+    session: Session, geometry: Geometry
+) -> tuple[list[umbmark.EndError], list[umbmark.EndError]]:
+    ends = [end_error(drive, geometry) for drive in session.drives]
+    half = len(ends) // 2
+    return ends[:half], ends[half:]
+
+
+def _gain(session: Session, nominal: Geometry, found: Geometry, how: str, least: float) -> Row:
+    before, after = (systematic_error(session, each) * MM for each in (nominal, found))
+    figure = f"{before:.1f} -> {after:.1f} mm"
+    target = f"{before / after:.1f} times better, >= {least:g}"
+    return Row(
+        f"{how}: E_max,syst, squares {session.name}", figure, target, before >= least * after
+    )
+
+
+def _share(session: Session, nominal: Geometry, found: Geometry) -> Row:
+    before, after = (mean_distance(session.drives, each) * MM for each in (nominal, found))
+    figure = f"{before:.1f} -> {after:.1f} mm"
+    target = f"{after / before:.2f} of the nominal end error, <= {SHARE_MOST:g}"
+    return Row(f"from-log: paths {session.name}", figure, target, after <= SHARE_MOST * before)

@@ -1,0 +1,147 @@
+from math import nan, pi
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.calibrate.logs import (
+    read_counts,
+    read_ends,
+    with_end,
+    with_own_poses,
+    with_truth,
+)
+from diffbotctl.calibrate.optiodom import is_session, read_session
+from diffbotctl.cli.main import program
+from diffbotctl.errors import UsageError
+from tests.calibrate.driven import STATED, squares
+
+COUNTED = "time,right,left\n5.0,100,0\n5.5,110,5\n6.0,120,-10\n"
+
+
+def written(folder, name, text, encoding="utf-8"):
+    path = folder / name
+    path.write_text(text, encoding)
+    return path
+
+
+def test_counts_begin_at_nought(tmp_path):
+    # 20 counts a turn right, 10 left.
+    found = read_counts(written(tmp_path, "a.csv", COUNTED, "utf-8-sig"), (20, 10))
+    assert found.name == "a"
+    assert found.times.tolist() == [0, 0.5, 1]
+    assert found.turns.tolist() == [[0, 0], [0.5, 0.5], [1, -1]]
+    assert found.tick == (0.05, 0.1)
+    assert found.poses is None
+
+
+def test_poses_beside_the_counts_where_known(tmp_path):
+    text = "time,right,left,x,y,heading\n0,0,0,0,0,0\n1,1,1,,,\n2,2,2,0.1,0,3.1\n3,3,3,0.1,0,-3.1\n"
+    found = with_own_poses(read_counts(written(tmp_path, "a.csv", text), (20, 20)))
+    assert found.rows.tolist() == [0, 2, 3]
+    assert found.poses[:, 2] == pytest.approx([0, 3.1, 2 * pi - 3.1])  # unwrapped
+
+
+def test_truth_of_its_own_rate(tmp_path):
+    truth = "time,x,y,heading\n-0.1,9,9,9\n0,0,0,0\n0.25,1,0,0\n1.0,2,0,0\n1.1,9,9,9\n"
+    counts = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 10))
+    found = with_truth(counts, written(tmp_path, "t.csv", truth))
+    assert found.times.tolist() == [0, 0.25, 0.5, 1]
+    assert found.rows.tolist() == [0, 1, 3]
+    assert found.turns[1].tolist() == [0.25, 0.25]  # half way to the next row
+
+
+def test_ends_by_hand(tmp_path):
+    text = "recording, x, y, heading_deg\na.mcap, 0.01, -0.02, 90\nb, 0, 0,\n"
+    found = read_ends(written(tmp_path, "ends.csv", text))
+    assert found["a"] == pytest.approx((0.01, -0.02, pi / 2))
+    assert found["b"] == pytest.approx((0, 0, nan), nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,right\n0,0\n1,1\n", "does not name left"),
+        ("time,right,left\n0,0,0\n", "two rows or more"),
+        ("time,right,left\n0,0,0\n0,1,1\n", "times that rise"),
+        ("time,right,left\n0,0,0\n1,,1\n", "a count in every row"),
+        ("time,right,left\n0,0,0\n1,x,1\n", "'x' is not a number"),
+        ("", "does not name time, right and left"),
+    ],
+)
+def test_files_that_cannot_serve(tmp_path, text, said):
+    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
+        read_counts(written(tmp_path, "a.csv", text), (20, 20))
+    assert said in " ".join(str(raised.value).split())
+
+
+def test_no_poses_and_half_an_end(tmp_path):
+    counts = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 20))
+    with pytest.raises(UsageError, match="--ends or --truth"):
+        with_own_poses(counts)
+    with pytest.raises(UsageError, match="lacks x or y"):
+        with_end(counts, (nan, 0, 0))
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_counts(tmp_path / "none.csv", (20, 20))
+    with pytest.raises(UsageError, match="cannot be read"):
+        read_counts(tmp_path / "none.mcap", (20, 20))
+
+
+def session(folder):
+    folder.mkdir()
+    about = "type,diff\nngear,43.7,,\nencRes,64\nLi,0.2\nDi,0.084,0.085,\nThi,,\nN,1\nL,1.7\n"
+    written(folder, "7_metadata.csv", about)
+    rows = "0,0,0,0,0,0\n0.05,0.1,0,0.2,27968,-13984\n0.1,0.2,0,0.3,27968,0\n"
+    written(folder, "7_run-01.csv", rows, "utf-8-sig")
+    return folder
+
+
+def test_session_of_optiodom(tmp_path):
+    # 43.7 x 64 = 2796.8 ticks a turn; 27968 ticks are ten turns. Ticks are of each cycle.
+    folder = session(tmp_path / "7")
+    assert is_session(folder) and not is_session(tmp_path)
+    found = read_session(folder)
+    assert (found.name, found.side) == ("7", 1.7)
+    assert found.nominal == (0.084, 0.085, 0.2)
+    assert found.drives[0].turns == pytest.approx(np.array([[0, 0], [10, -5], [20, -5]]))
+    assert found.drives[0].poses[:, 2].tolist() == [0, 0.2, 0.3]
+
+
+def test_session_without_its_description(tmp_path):
+    folder = session(tmp_path / "7")
+    written(folder, "7_metadata.csv", "type,diff\nngear,43.7\n")
+    with pytest.raises(UsageError, match="encRes"):
+        read_session(folder)
+
+
+ROBOT = "book_2wd"  # 65 mm wheels, 20 slots
+
+
+def test_command_names_track_and_stray(tmp_path):
+    from diffbotctl.config.load import load_robot
+
+    drive = load_robot(ROBOT).robot.drive
+    stated = STATED._replace(
+        right=drive.right.wheel.diameter, left=drive.left.wheel.diameter, track=drive.track
+    )
+    true = stated.reshaped(1.004, stated.track * 1.02)
+    files, ends = [], ["recording,x,y,heading"]
+    for each in squares(true, stated, each_way=3, slip=0.0003):
+        counts = each.turns * drive.right.encoder.slots  # finer than whole slots: exact
+        rows = zip(each.times, *counts.T, strict=True)
+        text = "time,right,left\n" + "".join(f"{a:.9f},{b:.9f},{c:.9f}\n" for a, b, c in rows)
+        files.append(str(written(tmp_path, f"{each.name}.csv", text)))
+        x, y, heading = each.poses[-1]
+        if each.name == "ccw-1":
+            x += 1.0
+        ends.append(f"{each.name}.csv,{x},{y},{heading}")
+    told = written(tmp_path, "ends.csv", "\n".join(ends))
+    arguments = ["calibrate", "from-log", *files, "--robot", ROBOT, "--ends", str(told)]
+    done = CliRunner().invoke(program, arguments, catch_exceptions=False)
+    assert done.exit_code == 0
+    lines = {line[:24].strip(): line for line in done.output.splitlines()}
+    fitted = float(lines["track"].split()[3]) / 1000
+    assert fitted == pytest.approx(true.track, rel=0.003)
+    assert float(lines["right over left"].split()[4]) == pytest.approx(1.004, abs=0.001)
+    assert any(line.startswith("ccw-1 ") and "left out" in line for line in lines.values())
+    assert "kept as stated" in done.output

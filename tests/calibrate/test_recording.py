@@ -1,0 +1,36 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.calibrate.logs import read_counts
+from diffbotctl.errors import UsageError
+from prove.calibration import rows
+
+ROOT = Path(__file__).parent.parent.parent
+
+
+def test_counts_of_a_recorded_run(tmp_path):
+    file = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()", "run",
+               "pipelines/goal.yaml", "--record", str(file), "--fast"]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    found = read_counts(file, (20, 20))
+    # The goal is 1 m ahead or so: each wheel of 0.065 m turns some five times.
+    assert 3 < found.turns[-1].mean() < 10
+    assert (found.turns * 20 == (found.turns * 20).round()).all()
+
+
+def test_what_is_no_recording(tmp_path):
+    file = tmp_path / "run.mcap"
+    file.write_text("nonsense")
+    with pytest.raises(UsageError, match="E-CALIBRATE-LOG"):
+        read_counts(file, (20, 20))
+
+
+def test_the_table_of_figures_says_when_there_is_no_data(tmp_path):
+    (only,) = rows([tmp_path])
+    assert only.figure == "no data"
+    assert only.line().startswith("  --")

@@ -1,0 +1,89 @@
+"""`emulate` at the prompt: a board for other terminals, which ends cleanly."""
+
+import os
+import re
+import signal
+import subprocess
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.flash.image import write_hex
+from tests.virtual_board import LONGEST, command, diffbotctl, flat, run
+
+
+@contextmanager
+def emulated(*words):
+    """Start `emulate`; its process, and its USB and radio port."""
+    shell = [*command("emulate", *words)]
+    shell.insert(1, "-u")
+    process = subprocess.Popen(shell, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    said = ""
+    try:
+        while "Ctrl-C ends" not in said:
+            line = process.stdout.readline()
+            assert line, said
+            said += line
+        ports = re.findall(r"^(?:USB|radio) port +(\S+)$", said, re.M)
+        yield process, said, *ports
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_on_it_and_a_clean_end(how):
+    with emulated("book_2wd") as (process, said, usb, radio):
+        assert "EMULATED board with diffbot_mega2560.hex, SIMULATED robot" in said
+        code, told = diffbotctl(*run(radio, "--goal", "0.1 0"))
+        assert code == 0, told
+        process.send_signal(how)
+        rest, _ = process.communicate(timeout=LONGEST)
+    assert process.returncode == 0
+    assert "Traceback" not in rest
+    assert not os.path.lexists(usb) and not os.path.lexists(radio)
+    assert not Path(usb).parent.exists()
+
+
+def test_a_blank_one_is_flashed():
+    with emulated("book_2wd", "--blank") as (_, said, usb, _radio):
+        assert "nothing but its bootloader" in said
+        words = ("flash", "firmware", "--robot", "book_2wd", "--port", usb, "--yes")
+        code, told = diffbotctl(*words)
+    assert code == 0, told
+
+
+def test_what_is_wrong_with_it_is_told(tmp_path):
+    hangs = tmp_path / "hangs.hex"
+    hangs.write_text(write_hex(b"\xff\xcf").replace("FFCF", "FFCE"))
+    code, said = diffbotctl("emulate", "book_2wd_stock")
+    assert code == 2
+    assert "this robot's board speaks rosserial" in flat(said)
+    code, said = diffbotctl("emulate", "book_2wd", "--hex", hangs)
+    assert code == 1
+    assert "E-FLASH-IMAGE" in said
+
+
+def test_missing_packages_are_named(tmp_path):
+    """A machine without a compiler, on which nothing has been built yet."""
+    without = {**os.environ, "PATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
+    for words in (("emulate", "book_2wd"), ("run", "goal", "--port", "emulated", "--quiet")):
+        done = subprocess.run(
+            command(*words), env=without, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 1
+        assert re.search("sudo apt-get install( [a-z-]+)* gcc", flat(done.stderr)), done.stderr
+
+
+def test_the_walls_of_a_pipeline(tmp_path):
+    """A wall 20 cm before the sensor is seen; the robot stops for it."""
+    walled = tmp_path / "walled.yaml"
+    walled.write_text(
+        "include: " + str(Path("pipelines/goal.yaml").resolve()) + "\n"
+        "world: {walls: [{from: [0.35 m, -1 m], to: [0.35 m, 1 m]}]}\n"
+    )
+    with emulated("book_2wd", "--world", walled) as (_, _, _usb, radio):
+        code, said = diffbotctl(*run(radio, "--goal", "0.6 0", "--for", "8s"))
+    assert code == 0, said
+    assert "obstacle" in said and "goals 0 of 1" in said, said

@@ -1,0 +1,254 @@
+"""`flash firmware` and `blink` at the prompt, on a board with the stock bootloader."""
+
+import fcntl
+import os
+import re
+import select
+import signal
+import subprocess
+import termios
+import time
+from contextlib import suppress
+
+import pytest
+from serial.tools.list_ports_common import ListPortInfo
+
+from diffbotctl.drivers.port import Port
+from diffbotctl.errors import RunError
+from diffbotctl.flash import find
+from diffbotctl.flash.image import write_hex
+from diffbotctl.flash.job import flash as job
+from prove.board_bench import BOOK
+from tests.virtual_board import LONGEST, board, command, diffbotctl, flash, flat, wait_until
+
+HANGS = bytes.fromhex("ffcf")  # rjmp to itself
+MEGA, CLONE = (0x2341, 0x0042), (0x1A86, 0x7523)
+
+
+def written(virtual, at):
+    """Whether the board's flash has something at this address."""
+    return virtual.board.emulator.flash(at, 1) != b"\xff"
+
+
+def test_the_light_blinks_after_flashing():
+    with board(image=None) as virtual:
+        assert flash(virtual)[0] == 0
+        code, said = diffbotctl("blink", "--port", virtual.usb, "--times", 2)
+        assert code == 0, said
+        assert "now blinks 2 times" in said
+        assert "40 frames a second, 0 damaged, 0 lost" in said
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_an_interrupted_flash_can_be_done_again(how):
+    with board(image=None) as virtual:
+        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes")
+        first = subprocess.Popen(
+            command(*words), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
+        wait_until(lambda: written(virtual, 1024))
+        first.send_signal(how)
+        said, _ = first.communicate()
+        assert not written(virtual, 7936), "it was not to be whole yet"
+        if how == signal.SIGINT:
+            assert first.returncode == 130
+            assert "flash again" in said
+        code, said = flash(virtual)
+        assert code == 0, said
+
+
+def test_a_person_is_asked_and_sees_how_far_it_is():
+    """On a terminal, that is; the question is answered with y."""
+    with board(image=None) as virtual:
+        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd")
+        code, screen = on_a_terminal(words, b"y\n")
+    assert code == 0, screen
+    assert "wheels in the air" in screen
+    for part in ("writing", "verifying", "100%", "settings", "ready"):
+        assert part in screen
+
+
+def test_no_is_no():
+    with board(image=None) as virtual:
+        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd")
+        code, _ = on_a_terminal(words, b"n\n")
+        assert code == 130
+        assert not written(virtual, 0)
+
+
+def on_a_terminal(words, answer):
+    """Run a command on a terminal of its own, answer its question; (exit code, what it showed)."""
+    master, slave = os.openpty()
+    process = subprocess.Popen(
+        command(*words), stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+        env={**os.environ, "TERM": "xterm"},
+    )  # fmt: skip
+    os.close(slave)
+    shown, until = b"", time.monotonic() + LONGEST
+    with suppress(OSError):  # the terminal hangs up when the command has ended
+        while time.monotonic() < until:
+            if select.select([master], [], [], 0.1)[0]:
+                shown += os.read(master, 4096)
+            if b"[y/N]" in shown and answer:
+                os.write(master, answer)
+                answer = b""
+    os.close(master)
+    return process.wait(LONGEST), shown.decode(errors="replace")
+
+
+def test_nobody_to_ask_is_no_consent():
+    code, said = diffbotctl("flash", "firmware", "--port", "/dev/ttyACM9", "--robot", "book_2wd")
+    assert code == 2
+    assert "--yes" in said
+
+
+def test_avrdude_does_it_as_well():
+    with board(image=None) as virtual:
+        code, said = flash(virtual, "--programmer", "avrdude")
+    assert code == 0, said
+    assert "written and verified by avrdude" in said
+    assert said.rstrip().endswith("ready")
+
+
+@pytest.mark.parametrize("programmer", ["built-in", "avrdude"])
+def test_a_port_in_use_names_who_uses_it(programmer):
+    with board() as virtual:
+        held = Port(str(virtual.usb), 115200)
+        code, said = flash(virtual, "--programmer", programmer)
+        held.close()
+    assert code == 1
+    assert "E-PORT-BUSY" in said
+    assert f"(process {os.getpid()})" in flat(said)
+
+
+def test_a_port_that_is_not_there():
+    for words in (("flash", "firmware", "--yes"), ("blink",)):
+        code, said = diffbotctl(*words, "--robot", "book_2wd", "--port", "/dev/ttyACM99")
+        assert code == 1
+        assert "E-PORT-OPEN" in said and "No such file" in said
+
+
+def test_a_port_without_the_right_to_it():
+    """Root has every right, so it looks as the user `nobody`."""
+    master, slave = os.openpty()
+    os.fchmod(slave, 0)
+    us = os.geteuid()
+    try:
+        if us == 0:
+            os.seteuid(65534)
+        with pytest.raises(RunError) as raised:
+            Port(os.ttyname(slave), 9600)
+    finally:
+        os.seteuid(us)
+        os.close(master)
+        os.close(slave)
+    problem = raised.value.problems[0]
+    assert problem.code == "E-PORT-RIGHTS"
+    assert re.search(r"usermod -a -G \w+ \$USER", problem.fix)
+
+
+def test_a_port_that_another_program_keeps_for_itself():
+    """ModemManager and serial monitors do so; the kernel then lets nobody but root open it."""
+    master, slave = os.openpty()
+    os.fchmod(slave, 0o666)
+    fcntl.ioctl(slave, termios.TIOCEXCL)
+    us = os.geteuid()
+    try:
+        if us == 0:
+            os.seteuid(65534)
+        with pytest.raises(RunError) as raised:
+            Port(os.ttyname(slave), 9600)
+    finally:
+        os.seteuid(us)
+        os.close(master)
+        os.close(slave)
+    assert raised.value.problems[0].code == "E-PORT-BUSY"
+
+
+def test_the_radio_cannot_flash():
+    with board() as virtual:
+        code, said = diffbotctl("flash", "firmware", "--port", virtual.radio, "--yes")
+    assert (code, "E-FLASH-RADIO" in said) == (1, True)
+
+
+def test_a_program_that_says_nothing(tmp_path):
+    silent = tmp_path / "silent.hex"
+    silent.write_text(write_hex(HANGS))
+    with board(image=None) as virtual, pytest.raises(RunError) as raised:
+        list(job(str(virtual.usb), silent, settings=BOOK))
+    problem = raised.value.problems[0]
+    assert problem.code == "E-FLASH-SILENT"
+    assert "written and verified" in problem.cause and "nothing answers" in problem.cause
+
+
+def test_another_program_is_written_and_left_alone(tmp_path):
+    other = tmp_path / "other.hex"
+    other.write_text(write_hex(HANGS))
+    with board() as virtual:
+        code, said = flash(virtual, "--hex", other)
+        assert code == 0, said
+        assert virtual.board.emulator.flash(0, 2) == HANGS
+    assert "256 bytes written and verified" in said
+
+
+def test_a_backup_overwrites_nothing(tmp_path):
+    earlier = tmp_path / "earlier.hex"
+    earlier.write_text("the only copy")
+    for file, cause in ((earlier, "exists"), (tmp_path / "nowhere" / "b.hex", "folder")):
+        with board() as virtual:
+            code, said = flash(virtual, "--backup", file)
+        assert (code, "E-FLASH-BACKUP" in said, cause in said) == (1, True, True), said
+    assert earlier.read_text() == "the only copy"
+
+
+def test_what_was_on_the_board_comes_back(tmp_path):
+    """Reading the whole board takes half a minute of its time."""
+    before = bytes(range(1, 250))
+    older, saved = tmp_path / "older.hex", tmp_path / "saved.hex"
+    older.write_text(write_hex(before))
+    with board(image=older) as virtual:
+        code, said = flash(virtual, "--backup", saved)
+        assert code == 0, said
+        assert virtual.board.emulator.flash(0, len(before)) != before
+        assert flash(virtual, "--hex", saved)[0] == 0
+        assert virtual.board.emulator.flash(0, len(before)) == before
+
+
+def test_a_robot_file_that_still_says_rosserial():
+    with board(image=None) as virtual:
+        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd_stock", "--yes")
+        code, said = diffbotctl(*words)
+    assert code == 0, said
+    assert "link: {protocol: diffbot}" in flat(said)
+
+
+def port(device, usb=(None, None), product=None):
+    info = ListPortInfo(device)
+    (info.vid, info.pid), info.product = usb, product
+    return info
+
+
+@pytest.mark.parametrize(
+    ("ports", "radio", "found"),
+    [
+        ([], False, []),
+        ([port("/dev/ttyS0")], True, []),  # a port of the mainboard
+        ([port("/dev/ttyUSB0", (0x067B, 0x2303))], True, []),  # an adapter that no Mega carries
+        ([port("/dev/ttyUSB0", CLONE), port("/dev/ttyACM0", MEGA)], False, ["ttyACM0", "ttyUSB0"]),
+        ([port("/dev/rfcomm0"), port("/dev/ttyACM0", MEGA)], False, ["ttyACM0"]),
+        ([port("/dev/rfcomm0"), port("/dev/ttyACM0", MEGA)], True, ["rfcomm0", "ttyACM0"]),
+    ],
+)
+def test_which_ports_may_lead_to_a_board(ports, radio, found):
+    assert [each.device for each in find.sort(ports, radio)] == [f"/dev/{name}" for name in found]
+
+
+def test_a_board_has_a_name_that_stays(tmp_path):
+    (tmp_path / "ttyACM0").touch()
+    names = tmp_path / "by-id"
+    names.mkdir()
+    (names / "usb-Arduino_Mega_1-if00").symlink_to(tmp_path / "ttyACM0")
+    device = os.path.realpath(tmp_path / "ttyACM0")
+    (one,) = find.sort([port(device, MEGA)], stable=find.stable_names(names))
+    assert one.stable == str(names / "usb-Arduino_Mega_1-if00")
+    assert find.stable_names(tmp_path / "none") == {}

@@ -1,0 +1,205 @@
+"""Who answers on a port, told by the real program on real pseudo-terminals; and the way out.
+
+Each stranger is the real thing: a port where nobody speaks, the book's board, the stock bootloader,
+our firmware of another version, a wire at another rate, a board with other settings.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import threading
+import tty
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.drivers.emulator_process import IMAGE
+from diffbotctl.errors import RunError
+from diffbotctl.flash.blink import blink
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.links.diffbot_codec import Decoder
+from prove.board_bench import BOOK
+from tests.book_board import OnPort
+from tests.virtual_board import board, diffbotctl, flash, flat, run
+from tests.wire import Wire
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+
+
+def meet(port, *words):
+    """Try to blink a light behind a port; (exit code, what was said)."""
+    code, said = diffbotctl("blink", "--robot", "book_2wd", "--times", 1, "--port", port, *words)
+    assert "Traceback" not in said
+    return code, flat(said)
+
+
+@contextmanager
+def open_end(folder, name):
+    """A port under this name, and the file where whoever is behind it reads and writes."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    (folder / name).symlink_to(os.ttyname(slave))
+    yield folder / name, master
+    os.close(master)
+    os.close(slave)
+
+
+@contextmanager
+def talking(end, line):
+    """Somebody behind a port says the same over and over, and hears nothing."""
+    over = threading.Event()
+
+    def talk():
+        while not over.wait(0.05):
+            with suppress(BlockingIOError):
+                os.write(end, line)
+
+    os.set_blocking(end, False)
+    thread = threading.Thread(target=talk)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(
+    ("name", "tried"), [("rfcomm0", "9600 or 115200"), ("ttyUSB0", "115200 or 9600")]
+)
+def test_a_silent_port(tmp_path, name, tried):
+    with open_end(tmp_path, name) as (port, _):
+        code, said = diffbotctl(*run(port))
+    assert code == 1
+    said = flat(said)
+    assert "E-PORT-SILENT" in said
+    assert f"nothing answers at {tried} baud" in said
+    assert "switched on" in said
+
+
+def test_the_book_s_firmware(tmp_path):
+    stock = OnPort()
+    try:
+        port = tmp_path / "rfcomm0"
+        port.symlink_to(stock.name)
+        code, said = meet(port)
+    finally:
+        stock.close()
+    assert code == 1
+    assert "E-BOARD-ROSSERIAL" in said
+    assert "flash firmware" in said and "protocol: rosserial" in said
+
+
+def test_the_bootloader_alone():
+    with board(image=None) as virtual:
+        code, said = meet(virtual.usb)
+    assert code == 1
+    assert "E-BOARD-BLANK" in said
+    assert "flash firmware" in said
+
+
+def test_a_firmware_that_prints_lines(tmp_path):
+    with open_end(tmp_path, "rfcomm0") as (port, end), talking(end, b"distance 12 cm\r\n"):
+        code, said = meet(port)
+    assert code == 1
+    assert "E-BOARD-UNKNOWN" in said
+    assert "bytes come that mean nothing at 9600 or 115200 baud" in said
+    assert "flash firmware" in said
+
+
+def test_a_radio_at_another_rate(tmp_path):
+    """The same image behind a radio that runs at another rate than board and robot file."""
+    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0", rate=38400) as wire:
+        virtual.board.emulator.reset()  # it speaks at its start
+        code, said = meet(wire.name)
+    assert code == 1
+    assert re.search("E-BOARD-UNKNOWN|E-PORT-SILENT", said)
+    assert "9600 or 115200 baud" in said
+
+
+@pytest.fixture(scope="module")
+def newer(tmp_path_factory):
+    """Our firmware, but of the next version of the protocol."""
+    copy = tmp_path_factory.mktemp("newer") / "firmware"
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "*.hex", "emulator"))
+    header = copy / "protocol.h"
+    now = f"#define PROTOCOL_VERSION {frames.VERSION}"
+    text = header.read_text()
+    assert now in text
+    header.write_text(text.replace(now, f"#define PROTOCOL_VERSION {frames.VERSION + 1}"))
+    subprocess.run(["make", "-C", copy], capture_output=True, check=True)
+    return copy / IMAGE.name
+
+
+def test_another_version_and_flashing_mends_it(newer):
+    with board(image=newer) as virtual:
+        code, said = meet(virtual.radio)
+        assert code == 1
+        assert "E-BOARD-VERSION" in said
+        ours, theirs = frames.VERSION, frames.VERSION + 1
+        assert f"speaks version {theirs} of the protocol, this diffbotctl version {ours}" in said
+        assert "upgrade diffbotctl" in said
+        assert flash(virtual)[0] == 0
+        code, said = meet(virtual.radio)
+        assert code == 0, said
+
+
+def test_other_settings_are_sent_and_kept():
+    with board() as virtual:
+        names = []
+        for _ in range(2):
+            code, said = meet(virtual.radio)
+            assert code == 0, said
+            names.append(re.search("settings ([0-9A-F]{4}), ready", said)[1])
+        code, said = diffbotctl(
+            *run(virtual.radio, "--goal", "0.1 0", "--set", "robot.board.deadman=400ms")
+        )
+        assert code == 0, said
+        stored = virtual.board.emulator.eeprom()
+        new = replace(virtual.board.settings, deadman=400_000_000)
+    assert names[0] == names[1]
+    assert new.frame().pack() in stored
+
+
+def test_a_setting_that_the_board_cannot_use_is_named():
+    """Pin 22 has no PWM; the host's own checks of the robot file would not let it come so far."""
+    settings = replace(BOOK, left=replace(BOOK.left, enable=22))
+    with board() as virtual, pytest.raises(RunError) as raised:
+        list(blink(str(virtual.radio), DiffbotHost(settings), 1))
+    problem = raised.value.problems[0]
+    assert problem.code == "E-BOARD-SETTINGS"
+    assert problem.cause == "the board refuses the setting `left_enable`: the pin has no PWM"
+
+
+def test_the_first_contact_is_made_at_9600_and_then_the_file_s_rate_is_used(tmp_path):
+    """A new board speaks at 9600; its settings say 19200, and it changes with its answer."""
+    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0", rate=9600) as wire:
+        wire.follow(19200)
+        code, said = diffbotctl(
+            *run(wire.name, "--goal", "0.1 0", "--set", "robot.link.baud=19200")
+        )
+        assert wire.rate == 19200
+    assert code == 0, said
+    assert "goals 1 of 1 reached" in said
+
+
+def test_a_port_of_an_unknown_name_may_lead_to_usb(tmp_path):
+    """At 115200 baud, which is tried after the robot file's rate."""
+    with board() as virtual:
+        port = tmp_path / "board"
+        port.symlink_to(os.path.realpath(virtual.usb))
+        code, said = meet(port)
+    assert code == 0, said
+
+
+def test_a_stop_is_the_first_frame_on_every_new_link(tmp_path):
+    """So that whatever drove the board before drives it no longer."""
+    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0") as wire:
+        code, said = diffbotctl(*run(wire.name, "--goal", "0.1 0"))
+        assert code == 0, said
+        sent = Decoder().feed(wire.to_board)
+    assert isinstance(sent[0], frames.Stop)

@@ -1,0 +1,85 @@
+"""A virtual board in this process, and diffbotctl's commands as processes of their own.
+
+The board runs the real firmware behind real pseudo-terminals, and keeps pace with real time in a
+thread; a command is what a person types at a prompt.
+"""
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+
+from diffbotctl.config.load import load_robot
+from diffbotctl.drivers.emulator_process import IMAGE
+from diffbotctl.runs.virtual_board import virtual_board
+
+MAIN = "from diffbotctl.cli.main import main; main()"
+LONGEST = 60  # s; everything that is waited for takes a few
+
+
+@contextmanager
+def board(image=IMAGE):
+    """A board with this program on it; with None, nothing but its bootloader."""
+    ends, end = os.pipe()
+    with virtual_board(load_robot("book_2wd").robot, seed=3, image=image) as virtual:
+        pace = threading.Thread(target=virtual.serve, args=(ends,))
+        pace.start()
+        try:
+            yield virtual
+        finally:
+            os.write(end, b"x")
+            pace.join()
+    os.close(ends)
+    os.close(end)
+
+
+def command(*words):
+    """A command line."""
+    return [sys.executable, "-c", MAIN, *map(str, words)]
+
+
+def start(*words):
+    """Start a command; both its outputs are one pipe."""
+    return subprocess.Popen(
+        command(*words), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+
+
+def diffbotctl(*words):
+    """Run a command to its end; (exit code, what it said)."""
+    process = start(*words)
+    said, _ = process.communicate(timeout=LONGEST)
+    return process.returncode, said
+
+
+def flat(said):
+    """What was said, without the line breaks that fold it."""
+    return " ".join(said.split())
+
+
+def run(port, *words):
+    """The words of a run of the book's robot on a port."""
+    return ("run", "goal", "--robot", "book_2wd", "--port", port, "--quiet", *words)
+
+
+def flash(virtual, *words):
+    """Flash our firmware onto the board."""
+    return diffbotctl(
+        "flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes", *words
+    )
+
+
+def wait_until(holds):
+    """Wait until it holds; fail when it never does."""
+    until = time.monotonic() + LONGEST
+    while not holds():
+        assert time.monotonic() < until, "it never came to that"
+        time.sleep(0.005)
+
+
+def moving(virtual):
+    """Whether the board gives its motors power."""
+    return max(virtual.board.duty) > 0.1
