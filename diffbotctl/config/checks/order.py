@@ -7,6 +7,7 @@ from collections.abc import Callable
 from diffbotctl.config.case import Case
 from diffbotctl.config.checks import (
     budget,
+    calibrated,
     deadman,
     fields,
     loops,
@@ -31,4 +32,5 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     reach.check,
     tolerance.check,
     polarity.check,
+    calibrated.check,
 )
