@@ -29,7 +29,7 @@ def state(client):
 
 def dash(folder, *words, columns=80, lines=24, **more):
     # pyte draws no more than a few full screens a second on a busy machine.
-    line, environment = command(folder, "dash", "--hz", "4", *words)
+    line, environment = command(folder, "dash", "--hz", "2", *words)
     terminal = Terminal(line, environment, columns, lines, **more)
     terminal.until(lambda text: "pose" in text and "SIMULATED" in text, "the first picture")
     return terminal
@@ -132,7 +132,7 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
 
 def test_it_follows_the_windows_size(engine, tmp_path):
     with dash(tmp_path) as terminal:
-        terminal.resize(130, 45)
+        terminal.resize(112, 36)
         terminal.until(lambda text: "follower" in text and "kinematics" in text, "the blocks below")
         terminal.resize(80, 24)
         terminal.until(lambda text: "follower" not in text, "the small layout")
