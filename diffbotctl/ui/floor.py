@@ -42,8 +42,7 @@ def draw(
         drawing.line((wall[0], wall[1]), (wall[2], wall[3]), Layer.WALL)
     for x, y, radius in scene.rounds:
         drawing.round((x, y), radius, Layer.WALL)
-    for at in trail:
-        drawing.dot(at, Layer.TRAIL)
+    drawing.lines(trail, Layer.TRAIL)
     odometry = words.newest(picture, Odometry)
     _goal(drawing, picture, odometry if isinstance(odometry, Odometry) else None)
     if isinstance(odometry, Odometry):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, isfinite
+from math import degrees, isfinite, pi, remainder
 
 from rich.table import Table
 from rich.text import Text
@@ -37,7 +37,7 @@ def _pose(sight: Sight) -> list[Row]:
     if not isinstance(said, Odometry):
         return []
     return [
-        ("pose", f"{said.x:+.3f} {said.y:+.3f} m {degrees(said.heading):+.1f}°"),
+        ("pose", f"{said.x:+.3f} {said.y:+.3f} m {degrees(remainder(said.heading, 2 * pi)):+.1f}°"),
         ("", f"{said.linear:+.3f} m/s {said.angular:+.2f} rad/s"),
     ]
 
