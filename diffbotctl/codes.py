@@ -373,6 +373,9 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-OUTPUT": _code("a file cannot be written", """
+        The folder may not exist, the disk may be full, or you may not write there. Nothing else was
+        changed. `ls -ld FOLDER` shows who may write into it."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey

@@ -69,6 +69,10 @@ class Wheel(Section):
     """One wheel."""
 
     diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter of the wheel.")
+    width = Param(
+        float, unit="m", default=0.026, above=0.001, below=0.3, help="How wide its tyre is."
+    )
+    mass = Param(float, unit="kg", default=0.035, above=0.0, help="What it weighs.")
 
 
 class SpeedLoop(Section):
@@ -179,6 +183,7 @@ class Mount(Section):
 
     x = Param(float, unit="m", default=0.0, help="Forward.")
     y = Param(float, unit="m", default=0.0, help="Left.")
+    z = Param(float, unit="m", default=0.0, help="Up from the axle; for drawings and the model.")
     heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
 
 
@@ -199,12 +204,35 @@ class Sensor(Section):
     curve = Param(Curve, default=Curve(), help="Its curve; the data sheet's typical part.")
 
 
+class Caster(Section):
+    """The ball or caster that the robot rests on beside its two wheels."""
+
+    x = Param(
+        float, unit="m", none=True, default=None,
+        help="Where it touches the ground, forward of the axle; none: near the farther end.",
+    )  # fmt: skip
+    diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Of its ball.")
+    mass = Param(float, unit="kg", default=0.02, above=0.0, help="What it weighs.")
+
+
 class Body(Section):
     """The robot's outline, measured from the middle of the axle."""
 
     front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
     back = Param(float, unit="m", least=0.0, default=0.15, help="How far it reaches backward.")
     width = Param(float, unit="m", above=0.0, default=0.14, help="Its whole width.")
+    height = Param(
+        float, unit="m", above=0.0, default=0.1,
+        help="How high the chassis is, from its underside to its top.",
+    )  # fmt: skip
+    clearance = Param(
+        float, unit="m", above=0.0, default=0.02, help="Free height under the chassis."
+    )
+    mass = Param(
+        float, unit="kg", above=0.0, default=0.7,
+        help="What the robot weighs without wheels and caster; only the model needs it.",
+    )  # fmt: skip
+    caster = Param(Caster, default=Caster(), help="What it rests on beside its wheels.")
 
 
 class Limits(Section):

@@ -19,11 +19,12 @@ class Map:
     Positions are metres in odom; one character is two dots wide and four high, so dots are square.
     """
 
-    def __init__(self, width: int, height: int, seen: Iterable[Point]) -> None:
+    def __init__(self, width: int, height: int, seen: Iterable[Point], least: float = 0.5) -> None:
+        """`least`: metres that it shows at the least, however little there is to see."""
         self.width, self.height = width, height
         points = list(seen) or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
-        span = max(max(xs) - min(xs), (max(ys) - min(ys)) * width * 2 / (height * 4), 0.5)
+        span = max(max(xs) - min(xs), (max(ys) - min(ys)) * width * 2 / (height * 4), least)
         self.scale = (width * 2 - 6) / span  # dots a metre
         self.middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
         self.dots: dict[tuple[int, int], int] = {}
