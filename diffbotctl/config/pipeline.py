@@ -49,8 +49,15 @@ class Obstacle(Section):
 
 
 class World(Section):
-    """What stands around the simulated robot, in the frame odom."""
+    """What stands around the simulated robot, in the world's frame.
 
+    That is the frame odom, unless the robot's `simulation.start` says where in the world it begins.
+    """
+
+    field = Param(
+        tuple[float, float], unit="m", none=True, default=None,
+        help="A walled field from [0, 0] to here, which no simulated robot can leave.",
+    )  # fmt: skip
     walls = Param(list[Wall], default=[], help="Straight walls.")
     obstacles = Param(list[Obstacle], default=[], help="Round obstacles.")
 

@@ -15,8 +15,9 @@ class Board(Section):
     """The microcontroller board and how it speaks."""
 
     type = Param(
-        str, choices=("mega2560", "atmega328p"), default="mega2560",
-        help="Kind of board: its pins decide what can be connected where.",
+        str, choices=("mega2560", "atmega328p", "simulated"), default="mega2560",
+        help="Kind of board: its pins decide what can be connected where. simulated: none, the "
+        "robot lives in the simulator alone and its pins are `none`.",
     )  # fmt: skip
     telemetry = Param(
         float, unit="Hz", default=40.0, least=1.0, most=100.0,
@@ -95,7 +96,10 @@ class SpeedLoop(Section):
 class Motor(Section):
     """One motor and its half of the driver chip."""
 
-    driver = Param(str, choices=("l298n",), default="l298n", help="Motor driver chip.")
+    driver = Param(
+        str, choices=("l298n", "none"), default="l298n",
+        help="Motor driver chip; none: of a robot that is simulated only.",
+    )
     rated = Param(
         float, unit="rad/s", above=0.0, default=100 * RPM,
         help="Speed of the wheel at full duty and full battery.",
@@ -104,9 +108,9 @@ class Motor(Section):
         str, choices=("coast", "brake"), default="coast",
         help="What a motor at rest does: turn freely, or short its windings.",
     )  # fmt: skip
-    enable = Param(Pin, help="Pin of the driver's EN input; carries the PWM.")
-    in1 = Param(Pin, help="Pin of the driver's first direction input.")
-    in2 = Param(Pin, help="Pin of the driver's second direction input.")
+    enable = Param(Pin, none=True, help="Pin of the driver's EN input; carries the PWM.")
+    in1 = Param(Pin, none=True, help="Pin of the driver's first direction input.")
+    in2 = Param(Pin, none=True, help="Pin of the driver's second direction input.")
     reversed = Param(
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
@@ -139,7 +143,7 @@ class Encoder(Section):
         float, unit="s", default=0.002, least=0.0, most=0.05,
         help="An edge this soon after the last is noise and is not counted.",
     )  # fmt: skip
-    pin = Param(Pin, help="Pin of the encoder's output; must raise interrupts.")
+    pin = Param(Pin, none=True, help="Pin of the encoder's output; must raise interrupts.")
     slot_errors = Param(
         list[float], unit="1", default=[], least=-0.4, most=0.4,
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
@@ -196,10 +200,15 @@ class Curve(Section):
 
 
 class Sensor(Section):
-    """One distance sensor."""
+    """One sensor: of distance, or, of the simulator alone, a laser scanner or an overhead camera."""
 
-    type = Param(str, choices=("sharp_gp2y0a41sk0f",), help="Part name of the sensor.")
-    pin = Param(Pin, help="Analog pin that reads its voltage.")
+    type = Param(
+        str, choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),
+        help="Part name of the sensor. overhead_camera: sees the true pose from above.",
+    )  # fmt: skip
+    pin = Param(
+        Pin, none=True, help="Analog pin that reads its voltage; none: it is read otherwise."
+    )
     at = Param(Mount, default=Mount(), help="Where it sits on the robot.")
     curve = Param(Curve, default=Curve(), help="Its curve; the data sheet's typical part.")
 
@@ -284,7 +293,7 @@ class Robot(Section):
     board = Param(Board, default=Board(), help="The microcontroller board.")
     link = Param(Link, default=Link(), help="The serial line to the board.")
     drive = Param(Drive, help="Wheels, motors and encoders.")
-    sensors = Param(dict[str, Sensor], default={}, help="Distance sensors by name.")
+    sensors = Param(dict[str, Sensor], default={}, help="Sensors by name.")
     body = Param(Body, default=Body(), help="The outline.")
     limits = Param(Limits, default=Limits(), help="What it may do at most.")
     battery = Param(Battery, default=Battery(), help="The motor supply.")

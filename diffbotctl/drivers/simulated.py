@@ -55,9 +55,15 @@ class Simulated:
 
     @action
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Put the robot elsewhere, as a hand does: x and y in m, heading in rad."""
+        """Put the robot elsewhere in the world, as a hand does: x and y in m, heading in rad."""
         self.robot.advance(now)
         self.robot.teleport(x, y, heading)
+
+    @action
+    def home(self, now: int) -> None:
+        """Put the robot back to where it stood when the run began."""
+        self.robot.advance(now)
+        self.robot.home()
 
     def stop(self, now: int) -> None:
         """Stop the wheels; `stopped` becomes true when they have stood still for a while."""

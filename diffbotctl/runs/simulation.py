@@ -25,7 +25,9 @@ def simulated(configuration: Configuration, seed: int) -> Simulated:
 
 
 def board_kind(robot: Robot) -> str:
-    """`stock`, `counts` or `edges`: how this robot's board answers."""
+    """`stock`, `counts`, `edges` or `simulated`: how this robot's board answers."""
+    if robot.board.type == "simulated":
+        return "simulated"
     if robot.link.protocol == "rosserial":
         return "stock"
     return "edges" if robot.board.edge_times else "counts"
@@ -51,7 +53,7 @@ def machine(robot: Robot) -> Machine:
         reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
         falling=drive.left.encoder.edge == "falling",
         sensors=tuple(
-            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
+            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
             for name, sensor in robot.sensors.items()
         ),
     )
@@ -68,4 +70,4 @@ def world(configuration: Configuration) -> World:
     """Walls and obstacles of the pipeline."""
     walls = [Wall(*wall.start, *wall.end) for wall in configuration.world.walls]
     rounds = [Round(*obstacle.at, obstacle.radius) for obstacle in configuration.world.obstacles]
-    return World(walls, rounds)
+    return World(walls, rounds, configuration.world.field)
