@@ -384,6 +384,10 @@ CODES: dict[str, Code] = {
         Laser scanner and overhead camera exist in the simulator. No firmware of ours reads them
         yet, so on a real board this sensor would stay silent, and whatever waits for it would hold
         the robot still."""),
+    "W-UNGUARDED": _code("nothing stops the robot at obstacles", """
+        The pipeline has a block that stops the robot at what its sensor sees, but this robot has no
+        such sensor, so the block was left out (`needs:` in the pipeline). It drives as it is told,
+        into walls too."""),
     "E-OUTPUT": _code("a file cannot be written", """
         The folder may not exist, the disk may be full, or you may not write there. Nothing else was
         changed. `ls -ld FOLDER` shows who may write into it."""),

@@ -32,6 +32,11 @@ class BlockEntry(Section):
     block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
     wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
+    needs = Param(
+        str, choices=("Volts", "Scan"), none=True, default=None,
+        help="Leave the block out, and pass on what it was given, where no sensor of the robot "
+        "has this message.",
+    )  # fmt: skip
 
 
 class Wall(Section):

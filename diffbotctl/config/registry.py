@@ -22,8 +22,10 @@ BLOCKS = {
     "odometry": "diffbotctl.blocks.odometry:Odometry",
     "path": "diffbotctl.blocks.path:PathSource",
     "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
+    "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
     "speed_limiter": "diffbotctl.blocks.speed_limiter:SpeedLimiter",
     "talker": "diffbotctl.blocks.talker:Talker",
+    "wander": "diffbotctl.blocks.wander:Wander",
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
 }
 
