@@ -97,13 +97,15 @@ class ScanStop(Block):
 
         `near`: points in base_link, now. Points already nearer than the margin must not come nearer.
         """
+        outline, margin = self.outline, self.margin
+        seconds = self.stopping_time(linear, angular)
+        # No point of the outline moves farther than its farthest corner can.
+        way = (abs(linear) + abs(angular) * outline.reach) * seconds
+        near = [point for point in near if outline.clearance(*point) < margin + way]
         if not near:
             return True
-        outline, margin = self.outline, self.margin
-        before = [outline.clearance(x, y) for x, y in near]
-        seconds = self.stopping_time(linear, angular)
-        way = (abs(linear) + abs(angular) * outline.reach) * seconds
-        steps = max(1, int(way / STRIDE) + 1)
+        before = [outline.clearance(*point) for point in near]
+        steps = int(way / STRIDE) + 1
         for step in range(1, steps + 1):
             pose = moved(linear, angular, seconds * step / steps)
             for (x, y), first in zip(seen_from(near, *pose), before, strict=True):
