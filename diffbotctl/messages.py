@@ -64,7 +64,9 @@ class Scan(NamedTuple):
     time: Time
     start: Annotated[float, Field("rad", "Bearing of the first ray.")]
     step: Annotated[float, Field("rad", "Bearing from one ray to the next.")]
-    distances: Annotated[tuple[float, ...], Field("m", "One a ray: inf when clear, 0 when too close.")]
+    distances: Annotated[
+        tuple[float, ...], Field("m", "One a ray: inf when clear, 0 when too close.")
+    ]
 
 
 class Odometry(NamedTuple):

@@ -95,7 +95,7 @@ class ScanStop(Block):
     def is_free(self, near: list[Point], linear: float, angular: float) -> bool:
         """Whether the outline keeps its margin on this curve until the robot could stand.
 
-        `near`: points in base_link, now. Points already nearer than the margin must not come nearer.
+        `near`: points in base_link, now. Those already within the margin must not come nearer.
         """
         outline, margin = self.outline, self.margin
         seconds = self.stopping_time(linear, angular)

@@ -111,9 +111,7 @@ def free_way(points: list[Point], radius: float, half: float) -> float:
 
     `points` in base_link; infinity where nothing stands in the lane.
     """
-    return min(
-        (x - radius for x, y in points if x > 0.0 and abs(y) < half), default=float("inf")
-    )
+    return min((x - radius for x, y in points if x > 0.0 and abs(y) < half), default=float("inf"))
 
 
 def freer_side(points: list[Point]) -> int:

@@ -97,7 +97,9 @@ class Motor(Section):
     """One motor and its half of the driver chip."""
 
     driver = Param(
-        str, choices=("l298n", "none"), default="l298n",
+        str,
+        choices=("l298n", "none"),
+        default="l298n",
         help="Motor driver chip; none: of a robot that is simulated only.",
     )
     rated = Param(
@@ -200,7 +202,7 @@ class Curve(Section):
 
 
 class Sensor(Section):
-    """One sensor: of distance, or, of the simulator alone, a laser scanner or an overhead camera."""
+    """One sensor. Laser scanner and overhead camera exist in the simulator alone."""
 
     type = Param(
         str, choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),

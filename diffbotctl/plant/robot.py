@@ -128,9 +128,7 @@ class SimulatedRobot:
             return
         board = self.board
         while True:
-            at = min(
-                self._next_step, self._next_frame, self._next_look, self._next_scan, board.due
-            )
+            at = min(self._next_step, self._next_frame, self._next_look, self._next_scan, board.due)
             if at > until:
                 break
             self._move(at)

@@ -61,7 +61,7 @@ def _check_given(case: Case) -> None:
     """Refuse `none` for a pin that a robot with a board must have."""
     if case.robot is None:
         return
-    paths = [("drive", side, *steps) for side in SIDES for steps in NEEDED]
+    paths: list[tuple[str, ...]] = [("drive", side, *steps) for side in SIDES for steps in NEEDED]
     for name, sensor in (case.robot.sensors or {}).items():
         if sensor is None:
             continue
