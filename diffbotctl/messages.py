@@ -182,6 +182,20 @@ class Text(NamedTuple):
     text: Annotated[str, Field("", "The words.")]
 
 
+class Canvas(NamedTuple):
+    """The sheet on which a simulated turtle draws."""
+
+    time: Time
+    sheet: Annotated[int, Field("", "Rises whenever the line was wiped off.")]
+    background: Annotated[str, Field("", "Colour of the sheet, #rrggbb.")]
+    pen: Annotated[str, Field("", "Colour of the pen, #rrggbb.")]
+    is_down: Annotated[bool, Field("", "True while the pen leaves a line.")]
+    turtles: Annotated[
+        tuple[float, ...],
+        Field("m, rad", "Number, x, y and heading of each turtle beside the first, in a row."),
+    ] = ()
+
+
 class Resume(NamedTuple):
     """A person's consent to move again after a latched stop."""
 
@@ -223,6 +237,7 @@ Message = (
     | Link
     | Battery
     | Text
+    | Canvas
     | Resume
     | Setting
     | Call
@@ -231,7 +246,7 @@ Message = (
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
     for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Resume, Setting, Call)
+                 GoalState, Stop, Link, Battery, Text, Canvas, Resume, Setting, Call)
 }  # fmt: skip
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
     from diffbotctl.runs.run import Run
+    from diffbotctl.ui.live import Scene
 
 
 VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
@@ -121,15 +122,29 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
             return
         from diffbotctl.ui import live
 
-        world = configuration.world
-        walls = [(wall.start, wall.end) for wall in world.walls]
-        rounds = [(thing.at, thing.radius) for thing in world.obstacles]
-        simulated = VIRTUAL.get(port, "")
-        if port not in VIRTUAL:
-            walls, rounds = [], []
-        live.show(live.Scene(configuration.name, simulated, walls, rounds), pictures)
+        live.show(scene_of(configuration, port), pictures)
 
     return partial(show)
+
+
+def scene_of(configuration: Configuration, port: str) -> Scene:
+    """What the live view draws that stays as it is: of a real robot's world nothing is known."""
+    from diffbotctl.ui.live import Scene
+
+    if port not in VIRTUAL:
+        return Scene(configuration.name, "", [], [])
+    world, start = configuration.world, (0.0, 0.0, 0.0)
+    walls = [(wall.start, wall.end) for wall in world.walls]
+    if world.field is not None:
+        right, top = world.field
+        corners = [(0.0, 0.0), (right, 0.0), (right, top), (0.0, top)]
+        walls += zip(corners, [*corners[1:], corners[0]], strict=True)
+    if configuration.nominal is not None:
+        at = configuration.nominal.simulation.start
+        start = (at.x, at.y, at.heading)
+    rounds = [(thing.at, thing.radius) for thing in world.obstacles]
+    is_field = world.field is not None
+    return Scene(configuration.name, VIRTUAL[port], walls, rounds, start, is_field)
 
 
 def _goal(text: str) -> Goal:

@@ -14,6 +14,7 @@ from diffbotctl.block import Block
 from diffbotctl.errors import nearest
 
 BLOCKS = {
+    "canvas": "diffbotctl.blocks.canvas:Canvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
     "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",

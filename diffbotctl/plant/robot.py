@@ -192,6 +192,12 @@ class SimulatedRobot:
         """Put the robot back to where the run began."""
         self.teleport(*self._start)
 
+    def truth_in_world(self) -> Pose:
+        """Where the robot truly is now, in the world."""
+        self._move(self.now)
+        self._roll()
+        return self.place()
+
     def place(self) -> Pose:
         """Where the robot is in the world, as of the last step of its body."""
         start, body = self._start, self.body

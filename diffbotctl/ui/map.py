@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import pi
+from math import cos, pi, sin
 
 from rich.text import Text
 
@@ -19,8 +19,18 @@ class Map:
     Positions are metres in odom; one character is two dots wide and four high, so dots are square.
     """
 
-    def __init__(self, width: int, height: int, seen: Iterable[Point], least: float = 0.5) -> None:
-        """`least`: metres that it shows at the least, however little there is to see."""
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        seen: Iterable[Point],
+        least: float = 0.5,
+        background: str = "",
+    ) -> None:
+        """`least`: metres that it shows at the least, however little there is to see.
+
+        `background`: colour of the floor, as rich has it; none: the terminal's.
+        """
         self.width, self.height = width, height
         points = list(seen) or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
@@ -28,14 +38,20 @@ class Map:
         self.scale = (width * 2 - 6) / span  # dots a metre
         self.middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
         self.dots: dict[tuple[int, int], int] = {}
+        self.colours: dict[tuple[int, int], str] = {}
+        self.floor = f" on {background}" if background else ""
         self.marks: dict[tuple[int, int], tuple[str, str]] = {}
 
-    def dot(self, at: Point) -> None:
-        """Set the dot at a position; outside the window nothing happens."""
+    def dot(self, at: Point, colour: str = "cyan") -> None:
+        """Set the dot at a position; outside the window nothing happens.
+
+        A character has one colour: that of its last dot.
+        """
         column, row = self._dot(at)
         cell = (column // 2, row // 4)
         if 0 <= cell[0] < self.width and 0 <= cell[1] < self.height:
             self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % 4][column % 2]
+            self.colours[cell] = colour
 
     def line(self, start: Point, end: Point) -> None:
         """Set the dots of a line, as of a wall."""
@@ -45,14 +61,21 @@ class Map:
             part = i / steps
             self.dot((start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])))
 
+    def circle(self, middle: Point, radius: float) -> None:
+        """Set the dots of a circle, as of a pillar."""
+        corners = max(8, min(int(2 * pi * radius * self.scale), 4 * (self.width + self.height)))
+        for i in range(corners):
+            turn = 2 * pi * i / corners
+            self.dot((middle[0] + radius * cos(turn), middle[1] + radius * sin(turn)))
+
     def mark(self, at: Point, sign: str, style: str) -> None:
         """Put a character at a position, over any dots."""
         column, row = self._dot(at)
         self.marks[(column // 2, row // 4)] = (sign, style)
 
-    def robot(self, at: Point, heading: float) -> None:
+    def robot(self, at: Point, heading: float, style: str = "bold green") -> None:
         """Put an arrow that shows where the robot looks."""
-        self.mark(at, ARROWS[round(heading / (pi / 4)) % 8], "bold green")
+        self.mark(at, ARROWS[round(heading / (pi / 4)) % 8], style)
 
     def text(self) -> Text:
         """The window as lines of text."""
@@ -61,10 +84,11 @@ class Map:
             for column in range(self.width):
                 mark = self.marks.get((column, row))
                 if mark is not None:
-                    out.append(mark[0], mark[1])
+                    out.append(mark[0], mark[1] + self.floor)
                 else:
                     bits = self.dots.get((column, row))
-                    out.append(chr(0x2800 + bits) if bits else " ", "cyan" if bits else None)
+                    style = (self.colours[column, row] if bits else "") + self.floor
+                    out.append(chr(0x2800 + bits) if bits else " ", style.strip() or None)
             if row < self.height - 1:
                 out.append("\n")
         return out

@@ -23,6 +23,19 @@ def newest(picture: Snapshot, kind: type) -> Message | None:
     return max(found, key=lambda message: message.time) if found else None
 
 
+def located(picture: Snapshot) -> tuple[Odometry | None, bool]:
+    """Where the robot is, and whether that is told in the world's frame rather than in odom.
+
+    A block that reckons speaks of odom; only where there is none, a camera over the world does.
+    """
+    found = [(wire, said) for wire, said in picture.messages.items() if isinstance(said, Odometry)]
+    reckoned = [said for wire, said in found if not wire.startswith("robot.")]
+    seen = reckoned or [said for _, said in found]
+    if not seen:
+        return None, False
+    return max(seen, key=lambda message: message.time), not reckoned
+
+
 def pose(odometry: Odometry) -> str:
     """`x 0.512 m  y 0.250 m  heading 45.2 deg`."""
     return (
