@@ -75,6 +75,12 @@ def seen_from(points: list[Point], x: float, y: float, heading: float) -> list[P
     ]
 
 
+def placed(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
+    """Points of the frame at (x, y, heading), as the frame around it has them."""
+    ahead, aside = cos(heading), sin(heading)
+    return [(x + px * ahead - py * aside, y + px * aside + py * ahead) for px, py in points]
+
+
 def points_of(
     start: float, step: float, distances: tuple[float, ...], nearest: float, within: float
 ) -> list[Point]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.footprint import Footprint, Point, Track, moved, points_of, seen_from
+from diffbotctl.blocks.footprint import Footprint, Point, Track, moved, placed, points_of, seen_from
 from diffbotctl.messages import Odometry, Scan, Stop, Twist
 from diffbotctl.params import Param
 
@@ -150,9 +149,3 @@ CAUSES = {
     OBSTACLE: "something that the scanner sees is in the way",
     STALE: "no fresh scan comes from the sensor",
 }
-
-
-def placed(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
-    """Points of the frame at (x, y, heading), as the frame around it has them."""
-    ahead, aside = cos(heading), sin(heading)
-    return [(x + px * ahead - py * aside, y + px * aside + py * ahead) for px, py in points]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.footprint import Footprint, Point, points_of
-from diffbotctl.blocks.scan_stop import NEAREST, placed
+from diffbotctl.blocks.footprint import Footprint, Point, placed, points_of
+from diffbotctl.blocks.scan_stop import NEAREST
 from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.params import Param
 
@@ -117,11 +117,12 @@ def free_way(points: list[Point], radius: float, half: float) -> float:
 def freer_side(points: list[Point]) -> int:
     """1 when more room is on the left ahead, -1 on the right, by what stands nearest there.
 
-    Each point weighs by the inverse square of its distance: what is near decides.
+    Each point weighs by the inverse square of its distance, and by the sine of its bearing: what is
+    near and aside decides.
     """
     weight = 0.0
     for x, y in points:
         square = x * x + y * y
         if x > 0.0 and 0.0 < square < SIDE_REACH * SIDE_REACH:
-            weight += (1.0 if y > 0.0 else -1.0) / square
+            weight += y / (square * sqrt(square))
     return -1 if weight > 0.0 else 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import NamedTuple
 
 from rich.console import Console, Group, RenderableType
@@ -19,6 +19,7 @@ from diffbotctl.ui.map import Map, Point
 
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 ROWS_OF_FACTS = 11
+JUMP = 0.5  # m between two dots of the trail that no robot here drives in a tenth of a second
 
 
 class Scene(NamedTuple):
@@ -99,8 +100,12 @@ class LiveView:
             drawing.line(start, end)
         for middle, radius in self.scene.obstacles:
             drawing.circle(middle, radius)
+        before: Point | None = None
         for at, colour in self.trail:
-            drawing.dot(at, colour)
+            # A picture comes ten times a second; a longer way than this was no driving.
+            near = before is not None and hypot(at[0] - before[0], at[1] - before[1]) < JUMP
+            drawing.line(before if near and before else at, at, colour)
+            before = at
         for at in goal:
             drawing.mark(at, "◎", "bold magenta")
         turtles = sheet.turtles if sheet else ()

@@ -53,13 +53,14 @@ class Map:
             self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % 4][column % 2]
             self.colours[cell] = colour
 
-    def line(self, start: Point, end: Point) -> None:
+    def line(self, start: Point, end: Point, colour: str = "cyan") -> None:
         """Set the dots of a line, as of a wall."""
         length = max(abs(end[0] - start[0]), abs(end[1] - start[1])) * self.scale
         steps = max(1, min(int(length), 4 * (self.width + self.height)))
         for i in range(steps + 1):
             part = i / steps
-            self.dot((start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])))
+            x, y = start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])
+            self.dot((x, y), colour)
 
     def circle(self, middle: Point, radius: float) -> None:
         """Set the dots of a circle, as of a pillar."""
