@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
     from diffbotctl.runs.run import Run
-    from diffbotctl.ui.live import Scene
-
-
-VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 
 
 @click.command()
@@ -64,6 +60,7 @@ def command(
     """
     from diffbotctl.config.load import load
     from diffbotctl.runs.run import Options, Run
+    from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
     from diffbotctl.runs.station import Socket
 
@@ -99,6 +96,8 @@ def _finish(run: Run) -> int:
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
+    from diffbotctl.runs.scene import VIRTUAL
+
     where = f"REAL robot on {port}"
     if port in VIRTUAL:
         where = f"{VIRTUAL[port]} (seed {seed})"
@@ -120,31 +119,13 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
 
             plain.show(pictures)
             return
+        from diffbotctl.runs.scene import scene
         from diffbotctl.ui import live
+        from diffbotctl.ui.scene import scene_of
 
-        live.show(scene_of(configuration, port), pictures)
+        live.show(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
-
-
-def scene_of(configuration: Configuration, port: str) -> Scene:
-    """What the live view draws that stays as it is: of a real robot's world nothing is known."""
-    from diffbotctl.ui.live import Scene
-
-    if port not in VIRTUAL:
-        return Scene(configuration.name, "", [], [])
-    world, start = configuration.world, (0.0, 0.0, 0.0)
-    walls = [(wall.start, wall.end) for wall in world.walls]
-    if world.field is not None:
-        right, top = world.field
-        corners = [(0.0, 0.0), (right, 0.0), (right, top), (0.0, top)]
-        walls += zip(corners, [*corners[1:], corners[0]], strict=True)
-    if configuration.nominal is not None:
-        at = configuration.nominal.simulation.start
-        start = (at.x, at.y, at.heading)
-    rounds = [(thing.at, thing.radius) for thing in world.obstacles]
-    is_field = world.field is not None
-    return Scene(configuration.name, VIRTUAL[port], walls, rounds, start, is_field)
 
 
 def _goal(text: str) -> Goal:

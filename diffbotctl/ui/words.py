@@ -23,17 +23,13 @@ def newest(picture: Snapshot, kind: type) -> Message | None:
     return max(found, key=lambda message: message.time) if found else None
 
 
-def located(picture: Snapshot) -> tuple[Odometry | None, bool]:
-    """Where the robot is, and whether that is told in the world's frame rather than in odom.
-
-    A block that reckons speaks of odom; only where there is none, a camera over the world does.
-    """
+def located(picture: Snapshot) -> Odometry | None:
+    """Where the robot is: as a block reckons it, in odom; only where none does, as a camera sees it
+    from above, in the world's frame."""
     found = [(wire, said) for wire, said in picture.messages.items() if isinstance(said, Odometry)]
     reckoned = [said for wire, said in found if not wire.startswith("robot.")]
     seen = reckoned or [said for _, said in found]
-    if not seen:
-        return None, False
-    return max(seen, key=lambda message: message.time), not reckoned
+    return max(seen, key=lambda message: message.time) if seen else None
 
 
 def pose(odometry: Odometry) -> str:
