@@ -66,6 +66,7 @@ class ScanStop(Block):
         self.taken: Scan | None = None
         self.answered: Twist | None = None
         self.held = ""
+        self.waiting_since: int | None = None  # for the first scan, while motion is wanted
 
     def react(
         self, now: int, twist: Twist | None, scan: Scan | None, odometry: Odometry | None
@@ -80,7 +81,7 @@ class ScanStop(Block):
         if abs(twist.linear) < STILL and abs(twist.angular) < STILL:
             return twist._replace(time=now), self._tell(now, "")
         if scan is None:
-            return Twist(now, 0.0, 0.0), self._tell(now, STALE)
+            return Twist(now, 0.0, 0.0), self._tell_stale(now)
         near = self._near(now)
         for linear, angular in ((twist.linear, twist.angular), (0.0, twist.angular)):
             for share in SHARES:
@@ -135,6 +136,14 @@ class ScanStop(Block):
     def _near(self, now: int) -> list[Point]:
         """The points in base_link that anything could reach."""
         return seen_from(self.points, *self.way.at(now))
+
+    def _tell_stale(self, now: int) -> Stop | None:
+        """Say that there is no scan; at first a scanner has the time of a turn, and more."""
+        if self.taken is None:
+            self.waiting_since = now if self.waiting_since is None else self.waiting_since
+            if now - self.waiting_since < self.stale_after * 1e9:
+                return None
+        return self._tell(now, STALE)
 
     def _tell(self, now: int, code: str) -> Stop | None:
         """A Stop when something begins to hold the robot, or has ceased to."""

@@ -47,6 +47,7 @@ class Machine(NamedTuple):
     reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
     sensors: tuple[Mounting, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
+    period: int | None = None  # ns between two frames; None: that of the kind of board
 
 
 class Truth(NamedTuple):
@@ -80,6 +81,8 @@ class SimulatedRobot:
     ) -> None:
         """`kind`: `stock`, `counts` or `edges`. `start`: where in the world frame `odom` begins."""
         self._kind: Kind = KINDS[kind]
+        if machine.period is not None:
+            self._kind = self._kind._replace(period=machine.period)
         self._chance = chance
         self.machine = machine
         self.motors = _draw_motors(machine, simulation, chance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+from diffbotctl.config.boards import SIMULATED
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, Side
 from diffbotctl.drivers.simulated import Simulated
@@ -26,8 +27,8 @@ def simulated(configuration: Configuration, seed: int) -> Simulated:
 
 def board_kind(robot: Robot) -> str:
     """`stock`, `counts`, `edges` or `simulated`: how this robot's board answers."""
-    if robot.board.type == "simulated":
-        return "simulated"
+    if robot.board.type == SIMULATED:
+        return SIMULATED
     if robot.link.protocol == "rosserial":
         return "stock"
     return "edges" if robot.board.edge_times else "counts"
@@ -51,6 +52,8 @@ def machine(robot: Robot) -> Machine:
         deadman=round(robot.board.deadman * SECOND),
         gains=(gains(drive.left), gains(drive.right)),
         reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
+        # A real board has its own beat; one that exists in the simulator alone has the file's.
+        period=round(SECOND / robot.board.telemetry) if robot.board.type == SIMULATED else None,
         falling=drive.left.encoder.edge == "falling",
         sensors=tuple(
             Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)

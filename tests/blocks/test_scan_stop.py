@@ -95,14 +95,23 @@ def test_turning_on_is_allowed_where_driving_is_not():
 
 def test_without_a_fresh_scan_it_stands_and_says_so():
     block = guard()
-    twist, stop = block.react(MS, Twist(MS, 0.2, 0.0), None, still(0))
+
+    def at(now, scan=None):
+        return block.react(now * MS, Twist(now * MS, 0.2, 0.0), scan, still(0))
+
+    for now in (1, 300, 600):  # a scanner has 0.6 s for its first turn
+        assert at(now) == (Twist(now * MS, 0.0, 0.0), None)
+    twist, stop = at(601)
     assert (twist.linear, twist.angular, stop.code) == (0.0, 0.0, STALE)
-    again, more = block.react(2 * MS, Twist(2 * MS, 0.2, 0.0), None, still(0))
+    again, more = at(602)
     assert again.linear == 0.0
     assert more is None  # said once
-    free, told = block.react(3 * MS, Twist(3 * MS, 0.2, 0.0), scan_of(World(), MS), still(0))
+    free, told = at(603, scan_of(World(), 603 * MS))
     assert free.linear == 0.2
     assert told.code == ""
+    held, stale = at(604)  # one that falls silent later is told at once: it was waited for already
+    assert held.linear == 0.0
+    assert stale.code == STALE
 
 
 def test_between_scans_the_points_come_nearer_as_it_drives():
