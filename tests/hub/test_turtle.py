@@ -94,3 +94,10 @@ def test_the_burger_wanders_and_gives_way_to_a_person(tmp_path):
         assert len(scan["distances"]) == 360
         said = done(tmp_path, "drive", "--v", "0.1", "--distance", "20cm")
         assert 0.15 < float(said.split()[1]) < 0.30  # it came with 0.176 m/s
+
+
+def test_the_names_of_turtlesim_are_known(folder):
+    code, said, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once")
+    assert code == 0, complaint
+    assert set(json.loads(said)) >= {"x", "y", "heading"}
+    assert "/turtle1/pose is robot.pose here" in complaint
