@@ -180,6 +180,18 @@ class Text(NamedTuple):
     text: Annotated[str, Field("", "The words.")]
 
 
+LOG_LEVELS = ("debug", "info", "warning", "error")  # the least grave first
+
+
+class LogLine(NamedTuple):
+    """One event, in words."""
+
+    time: Time
+    level: Annotated[str, Field("", "`debug`, `info`, `warning` or `error`.")]
+    source: Annotated[str, Field("", "The block that says it, `robot`, `operator` or `engine`.")]
+    text: Annotated[str, Field("", "The words.")]
+
+
 class Resume(NamedTuple):
     """A person's consent to move again after a latched stop."""
 
@@ -221,6 +233,7 @@ Message = (
     | Link
     | Battery
     | Text
+    | LogLine
     | Resume
     | Setting
     | Call
@@ -229,7 +242,7 @@ Message = (
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
     for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Resume, Setting, Call)
+                 GoalState, Stop, Link, Battery, Text, LogLine, Resume, Setting, Call)
 }  # fmt: skip
 
 

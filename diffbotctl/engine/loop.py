@@ -167,6 +167,8 @@ class Engine:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
         cause = f"it raised {type(error).__name__}: {error}"
+        self.graph.block(name).log.error(cause)
+        self.compiled.publish(now)
         fix = "the robot was stopped; run again with --debug to see where in the block"
         raise RunError(Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)) from error
 
