@@ -12,8 +12,10 @@ from diffbotctl.messages import LOG_LEVELS, LogLine
 DEBUG, INFO, WARNING, ERROR = range(len(LOG_LEVELS))
 NOTHING = len(LOG_LEVELS)  # a threshold that no line reaches
 DEFAULT = "info"
+ALL = "*"  # every source
 LEVEL = "log_level"  # what a Setting calls the level of a source
 SECOND = 1_000_000_000
+OUTSIDE = ("robot", "operator", "engine")  # sources that are no blocks
 MOST = 50  # lines of one source in a second: a block that says one a message is cut short
 LONGEST = 400  # characters of a line; more is no line any longer
 
@@ -63,6 +65,8 @@ class Logbook:
         self.lines: list[tuple[int, str, str]] = []
         self.logs: dict[str, Log] = {}
         self.said: dict[str, tuple[int, int]] = {}
+        for source in OUTSIDE:
+            self.of(source)
 
     def of(self, source: str) -> Log:
         """The voice of `source`, at the level `info` unless it was set."""
@@ -71,8 +75,13 @@ class Logbook:
         return self.logs[source]
 
     def set_level(self, source: str, level: str) -> None:
-        """Leave out what `source` says below `level`. Raises ValueError for an unknown level."""
-        self.of(source).set(LOG_LEVELS.index(level))
+        """Leave out what `source`, or ALL, says below `level`.
+
+        Raises ValueError for an unknown level.
+        """
+        logs = self.logs.values() if source == ALL else [self.of(source)]
+        for log in logs:
+            log.set(LOG_LEVELS.index(level))
 
     def level(self, source: str) -> str:
         """The level from which on `source` is heard."""

@@ -14,6 +14,7 @@ from diffbotctl.drivers.operator import Operator
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Answer, Channel, Command
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.engine.meter import Meter
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
 
 LATER = "later"  # a verb that answers by itself
@@ -26,6 +27,7 @@ class Person:
     """A driver that follows the commands of one channel. `wakes`: a command wakes the loop.
 
     A paced simulation is not woken: it has its own exact times, and looks each instant.
+    `meter` measures the blocks when someone wants to see what they cost.
     """
 
     def __init__(self, channel: Channel, operator: Operator, changes: Changes, wakes: bool) -> None:
@@ -37,6 +39,7 @@ class Person:
         self.outbox: list[Delivery] = []
         self.at = 0
         self.driving = Driving()
+        self.meter: Meter | None = None
 
     def due(self) -> int:
         """At once when something waits to be delivered; when whoever drives has been silent."""
@@ -70,6 +73,8 @@ class Person:
                 self.channel.answer(Answer(command.number, code))
         if was_open and not self.channel.is_open and self.driving.is_on:
             self._lose(now, self.driving.gone)
+        if self.meter is not None and self.meter.is_on:
+            self.channel.loads = self.meter.idle() or self.channel.loads
         self.channel.flush()
 
     def _stop(self, now: int, command: Command) -> str:
@@ -127,6 +132,12 @@ class Person:
         self.calls.append(command.number)
         return LATER
 
+    def _measure(self, now: int, command: Command) -> str:
+        """Measure what the blocks cost, for some seconds."""
+        if self.meter is not None:
+            self.meter.want()
+        return ""
+
     def _leave(self, now: int, command: Command) -> str:
         """A client has gone: nothing happens unless it was driving."""
         if self.driving.is_by(command.client):
@@ -158,5 +169,6 @@ VERBS: dict[str, Verb] = {
     "release": Person._release,
     "set": Person._set,
     "call": Person._call,
+    "measure": Person._measure,
     "leave": Person._leave,
 }

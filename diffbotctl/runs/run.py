@@ -18,6 +18,7 @@ from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.loop import Ending, Engine
+from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import Problem, RunError, UserError
 from diffbotctl.graph import NEVER, Sink
@@ -118,6 +119,8 @@ class Run:
             idle=self._idle(),
             signals=signals,
         )
+        if self.person is not None:
+            self.person.meter = Meter(self.engine)
 
     def go(self) -> Result:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
