@@ -373,6 +373,9 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-LOG": _code("the file of the log cannot be written", """
+        `run --log FILE` adds to FILE. The folder may not exist, or the file belongs to someone
+        else. The run has not started."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey

@@ -76,21 +76,28 @@ class Graph:
         return {node.name: node.block for node in self.nodes}[name]
 
     def compile(
-        self, sinks: dict[str, Sink], record: Callable[[tuple[Any, ...]], object] | None
+        self,
+        sinks: dict[str, Sink],
+        record: Callable[[tuple[Any, ...]], object] | None,
+        listeners: dict[str, Sink] | None = None,
     ) -> Compiled:
         """Make the run's functions.
 
         `sinks` are called with (now, message) at the end of an instant for each new message on
         their wire. `record`, when given, then gets one tuple an instant: (now, message or None for
-        each of `wires`); and one more, with the same time, for each line of the log.
+        each of `wires`); and one more, with the same time, for each line of the log. `listeners`
+        are called like sinks, after them all and in the order of the wires: what they say must not
+        hang on which sinks there are.
         """
         sinks = dict(sinks)
         publish = self._publisher(sinks.pop(LOG, None), record)
-        writer = _Writer(self, list(sinks), record is not None)
+        heard = {wire: listeners[wire] for wire in self.wires if listeners and wire in listeners}
+        writer = _Writer(self, list(sinks), record is not None, list(heard))
         names: dict[str, Any] = {"NEVER": NEVER, "record": record, "publish": publish}
         names["lines"] = [] if self.book is None else self.book.lines
         names.update({f"r{i}": node.block.react for i, node in enumerate(self.nodes)})
         names.update({f"s{i}": sink for i, sink in enumerate(sinks.values())})
+        names.update({f"h{i}": listener for i, listener in enumerate(heard.values())})
         exec(compile(writer.source(), GENERATED, "exec"), names)  # the graph's own source
         instant, due, timers = names["make"]()
         return Compiled(
@@ -180,7 +187,9 @@ class _Writer:
     """Writes the source. n = new on wire, v = held on wire, f = held while fresh, x = its deadline,
     q = a timer's next time, k = its firing."""
 
-    def __init__(self, graph: Graph, sinks: list[str], recording: bool) -> None:
+    def __init__(
+        self, graph: Graph, sinks: list[str], recording: bool, listeners: list[str]
+    ) -> None:
         self.number = {wire: i for i, wire in enumerate(graph.wires)}
         self.lines: list[str] = []
         self.state: dict[str, str] = {}
@@ -195,6 +204,10 @@ class _Writer:
         self.sinks = [
             f"if n{self.number[w]} is not None: s{i}(now, n{self.number[w]})"
             for i, w in enumerate(sinks)
+        ]
+        self.sinks += [
+            f"if n{self.number[w]} is not None: h{i}(now, n{self.number[w]})"
+            for i, w in enumerate(listeners)
         ]
         everything = ", ".join("None" if w == LOG else f"n{i}" for w, i in self.number.items())
         self.last = [f"record((now, {everything}))"] if recording else []

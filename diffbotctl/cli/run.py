@@ -46,6 +46,10 @@ VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 @click.option(
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
 )
+@click.option(
+    "--log", type=click.Path(dir_okay=False, path_type=Path),
+    help="Add every event to a file, one JSON object a line.",
+)  # fmt: skip
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
 @click.option("--name", help="What `--engine` calls this run; without it the pipeline's name.")
@@ -55,7 +59,7 @@ VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 def command(
     pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
     seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
-    name: str | None, group: str | None, no_socket: bool, quiet: bool,
+    name: str | None, group: str | None, no_socket: bool, quiet: bool, log: Path | None,
 ) -> int:  # fmt: skip
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
@@ -78,7 +82,7 @@ def command(
     _announce(configuration, port, seed)
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
-    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay)
+    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay, log)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )

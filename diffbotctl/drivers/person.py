@@ -110,6 +110,7 @@ class Person:
             if self.driving.is_on and not takes_over:
                 return "busy"
             self.operator.pause(now)
+            self.operator.note(now, "info", "operator", f"{command.who} drives by hand")
         self.driving.go_on(now, command)
         self._say(now, "twist", Twist(now, linear, angular))
         return ""
@@ -120,6 +121,7 @@ class Person:
             return "not_driving"
         self._say(now, "twist", Twist(now, 0.0, 0.0))
         self.driving.let_go()
+        self.operator.note(now, "info", "operator", f"{command.who} has let go")
         return ""
 
     def _set(self, now: int, command: Command) -> str:

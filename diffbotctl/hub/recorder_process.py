@@ -55,8 +55,8 @@ def _record(
     try:
         _write_all(channel, file, wires, sources, about)
     except OSError as error:
-        _report(channel, f"{os.strerror(error.errno or 0)}")
-        for _ in _items(channel):
+        report(channel, f"{os.strerror(error.errno or 0)}")
+        for _ in items(channel):
             pass
         return 1
     return 0
@@ -70,7 +70,7 @@ def _write_all(
     recording = Recording(file, wires, sources, about)
     flushed = time.monotonic()
     summary: dict[str, str] | None = None
-    for item in _items(channel):
+    for item in items(channel):
         if isinstance(item, list):
             for instant in item:
                 recording.write(instant)
@@ -84,7 +84,7 @@ def _write_all(
         recording.finish({**summary, "instants": str(recording.instants)})
 
 
-def _items(channel: socket.socket) -> Iterator[Any]:
+def items(channel: socket.socket) -> Iterator[Any]:
     """Everything that comes over the channel, and None each second of silence, until its end."""
     buffer = bytearray()
     while True:
@@ -106,6 +106,7 @@ def _items(channel: socket.socket) -> Iterator[Any]:
             del buffer[: LENGTH.size + length]
 
 
-def _report(channel: socket.socket, trouble: str) -> None:
+def report(channel: socket.socket, trouble: str) -> None:
+    """Tell the engine why nothing is written any longer."""
     with suppress(OSError):
         channel.send(trouble.encode())

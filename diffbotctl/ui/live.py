@@ -18,6 +18,7 @@ from diffbotctl.ui.map import Map, Point
 
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 ROWS_OF_FACTS = 11
+STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of lines of the log
 
 
 class Scene(NamedTuple):
@@ -111,9 +112,11 @@ def facts(picture: Snapshot) -> Table:
 
 
 def show(scene: Scene, pictures: Iterator[Snapshot]) -> None:
-    """Draw pictures on the terminal until they end; the last one stays."""
+    """Draw pictures on the terminal until they end; the lines of the log stay above them."""
     console = Console(file=sys.stdout)
     view = LiveView(scene)
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for picture in pictures:
+            for line in picture.lines:
+                live.console.print(words.line(line), style=STYLES.get(line.level), markup=False)
             live.update(view.render(picture, console.width, console.height), refresh=True)
