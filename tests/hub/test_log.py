@@ -1,0 +1,212 @@
+"""The log and the cost of blocks on a running engine: what is said, and who hears it."""
+
+import json
+import signal
+import subprocess
+
+import pytest
+
+from tests.hub.running import Plain, cli, command, moves, running, stands
+
+FAR = ["goal", "--goal", "4 0"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("log")
+    with running(made, "goal", "--stay", "--goal", "0 0"):
+        Plain(made).until(lambda status: status["time"] > 200_000_000)  # ns
+        yield made
+
+
+def follow(folder, *words):
+    """`diffbotctl log words` as a process whose lines can be read as they come."""
+    line, environment = command(folder, "log", *words)
+    return subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def read_until(stream, seen):
+    """The first line of JSON of which `seen` is true; fails when the stream ends without it."""
+    for text in stream:
+        line = json.loads(text)
+        if seen(line):
+            return line
+    raise AssertionError("it ended without that line")
+
+
+def test_what_was_said_before_and_only_that(folder):
+    code, out, _ = cli(folder, "log", "--once")
+    said = [json.loads(line) for line in out.splitlines()]
+    assert code == 0 and set(said[0]) == {"time", "level", "source", "text"}
+    assert "goal 1 taken: x 0.000 m  y 0.000 m" in {line["text"] for line in said}
+    assert {"operator", "robot", "follower"} <= {line["source"] for line in said}
+    assert len(cli(folder, "log", "--once", "--last", "1")[1].splitlines()) == 1
+    assert cli(folder, "log", "--once", "--last", "0")[1] == ""
+
+
+def test_by_level_and_by_block(folder):
+    client = Plain(folder)
+    assert client.ask("stop", why="someone tests")["ok"]
+    client.until(lambda status: status["held"] is not None)
+    errors = client.ask("log", level="error")["lines"]
+    assert errors[-1]["source"] == "gate" and "someone tests" in errors[-1]["text"]
+    assert {line["level"] for line in errors} == {"error"}
+    robot = client.ask("log", block="robot")["lines"]
+    assert {line["source"] for line in robot} == {"robot"}
+    assert client.ask("resume")["ok"]
+    client.until(lambda status: status["held"] is None)
+    row = next(row for row in client.ask("blocks")["blocks"] if row["block"] == "gate")
+    assert row["last_error"] == errors[-1]
+
+
+def test_following_shows_an_event_as_it_happens(folder):
+    process = follow(folder, "--block", "operator", "--last", "0")
+    try:
+        client = Plain(folder)
+        client.until(lambda status: _followers(folder) > 0)
+        assert client.ask("set", parameter="guard.margin", value="6 cm")["ok"]
+        line = read_until(process.stdout, lambda line: "guard.margin" in line["text"])
+        assert line["text"] == "guard.margin = 0.06" and line["source"] == "operator"
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _followers(folder):
+    log = (folder / "diffbotctl" / "test.log").read_text()
+    return log.count('"diffbotctl log"')
+
+
+def test_whoever_drives_is_named_when_they_come_and_go(folder):
+    client = Plain(folder)
+    assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+    assert client.ask("release")["ok"]
+    client.until(stands)
+    while True:  # the second line may be a turn behind the answer
+        said = [line["text"] for line in client.ask("log", block="operator")["lines"]]
+        if said[-1].endswith("has let go"):
+            break
+    assert said[-2].startswith("plain (process ") and said[-2].endswith("drives by hand")
+
+
+def test_echo_and_the_ros_name_show_the_same_wire(folder):
+    code, out, _ = cli(folder, "topic", "echo", "log", "--once")
+    assert code == 0 and json.loads(out)["level"] in ("info", "warning", "error")
+    assert cli(folder, "topic", "echo", "log.text", "--once")[1].startswith('"')
+    assert "/rosout is log here" in cli(folder, "topic", "echo", "/rosout", "--once")[2]
+    assert "LogLine" in cli(folder, "topic", "type", "log")[1]
+
+
+@pytest.mark.parametrize(
+    "words, complaint",
+    [
+        (["level", "gard", "debug"], "did you mean guard"),
+        (["level", "guard", "loud"], "is not one of"),
+        (["--once", "--block", "gard"], "did you mean guard"),
+    ],
+)
+def test_what_is_not_there_is_said(folder, words, complaint):
+    code, _, said = cli(folder, "log", *words)
+    assert code in (1, 2) and complaint in " ".join(said.split())
+
+
+@pytest.mark.parametrize(
+    "asked, complaint",
+    [
+        ({"do": "log", "last": -1}, "not kept"),
+        ({"do": "log", "last": 1e9}, "not kept"),
+        ({"do": "log", "last": "all"}, "finite number"),
+        ({"do": "log", "level": "loud"}, "no level 'loud'"),
+        ({"do": "log_level", "block": "guard", "level": "Debug"}, "no level 'Debug'"),
+        ({"do": "log_level", "block": "nobody", "level": "debug"}, "no block 'nobody'"),
+        ({"do": "log_level", "level": "debug"}, "field 'block'"),
+    ],
+)
+def test_nonsense_is_refused(folder, asked, complaint):
+    said = Plain(folder).ask(**asked)
+    assert said["ok"] is False and complaint in said["cause"]
+
+
+def test_a_level_changes_while_running(tmp_path):
+    with running(tmp_path, *FAR):
+        client = Plain(tmp_path)
+        client.until(moves)
+        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        assert set(levels.values()) == {"info"}
+        assert cli(tmp_path, "log", "level", "mux", "debug")[1].startswith("mux is heard from")
+        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+        assert client.ask("release")["ok"]
+        client.until(stands)
+        while not client.ask("log", block="mux")["lines"]:
+            pass  # fails by the client's own patience
+        lines = client.ask("log", block="mux")["lines"]
+        assert (lines[0]["level"], lines[0]["text"]) == ("debug", "a person drives")
+        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        assert levels.pop("mux") == "debug" and set(levels.values()) == {"info"}
+        assert client.ask("log_level", block="*", level="error")["ok"]
+        while {row["level"] for row in client.ask("blocks")["blocks"]} != {"error"}:
+            pass
+
+
+def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
+    from diffbotctl.hub.recording import RecordingReader
+
+    path = tmp_path / "levels.mcap"
+    with running(tmp_path, *FAR, "--record", str(path)) as process:
+        client = Plain(tmp_path)
+        client.until(moves)
+        assert client.ask("log_level", block="mux", level="debug")["ok"]
+        assert client.ask("drive", linear=0.1, angular=0.0)["ok"]
+        assert client.ask("release")["ok"]
+        client.until(stands)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    lines = [item.message for item in RecordingReader(path).messages() if item.wire == "log"]
+    sources = {(line.level, line.source) for line in lines}
+    assert ("debug", "mux") in sources and ("info", "operator") in sources
+    code, out, complaint = cli(tmp_path, "replay", str(path), "--check")
+    assert code == 0, out + complaint
+
+
+def test_blocks_are_measured_while_someone_asks(folder):
+    client = Plain(folder)
+    while any(row["busy"] is None for row in client.ask("blocks")["blocks"]):
+        pass
+    rows = {row["block"]: row for row in client.ask("blocks")["blocks"]}
+    assert 30 < rows["odometry"]["reactions"] < 50  # this board sends 40 frames a second
+    assert 0 < rows["odometry"]["busy"] < 0.1
+    assert rows["odometry"]["overruns"] == 0
+    code, out, _ = cli(folder, "blocks", "--live")
+    row = json.loads(out.splitlines()[0])
+    assert code == 0 and 0 < row["busy"] < 0.1
+
+
+def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
+    """The talker speaks each 10 ms; the engine is frozen for longer, so some come too late."""
+    quick = ["hello", "--set", "talker.period=10 ms", "--for", "60s"]
+    line, environment = command(tmp_path, "run", *quick, "--name", "test")
+    process = subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+    try:
+        process.stdout.readline(), process.stdout.readline()
+        client = Plain(tmp_path)
+
+        def talker():
+            while (row := client.ask("blocks")["blocks"][0])["overruns"] is None:
+                pass
+            return row
+
+        before = talker()["overruns"]
+        spoken = client.ask("rate", topic="talker.text")["messages"]
+        process.send_signal(signal.SIGSTOP)
+        while client.ask("rate", topic="talker.text")["messages"] != spoken:
+            spoken = client.ask("rate", topic="talker.text")["messages"]
+        frozen = client.ask("status")["time"]
+        subprocess.run(["sleep", "0.3"], check=True)
+        process.send_signal(signal.SIGCONT)
+        # 300 ms are 30 periods; the first late one is 10 ms late, which is no overrun yet.
+        while talker()["overruns"] < before + 25:
+            pass
+        assert client.ask("status")["time"] > frozen
+    finally:
+        process.kill()
+        process.communicate()
