@@ -73,6 +73,7 @@ def line(said: LogLine) -> str:
 
 
 LOUD = ("warning", "error")
+STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
 
 
 def stop(said: Stop | None) -> str:
