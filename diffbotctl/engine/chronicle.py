@@ -98,6 +98,7 @@ class Chronicle:
         return hear
 
     def _goal(self, now: int, goal: Goal) -> None:
+        self.goals.clear()  # a goal that goes on after a pause begins anew
         if not goal.number:
             self.operator.info("the goal is withdrawn")
             return

@@ -77,6 +77,19 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
                 ("info", "guard", "goal 1: driving, 500 mm, 0.0 deg to go"),
             ],
         ),
+        # A goal that was withdrawn and goes on begins anew.
+        (
+            [
+                ("drive.state", TURNING),
+                ("operator.goal", Goal(0, 0)),
+                ("drive.state", TURNING),
+            ],
+            [
+                ("info", "guard", "goal 1: turning, 1000 mm, 28.6 deg to go"),
+                ("info", "operator", "the goal is withdrawn"),
+                ("info", "guard", "goal 1: turning, 1000 mm, 28.6 deg to go"),
+            ],
+        ),
         (
             [("drive.state", GoalState(0, 2, "reached", 0.004, 0.0))],
             [("info", "guard", "goal 2 reached, 4 mm, 0.0 deg off")],
@@ -123,7 +136,7 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
             ],
         ),
     ],
-    ids=["held", "latched", "states", "reached", "given up", "goals", "link", "people"],
+    ids=["held", "latched", "states", "anew", "reached", "given up", "goals", "link", "people"],
 )
 def test_each_event_is_one_line(deliveries, lines):
     assert told(*deliveries) == lines
