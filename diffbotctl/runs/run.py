@@ -49,6 +49,7 @@ class Options(NamedTuple):
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
     log: Path | None = None
+    levels: tuple[tuple[str, str], ...] = ()  # of the log: source and level
 
 
 class Result(NamedTuple):
@@ -109,6 +110,8 @@ class Run:
         self.operator = Operator(self._goals(), self._end)
         self.total = len(self.operator.waiting) + (self.operator.under_way is not None)
         self.operator.stays = options.stay
+        for source, level in options.levels:
+            self.operator.set_level(0, source, level)
         drivers: list[Driver] = [*([self.robot] if self.robot else []), self.operator]
         self.person: Person | None = None
         if self.station is not None:

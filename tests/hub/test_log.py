@@ -207,3 +207,42 @@ def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
     finally:
         process.kill()
         process.communicate()
+
+
+def test_whoever_follows_hears_how_the_run_ended(tmp_path):
+    with running(tmp_path, *FAR) as engine:
+        process = follow(tmp_path)
+        try:
+            read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
+            engine.send_signal(signal.SIGINT)
+            line = read_until(process.stdout, lambda line: line["source"] == "engine")
+            assert line["level"] == "warning" and "final stop confirmed" in line["text"]
+            assert process.wait(timeout=PATIENCE) == 0
+        finally:
+            process.kill()
+            process.communicate()
+
+
+@pytest.mark.parametrize(
+    "option, source", [("debug", {"mux", "range"}), ("mux=debug", {"mux"})], ids=["all", "one"]
+)
+def test_levels_from_the_start(tmp_path, option, source):
+    with running(tmp_path, *FAR, "--log-level", option):
+        client = Plain(tmp_path)
+        client.until(moves)
+        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+        lines = until(
+            lambda: [row for row in client.ask("log")["lines"] if row["level"] == "debug"],
+            lambda rows: "mux" in {row["source"] for row in rows},
+        )
+        assert {row["source"] for row in lines} >= source
+        assert option == "debug" or {row["source"] for row in lines} == source
+
+
+@pytest.mark.parametrize(
+    "option, complaint",
+    [("loud", "there are debug, info"), ("gard=debug", "did you mean guard")],
+)
+def test_a_level_that_does_not_exist_starts_nothing(tmp_path, option, complaint):
+    code, _, said = cli(tmp_path, "run", "goal", "--log-level", option)
+    assert code == 2 and complaint in " ".join(said.split())
