@@ -6,6 +6,7 @@ and from then on only keeps the channel empty.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -28,6 +29,7 @@ def start(path: Path, epoch: int) -> tuple[socket.socket, int]:
     """
     file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - the child closes it
     ours, theirs = socket.socketpair()
+    gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
         file.close()

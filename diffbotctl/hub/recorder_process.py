@@ -6,6 +6,7 @@ says so once, on the channel it reads from, and from then on only keeps the chan
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import select
@@ -33,6 +34,7 @@ def start(
     file = open(path, "wb")  # noqa: SIM115 - the child closes it
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+    gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
         file.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -18,6 +19,7 @@ LINES = 64 << 10  # bytes the channel may hold: a few pictures, older ones are o
 def start(show: Callable[[Iterator[Snapshot]], None]) -> tuple[socket.socket, int]:
     """Fork a process that runs `show` over the pictures sent to the returned channel."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
         theirs.close()
