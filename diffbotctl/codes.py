@@ -391,6 +391,9 @@ CODES: dict[str, Code] = {
     "E-OUTPUT": _code("a file cannot be written", """
         The folder may not exist, the disk may be full, or you may not write there. Nothing else was
         changed. `ls -ld FOLDER` shows who may write into it."""),
+    "E-LOG": _code("the file of the log cannot be written", """
+        `run --log FILE` adds to FILE. The folder may not exist, or the file belongs to someone
+        else. The run has not started."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey
