@@ -16,6 +16,7 @@ from diffbotctl.engine.replay import Recorded
 from diffbotctl.links.json_messages import decoder, encoder, json_schema
 from diffbotctl.messages import BUILT_IN
 
+VIEWER = "viewer"  # origin of messages that were made for viewers: no part of the run
 CHUNK = 256 << 10  # bytes; an unpaced run fills it in a few ms, a paced one flushes each second
 
 
@@ -44,6 +45,7 @@ class Recording:
                 wire, "json", schemas[kind], {"from": origin, "kind": kind.__name__}
             )
             self.channels.append((channel, encoder(kind)))
+        self.flush()  # a chunk of its own: damage to the first messages must not cost the rest
 
     def write(self, instant: tuple[Any, ...]) -> None:
         """Write the messages of one instant: (time, message or None for each wire)."""
@@ -73,42 +75,58 @@ class RecordingReader:
         self.path = path
         self.about: dict[str, str] = {}
         self.end: dict[str, str] | None = None
+        self.recovered: dict[str, str] | None = None
         self.wires: dict[str, tuple[str, str]] = {}
         self.cut: str | None = None
 
     def messages(self) -> Iterator[Recorded]:
-        """All messages in the order of writing. Fills `about`, `end`, `wires` and `cut`."""
+        """All messages of the run in the order of writing, without those made for viewers.
+
+        Fills `about`, `end`, `wires` and `cut`.
+        """
+        decoders: dict[int, Any] = {}
+        for channel, record in self.records():
+            if channel.metadata.get("from") == VIEWER:
+                continue
+            if channel.id not in decoders:
+                decoders[channel.id] = decoder(BUILT_IN[channel.metadata["kind"]])
+            yield Recorded(
+                record.log_time - int(self.about["epoch"]),
+                channel.topic,
+                channel.metadata["from"] == "driver",
+                decoders[channel.id](record.data),
+                record.data,
+                record.sequence,
+            )
+
+    def records(self) -> Iterator[tuple[Any, Any]]:
+        """Every message as it stands in the file, with its MCAP channel; nothing is decoded.
+
+        Fills `about`, `end`, `wires` and `cut`.
+        """
         from mcap.records import Channel, Message, Metadata
         from mcap.stream_reader import StreamReader
 
-        decoders: dict[int, Any] = {}
         channels: dict[int, Any] = {}
         with self.path.open("rb") as file:
-            records = StreamReader(file, validate_crcs=True).records
-            for record in self._until_cut(records):
+            for record in self._until_cut(StreamReader(file, validate_crcs=True).records):
                 if isinstance(record, Metadata):
                     self._note(record.name, dict(record.metadata))
                 elif isinstance(record, Channel) and record.id not in channels:
                     channels[record.id] = record
-                    decoders[record.id] = decoder(BUILT_IN[record.metadata["kind"]])
-                    self.wires[record.topic] = (record.metadata["kind"], record.metadata["from"])
+                    origin = record.metadata.get("from", "")
+                    if origin in ("driver", "block"):
+                        self.wires[record.topic] = (record.metadata["kind"], origin)
                 elif isinstance(record, Message):
-                    channel = channels[record.channel_id]
-                    message = decoders[record.channel_id](record.data)
-                    yield Recorded(
-                        record.log_time - int(self.about["epoch"]),
-                        channel.topic,
-                        channel.metadata["from"] == "driver",
-                        message,
-                        record.data,
-                        record.sequence,
-                    )
+                    yield channels[record.channel_id], record
 
     def _note(self, name: str, values: dict[str, str]) -> None:
         if name == "run":
             self.about = values
         elif name == "end":
             self.end = values
+        elif name == "recovered":
+            self.recovered = values
 
     def _until_cut(self, records: Any) -> Iterator[Any]:
         iterator = iter(records)
