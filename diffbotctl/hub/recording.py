@@ -45,7 +45,7 @@ class Recording:
                 wire, "json", schemas[kind], {"from": origin, "kind": kind.__name__}
             )
             self.channels.append((channel, encoder(kind)))
-        self.flush()  # a chunk of its own: damage to the first messages must not cost the rest
+        self.flush()  # killed within the first second, the file still says what it is
 
     def write(self, instant: tuple[Any, ...]) -> None:
         """Write the messages of one instant: (time, message or None for each wire)."""

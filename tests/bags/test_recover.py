@@ -43,9 +43,10 @@ def chunks(data):
     return found
 
 
+# The first chunk also holds the topics' names and types: without it nothing can be understood.
 CHUNK = 0x06  # the opcode in the MCAP specification
 WHOLE = written(6)
-HEAD, *CHUNKS = chunks(WHOLE)
+CHUNKS = chunks(WHOLE)
 A_CHUNK = 2 * A_SECOND  # messages
 
 
@@ -65,7 +66,7 @@ def folder(tmp_path_factory):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.integers(HEAD[1], len(WHOLE)))
+@given(st.integers(CHUNKS[0][0], len(WHOLE)))
 def test_a_file_cut_anywhere_gives_back_every_whole_chunk(folder, length):
     done, seen = mended(WHOLE[:length], folder)
     assert done.messages == len(seen) == A_CHUNK * sum(end <= length for _, end in CHUNKS)
@@ -75,7 +76,7 @@ def test_a_file_cut_anywhere_gives_back_every_whole_chunk(folder, length):
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.sampled_from(CHUNKS), st.floats(0.2, 1.0, exclude_max=True))
+@given(st.sampled_from(CHUNKS[1:]), st.floats(0.2, 1.0, exclude_max=True))
 def test_a_damaged_chunk_costs_only_itself(folder, chunk, share):
     begin, end = chunk
     data = bytearray(WHOLE)
