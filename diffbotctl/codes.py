@@ -92,6 +92,9 @@ CODES: dict[str, Code] = {
         A field is named as `topic echo` names it: the block, its port and the field of the message,
         with dots between: `odometry.odometry.x`. `bag info FILE` lists the topics that are in a
         recording; a topic that never spoke has no fields to show."""),
+    "E-PICTURE": _code("a picture cannot be written", """
+        `bag plot --output` writes SVG by itself. A PNG is drawn by the library Pillow, which is not
+        installed with diffbotctl: `pip install pillow`."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.

@@ -95,6 +95,58 @@ def _cell(value: object) -> object:
 
 
 @command.command()
+@click.argument("fields", nargs=-1, required=True, metavar="FIELD...")
+@recording
+@click.option("--from", "begin", metavar="TIME", help="Begin there, such as 3s.")
+@click.option("--until", metavar="TIME", help="End there.")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="x.svg or x.png.")
+@click.option("--ascii", "plain", is_flag=True, help="Draw with plain characters only.")
+def plot(
+    fields: tuple[str, ...], file: Path, begin: str | None, until: str | None,
+    output: Path | None, plain: bool,
+) -> int:  # fmt: skip
+    """Draw the FIELDs of the recording FILE over time, in the terminal or into --output.
+
+    A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
+    """
+    from diffbotctl.bags.series import series
+    from diffbotctl.cli.attach import quantity_of
+    from diffbotctl.graph import NEVER
+
+    first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
+    last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)
+    drawn = series(file, fields, first, last)
+    if output is None:
+        _on_terminal(drawn, plain)
+        return 0
+    from diffbotctl.ui.figure import figure, save
+
+    save(figure(drawn, file.name), output)
+    click.echo(f"{output}")
+    return 0
+
+
+def _on_terminal(drawn: list[Any], plain: bool) -> None:
+    from shutil import get_terminal_size
+
+    from diffbotctl.ui import terminal_plot
+    from diffbotctl.ui.dots import ASCII, BRAILLE
+
+    size = get_terminal_size((80, 24))
+    font = ASCII if plain or not _speaks_braille() else BRAILLE
+    for line in terminal_plot.lines(drawn, size.columns, size.lines - 1, font):
+        click.echo(line)
+
+
+def _speaks_braille() -> bool:
+    try:
+        "\N{BRAILLE PATTERN DOTS-1}".encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@command.command()
 @click.argument("one", type=click.Path(path_type=Path))
 @click.argument("other", type=click.Path(path_type=Path))
 def diff(one: Path, other: Path) -> int:

@@ -43,7 +43,6 @@ def chunks(data):
     return found
 
 
-# The first chunk also holds the topics' names and types: without it nothing can be understood.
 CHUNK = 0x06  # the opcode in the MCAP specification
 WHOLE = written(6)
 CHUNKS = chunks(WHOLE)
@@ -78,6 +77,7 @@ def test_a_file_cut_anywhere_gives_back_every_whole_chunk(folder, length):
 @settings(max_examples=20, deadline=None)
 @given(st.sampled_from(CHUNKS[1:]), st.floats(0.2, 1.0, exclude_max=True))
 def test_a_damaged_chunk_costs_only_itself(folder, chunk, share):
+    # Not so the first one: it also holds the topics' names and types.
     begin, end = chunk
     data = bytearray(WHOLE)
     data[begin + int((end - begin) * share)] ^= 0x55  # behind the chunk's own head
