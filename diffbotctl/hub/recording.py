@@ -1,4 +1,4 @@
-"""Recordings: MCAP files with one JSON channel a wire, flushed each second.
+"""Recordings: MCAP files with one JSON channel a wire, and some for viewers, flushed each second.
 
 A file that was ended properly carries the metadata record `end`; without it the file was cut, and
 is readable up to its last flush.
@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from diffbotctl.engine.replay import Recorded
+from diffbotctl.hub.viewers import Viewers, schema
+from diffbotctl.links.foxglove import Mount
 from diffbotctl.links.json_messages import decoder, encoder, json_schema
 from diffbotctl.messages import BUILT_IN
 
@@ -24,7 +26,12 @@ class Recording:
     """Writes instants to an MCAP file. All methods may raise OSError when the disk is full."""
 
     def __init__(
-        self, file: IO[bytes], wires: dict[str, type], sources: int, about: dict[str, str]
+        self,
+        file: IO[bytes],
+        wires: dict[str, type],
+        sources: int,
+        about: dict[str, str],
+        mounts: dict[str, Mount] | None = None,
     ) -> None:
         from mcap.writer import CompressionType, Writer
 
@@ -38,13 +45,19 @@ class Recording:
         schemas: dict[type, int] = {}
         for place, (wire, kind) in enumerate(wires.items()):
             if kind not in schemas:
-                schema = json.dumps(json_schema(kind)).encode()
-                schemas[kind] = self.writer.register_schema(kind.__name__, "jsonschema", schema)
+                text = json.dumps(json_schema(kind)).encode()
+                schemas[kind] = self.writer.register_schema(kind.__name__, "jsonschema", text)
             origin = "driver" if place < sources else "block"
             channel = self.writer.register_channel(
                 wire, "json", schemas[kind], {"from": origin, "kind": kind.__name__}
             )
             self.channels.append((channel, encoder(kind)))
+        self.viewers = Viewers(self.epoch, wires, mounts or {})
+        self.views: dict[str, int] = {}
+        for topic, name in self.viewers.topics.items():
+            view = self.writer.register_schema(f"foxglove.{name}", "jsonschema", schema(name))
+            about_view = {"from": VIEWER, "kind": f"foxglove.{name}"}
+            self.views[topic] = self.writer.register_channel(topic, "json", view, about_view)
         self.flush()  # killed within the first second, the file still says what it is
 
     def write(self, instant: tuple[Any, ...]) -> None:
@@ -53,6 +66,8 @@ class Recording:
         for (channel, encode), message in zip(self.channels, instant[1:], strict=True):
             if message is not None:
                 self.writer.add_message(channel, time, encode(message), time, self.instants)
+        for topic, data in self.viewers.made(instant):
+            self.writer.add_message(self.views[topic], time, data, time, self.instants)
         self.instants += 1
 
     def flush(self) -> None:

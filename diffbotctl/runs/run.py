@@ -25,7 +25,7 @@ from diffbotctl.hub import recorder_process, screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
-from diffbotctl.runs.assembly import Assembly, assemble, wires_of
+from diffbotctl.runs.assembly import Assembly, assemble, mounts, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
@@ -250,7 +250,7 @@ class Run:
         graph = self.assembly.graph
         try:
             channel, pid = recorder_process.start(
-                path, graph.kinds, len(graph.sources), self._about()
+                path, graph.kinds, len(graph.sources), self._about(), mounts(self.configuration)
             )
         except OSError as error:
             cause = f"cannot record there: {error.strerror}"
@@ -280,6 +280,13 @@ class Run:
             "files": json.dumps(files),
         }
 
+    def _truth_text(self) -> str:
+        """The simulated robot's true place as JSON [x, y, heading]; empty on a real one."""
+        import json
+
+        plant = getattr(self.robot, "robot", None)
+        return "" if plant is None else json.dumps(list(plant.truth().pose))
+
     def _close(self, ending: Ending) -> str | None:
         incomplete = None
         if self.recorder is not None:
@@ -288,6 +295,7 @@ class Run:
                 "cause": ending.cause,
                 "last": str(self.engine.last),
                 "digest": self.digest.text() if self.digest else "",
+                "truth": self._truth_text(),
             }
             self.recorder.close(summary)
             incomplete = self.recorder.lost
