@@ -68,7 +68,7 @@ class _Copy:
         self.begun = False
 
     def take(self, record: Any) -> None:
-        from mcap.records import Channel, Message, Metadata, Schema
+        from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
         match record:
             case Schema() if record.id not in self.schemas:
@@ -86,6 +86,11 @@ class _Copy:
                     channel, record.log_time, record.data, record.publish_time, record.sequence
                 )
                 self.messages += 1
+            case Attachment():
+                self.writer.add_attachment(
+                    record.create_time, record.log_time, record.name, record.media_type,
+                    record.data,
+                )  # fmt: skip
             case Metadata():
                 self.begun = self.begun or record.name == "run"
                 self.writer.add_metadata(record.name, record.metadata)

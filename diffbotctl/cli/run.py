@@ -59,6 +59,7 @@ def command(
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
+    from diffbotctl.hub.flight_process import folder
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
@@ -76,7 +77,8 @@ def command(
     _announce(configuration, port, seed)
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
-    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay)
+    flights = None if fast else folder()  # a fast run is the same again from its seed
+    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay, flights)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )

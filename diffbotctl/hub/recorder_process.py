@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from diffbotctl.engine.recorder import LENGTH
+from diffbotctl.engine.outlet import LENGTH
 from diffbotctl.links.foxglove import Mount
 
 BUFFER = 4 << 20  # bytes of socket buffer: seconds of a fast run
@@ -101,6 +101,12 @@ def _write_all(channel: socket.socket, file: Any, subject: Subject) -> None:
 
 def items(channel: socket.socket) -> Iterator[Any]:
     """Everything that comes over the channel, and None each second of silence, until its end."""
+    for data in pieces(channel):
+        yield None if data is None else pickle.loads(data)
+
+
+def pieces(channel: socket.socket) -> Iterator[bytes | None]:
+    """The same, still pickled."""
     buffer = bytearray()
     while True:
         if not select.select([channel], [], [], FLUSH_PERIOD)[0]:
@@ -117,7 +123,7 @@ def items(channel: socket.socket) -> Iterator[Any]:
             (length,) = LENGTH.unpack_from(buffer)
             if len(buffer) < LENGTH.size + length:
                 break
-            yield pickle.loads(buffer[LENGTH.size : LENGTH.size + length])
+            yield bytes(buffer[LENGTH.size : LENGTH.size + length])
             del buffer[: LENGTH.size + length]
 
 

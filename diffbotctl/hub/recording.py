@@ -19,6 +19,7 @@ from diffbotctl.links.json_messages import decoder, encoder, json_schema
 from diffbotctl.messages import BUILT_IN
 
 VIEWER = "viewer"  # origin of messages that were made for viewers: no part of the run
+STATE = "state"  # name of the attachment with the state from which a replay begins
 CHUNK = 256 << 10  # bytes; an unpaced run fills it in a few ms, a paced one flushes each second
 
 
@@ -70,6 +71,11 @@ class Recording:
             self.writer.add_message(self.views[topic], time, data, time, self.instants)
         self.instants += 1
 
+    def attach_state(self, time: int, state: bytes) -> None:
+        """Put the blocks' state after the instant `time` (ns) in: a replay begins with it."""
+        moment = self.epoch + time
+        self.writer.add_attachment(moment, moment, STATE, "application/octet-stream", state)
+
     def flush(self) -> None:
         """Bring what was written to the disk, as a chunk that a reader can open."""
         self.writer.flush()
@@ -93,6 +99,7 @@ class RecordingReader:
         self.recovered: dict[str, str] | None = None
         self.wires: dict[str, tuple[str, str]] = {}
         self.cut: str | None = None
+        self.state: tuple[int, bytes] | None = None
 
     def messages(self) -> Iterator[Recorded]:
         """All messages of the run in the order of writing, without those made for viewers.
@@ -117,9 +124,9 @@ class RecordingReader:
     def records(self) -> Iterator[tuple[Any, Any]]:
         """Every message as it stands in the file, with its MCAP channel; nothing is decoded.
 
-        Fills `about`, `end`, `wires` and `cut`.
+        Fills `about`, `end`, `wires`, `state` and `cut`.
         """
-        from mcap.records import Channel, Message, Metadata
+        from mcap.records import Attachment, Channel, Message, Metadata
         from mcap.stream_reader import StreamReader
 
         channels: dict[int, Any] = {}
@@ -127,6 +134,8 @@ class RecordingReader:
             for record in self._until_cut(StreamReader(file, validate_crcs=True).records):
                 if isinstance(record, Metadata):
                     self._note(record.name, dict(record.metadata))
+                elif isinstance(record, Attachment) and record.name == STATE:
+                    self.state = (record.log_time - int(self.about["epoch"]), record.data)
                 elif isinstance(record, Channel) and record.id not in channels:
                     channels[record.id] = record
                     origin = record.metadata.get("from", "")

@@ -33,7 +33,7 @@ class Viewers:
 
     def __init__(self, epoch: int, wires: dict[str, type], mounts: dict[str, Mount]) -> None:
         self.epoch = epoch
-        self.mounts = mounts
+        self.mounts = {wire: mount for wire, mount in mounts.items() if wire in wires}
         self.topics: dict[str, str] = {LOG: "Log"}
         self.makers: list[tuple[int, Maker]] = []
         self.said: dict[str, str] = {}

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.drivers.person import Person
+from diffbotctl.engine import snapshot
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
+from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.loop import Ending, Engine
 from diffbotctl.engine.recorder import Recorder
-from diffbotctl.errors import Problem, RunError, UserError
+from diffbotctl.errors import UserError
 from diffbotctl.graph import NEVER, Sink
-from diffbotctl.hub import recorder_process, screen_process
+from diffbotctl.hub import screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
-from diffbotctl.runs.assembly import Assembly, assemble, mounts, wires_of
+from diffbotctl.runs import records
+from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
@@ -46,6 +48,7 @@ class Options(NamedTuple):
     digest: bool = False
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
+    flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
 
 
 class Result(NamedTuple):
@@ -88,8 +91,8 @@ class Run:
             channel, pid = screen_process.start(show)
             self.children.append(pid)
             self.latest = Latest(channel, self._progress)
-        if options.record is not None:
-            self.recorder = self._recorder(options.record)
+        self.flight: Flight | None = None
+        self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station: Station | None = None
         if options.socket is not None:
@@ -182,6 +185,8 @@ class Run:
             add(wire, self.operator.hear_path)
         for wire in wires_of(self.assembly, Stop):
             add(wire, self.operator.hear_stop(wire))
+            if self.flight is not None:
+                add(wire, self.flight.stop)
         for wire in wires_of(self.assembly, Odometry):
             add(wire, self._note_odometry)
         for wire, sink in self.changes.sinks().items():
@@ -219,7 +224,12 @@ class Run:
     def _record(self) -> Callable[[tuple[Any, ...]], object] | None:
         takers: list[Callable[[tuple[Any, ...]], object]] = [
             each.record
-            for each in (self.recorder, self.digest, self.station.channel if self.station else None)
+            for each in (
+                self.recorder,
+                self.flight,
+                self.digest,
+                self.station.channel if self.station else None,
+            )
             if each is not None
         ]
         if len(takers) < 2:
@@ -232,7 +242,7 @@ class Run:
         return all_of_them
 
     def _idle(self) -> Callable[[], None] | None:
-        recorder, latest, person = self.recorder, self.latest, self.person
+        recorder, latest, person = self.recorder or self.flight, self.latest, self.person
         if latest is None and person is None:
             return None if recorder is None else recorder.drain
 
@@ -246,57 +256,41 @@ class Run:
 
         return idle
 
-    def _recorder(self, path: Path) -> Recorder:
-        graph = self.assembly.graph
+    def _write_down(self) -> None:
+        """Start the recording that was asked for, or else the flight recorder."""
+        options, tell = self.options, self.tell
+        facts = records.about(self.configuration, options.port, options.seed)
+        if options.record is not None:
+            self.recorder, pid = records.recorder(
+                options.record, self.configuration, self.assembly, facts, options.fast, tell
+            )
+            self.children.append(pid)
+        elif options.flights is not None and self.configuration.robot is not None:
+            self.flight, self.flight_pid = records.flight(
+                options.flights, self.configuration, self.assembly, facts, self._snapshot, tell
+            )
+
+    def _snapshot(self) -> bytes | None:
         try:
-            channel, pid = recorder_process.start(
-                path, graph.kinds, len(graph.sources), self._about(), mounts(self.configuration)
-            )
-        except OSError as error:
-            cause = f"cannot record there: {error.strerror}"
-            raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
-        self.children.append(pid)
-
-        def lost(cause: str) -> None:
-            self.tell(
-                f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete"
-            )
-
-        return Recorder(channel, waits=self.options.fast, tell=lost)
-
-    def _about(self) -> dict[str, str]:
-        """What explains a recording by itself: version, files, options."""
-        files = {str(file): file.read_text() for file in self.configuration.files}
-        import json
-
-        return {
-            "version": __version__,
-            "epoch": str(time.time_ns()),
-            "pipeline": str(self.configuration.file),
-            "robot": str(self.configuration.robot_file or ""),
-            "sets": json.dumps(self.configuration.settings),
-            "port": self.options.port,
-            "seed": str(self.options.seed),
-            "files": json.dumps(files),
-        }
+            return snapshot.take(self.assembly.graph, self.engine.compiled)
+        except snapshot.StateError:
+            return None  # the flight then begins in a state unknown, and says so
 
     def _truth_text(self) -> str:
         """The simulated robot's true place as JSON [x, y, heading]; empty on a real one."""
-        import json
-
         plant = getattr(self.robot, "robot", None)
         return "" if plant is None else json.dumps(list(plant.truth().pose))
 
     def _close(self, ending: Ending) -> str | None:
         incomplete = None
+        summary = {
+            "code": str(ending.code),
+            "cause": ending.cause,
+            "last": str(self.engine.last),
+            "digest": self.digest.text() if self.digest else "",
+            "truth": self._truth_text(),
+        }
         if self.recorder is not None:
-            summary = {
-                "code": str(ending.code),
-                "cause": ending.cause,
-                "last": str(self.engine.last),
-                "digest": self.digest.text() if self.digest else "",
-                "truth": self._truth_text(),
-            }
             self.recorder.close(summary)
             incomplete = self.recorder.lost
         if self.latest is not None:
@@ -309,4 +303,8 @@ class Run:
         for pid in self.children:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)
+        if self.flight is not None:  # when no screen draws any more over what it announces
+            self.flight.close(summary)
+            with suppress(ChildProcessError):
+                os.waitpid(self.flight_pid, 0)
         return incomplete
