@@ -1,4 +1,4 @@
-"""Tests run from the root of the checkout, as a person would, and leave the person's files alone."""
+"""Tests run from the root of the checkout, as a person would, and leave a person's files alone."""
 
 import atexit
 import os

@@ -80,7 +80,7 @@ def command(
     flights = None if fast else folder()  # a fast run is the same again from its seed
     options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay, flights)
     run = Run(
-        configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
+        configuration, options, None if quiet else screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
 
@@ -112,8 +112,8 @@ def _shout(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
-    """What the child process runs: it alone imports the drawing."""
+def screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
+    """What draws a run: in a child process, which alone imports the drawing."""
 
     def show(pictures: Iterator[Snapshot]) -> None:
         if not sys.stdout.isatty():

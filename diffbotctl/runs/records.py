@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -15,13 +15,20 @@ from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.hub import flight_process, recorder_process
+from diffbotctl.messages import Goal
 from diffbotctl.runs.assembly import Assembly, mounts
 
 Tell = Callable[[str], None]
 
 
-def about(configuration: Configuration, port: str, seed: int) -> dict[str, str]:
-    """What explains a recording by itself: version, files, options."""
+def about(
+    configuration: Configuration,
+    port: str,
+    seed: int,
+    goals: Sequence[Goal],
+    duration: float | None,
+) -> dict[str, str]:
+    """What explains a recording by itself: version, files, options. `duration` is in s."""
     files = {str(file): file.read_text() for file in configuration.files}
     return {
         "version": __version__,
@@ -31,6 +38,8 @@ def about(configuration: Configuration, port: str, seed: int) -> dict[str, str]:
         "sets": json.dumps(configuration.settings),
         "port": port,
         "seed": str(seed),
+        "goals": json.dumps([list(goal) for goal in goals]),
+        "duration": json.dumps(duration),
         "files": json.dumps(files),
     }
 

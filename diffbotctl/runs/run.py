@@ -259,7 +259,9 @@ class Run:
     def _write_down(self) -> None:
         """Start the recording that was asked for, or else the flight recorder."""
         options, tell = self.options, self.tell
-        facts = records.about(self.configuration, options.port, options.seed)
+        facts = records.about(
+            self.configuration, options.port, options.seed, self._goals(), options.duration
+        )
         if options.record is not None:
             self.recorder, pid = records.recorder(
                 options.record, self.configuration, self.assembly, facts, options.fast, tell

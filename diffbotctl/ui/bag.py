@@ -90,7 +90,8 @@ def _figure(value: float | None, scale: float, unit: str, sign: str = "") -> str
 def _ended(seen: Overview) -> str:
     if seen.end is None:
         return "unknown: the recording does not tell its end"
-    return f"{seen.end.get('cause', 'unknown')} (exit code {seen.end.get('code', 'unknown')})"
+    cause, code = seen.end.get("cause", "unknown"), seen.end.get("code", "")
+    return f"{cause} (exit code {code})" if code else f"it went on after: {cause}"
 
 
 def _state(seen: Overview) -> str:
@@ -99,8 +100,16 @@ def _state(seen: Overview) -> str:
         damaged = "" if lost == "0" else f", {lost} damaged chunks are missing"
         return f"recovered from one that was cut{damaged}"
     if seen.complete:
-        return "complete"
+        return FLIGHTS.get(seen.about.get("flight", ""), "complete")
     return "CUT; every message up to the cut is there. `diffbotctl bag recover` mends the file"
+
+
+INPUTS = "the flight recorder's: only what came in; `diffbotctl replay` makes the rest"
+FLIGHTS = {
+    "run": f"{INPUTS}, from the run's start",
+    "state": f"{INPUTS}, from a known state",
+    "unknown": f"{INPUTS}, from a state unknown",
+}
 
 
 def _port(about: dict[str, str]) -> str:
