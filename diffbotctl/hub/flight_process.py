@@ -96,7 +96,7 @@ class _Desk:
         """Write a flight, and return the line that was said about it."""
         self.stop = None
         self.free = self.ring.last + APART
-        line = self._outcome(cause) if self.ring.batches else ""
+        line = self._outcome(cause) if self.ring.last else ""
         recorder_process.report(self.channel, line)
         return line
 

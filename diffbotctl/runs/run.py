@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -86,7 +87,10 @@ class Run:
         self.recorder: Recorder | None = None
         self.tell = tell
         graph = self.assembly.graph
-        # Children are forked before a port is open, so that none of them holds it.
+        # Children are forked before a port is open, so that none of them holds it; and after the
+        # last collection that walks all objects, which writes to the memory that they share.
+        gc.collect()
+        gc.freeze()
         if show is not None:
             channel, pid = screen_process.start(show)
             self.children.append(pid)

@@ -12,7 +12,7 @@ from diffbotctl.hub.ring import Ring
 
 def filled(span, most, said):
     """A ring that has heard `said`: a number is a batch of one instant, ("state", t) a state."""
-    ring = Ring(span, most)
+    ring = Ring(span, most, packet=1)  # each batch is a block of its own
     for each in said:
         if isinstance(each, tuple):
             ring.mark(State(each[1], b"state"))
@@ -62,8 +62,19 @@ def test_its_size_is_bounded_and_its_times_rise(events, most):
     ring = filled(50, most, said)
     kept = [instant[0] for instant in ring.instants()]
     assert kept == sorted(kept) and kept == [each for each in said if each in kept]
-    parts = [data for _, data in ring.batches] + [state.data for state in ring.states]
+    parts = [data for _, data in ring.blocks] + [state.data for state in ring.states]
     assert ring.size == sum(map(len, parts))
     assert ring.size <= most + 100  # the newest batch always fits
     if ring.begin is not None and kept:
         assert kept[0] > ring.begin.time
+
+
+@given(st.lists(st.booleans(), max_size=300), st.integers(1, 500))
+def test_what_is_packed_comes_back_in_order(states, packet):
+    ring = Ring(10_000, 1 << 20, packet)
+    for time, state in enumerate(states):
+        ring.keep(time, pickle.dumps([(time, "a"), (time, "b")]))
+        if state:
+            ring.mark(State(time, b"state"))
+    expected = [(time, word) for time in range(len(states)) for word in "ab"]
+    assert list(ring.instants()) == expected
