@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diffbotctl.engine.outlet import Outlet
+from diffbotctl.engine.recorder import gathered
 from diffbotctl.graph import SECOND
 from diffbotctl.messages import Stop
 
@@ -64,7 +65,7 @@ class Flight:
 
     def drain(self) -> None:
         """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
-        if not self.pending:
+        if not self.pending or not (self.stops or gathered(self.pending)):
             return
         self._send()
         if self.last >= self.next:

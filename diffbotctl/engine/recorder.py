@@ -12,6 +12,7 @@ from typing import Any
 from diffbotctl.engine.outlet import Outlet
 
 BATCH = 256  # instants an unpaced run gathers before it hands them on
+GATHERED = 100_000_000  # ns that a paced run gathers: waking the child costs more than what it does
 
 
 class Recorder:
@@ -35,7 +36,8 @@ class Recorder:
 
     def drain(self) -> None:
         """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
-        if not self.pending or (self.waits and len(self.pending) < BATCH):
+        pending = self.pending
+        if not pending or (len(pending) < BATCH and (self.waits or not gathered(pending))):
             return
         self.outlet.send(self.pending)
         self.pending.clear()
@@ -59,3 +61,8 @@ class Recorder:
         trouble = self.outlet.hear()
         if trouble is not None:
             self.outlet.give_up(trouble)
+
+
+def gathered(instants: list[tuple[Any, ...]]) -> bool:
+    """Whether they are worth waking a child for."""
+    return bool(instants[-1][0] - instants[0][0] >= GATHERED)

@@ -28,6 +28,10 @@ _TRANSFORM = (
     f'"translation": {_VECTOR}, "rotation": {_TURN}}}'
 )
 _POSE_IN_FRAME = f'{{"timestamp": {_TIME}, "frame_id": "odom", "pose": {_POSE}}}'
+_SCAN = (
+    f'{{"timestamp": {_TIME}, "frame_id": "%s", "pose": {_POSE % (0.0, 0.0, 0.0, 1.0)}, '
+    f'"start_angle": {-BEAM}, "end_angle": {BEAM}, "ranges": [%s], "intensities": []}}'
+)
 
 
 class Mount(NamedTuple):
@@ -63,25 +67,14 @@ def pose_in_frame(epoch: int, pose: Odometry) -> bytes | None:
 def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
     """foxglove.LaserScan of a sensor that measures one distance; empty when it measured none."""
     seen = reading.state == "measured" and isfinite(reading.distance)
-    scan = {
-        "timestamp": _time(epoch + reading.time),
-        "frame_id": frame,
-        "pose": {
-            "position": {"x": 0.0, "y": 0.0, "z": 0.0},
-            "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-        },
-        "start_angle": -BEAM,
-        "end_angle": BEAM,
-        "ranges": [reading.distance] * RAYS if seen else [],
-        "intensities": [],
-    }
-    return json.dumps(scan).encode()
+    ranges = ", ".join([repr(reading.distance)] * RAYS) if seen else ""
+    return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, ranges)).encode()
 
 
 def log(time: int, level: int, name: str, text: str) -> bytes:
     """foxglove.Log of one event."""
     said = {
-        "timestamp": _time(time),
+        "timestamp": {"sec": time // SECOND, "nsec": time % SECOND},
         "level": level,
         "message": text,
         "name": name,
@@ -89,10 +82,6 @@ def log(time: int, level: int, name: str, text: str) -> bytes:
         "line": 0,
     }
     return json.dumps(said).encode()
-
-
-def _time(time: int) -> dict[str, int]:
-    return {"sec": time // SECOND, "nsec": time % SECOND}
 
 
 def _finite(*values: float) -> bool:
