@@ -49,6 +49,7 @@ class Options(NamedTuple):
     digest: bool = False
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
+    dash: bool = False  # the screen drives as well
     flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
 
 
@@ -78,6 +79,7 @@ class Run:
         show: Callable[[Iterator[Snapshot]], None] | None = None,
         tell: Callable[[str], None] = print,
         signals: Signals | None = None,
+        gone: Callable[[], None] | None = None,
     ) -> None:
         real = options.port not in ("sim", "emulated")
         self.configuration, self.options = configuration, options
@@ -92,9 +94,9 @@ class Run:
         gc.collect()
         gc.freeze()
         if show is not None:
-            channel, pid = screen_process.start(show)
+            channel, pid = screen_process.start(show, options.dash)
             self.children.append(pid)
-            self.latest = Latest(channel, self._progress)
+            self.latest = Latest(channel, self._progress, gone)
         self.flight: Flight | None = None
         self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
