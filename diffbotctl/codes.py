@@ -88,6 +88,13 @@ CODES: dict[str, Code] = {
         A recording ends with a record that says it is whole. This one has none: the program was
         killed, the disk was full, or the recorder could not keep up. What is in the file is true,
         but nobody can say what is missing, so a comparison would prove nothing."""),
+    "E-FIELD": _code("a recording has no such field", """
+        A field is named as `topic echo` names it: the block, its port and the field of the message,
+        with dots between: `odometry.odometry.x`. `bag info FILE` lists the topics that are in a
+        recording; a topic that never spoke has no fields to show."""),
+    "E-PICTURE": _code("a picture cannot be written", """
+        `bag plot --output` writes SVG by itself. A PNG is drawn by the library Pillow, which is not
+        installed with diffbotctl: `pip install pillow`."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.

@@ -30,6 +30,7 @@ COMMANDS = {
     "call": "Call an action of a running block.",
     "log": "Follow the log of a running engine, or change what a block says.",
     "replay": "Run a recording again, and compare every message.",
+    "bag": "Look into recordings: info, plot, export, diff, recover.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
