@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from diffbotctl.graph import SECOND
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop
 
+DRIVERS = ("operator.", "robot.")  # the gate tells their stops again; each counts once
+
 
 class Metrics(NamedTuple):
     """Figures of one run; None where it says nothing of the kind.
@@ -50,7 +52,7 @@ class Measure:
             if message.number not in self.reached:
                 self.reached.add(message.number)
                 self.reached_at = time
-        elif isinstance(message, Stop) and not wire.startswith("operator."):
+        elif isinstance(message, Stop) and not wire.startswith(DRIVERS):
             if message.code and self.held.get(wire) != message.code:
                 self.stops += 1
             self.held[wire] = message.code

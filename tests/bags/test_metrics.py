@@ -66,11 +66,13 @@ def measured(said, truth=None):
             ],
             {"goals_reached": 2, "time_to_goal": 7.0, "path": None, "cross_track_max": None},
         ),
-        # One stop that is repeated, its release, the same again; the operator's echo is no stop.
+        # One stop that is repeated, its release, the same again; what a driver says of a stop is
+        # said again by a block, and the operator's is an echo.
         (
             [
                 stop(1, "obstacle"), stop(2, "obstacle"), stop(3, ""), stop(4, "obstacle"),
-                stop(5, "obstacle", "operator.stop"), stop(6, "link_lost", "gate.stop"),
+                stop(5, "obstacle", "operator.stop"), stop(5, "link_lost", "robot.stop"),
+                stop(6, "link_lost", "gate.stop"),
             ],
             {"stops": 3, "time_to_goal": None},
         ),

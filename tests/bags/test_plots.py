@@ -6,10 +6,12 @@ from math import nan
 from xml.etree import ElementTree
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from diffbotctl.bags.series import Series, series
+from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
 from diffbotctl.ui import png, svg, terminal_plot
 from diffbotctl.ui.axis import axis
@@ -158,3 +160,31 @@ def test_a_stretch_of_time(goal):
     assert list(zip(part.times, part.values, strict=True)) == inside
     with pytest.raises(UsageError, match="has a number in that time"):
         series(goal, ["odometry.odometry.x"], 10**15)
+
+
+def plotted(*words, charset="utf-8"):
+    runner = CliRunner(charset=charset, env={"COLUMNS": "80", "LINES": "24"})
+    result = runner.invoke(program, ["bag", "plot", *map(str, words)], standalone_mode=False)
+    assert result.exception is None, result.exception
+    return result.output.splitlines()
+
+
+def test_the_command_draws_on_a_terminal_of_80_by_24(goal):
+    lines = plotted("odometry.odometry.x", "gate.wheels.left", goal)
+    assert 20 <= len(lines) <= 23 and max(map(len, lines)) <= 80  # one row is the prompt's
+    assert any("\u2801" <= character <= "\u28ff" for character in "".join(lines))
+    assert lines[0] == "odometry.odometry.x [m]" and lines[-1].endswith("s")
+
+
+@pytest.mark.parametrize("words, charset", [(["--ascii"], "utf-8"), ([], "ascii"), ([], "latin-1")])
+def test_where_there_is_no_braille_plain_characters_draw(goal, words, charset):
+    lines = plotted(*words, "odometry.odometry.x", goal, charset=charset)
+    assert "".join(lines).isascii() and any("'" in line for line in lines)
+
+
+@pytest.mark.parametrize("name, begins", [("x.svg", b"<svg "), ("x.png", b"\x89PNG")])
+def test_the_command_writes_pictures(goal, tmp_path, name, begins):
+    path = tmp_path / name
+    words = ("gate.wheels", goal, "--from", "1s", "--until", "3s", "--output", path)
+    assert plotted(*words) == [str(path)]
+    assert path.read_bytes().startswith(begins)

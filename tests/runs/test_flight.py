@@ -2,11 +2,14 @@
 
 import os
 import pickle
+import re
 import signal
 
 import pytest
+from click.testing import CliRunner
 
 from diffbotctl.bags.overview import overview
+from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
 from diffbotctl.engine import snapshot
 from diffbotctl.engine.clock import VirtualClock
@@ -113,6 +116,16 @@ def test_what_is_live_can_be_changed_in_the_midst_of_a_run_and_nothing_else(long
     assert replay_as(run, Wanted(sets=live)).digest == changed.digest
     with pytest.raises(RunError, match="midst of one"):
         replay_as(run, Wanted(sets=fixed))
+
+
+def test_the_command_says_where_a_replay_begins(long, tmp_path):
+    path = long[1][-1]
+    result = CliRunner().invoke(program, ["replay", str(path), "--set", "guard.margin=0.2 m"])
+    assert re.search(r"^begins \d+\.\d\d s after the start, in a known state", result.output)
+    assert "midst of a run" in result.output  # why the robot does not drive once more
+    assert "cross track rms" in result.output
+    info = CliRunner().invoke(program, ["bag", "info", str(path)]).output
+    assert "from a known state" in info and "blocked" in info
 
 
 def test_a_check_of_a_flight_is_refused(long):
