@@ -50,7 +50,7 @@ class AnswersFile:
     """An attendant that answers from a file, and agrees to every movement."""
 
     def __init__(self, path: Path, instruments: Instruments | None) -> None:
-        """`instruments` is None for a real robot. Raises UsageError for a file that cannot serve."""
+        """`instruments` is None for a real robot. Raises UsageError for an unusable file."""
         self.path = path
         self.answers = _read(path)
         self.instruments = instruments

@@ -167,7 +167,7 @@ class Rig:
             self.meet()
 
     def _take(self, heard: Heard, deliveries: list[Delivery], moving: bool) -> None:
-        heard.deliveries += deliveries
+        heard.deliveries.extend(deliveries)
         for _, message in deliveries:
             if isinstance(message, Stop) and message.code:
                 fix = f"`diffbotctl explain {message.code}` tells more"
