@@ -7,9 +7,11 @@ by itself, or a wheel beyond what was announced end the step and the movement.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, TypeVar
 
+from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.robot_file import tried
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, RobotDriver
@@ -24,6 +26,7 @@ STOPPING = 3 * SECOND  # ns until a stop must have shown
 SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
 
 Wanted = Duty | Wheels
+Make = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 Kind = TypeVar("Kind", bound=Message)
 
 
@@ -58,13 +61,14 @@ class Heard(NamedTuple):
 class Rig:
     """A robot's driver and its clock, for one robot file that calibration may change.
 
-    `make` makes the driver anew when the file has changed, on the same robot.
+    `make` makes the driver anew when the file has changed, on the same robot: it is handed the file,
+    the driver before or None, and the time.
     """
 
     def __init__(
         self,
         file: RobotFile,
-        make: Callable[[RobotFile, RobotDriver | None], RobotDriver],
+        make: Make,
         clock: Clock,
         keys: Keys | None = None,
     ) -> None:
@@ -80,13 +84,20 @@ class Rig:
         """of either wheel since the last announcement, at most; None: not limited"""
         self._from: tuple[int, int] | None = None
         self._make = make
-        self.driver = make(file, None)
+        self.driver = make(file, None, 0)
 
     def refit(self, file: RobotFile) -> None:
         """Go on with what the robot file says now. The robot must be at rest."""
         self.file = file
-        self.driver = self._make(file, self.driver)
+        self.driver = self._make(file, self.driver, self.now)
         self.encoders = None
+
+    def attempt(self, findings: Sequence[Finding]) -> None:
+        """Go on with a robot file that has these findings in it, though nothing is written yet.
+
+        Raises ConfigurationError when a value is not plausible.
+        """
+        self.refit(tried(self.file, findings))
 
     def allow(self, turns: float | None) -> None:
         """What was announced: from here on either wheel may turn so far."""

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from random import Random
 
 from diffbotctl.calibrate.instruments import Truths
-from diffbotctl.calibrate.rig import Keys, Rig
+from diffbotctl.calibrate.rig import Keys, Make, Rig
 from diffbotctl.config.configuration import RobotFile
-from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.emulated import Emulated
+from diffbotctl.drivers.emulated import Emulated, EmulatedBoard
 from diffbotctl.drivers.simulated import Simulated
 from diffbotctl.engine.clock import PacedClock, VirtualClock
 from diffbotctl.engine.driver import RobotDriver
@@ -17,7 +16,7 @@ from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.plant.world import World
 from diffbotctl.runs.emulation import emulated_board, settings_of
-from diffbotctl.runs.real import serial_robot_of
+from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.simulation import drawn, machine, takes_duty
 
 
@@ -40,10 +39,38 @@ def rig(
         return made, _truths(plant, made, seed)
     if port == "emulated":
         board = emulated_board(file.nominal, seed, world)
-        made = Rig(file, lambda now, new: _emulated(now, new, board), VirtualClock(), keys)
+        made = Rig(file, _emulated(board), VirtualClock(), keys)
         return made, _truths(board.plant, made, seed)
     return Rig(file, _real(port, tell), PacedClock(exact=False), keys), None
 
 
 def _truths(plant: SimulatedRobot, made: Rig, seed: int) -> Truths:
     return Truths(plant, made.listen, Random(f"instruments {seed}"))
+
+
+def _simulated(plant: SimulatedRobot) -> Make:
+    def make(file: RobotFile, before: RobotDriver | None, now: int) -> RobotDriver:
+        if before is not None:
+            plant.advance(now)
+            plant.rewire(machine(file.robot, file.nominal))
+        return Simulated(plant, takes_duty(file.robot))
+
+    return make
+
+
+def _emulated(board: EmulatedBoard) -> Make:
+    def make(file: RobotFile, before: RobotDriver | None, now: int) -> RobotDriver:
+        board.advance(now)
+        board.received.clear()
+        return Emulated(board, DiffbotHost(settings_of(file.robot)))
+
+    return make
+
+
+def _real(device: str, tell: Callable[[str], None]) -> Make:
+    def make(file: RobotFile, before: RobotDriver | None, now: int) -> RobotDriver:
+        if before is not None:
+            before.close()
+        return serial_robot(file.robot, device, tell, now)
+
+    return make
