@@ -73,12 +73,13 @@ def _obey(event: Event, rig: Rig, attendant: Attendant, screen: Screen) -> Any:
     if isinstance(event, Announce):
         screen.say(event.text)
         attendant.agree(event)
-        rig.allow(event.turns)
+        rig.allow(event.turns if event.watched else None)
     elif isinstance(event, Mark):
         screen.say(event.text)
         attendant.mark(event)
     elif isinstance(event, Act):
         screen.say(event.text)
+        rig.allow(None)  # what a hand turns was not announced
         attendant.act(event)
     elif isinstance(event, Said):
         screen.say(event.text)

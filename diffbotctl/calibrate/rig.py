@@ -61,8 +61,8 @@ class Heard(NamedTuple):
 class Rig:
     """A robot's driver and its clock, for one robot file that calibration may change.
 
-    `make` makes the driver anew when the file has changed, on the same robot: it is handed the file,
-    the driver before or None, and the time.
+    `make` makes the driver anew when the file has changed, on the same robot: it is handed the
+    file, the driver before or None, and the time.
     """
 
     def __init__(
@@ -82,6 +82,8 @@ class Rig:
         """all frames since it was last emptied"""
         self.turns: float | None = None
         """of either wheel since the last announcement, at most; None: not limited"""
+        self.noisy = False
+        """whether an encoder counts while nothing turns, so that counts do not show a stop"""
         self._from: tuple[int, int] | None = None
         self._make = make
         self.driver = make(file, None, 0)
@@ -149,7 +151,7 @@ class Rig:
         """Stop, and wait until both wheels stand. Raises RunError when the stop does not show."""
         self.driver.stop(self.now)
         heard, begun, still, counts = Heard([]), self.now, self.now, None
-        while not self.driver.stopped or self.now - still < SETTLED:
+        while not self._rests(begun, still):
             if self.now - begun > STOPPING:
                 fix = "switch the motors' battery off before you look for the cause"
                 raise self._stopped("the board did not confirm that it has stopped", fix)
@@ -158,6 +160,13 @@ class Rig:
             if last is not None and counts != (last.left, last.right):
                 counts, still = (last.left, last.right), self.now
         return heard
+
+    def _rests(self, begun: int, still: int) -> bool:
+        last = self.encoders
+        if self.noisy and last is not None:
+            told = not last.left_command and not last.right_command and last.time > begun
+            return told and self.now - begun >= SECOND
+        return self.driver.stopped and self.now - still >= SETTLED
 
     def close(self) -> bool:
         """Stop and let go. False when the board did not confirm the stop."""

@@ -41,6 +41,8 @@ class Announce(NamedTuple):
     """of either wheel at most, with the wheels lifted"""
     reach: float | None = None
     """m that the middle of the axle moves away from where it stands, at most"""
+    watched: bool = True
+    """whether the encoders can be believed already, so that the rig may stop by their counts"""
 
 
 class Mark(NamedTuple):

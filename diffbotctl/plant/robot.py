@@ -9,7 +9,7 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.messages import Duty, Encoders, Message, Volts, Wheels
-from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind, Side
+from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
 from diffbotctl.plant.hum import Hum
 from diffbotctl.plant.sharp import Sharp

@@ -71,8 +71,8 @@ class Wheel:
 
     __slots__ = (
         "_ahead", "_angle", "_begun", "_behind", "_chance", "_counted", "_disc", "_end", "_fade",
-        "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale",
-        "_settled",
+        "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple",
+        "_scale", "_settled",
         "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # braille: 4 ro
 ARROWS = "→↗↑↖←↙↓↘"  # x forward is drawn to the right, y left upwards
 
 Point = tuple[float, float]
+LEAST = 0.5  # m; a robot that has not moved yet is not drawn through a magnifying glass
 
 
 class Map:
@@ -19,11 +20,13 @@ class Map:
     Positions are metres in odom; one character is two dots wide and four high, so dots are square.
     """
 
-    def __init__(self, width: int, height: int, seen: Iterable[Point]) -> None:
+    def __init__(
+        self, width: int, height: int, seen: Iterable[Point], least: float = LEAST
+    ) -> None:
         self.width, self.height = width, height
         points = list(seen) or [(0.0, 0.0)]
         xs, ys = [p[0] for p in points], [p[1] for p in points]
-        span = max(max(xs) - min(xs), (max(ys) - min(ys)) * width * 2 / (height * 4), 0.5)
+        span = max(max(xs) - min(xs), (max(ys) - min(ys)) * width * 2 / (height * 4), least)
         self.scale = (width * 2 - 6) / span  # dots a metre
         self.middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
         self.dots: dict[tuple[int, int], int] = {}
