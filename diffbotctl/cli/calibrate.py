@@ -24,7 +24,7 @@ A_FILE = click.Path(path_type=Path)
 @calibrate_steps.common
 @click.option("--skip", multiple=True, type=click.Choice(list(STEPS)), help="Leave a step out.")
 @click.pass_context
-def command(context: click.Context, skip: tuple[str, ...], **options: Any) -> None:
+def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) -> None:
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
     encoders, motors (wheels off the ground), distance, geometry (on the floor). Each says what it

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.instruments import Truths
     from diffbotctl.calibrate.rig import Rig
     from diffbotctl.calibrate.step import Step
-    from diffbotctl.config.configuration import RobotFile
     from diffbotctl.drivers.keys import Keyboard
     from diffbotctl.ui.steps import StepScreen
 
@@ -105,8 +104,8 @@ def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
 @contextmanager
 def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attendant]]:
     """The robot, and whoever stands beside it; in the end it is stopped and let go."""
-    from diffbotctl.calibrate.robot_file import own_file
     from diffbotctl.calibrate.rigging import rig
+    from diffbotctl.calibrate.robot_file import own_file
     from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import shown
