@@ -142,8 +142,7 @@ def _one(channel: str, duty: float) -> Duty:
 
 
 def _counts(rig: Rig) -> dict[str, int]:
-    last = rig.encoders
-    assert last is not None
+    last = rig.latest()
     return {"left": last.left, "right": last.right}
 
 

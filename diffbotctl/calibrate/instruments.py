@@ -17,7 +17,7 @@ from diffbotctl.plant.robot import SimulatedRobot, Truth
 # instrument -> quantities that it can read
 READS = {
     "tape": ("forward", "left", "distance"),
-    "protractor": ("turned",),
+    "protractor": ("turned", "facing"),
     "eye": ("wheel",),
 }
 SEEN = pi / 36  # rad; a wheel that turned less than 5 degrees did not visibly turn
@@ -73,7 +73,10 @@ class Truths:
             return x * cos(begun.heading) + y * sin(begun.heading)
         if quantity == "left":
             return y * cos(begun.heading) - x * sin(begun.heading)
-        return hypot(x, y) if quantity == "distance" else now.heading - begun.heading
+        if quantity == "distance":
+            return hypot(x, y)
+        turned = now.heading - begun.heading
+        return turned if quantity == "turned" else (turned + pi) % (2 * pi) - pi
 
     def _turning(self) -> str:
         begun, now = self._mark, self._plant.truth()

@@ -7,11 +7,13 @@ from math import pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diffbotctl.calibrate import wheel_log
 from diffbotctl.calibrate.drive import Floats
 from diffbotctl.messages import Encoders
 
+Bools = NDArray[np.bool_]
 SLOT = 0.03  # pitches, sd: what a cutter leaves; holds back the slots' errors while few edges tell
 FADED = 6.0  # lags after which a step has faded to a quarter per cent
 LONGEST = 0.2  # s; the lag that is allowed for before it is known
@@ -122,7 +124,7 @@ def _gathered(
 
 
 def _solved(
-    times: Floats, places: Floats, which: Floats, slot: Floats, ups: Floats, settled: Floats,
+    times: Floats, places: Floats, which: Floats, slot: Floats, ups: Bools, settled: Bools,
     count: int, slots: int,
 ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Solution, standard deviations and the whole matrix of the joint least squares."""

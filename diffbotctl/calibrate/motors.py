@@ -108,11 +108,10 @@ def _starts(rig: Rig) -> Generator[Event, Any, dict[str, float]]:
 
 def _moves(rig: Rig, duty: Duty) -> dict[str, bool]:
     """Which wheels turn out of rest."""
-    before = rig.encoders
-    assert before is not None
+    before = rig.latest()
     rig.hold(duty, TRIAL)
     rig.rest()
-    after = rig.encoders
+    after = rig.latest()
     return {"left": after.left != before.left, "right": after.right != before.right}
 
 

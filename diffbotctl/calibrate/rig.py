@@ -82,6 +82,8 @@ class Rig:
         """all frames since it was last emptied"""
         self.turns: float | None = None
         """of either wheel since the last announcement, at most; None: not limited"""
+        self.found: dict[str, Finding] = {}
+        """what this calibration has found so far, whether it was written or not"""
         self.noisy = False
         """whether an encoder counts while nothing turns, so that counts do not show a stop"""
         self._from: tuple[int, int] | None = None
@@ -92,14 +94,15 @@ class Rig:
         """Go on with what the robot file says now. The robot must be at rest."""
         self.file = file
         self.driver = self._make(file, self.driver, self.now)
-        self.encoders = None
+        self.encoders = self._from = None  # a board that takes settings counts anew
 
     def attempt(self, findings: Sequence[Finding]) -> None:
         """Go on with a robot file that has these findings in it, though nothing is written yet.
 
         Raises ConfigurationError when a value is not plausible.
         """
-        self.refit(tried(self.file, findings))
+        self.found.update({finding.field: finding for finding in findings})
+        self.refit(tried(self.file, list(self.found.values())))
 
     def allow(self, turns: float | None) -> None:
         """What was announced: from here on either wheel may turn so far."""
@@ -115,6 +118,13 @@ class Rig:
                 raise self._stopped(cause, "is it switched on, and does `diffbotctl blink` work?")
             self._turn(self.now + STALE)
 
+    def latest(self) -> Encoders:
+        """The last frame; the first is waited for."""
+        if self.encoders is None:
+            self.meet()
+        assert self.encoders is not None
+        return self.encoders
+
     def hold(self, wanted: Wanted, seconds: float) -> Heard:
         """Keep a command for so long, and return what arrived. The robot goes on moving after it.
 
@@ -124,7 +134,7 @@ class Rig:
 
     def follow(self, wanted: Callable[[float], Wanted], seconds: float) -> Heard:
         """As `hold`, with a command for each moment: `wanted` is handed seconds since the start."""
-        self._be_awake()
+        self.awake()
         begun, heard = self.now, Heard([])
         end = begun + round(seconds * SECOND)
         try:
@@ -141,7 +151,7 @@ class Rig:
 
     def listen(self, seconds: float) -> Heard:
         """Let time pass without a command, and return what arrived."""
-        self._be_awake()
+        self.awake()
         heard, end = Heard([]), self.now + round(seconds * SECOND)
         while self.now < end:
             self._take(heard, self._turn(end), moving=False)
@@ -181,8 +191,16 @@ class Rig:
             self.driver.close()
             self.clock.close()
 
-    def _be_awake(self) -> None:
-        """While a person was asked, nobody listened: hear again before anything moves."""
+    def note(self, now: int, frame: Encoders) -> None:
+        """A frame has arrived."""
+        self.encoders, self.heard_at = frame, now
+        self.recording.append(frame)
+
+    def awake(self) -> None:
+        """While a person was asked, nobody listened: hear again before anything moves.
+
+        Raises RunError when nothing is heard.
+        """
         if self.encoders is None or self.now - self.heard_at > STALE:
             self.meet()
 
@@ -228,8 +246,7 @@ class Rig:
         deliveries = self.driver.deliver(self.now)
         for _, message in deliveries:
             if isinstance(message, Encoders):
-                self.encoders, self.heard_at = message, self.now
-                self.recording.append(message)
+                self.note(self.now, message)
         return deliveries
 
     def _stopped(self, cause: str, fix: str) -> RunError:
