@@ -51,7 +51,11 @@ class Done:
 
 
 def perform(step: Step, rig: Rig, attendant: Attendant, screen: Screen) -> Outcome:
-    """Run one step to its end; the robot stands still afterwards, however it ended."""
+    """Run one step to its end; the robot stands still afterwards, however it ended.
+
+    The rig goes on with what was found. Raises RunError when the step failed or was stopped,
+    ConfigurationError when what it found is not plausible.
+    """
     running = step.run(rig)
     sent: Any = None
     try:
@@ -60,6 +64,8 @@ def perform(step: Step, rig: Rig, attendant: Attendant, screen: Screen) -> Outco
             sent = _obey(event, rig, attendant, screen)
     except StopIteration as end:
         outcome: Outcome = end.value
+        if outcome.findings:
+            rig.attempt(outcome.findings)
         return outcome
     finally:
         running.close()

@@ -14,9 +14,20 @@ STEPS = {
     "geometry": "diffbotctl.calibrate.geometry_step:Squares",
 }
 
+GEOMETRY = {
+    "squares": "diffbotctl.calibrate.geometry_step:Squares",
+    "spin": "diffbotctl.calibrate.spin:Spin",
+    "straight": "diffbotctl.calibrate.straight:Straight",
+}
+"""the ways to find a geometry; the first finds all of it"""
+
 
 def step(name: str, **settings: object) -> Step:
-    """The step called `name`, with settings of its own such as how often it repeats."""
-    module, _, kind = STEPS[name].partition(":")
+    """The step called `name`, with settings of its own such as how often it repeats.
+
+    The setting `how` of geometry says which of its ways.
+    """
+    way = settings.pop("how", None)
+    module, _, kind = (STEPS[name] if way is None else GEOMETRY[str(way)]).partition(":")
     made: Step = getattr(import_module(module), kind)(**settings)
     return made

@@ -38,6 +38,7 @@ def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) ->
 command.add_command(calibrate_steps.encoders)
 command.add_command(calibrate_steps.motors)
 command.add_command(calibrate_steps.distance)
+command.add_command(calibrate_steps.geometry)
 command.add_command(show)
 command.add_command(undo)
 

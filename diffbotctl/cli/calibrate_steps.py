@@ -79,8 +79,6 @@ def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted:
         click.echo(f"kept: {file}")
     if outcome.findings and not wanted.dry_run:
         keep(rig.file.file, outcome.findings, done.origin, wanted.yes)
-    if outcome.findings:
-        rig.attempt(outcome.findings)
     if outcome.faults:
         _refuse(each, outcome.faults)
 
@@ -152,25 +150,92 @@ def _attendant(wanted: Wanted, truths: Truths | None, keyboard: Keyboard | None)
     return Person(keyboard, wanted.yes)
 
 
-def _command(name: str, about: str) -> click.Command:
-    def command(**options: Any) -> None:
-        run([name], Wanted(**options))
-
-    command.__doc__ = about
-    return click.command(name)(common(command))
-
-
-encoders = _command(
-    "encoders",
-    """Find out which wire is which, and which way is forward.
-
-Wheels off the ground. Pulses one motor at a time and asks which wheel turned; then the wheels are
-turned by hand to count the slots. What can be made up for goes into the robot file.""",
+@click.command("encoders")
+@common
+@click.option(
+    "--turns",
+    default=10,
+    show_default=True,
+    type=click.IntRange(1, 100),
+    help="Turns by hand in one go.",
 )
-motors = _command(
-    "motors",
-    """Find out how the motors follow: dead band, speed, lag.
+@click.option("--rolls", default=3, show_default=True, type=click.IntRange(0, 20),
+              help="How often each wheel is turned by hand; 0: not at all.")  # fmt: skip
+def encoders(turns: int, rolls: int, **options: Any) -> None:
+    """Find out which wire is which, which way is forward, how many slots.
 
-Wheels off the ground. Sets the wheels' speed loops.""",
+    Wheels off the ground. Pulses one motor at a time and asks which wheel turned; then the wheels
+    are turned by hand. What settings can make up for goes into the robot file.
+    """
+    run(["encoders"], Wanted(**options), turns=turns, rolls=rolls)
+
+
+@click.command("motors")
+@common
+def motors(**options: Any) -> None:
+    """Find out how the motors follow: dead band, speed, lag. Sets the speed loops.
+
+    Wheels off the ground.
+    """
+    run(["motors"], Wanted(**options))
+
+
+@click.command("distance")
+@common
+@click.option(
+    "--metres",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0.2, 20),
+    help="How far it drives.",
 )
-distance = _command("distance", """Drive a metre by the tape, and find out the wheels' size.""")
+@click.option("--repeats", default=5, show_default=True, type=click.IntRange(1, 50),
+              help="How often.")  # fmt: skip
+def distance(metres: float, repeats: int, **options: Any) -> None:
+    """Drive a metre several times, by the tape: finds the size of the wheels."""
+    run(["distance"], Wanted(**options), metres=metres, repeats=repeats)
+
+
+@click.command("geometry")
+@common
+@click.option(
+    "--how",
+    type=click.Choice(["squares", "spin", "straight"]),
+    default="squares",
+    show_default=True,
+    help="Squares find track and wheel ratio; a spin the track alone; "
+    "straight runs the ratio alone.",
+)
+@click.option(
+    "--side",
+    type=click.FloatRange(0.3, 10),
+    help="Of the squares, in m, or length of the straight; what suits the track when left out.",
+)
+@click.option("--runs", type=click.IntRange(1, 50), help="How often each way round.")
+@click.option(
+    "--rounds",
+    type=click.IntRange(1, 5),
+    help="Rounds of squares; each corrects what the one before has left.",
+)
+@click.option("--read", type=click.Choice(["places", "headings", "both"]),
+              help="What is measured of each square's end.")  # fmt: skip
+def geometry(
+    how: str, side: float | None, runs: int | None, rounds: int | None, read: str | None,
+    **options: Any,
+) -> None:  # fmt: skip
+    """Find the track and the ratio of the wheels by driving what is then measured (UMBmark)."""
+    names = {
+        "squares": ("side", "runs"),
+        "spin": ("", "repeats"),
+        "straight": ("metres", "repeats"),
+    }
+    settings: dict[str, object] = {"how": how}
+    for name, value in zip(names[how], (side, runs), strict=True):
+        if value is not None and name:
+            settings[name] = value
+    if how == "squares":
+        given = {"rounds": rounds, "read": read}
+        settings |= {name: value for name, value in given.items() if value is not None}
+    elif rounds or read or (side and how == "spin"):
+        raise click.UsageError(f"--how {how} has no such option: see --help.")
+    run(["geometry"], Wanted(**options), **settings)
