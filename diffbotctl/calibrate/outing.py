@@ -7,8 +7,8 @@ and the last gate. Each outing begins at the origin of its own odom frame, where
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
-from typing import Any
+from math import hypot, inf
+from typing import Any, NamedTuple
 
 from diffbotctl.blocks.diff_drive import DiffDrive
 from diffbotctl.blocks.goal_follower import GoalFollower
@@ -24,38 +24,56 @@ from diffbotctl.messages import Encoders, Goal, Odometry
 from diffbotctl.runs.assembly import UNPROVEN_SPEED, gate, made, sources, wheel_speed
 from diffbotctl.runs.simulation import takes_duty
 
-CALM = 0.20  # m/s; slow, as Borenstein and Feng ask, and fast enough for every motor to be smooth
-CALM_TURN = 2.0  # rad/s
-GENTLE = 0.5  # m/s2, speeding up; tyres on a hard floor do not slip
-NEAR = 0.015  # m, where a goal counts as reached: where it really ended, odometry tells
-FACING = 0.04  # rad
 PATIENCE = 180  # s an outing may take
 SECOND = 1_000_000_000
+
+
+class Manner(NamedTuple):
+    """How to drive."""
+
+    speed: float = inf
+    """m/s at most; the robot's own limit where that is less"""
+    turn_rate: float = inf
+    """rad/s, likewise"""
+    acceleration: float = inf
+    """m/s2, likewise"""
+    near: float = 0.010
+    """m, where a goal counts as reached"""
+    facing: float = 0.035
+    """rad, likewise"""
+    method: str = "model"
+    """of odometry"""
+
+
+# Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that
+# no tyre slips. Where a goal really ended, odometry tells, so it need not be near.
+CALM = Manner(speed=0.20, turn_rate=2.0, acceleration=0.5, near=0.015, facing=0.04)
+USUAL = Manner()
 
 Place = tuple[float, float, float | None]
 """x, y in m and heading in rad, or none, in the frame of the start"""
 
 
-def drive(rig: Rig, places: Sequence[Place], reach: float) -> Odometry:
+def drive(rig: Rig, places: Sequence[Place], reach: float, manner: Manner = CALM) -> Odometry:
     """Visit `places` one after the other; where odometry says that it came to rest.
 
     Raises RunError, with the robot stopped, when it cannot get there, goes further than `reach` m
     away from its start, or is stopped by a key, the board or the link.
     """
     rig.awake()
-    outing = _Outing(rig, [Goal(0, 0, x, y, heading) for x, y, heading in places], reach)
-    return outing.go()
+    goals = [Goal(0, 0, x, y, heading) for x, y, heading in places]
+    return _Outing(rig, goals, reach, manner).go()
 
 
 class _Outing:
     """One engine's run on the rig's robot."""
 
-    def __init__(self, rig: Rig, goals: list[Goal], reach: float) -> None:
+    def __init__(self, rig: Rig, goals: list[Goal], reach: float, manner: Manner) -> None:
         self.rig, self.reach = rig, reach
         self.pose: Odometry | None = None
         robot = rig.file.robot
         self.operator = Operator(goals, lambda code, cause: self.engine.end(code, cause))
-        nodes, command = _blocks(robot)
+        nodes, command = _blocks(robot, manner)
         sinks: dict[str, list[Sink]] = {
             command: [self._send],
             "follower.state": [self.operator.hear_goal_state],
@@ -106,21 +124,22 @@ class _Outing:
             self.engine.end(1, f"it went further than the {self.reach:.1f} m that were announced")
 
 
-def _blocks(robot: Robot) -> tuple[list[Node], str]:
+def _blocks(robot: Robot, manner: Manner) -> tuple[list[Node], str]:
     """The pipeline, and the wire that leaves for the robot."""
-    unproven = robot.drive.polarity == "unproven"
-    speed = min(robot.limits.speed, UNPROVEN_SPEED if unproven else CALM)
-    calm = {
-        "speed": speed,
-        "turn_rate": min(robot.limits.turn_rate, CALM_TURN),
-        "acceleration": min(robot.limits.acceleration, GENTLE),
+    limits = robot.limits
+    most = UNPROVEN_SPEED if robot.drive.polarity == "unproven" else inf
+    held = {
+        "speed": min(limits.speed, manner.speed, most),
+        "turn_rate": min(limits.turn_rate, manner.turn_rate),
+        "acceleration": min(limits.acceleration, manner.acceleration),
     }
-    follower = made(GoalFollower, robot, tolerance=NEAR, heading_tolerance=FACING, **calm)
+    ends = {"tolerance": manner.near, "heading_tolerance": manner.facing}
+    odometry = made(OdometryBlock, robot, method=manner.method)
     to_goal = {"odometry": "odometry.odometry", "goal": "operator.goal", "stop": "operator.stop"}
     nodes = [
-        Node("odometry", made(OdometryBlock, robot), {"encoders": "robot.encoders"}),
-        Node("follower", follower, to_goal),
-        Node("limiter", made(SpeedLimiter, robot, **calm), {"twist": "follower.twist"}),
+        Node("odometry", odometry, {"encoders": "robot.encoders"}),
+        Node("follower", made(GoalFollower, robot, **ends, **held), to_goal),
+        Node("limiter", made(SpeedLimiter, robot, **held), {"twist": "follower.twist"}),
         Node("kinematics", made(DiffDrive, robot), {"twist": "limiter.twist"}),
         gate(robot, "kinematics.wheels"),
     ]

@@ -110,13 +110,17 @@ class Rig:
         self._from = None
 
     def meet(self) -> None:
-        """Wait until frames come. Raises RunError when they do not."""
+        """Wait until frames come and a stop has shown: from then on commands are taken.
+
+        Raises RunError when that does not come about.
+        """
         begun = self.now
         while self.encoders is None or self.heard_at <= begun:
             if self.now - begun > MEETING:
                 cause = "the board does not answer: no frames came within 20 s"
                 raise self._stopped(cause, "is it switched on, and does `diffbotctl blink` work?")
             self._turn(self.now + STALE)
+        self.rest()
 
     def latest(self) -> Encoders:
         """The last frame; the first is waited for."""

@@ -79,7 +79,7 @@ class Spin:
 
 def reckoned(robot: Robot, frames: Sequence[Encoders]) -> Odometry:
     """Where odometry says that these frames have led, from the origin."""
-    block: OdometryBlock = made(OdometryBlock, robot)
+    block = made(OdometryBlock, robot)
     block.reset()
     pose = None
     for frame in frames:

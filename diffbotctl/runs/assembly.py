@@ -6,7 +6,7 @@ that takes only PWM, `wheel_speed`; the echo of what holds the robot, to blocks 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
 from diffbotctl.config import nodes as ends
@@ -19,6 +19,7 @@ from diffbotctl.messages import Resume, Stop
 from diffbotctl.runs.simulation import takes_duty
 
 UNPROVEN_SPEED = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
+Made = TypeVar("Made", bound=Block)
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
 
 
@@ -97,7 +98,7 @@ def wheel_speed(robot: Robot) -> Node:
     return Node(WHEEL_SPEED, made(kind, robot), wires)
 
 
-def made(kind: type[Block], robot: Robot, **values: Any) -> Block:
+def made(kind: type[Made], robot: Robot, **values: Any) -> Made:
     """A block with the robot's fields that it asks for; `values` go before them."""
     fields = {name: _field(robot, path) for name, path in robot_fields(kind).items()}
     return kind(**{**fields, **values})
