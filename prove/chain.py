@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from math import degrees, hypot, pi
 from pathlib import Path
 from random import Random
-from statistics import fmean, median, pstdev
+from statistics import median, pstdev
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
@@ -16,10 +16,8 @@ from diffbotctl.calibrate.geometry import Geometry
 from diffbotctl.calibrate.geometry_step import corners, wrapped
 from diffbotctl.calibrate.outing import USUAL, Manner
 from diffbotctl.calibrate.rigging import rig
-from diffbotctl.calibrate.step import Outcome
 from diffbotctl.calibrate.umbmark import EndError
 from diffbotctl.config.load import load_robot
-from diffbotctl.messages import Odometry
 from diffbotctl.plant.body import Body
 from prove.chain_robots import Chained, Wiring, chained, drawn
 from prove.row import Row
@@ -250,7 +248,8 @@ def driving_rows(seed: int, robots: int) -> Iterator[Row]:
     for name, values in (("metre", [e.heading for e in every]), ("turn", [e.turn for e in every])):
         sd = degrees(pstdev(values))
         yield Row(f"{what}: {name}, heading sd", f"{sd:.2f} deg", "<= 0.8 deg", sd <= 0.8)
-    before, after = (median(each) * MM for each in zip(*((e.before, e.after) for e in every)))
+    before = median(each.before for each in every) * MM
+    after = median(each.after for each in every) * MM
     yield Row(f"{what}: 10 m tour", f"{before:.0f} -> {after:.0f} mm",
               f"{before / after:.1f} times better, >= 7, and <= 60 mm",
               before >= 7 * after and after <= 60.0)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Robots with faults planted in them, and the calibration chain run on each from an answers file."""
+"""Robots with faults planted in them, and the calibration chain run on each."""
 
 from __future__ import annotations
 

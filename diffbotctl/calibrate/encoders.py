@@ -6,7 +6,7 @@ the wrong way only pushes harder. What the pulses prove lifts the speed cap of u
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -23,7 +23,6 @@ from diffbotctl.messages import Duty
 # The board takes a wheel without edges for stalled after 0.5 s above 0.3 of duty.
 PULSE = 0.4  # s
 GENTLE, STRONG = 0.45, 0.8  # duty: three times a usual dead band; what a stiff gear needs
-RESTING = 1.0  # s of listening while nothing turns
 FASTEST = 1.6  # times the rated speed: what the robot file may understate it by
 LISTEN = 0.5  # s after a pulse, until the last edge has been told
 WHICH = (
@@ -47,16 +46,18 @@ class Encoders:
     def run(self, rig: Rig) -> Running:
         """Pulses, what they show, a proof of it, then turns by hand."""
         rig.meet()
-        resting = _counted(rig.listen(RESTING).encoders)
-        rig.noisy = any(count >= wires.HUM for count in resting.values())
+        resting = dict(zip(SIDES, rig.still, strict=True))
         yield _announced(rig, "first the left, then the right motor")
         pulses = {}
         for channel in SIDES:
             pulses[channel] = yield from _pulse(rig, channel)
         found = wires.read(pulses, resting)
-        findings = wires.findings(found, rig.file.robot)
         for fault in found.mended:
             yield Said(f"found: {fault}. Settings make up for it, the wires may stay.")
+        if rig.noisy:
+            # The board takes settings only at rest, which it cannot see now.
+            return Outcome("encoders", [], found.mended, found.faults)
+        findings = wires.findings(found, rig.file.robot)
         if findings:
             rig.attempt(findings)
         if found.proven:
@@ -144,11 +145,6 @@ def _one(channel: str, duty: float) -> Duty:
 def _counts(rig: Rig) -> dict[str, int]:
     last = rig.latest()
     return {"left": last.left, "right": last.right}
-
-
-def _counted(frames: Sequence[Any]) -> dict[str, int]:
-    first, last = frames[0], frames[-1]
-    return {"left": abs(last.left - first.left), "right": abs(last.right - first.right)}
 
 
 def _lines(found: wires.Wires) -> list[str]:

@@ -25,6 +25,9 @@ MEETING = 20 * SECOND  # ns until a board must have answered and taken its setti
 STOPPING = 3 * SECOND  # ns until a stop must have shown
 SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
 
+QUIET = 1.0  # s of listening, after a stop, for inputs that count by themselves
+HUM = 5  # counts in that time; a wheel that rolls out gives fewer
+
 Wanted = Duty | Wheels
 Make = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 Kind = TypeVar("Kind", bound=Message)
@@ -78,6 +81,7 @@ class Rig:
         self.now = 0
         self.encoders: Encoders | None = None
         self.heard_at = 0
+        self.link: Link | None = None
         self.recording: list[Encoders] = []
         """all frames since it was last emptied"""
         self.turns: float | None = None
@@ -86,6 +90,8 @@ class Rig:
         """what this calibration has found so far, whether it was written or not"""
         self.noisy = False
         """whether an encoder counts while nothing turns, so that counts do not show a stop"""
+        self.still = (0, 0)
+        """what the left and right input counted in QUIET, with nothing turning"""
         self._from: tuple[int, int] | None = None
         self._make = make
         self.driver = make(file, None, 0)
@@ -94,7 +100,7 @@ class Rig:
         """Go on with what the robot file says now. The robot must be at rest."""
         self.file = file
         self.driver = self._make(file, self.driver, self.now)
-        self.encoders = self._from = None  # a board that takes settings counts anew
+        self.encoders = self._from = self.link = None  # a board that takes settings counts anew
 
     def attempt(self, findings: Sequence[Finding]) -> None:
         """Go on with a robot file that has these findings in it, though nothing is written yet.
@@ -112,15 +118,29 @@ class Rig:
     def meet(self) -> None:
         """Wait until frames come and a stop has shown: from then on commands are taken.
 
-        Raises RunError when that does not come about.
+        An encoder that counts while nothing turns is noticed on the way. Raises RunError when
+        that does not come about.
         """
         begun = self.now
-        while self.encoders is None or self.heard_at <= begun:
+        while self.encoders is None or self.heard_at <= begun or self._link_trouble():
             if self.now - begun > MEETING:
-                cause = "the board does not answer: no frames came within 20 s"
-                raise self._stopped(cause, "is it switched on, and does `diffbotctl blink` work?")
+                cause = self._link_trouble() or "no frames came"
+                fix = "is it switched on, and does `diffbotctl blink` work?"
+                raise self._stopped(f"the board was not ready within 20 s: {cause}", fix)
             self._turn(self.now + STALE)
+        self.driver.stop(self.now)
+        self.still = self._counts_in(self.listen(QUIET).encoders)
+        self.noisy = any(count >= HUM for count in self.still)
         self.rest()
+
+    def _link_trouble(self) -> str:
+        """Why no command would be taken, as far as the link tells."""
+        link = self.link
+        return "" if link is None or link.state == "up" else link.cause or link.state
+
+    def _counts_in(self, frames: list[Encoders]) -> tuple[int, int]:
+        first, last = frames[0], frames[-1]
+        return abs(last.left - first.left), abs(last.right - first.right)
 
     def latest(self) -> Encoders:
         """The last frame; the first is waited for."""
@@ -251,6 +271,8 @@ class Rig:
         for _, message in deliveries:
             if isinstance(message, Encoders):
                 self.note(self.now, message)
+            elif isinstance(message, Link):
+                self.link = message
         return deliveries
 
     def _stopped(self, cause: str, fix: str) -> RunError:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.rig import HUM
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
 
@@ -51,7 +52,6 @@ class Wires:
 
 
 LEAST = 2  # counts that a turning wheel gives in a pulse, and noise does not
-HUM = 5  # counts of a socket in a second during which nothing turned: its wire picks up something
 
 
 def read(pulses: Mapping[str, Pulse], resting: Mapping[str, int]) -> Wires:
