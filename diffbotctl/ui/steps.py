@@ -11,10 +11,6 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.step import Drawing
     from diffbotctl.calibrate.step import Progress as Done
 
-WIDTH, HEIGHT = 64, 18  # characters of a drawing
-FINEST = 0.02  # m across a drawing at least
-SIGNS = "ox+*"
-STYLES = ("red", "green", "blue", "magenta")
 
 
 class StepScreen:
@@ -44,21 +40,12 @@ class StepScreen:
         )
 
     def draw(self, drawing: Drawing) -> None:
-        """Points on a map, each kind by its own sign, and the origin."""
-        from diffbotctl.ui.map import Map
+        """Points around the origin, each kind by its own sign."""
+        from diffbotctl.ui.scatter import scatter
 
         self.rest()
-        seen = [(0.0, 0.0), *(point for points in drawing.points.values() for point in points)]
-        chart = Map(WIDTH, HEIGHT, seen, least=FINEST)
-        chart.mark((0.0, 0.0), "┼", "bold")
-        legend = []
-        for number, (kind, points) in enumerate(drawing.points.items()):
-            sign, style = SIGNS[number % len(SIGNS)], STYLES[number % len(STYLES)]
-            legend.append(f"{sign} {kind}")
-            for point in points:
-                chart.mark(point, sign, style)
-        self.console.print(f"{drawing.title}   ({', '.join(legend)})", markup=False)
-        self.console.print(chart.text())
+        self.console.print(drawing.title, markup=False)
+        self.console.print(scatter(drawing.points))
 
     def rest(self) -> None:
         """Take the bar away."""
