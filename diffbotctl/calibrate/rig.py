@@ -238,7 +238,8 @@ class Rig:
                 raise self._stopped("the link to the board was lost", "")
         if moving and self.now - self.heard_at > STALE:
             raise self._stopped("no frames from the board for half a second", "")
-        self._stay_within()
+        if moving:
+            self._stay_within()
 
     def _stay_within(self) -> None:
         last = self.encoders
