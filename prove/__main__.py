@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from itertools import chain
+from itertools import chain as joined
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion
+from prove import calibration, chain, faults, firmware, link_rosserial, motion
 
 
 def main() -> int:
@@ -15,6 +15,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
+    parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
     parser.add_argument(
@@ -28,8 +30,9 @@ def main() -> int:
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
+        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
     )
-    for row in chain.from_iterable(tables):
+    for row in joined.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
     print(f"{missed} rows missed")
