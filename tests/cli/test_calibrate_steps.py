@@ -104,6 +104,11 @@ def test_ways_to_a_geometry_refuse_options_of_others(robot):
     assert done.exit_code == 2 and "--how spin has no such option" in done.output
 
 
+def test_an_option_before_the_steps_name_is_not_lost_silently(robot):
+    done = calibrate("--dry-run", "encoders", "--port", "sim")
+    assert done.exit_code == 2 and "Put --dry-run behind `encoders`." in done.output
+
+
 class Terminal:
     """A person at a terminal: reads what is said, types."""
 
