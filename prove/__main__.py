@@ -5,10 +5,20 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
-from itertools import chain
+from itertools import chain as joined
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, model, motion, recordings, wander
+from prove import (
+    calibration,
+    chain,
+    faults,
+    firmware,
+    link_rosserial,
+    model,
+    motion,
+    recordings,
+    wander,
+)
 
 
 def main() -> int:
@@ -17,6 +27,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
+    parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
     parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
@@ -36,8 +48,9 @@ def main() -> int:
         model.rows(),
         wander.rows(options.seed, options.wander),
         recordings.rows(options.seed, min(options.trials, 20)),
+        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
     )
-    for row in chain.from_iterable(tables):
+    for row in joined.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
     state.cleanup()

@@ -28,12 +28,8 @@ COMMANDS = {
     "topic": "List, print and measure the messages of a running engine.",
     "param": "List and change the parameters of running blocks.",
     "call": "Call an action of a running block.",
-<<<<<<< HEAD
     "log": "Follow the log of a running engine, or change what a block says.",
-    "replay": "Run a recording again, and compare every message.",
-=======
     "replay": "Run a recording again, as it was or with something changed.",
->>>>>>> bag
     "bag": "Look into recordings: info, plot, export, diff, recover.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
