@@ -17,6 +17,7 @@ from __future__ import annotations
 from math import erf, exp, inf, log, pi, sqrt
 from typing import NamedTuple
 
+from diffbotctl.blocks.known_slots import Slots
 from diffbotctl.blocks.slot_places import Row, SlotPlaces
 from diffbotctl.blocks.transition import Factors
 
@@ -74,7 +75,7 @@ class WheelMotion:
     def __init__(self, spread: Spread, slots: int) -> None:
         """`slots`: of the disc."""
         self.spread = spread = spread.in_pitches(slots)
-        self.disc = SlotPlaces(slots, spread.slot, spread.open)
+        self.disc: Slots = SlotPlaces(slots, spread.slot, spread.open)
         self.z = self.phase = 0.5
         self.speed = self.offset = self.shifted = 0.0
         self.gain = 1.0
@@ -239,21 +240,21 @@ class WheelMotion:
         disc, row = self.disc, self._row()
         disc.begin()
         if disc.learnt:
-            noise, error = self.spread.slot**2, 0.0
-            if disc.slots:
-                entry = disc.entry(slot, forward)
-                noise, error = disc.own[entry][entry], disc.error[entry]
-            whole = row[0] + noise
+            error, variance = disc.told(slot, forward)
+            whole = row[0] + variance
             self._note(place + error - self.z, whole)
             self._absorb(row, (place + error - self.z) / whole, 1.0 / whole)
             return
+        assert isinstance(disc, SlotPlaces)
         disc.carry()
         entry = disc.entry(slot, forward)
         shared, own = disc.with_entry(entry)
         # What is seen is z less the flank's error.
         slots = [p - q for p, q in zip(disc.shared[0], own, strict=True)]
         motion = _less(row, shared)
-        noise = EDGE * EDGE + (self.speed * LATE) ** 2 if forward else self.spread.slot**2
+        noise = EDGE * EDGE + (self.speed * LATE) ** 2
+        if not forward and not disc.both:
+            noise = self.spread.slot**2
         whole = motion[0] - slots[entry] + noise
         pull = (place + disc.error[entry] - self.z) / whole
         self._note(pull * whole, whole)
@@ -288,6 +289,7 @@ class WheelMotion:
         row, disc = self._row(), self.disc
         self._absorb(row, pull, cut)
         if not disc.learnt:
+            assert isinstance(disc, SlotPlaces)
             disc.carry()
             disc.absorb(row, disc.shared[0], pull, cut)
 

@@ -38,9 +38,10 @@ class WheelTrack:
         self.turned_back = False  # driven the other way since then
 
     @property
-    def account(self) -> tuple[int, int, bool, bool | None]:
+    def account(self) -> tuple[int, int, bool, bool | None, int]:
         """What tells this account from another."""
-        return self.slot, self.passed, self.turned_back, self.motion.dry
+        motion = self.motion
+        return self.slot, self.passed, self.turned_back, motion.dry, motion.disc.first
 
     def copy(self) -> WheelTrack:
         """The same account, to go its own way from now on."""

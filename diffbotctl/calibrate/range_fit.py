@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import sqrt
 from typing import TypeAlias
 
@@ -104,7 +105,7 @@ def _refuse(points: Sequence[RulerPoint]) -> None:
     """Raise ValueError when no curve can be laid through the points."""
     if len({each.distance for each in points}) < LEAST_POINTS:
         raise ValueError(f"{len(points)} distances; {LEAST_POINTS} different ones are needed")
-    for near, far in zip(points, points[1:], strict=False):
+    for near, far in pairwise(points):
         if far.distance == near.distance:
             continue
         if near.volts < far.volts:
