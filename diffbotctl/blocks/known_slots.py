@@ -12,7 +12,12 @@ from collections.abc import Iterator, Sequence
 from diffbotctl.blocks.slot_places import SlotPlaces, Told
 from diffbotctl.blocks.transition import Transition
 
-KNOWN = 0.008  # pitches; sd of a learnt place: what the motor's ripple hides while it is learnt
+KNOWN = 0.008  # pitches; sd of a learnt place
+# What is left after learning goes with the motor's ripple: it does not scatter from slot to slot,
+# and taken for scatter it would be trusted too much.
+TAKEN = 0.015  # pitches
+SHARE = 0.02  # pitches; sd of a learnt open share
+OPEN = 0.05  # pitches; the same of a disc whose share was not learnt
 
 
 class KnownSlots:
@@ -44,7 +49,15 @@ class KnownSlots:
         place = (slot + self.first) % self.slots
         if forward:
             return Told(self.flanks.forward[place], self.flanks.variance)
-        return Told(self.flanks.backward[place], self.flanks.back_variance)
+        flanks = self.flanks
+        error = flanks.backward[place] + flanks.beyond.error
+        return Told(error, flanks.beyond_variance)
+
+    def beyond(self) -> tuple[list[float], float]:
+        """By slot, what each flank seen backward lies off beyond the open share; the variance."""
+        flanks = self.flanks
+        turned = [flanks.backward[(slot + self.first) % self.slots] for slot in range(self.slots)]
+        return turned, flanks.beyond_variance
 
     def halt(self) -> None:
         """Nothing is shared with a speed."""
@@ -53,18 +66,19 @@ class KnownSlots:
 class Flanks:
     """Both flanks of each slot as they are seen going forward and backward, in pitches."""
 
-    __slots__ = ("back_variance", "backward", "forward", "variance")
+    __slots__ = ("backward", "beyond", "beyond_variance", "forward", "share", "variance")
 
     def __init__(
-        self, forward: Sequence[float], backward: Sequence[float], share: float, slot: float
+        self, forward: Sequence[float], backward: Sequence[float], share: float | None, slot: float
     ) -> None:
         """Errors of the flanks seen `forward`; of those seen `backward` beyond the open `share` of
         a pitch, none if not known: then they scatter by `slot` (sd)."""
-        beyond = share - 0.5
         self.forward = tuple(forward)
-        self.backward = tuple(each + beyond for each in backward) or (beyond,) * len(self.forward)
+        self.backward = tuple(backward) or (0.0,) * len(self.forward)
         self.variance = KNOWN * KNOWN
-        self.back_variance = self.variance if backward else slot * slot
+        self.beyond_variance = self.variance if backward else slot * slot
+        self.share = None if share is None else Told(share - 0.5, SHARE * SHARE)
+        self.beyond = self.share or Told(0.0, OPEN * OPEN)
 
     def turns(self) -> Iterator[KnownSlots]:
         """The disc as it may stand at power-on."""

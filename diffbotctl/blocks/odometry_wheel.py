@@ -11,6 +11,8 @@ from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
 from diffbotctl.blocks.wheel_filter import WheelFilter
 from diffbotctl.blocks.wheel_motion import Spread
 
+UNKNOWN = 0.5  # open share of a disc that nobody has measured
+
 
 class Motor(Protocol):
     """What a side's motor must tell; times in s, speeds in rad/s."""
@@ -118,7 +120,8 @@ def known_flanks(encoder: Encoder, spread: Spread) -> Flanks | None:
     """The disc as it was measured, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
-    return Flanks(encoder.slot_errors, encoder.back_errors, encoder.open_share, spread.slot)
+    share = None if encoder.open_share == UNKNOWN else encoder.open_share
+    return Flanks(encoder.slot_errors, encoder.back_errors, share, spread.slot)
 
 
 def driven_speed(duty: float, static: float, rated: float) -> float:

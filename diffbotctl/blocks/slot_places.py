@@ -38,10 +38,9 @@ class SlotPlaces:
     """
 
     __slots__ = (
-        "begun", "both", "error", "learnt", "own", "shared", "slots", "tolerance", "waiting",
+        "back", "back_variance", "begun", "both", "error", "learnt", "own", "shared", "slots",
+        "tolerance", "waiting",
     )  # fmt: skip
-
-    first = -1  # which slot comes first matters to nobody who learns it from there on
 
     def __init__(self, slots: int, slot: float, share: float, both: bool = False) -> None:
         """`slots` of the disc, 0 when they are not to be learnt; standard deviations of a `slot`'s
@@ -49,7 +48,8 @@ class SlotPlaces:
         never leave off: for a calibration, as it takes four times the reckoning."""
         self.slots = slots if slots <= MOST else 0
         self.both = both
-        self.tolerance = slot * slot
+        self.tolerance = self.back_variance = slot * slot
+        self.back = [0.0] * self.slots  # what each flank seen backward lies off beyond the share
         entries = 2 * self.slots if both else self.slots + 1
         self.error = [0.0] * entries
         self.shared = [[0.0] * entries for _ in range(6)]
@@ -58,8 +58,8 @@ class SlotPlaces:
             self.own[entry][entry] = self.tolerance
         if not both:
             self.own[-1][-1] = 0.0
-        for one in range(self.slots if both else entries - 1, entries):
-            for other in range(self.slots if both else entries - 1, entries):
+        for one in range(self.slots, entries):  # the share is in all flanks seen backward
+            for other in range(self.slots, entries):
                 self.own[one][other] += share * share
         self.waiting = Transition()
         self.begun = not self.slots
@@ -75,6 +75,7 @@ class SlotPlaces:
         twin = object.__new__(SlotPlaces)
         twin.slots, twin.begun, twin.learnt = self.slots, self.begun, self.learnt
         twin.both, twin.tolerance = self.both, self.tolerance
+        twin.back, twin.back_variance = self.back, self.back_variance
         twin.error = self.error[:]
         twin.shared = [row[:] for row in self.shared]
         twin.own = [row[:] for row in self.own]
@@ -93,8 +94,14 @@ class SlotPlaces:
         if not self.slots:
             return Told(0.0, self.tolerance)
         entry = self.entry(slot, forward)
-        alone = 0.0 if forward or self.both else self.tolerance
-        return Told(self.error[entry], self.own[entry][entry] + alone)
+        alone = self.alone(slot, forward)
+        return Told(self.error[entry] + alone.error, self.own[entry][entry] + alone.variance)
+
+    def alone(self, slot: int, forward: bool) -> Told:
+        """What of a flank's error is its own, and in no entry."""
+        if forward or self.both:
+            return Told(0.0, 0.0)
+        return Told(self.back[slot % self.slots] if self.slots else 0.0, self.back_variance)
 
     def carry(self) -> None:
         """Let what the slots share with the motion follow it to now."""

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from math import log
-
+from diffbotctl.blocks.disc_search import DiscSearch
 from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.wheel_motion import Spread, WheelMotion
 from diffbotctl.blocks.wheel_track import WheelTrack
 
 MOST = 6  # accounts kept at a time
 UNLIKELY = 9.0  # an account so far below the best (natural logarithm, about 1 : 8000) is dropped
-STRANGE = 0.01  # probability that the disc is not the one that was measured
 
 
 class WheelFilter:
     """One wheel, with all accounts of its edges that are still likely; the best first."""
 
-    __slots__ = ("flanks", "most", "tracks")
+    __slots__ = ("flanks", "search", "tracks")
 
     def __init__(
         self, spread: Spread, time: int, count: int, slots: int, flanks: Flanks | None = None
@@ -25,7 +23,7 @@ class WheelFilter:
         `flanks` when they are known."""
         self.tracks = [WheelTrack(spread, time, count, slots)]
         self.flanks = flanks
-        self.most = MOST
+        self.search: DiscSearch | None = None
 
     @property
     def motion(self) -> WheelMotion:
@@ -37,7 +35,8 @@ class WheelFilter:
     ) -> None:
         """Take one frame, as `WheelTrack.frame` does."""
         if self.flanks is not None and edge is not None and count != self.tracks[0].count:
-            self._look_for_the_disc(self.flanks)
+            self.search = DiscSearch(self.flanks, self.tracks)
+            self.flanks = None
         if self.tracks[0].motion.dry is None:
             self.tracks = [twin for track in self.tracks for twin in track.rolling_out(drive)]
         self.tracks = [
@@ -47,6 +46,9 @@ class WheelFilter:
         ]
         if len(self.tracks) > 1:
             self._prune()
+        if self.search is not None:
+            self.search.frame(time, count, edge, drive, since)
+            self._look_for_the_disc(self.search)
 
     def likely_edge(self, time: int, steps: int) -> int:
         """When the last of `steps` edges came that a frame at `time` counts (ns)."""
@@ -71,19 +73,22 @@ class WheelFilter:
                 self.tracks.insert(0, self.tracks.pop(place))
                 return
 
-    def _look_for_the_disc(self, flanks: Flanks) -> None:
-        """The first edge: it may be that of any slot, or the disc is a strange one."""
-        turned = []
-        for track in self.tracks:
-            for disc in flanks.turns():
-                twin = track.copy()
-                twin.motion.disc = disc
-                twin.motion.evidence += log((1.0 - STRANGE) / disc.slots)
-                turned.append(twin)
-            track.motion.evidence += log(STRANGE)
-        self.tracks += turned
-        self.flanks = None
-        self.most = len(self.tracks) + MOST
+    def _look_for_the_disc(self, search: DiscSearch) -> None:
+        """Take the pattern as it stands, once that is known."""
+        plain = max(self.tracks, key=lambda track: track.motion.evidence)
+        if search.is_vain(plain):
+            self.search = None
+            return
+        found = search.found(plain)
+        if found is None:
+            return
+        agree = [track for track in self.tracks if track.where == found.where]
+        if not agree:
+            return
+        for track in agree:
+            track.motion.know(found.motion.disc)
+        self.tracks = agree
+        self.search = None
 
     def _prune(self) -> None:
         """Keep what is likely; of two accounts that agree, the better."""
@@ -91,10 +96,8 @@ class WheelFilter:
         least = self.tracks[0].motion.evidence - UNLIKELY
         kept: list[WheelTrack] = []
         seen = set()
-        for track in self.tracks[: self.most]:
+        for track in self.tracks[:MOST]:
             if track.motion.evidence >= least and track.account not in seen:
                 seen.add(track.account)
                 kept.append(track)
         self.tracks = kept
-        if len(kept) <= MOST:
-            self.most = MOST

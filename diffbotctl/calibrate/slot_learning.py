@@ -60,7 +60,9 @@ class LearningWheel(OdometryWheel):
             )
         backward, doubt = _centred(places, range(slots, 2 * slots))
         share = 0.5 + fmean(places.error[slots:]) - fmean(places.error[:slots])
-        return Disc(forward, backward if doubt <= SURE else (), share, max(sd, doubt * (doubt <= SURE)))
+        return Disc(
+            forward, backward if doubt <= SURE else (), share, max(sd, doubt * (doubt <= SURE))
+        )
 
 
 class Learning(Odometry):
