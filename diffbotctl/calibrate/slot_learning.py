@@ -33,6 +33,7 @@ class Disc(NamedTuple):
     """open share of a pitch: from the one flank to the other, on average"""
     sd: float
     """pitches, of a place, one standard deviation"""
+    share_sd: float
 
 
 class LearningWheel(OdometryWheel):
@@ -59,9 +60,13 @@ class LearningWheel(OdometryWheel):
                 f"places are known to {sd:.1%} of a pitch only; let the wheel turn a few times more"
             )
         backward, doubt = _centred(places, range(slots, 2 * slots))
-        share = 0.5 + fmean(places.error[slots:]) - fmean(places.error[:slots])
+        told = doubt <= SURE
         return Disc(
-            forward, backward if doubt <= SURE else (), share, max(sd, doubt * (doubt <= SURE))
+            forward,
+            backward if told else (),
+            0.5 + fmean(places.error[slots:]) - fmean(places.error[:slots]),
+            max(sd, doubt) if told else sd,
+            _share_sd(places),
         )
 
 
@@ -105,3 +110,15 @@ def _centred(places: SlotPlaces, entries: Sequence[int]) -> tuple[tuple[float, .
     whole = fmean(own)
     variance = sum(places.own[each][each] for each in entries) / count - whole
     return tuple(each - middle for each in errors), sqrt(max(variance, 0.0))
+
+
+def _share_sd(places: SlotPlaces) -> float:
+    """Of the difference between the means of both rows of flanks."""
+    slots, own = places.slots, places.own
+    signs = [-1.0] * slots + [1.0] * slots
+    variance = sum(
+        one * other * own[row][column]
+        for row, one in enumerate(signs)
+        for column, other in enumerate(signs)
+    )
+    return sqrt(max(variance, 0.0)) / slots

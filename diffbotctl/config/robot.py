@@ -226,6 +226,14 @@ class Limits(Section):
 class Battery(Section):
     """The motor supply."""
 
+    pin = Param(
+        Pin, none=True, default=None,
+        help="Analog pin that reads it through a divider, or none.",
+    )  # fmt: skip
+    divider = Param(
+        float, unit="1", none=True, default=None, least=1.0, most=20.0,
+        help="Battery volts per volt at that pin; none: not known.",
+    )  # fmt: skip
     low = Param(
         float, unit="V", least=0.0, default=0.0,
         help="Below this voltage the battery counts as low.",

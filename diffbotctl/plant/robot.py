@@ -8,7 +8,7 @@ from math import cos, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.messages import Duty, Encoders, Message, Volts, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders, Message, Volts, Wheels
 from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
 from diffbotctl.plant.hum import Hum
@@ -16,8 +16,11 @@ from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
 from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
-from diffbotctl.plant.world import World
+from diffbotctl.plant.world import Wall, World
 
+CONVERTER = 5.0  # V; the board's analog inputs read up to this
+BATTERY_PERIOD = 2_000_000_000  # ns between two readings of the battery that are told
+BOARD = 0.3  # m, width of what a hand puts before a sensor
 STEP = 20_000_000  # ns between two arcs of the body: 6 mm at 0.3 m/s, 0.08 rad at 4 rad/s
 
 
@@ -53,6 +56,9 @@ class Machine(NamedTuple):
     # and which of the encoders' sockets.
     channels: tuple[int, int] = (0, 1)
     sockets: tuple[int, int] = (0, 1)
+    divider: float | None = None  # that the board's readings are multiplied with; None: no pin
+    built_divider: float = 1.0  # that the file states
+    low: float = 0.0  # V
 
 
 class Truth(NamedTuple):
@@ -104,6 +110,7 @@ class SimulatedRobot:
         self._luck = Random(seeds[2])
         self._simulation = simulation
         self.board = self._new_board(0)
+        self._battery_at = 0
         self._sag = simulation.battery.sag
         self._outputs = _outputs(machine, simulation)
         self._pins = _pins(machine, simulation)
@@ -203,6 +210,33 @@ class SimulatedRobot:
         self._roll()
         self.body.x, self.body.y, self.body.heading = x, y, heading
 
+    def supply(self) -> float:
+        """The battery's voltage now, in V."""
+        a, b = self.board.sides
+        load = 0.5 * (abs(a.duty) + abs(b.duty))
+        return self._simulation.battery.volts * (1.0 - self._sag * load)
+
+    def battery_pin(self) -> float:
+        """What the battery's divider makes of that, at the board's pin, in V."""
+        return self.supply() / (
+            self.machine.built_divider * (1.0 + self._simulation.battery.divider_error)
+        )
+
+    def put_before(self, name: str, distance: float) -> None:
+        """Put a wide board across a sensor's axis, `distance` (m) from it; take all else away."""
+        mounting = next(each for each, _ in self._sensors if each.name == name)
+        self._move(self.now)
+        self._roll()
+        x, y, bearing = self._sight(mounting)
+        ahead, aside = cos(bearing), sin(bearing)
+        x, y = x + distance * ahead, y + distance * aside
+        half = 0.5 * BOARD
+        self._world = World([Wall(x - half * aside, y + half * ahead,
+                                  x + half * aside, y - half * ahead)])  # fmt: skip
+        for _, sensor in self._sensors:
+            sensor.catch_up(self.now)
+        self._next_look = min(sensor.due for _, sensor in self._sensors)
+
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""
         self._move(self.now)
@@ -270,6 +304,18 @@ class SimulatedRobot:
         for mounting, sensor in self._sensors:
             volts = Volts(now + late, sensor.output(now))
             self._waiting.append((arrival, mounting.name, volts))
+        if self._kind.regulates:  # the published firmware tells nothing of its battery
+            self._tell_battery(now, arrival)
+
+    def _tell_battery(self, now: int, arrival: int) -> None:
+        """The converter rounds; the host multiplies with the divider that it was told."""
+        divider = self.machine.divider
+        if divider is None or now < self._battery_at:
+            return
+        self._battery_at = now + BATTERY_PERIOD
+        steps = min(round(self.battery_pin() / CONVERTER * 1023), 1023)
+        volts = steps / 1023 * CONVERTER * divider
+        self._waiting.append((arrival, "battery", Battery(now, volts, volts < self.machine.low)))
 
     def _look(self, now: int) -> None:
         """Let every sensor measure that is due at `now`."""
@@ -280,13 +326,17 @@ class SimulatedRobot:
         self._next_look = min(sensor.due for _, sensor in self._sensors)
 
     def _distance(self, mounting: Mounting) -> float:
+        return self._world.distance(*self._sight(mounting))
+
+    def _sight(self, mounting: Mounting) -> tuple[float, float, float]:
+        """Where a sensor is in the world (m), and where it looks (rad)."""
         start, body = self._start, self.body
         facing = start.heading + body.heading
         base_x = start.x + body.x * cos(start.heading) - body.y * sin(start.heading)
         base_y = start.y + body.x * sin(start.heading) + body.y * cos(start.heading)
         x = base_x + mounting.x * cos(facing) - mounting.y * sin(facing)
         y = base_y + mounting.x * sin(facing) + mounting.y * cos(facing)
-        return self._world.distance(x, y, facing + mounting.heading)
+        return x, y, facing + mounting.heading
 
 
 def _draw_motors(machine: Machine, simulation: Simulation, chance: Random) -> tuple[Motor, Motor]:
