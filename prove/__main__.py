@@ -6,7 +6,7 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion
+from prove import calibration, faults, firmware, link_rosserial, motion, slots
 
 
 def main() -> int:
@@ -28,6 +28,8 @@ def main() -> int:
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
+        calibration.range_rows(options.seed),
+        slots.rows(options.seed, options.robots),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)

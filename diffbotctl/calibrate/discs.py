@@ -20,7 +20,6 @@ RAMP = ((0.3, 0.4), (0.3, 0.7))  # s, share of the speed
 EDGES_A_FRAME = 0.8  # edges between two frames at most, so that each one's time is told
 SPARE = 1.3  # times the turns that are expected
 REPORTED = 0.05  # pitches; a slot that is off by more is named
-SURE_SHARE = 0.02  # pitches; an open share that is known worse is not written
 RIPPLE = 0.007  # pitches: the motor's ripple goes round with the wheel and passes for slots
 
 
@@ -96,8 +95,6 @@ def _findings(discs: tuple[Disc, Disc]) -> Iterator[Finding]:
         yield Finding(f"drive.{side}.encoder.slot_errors", disc.forward, sd)
         if disc.backward:
             yield Finding(f"drive.{side}.encoder.back_errors", disc.backward, sd)
-        if disc.share_sd <= SURE_SHARE:
-            yield Finding(f"drive.{side}.encoder.open_share", disc.share, disc.share_sd)
 
 
 def _report(discs: tuple[Disc, Disc]) -> Iterator[str]:

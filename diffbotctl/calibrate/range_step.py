@@ -14,12 +14,13 @@ from diffbotctl.calibrate.range_fit import DISTANCES, RangeFit, RulerPoint, allo
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Act, Event, Graph, Outcome, Progress, Running, Said
 from diffbotctl.errors import Problem, RunError, listed
-from diffbotctl.messages import Volts
+from diffbotctl.messages import Battery, Volts
 
 SETTLING = 0.2  # s of readings that are thrown away: the hand, and what came before it
 LISTENING = 5.0  # s of readings that are averaged: 200 at 40 Hz leave 0.7 mV of 10 mV noise
 LEAST_READINGS = 20
 STEADY = 5.0  # standard deviations between both halves of the readings: more, and it has moved
+BATTERY = 2.5  # s; a board that measures its battery tells it meanwhile
 TRIES = 3
 NEAREST, FARTHEST = 0.03, 0.50  # m; beyond, no point of the curve is worth anything
 CM, MM, MV = 100.0, 1000.0, 1000.0
@@ -50,7 +51,10 @@ class RangeCurve:
             points.append((yield from self._point(rig, sensor, distance)))
         found = self._fit(sensor, points)
         yield _graph(sensor, found)
-        return Outcome("range", findings(sensor, found), report(sensor, found))
+        told = rig.listen(BATTERY).of(Battery)
+        return Outcome("range", findings(sensor, found), report(sensor, found),
+                       pictures={"points.csv": table(found)},
+                       volts=told[-1].volts if told else None)  # fmt: skip
 
     def _sensor(self, rig: Rig) -> str:
         names = list(rig.file.robot.sensors)
@@ -72,12 +76,12 @@ class RangeCurve:
         true = float(question.read(answer) if isinstance(answer, str) else answer)
         for _ in range(TRIES):
             rig.listen(SETTLING)
-            heard = rig.listen(self.seconds).of(Volts, f"robot.{sensor}")
-            readings = [each.volts for each in heard]
+            heard = rig.listen(self.seconds)
+            readings = [each.volts for each in heard.of(Volts, f"robot.{sensor}")]
             point = self._believed(sensor, true, readings)
             if point is not None:
                 yield Said(
-                    f"{true * CM:g} cm: {point.volts:.3f} V, noise {point.noise * MV:.0f} mV"
+                    f"{true * CM:.4g} cm: {point.volts:.3f} V, noise {point.noise * MV:.0f} mV"
                 )
                 return point
             yield Said("the voltage wandered off: hold the card still. Measured again")
@@ -114,6 +118,13 @@ def findings(sensor: str, found: RangeFit) -> list[Finding]:
         Finding(f"sensors.{sensor}.curve.{name}", value, sd)
         for name, value, sd in zip("abc", values, found.sd, strict=True)
     ]
+
+
+def table(found: RangeFit) -> str:
+    """The points as CSV text, to be fitted again."""
+    lines = [f"{each.distance:.5f},{each.volts:.5f},{each.noise:.5f},{each.readings}"
+             for each in found.points]  # fmt: skip
+    return "\n".join(["distance,volts,noise,readings", *lines]) + "\n"
 
 
 def report(sensor: str, found: RangeFit) -> list[str]:

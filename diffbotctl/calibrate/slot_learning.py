@@ -28,12 +28,10 @@ class Disc(NamedTuple):
     forward: tuple[float, ...]
     """(slots,): pitches, how far each flank lies from its even place, on average nothing"""
     backward: tuple[float, ...]
-    """the same of the flanks seen going backward, beyond `share`; empty: not learnt"""
-    share: float
-    """open share of a pitch: from the one flank to the other, on average"""
+    """the same of the flanks seen going backward, about the mean of these; empty: not learnt.
+    How far apart both means lie, the open share, is not told: that hangs on a single reversal"""
     sd: float
     """pitches, of a place, one standard deviation"""
-    share_sd: float
 
 
 class LearningWheel(OdometryWheel):
@@ -60,14 +58,9 @@ class LearningWheel(OdometryWheel):
                 f"places are known to {sd:.1%} of a pitch only; let the wheel turn a few times more"
             )
         backward, doubt = _centred(places, range(slots, 2 * slots))
-        told = doubt <= SURE
-        return Disc(
-            forward,
-            backward if told else (),
-            0.5 + fmean(places.error[slots:]) - fmean(places.error[:slots]),
-            max(sd, doubt) if told else sd,
-            _share_sd(places),
-        )
+        if doubt > SURE:
+            return Disc(forward, (), sd)
+        return Disc(forward, backward, max(sd, doubt))
 
 
 class Learning(Odometry):
@@ -110,15 +103,3 @@ def _centred(places: SlotPlaces, entries: Sequence[int]) -> tuple[tuple[float, .
     whole = fmean(own)
     variance = sum(places.own[each][each] for each in entries) / count - whole
     return tuple(each - middle for each in errors), sqrt(max(variance, 0.0))
-
-
-def _share_sd(places: SlotPlaces) -> float:
-    """Of the difference between the means of both rows of flanks."""
-    slots, own = places.slots, places.own
-    signs = [-1.0] * slots + [1.0] * slots
-    variance = sum(
-        one * other * own[row][column]
-        for row, one in enumerate(signs)
-        for column, other in enumerate(signs)
-    )
-    return sqrt(max(variance, 0.0)) / slots
