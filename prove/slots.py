@@ -34,6 +34,8 @@ class End(NamedTuple):
 
     y: float
     heading: float
+    error: float
+    """rad, what odometry says more than the truth"""
 
 
 def rows(seed: int, robots: int) -> Iterator[Row]:
@@ -41,19 +43,39 @@ def rows(seed: int, robots: int) -> Iterator[Row]:
     chance = Random(f"{seed} slots")
     setup = configuration("edges")
     ahead, turned = Goal(0, 0, 1.0, 0.0, None), Goal(0, 0, 0.0, 0.0, pi / 2)
-    metres, turns = [], []
+    metres, turns, before = [], [], []
     for _ in range(robots):
         robot = chance.getrandbits(32)
+        forget(setup)
+        before.append(drive(setup, turned, robot, chance))
         learn(setup, robot)
         metres.append(drive(setup, ahead, robot, chance))
         turns.append(drive(setup, turned, robot, chance))
     lateral = pstdev(each.y for each in metres) * 1000
     yield Row("slots learnt: straight metre, lateral sd", f"{lateral:.1f} mm",
               f"<= {LATERAL:g} mm", lateral <= LATERAL)  # fmt: skip
-    for what, ends, wanted in (("straight metre", metres, 0.0), ("90 degree turn", turns, pi / 2)):
-        spread = pstdev(degrees(turn(each.heading - wanted)) for each in ends)
-        yield Row(f"slots learnt: {what}, heading sd", f"{spread:.2f} deg",
-                  f"<= {HEADING:g} deg", spread <= HEADING)  # fmt: skip
+    for what, ends in (("metre", metres), ("90 degree turn", turns)):
+        yield heading_row(f"{what}, odometry's heading sd", [each.error for each in ends])
+    yield heading_row("90 degree turn, heading sd at the goal",
+                      [turn(each.heading - pi / 2) for each in turns])  # fmt: skip
+    spread = pstdev(degrees(each.error) for each in before)
+    yield Row("slots not learnt: 90 degree turn, odometry's heading", f"{spread:.2f} deg",
+              "(none)", True)  # fmt: skip
+
+
+def heading_row(what: str, errors: list[float]) -> Row:
+    """Standard deviation of some headings' errors (rad)."""
+    spread = pstdev(degrees(each) for each in errors)
+    return Row(f"slots learnt: {what}", f"{spread:.2f} deg", f"<= {HEADING:g} deg",
+               spread <= HEADING)  # fmt: skip
+
+
+def forget(setup: Configuration) -> None:
+    """Nothing is known of the discs."""
+    assert setup.robot is not None
+    for side in (setup.robot.drive.left, setup.robot.drive.right):
+        side.encoder.slot_errors = []
+        side.encoder.back_errors = []
 
 
 def learn(setup: Configuration, seed: int) -> tuple[Disc, Disc]:
@@ -95,5 +117,6 @@ def drive(setup: Configuration, goal: Goal, seed: int, chance: Random) -> End:
               Random(chance.getrandbits(64)), falling=plant.machine.falling)
         for wheel, disc in zip(plant.wheels, plant.discs, strict=True)
     )  # fmt: skip
-    pose = run.go().truth.pose
-    return End(pose.y, pose.heading)
+    result = run.go()
+    pose = result.truth.pose
+    return End(pose.y, pose.heading, turn(result.odometry.heading - pose.heading))
