@@ -55,6 +55,11 @@ CODES: dict[str, Code] = {
         pressed a key, because the link to the board fell silent, because the board itself had
         stopped the motors, or because something turned further than had been announced. Steps that
         were finished before are in the robot file; begin again with the one that was stopped."""),
+    "E-CALIBRATE-RANGE": _code("a distance sensor that cannot be calibrated", """
+        The voltages at the rule's distances are not those of a Sharp infrared sensor: they must
+        fall from 4 to 30 cm, and stand still while the card does. Closer than 3 cm they fall too,
+        which looks like a greater distance. Measure from the sensor's front, use a white card
+        that stands upright, and look at the sensor's supply (5 V), ground and output wires."""),
     "E-CALIBRATE-ROBOT": _code("a robot that cannot be calibrated like this", """
         The robot does not do what this step measures: a wheel that does not turn, an encoder that
         does not answer, a scale that no tape would show. Calibrate in the order of the chain

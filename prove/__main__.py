@@ -17,6 +17,7 @@ from prove import (
     model,
     motion,
     recordings,
+    slots,
     wander,
 )
 
@@ -49,6 +50,8 @@ def main() -> int:
         wander.rows(options.seed, options.wander),
         recordings.rows(options.seed, min(options.trials, 20)),
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        calibration.range_rows(options.seed),
+        slots.rows(options.seed, options.robots),
     )
     for row in joined.from_iterable(tables):
         print(row.line(), flush=True)

@@ -70,6 +70,9 @@ def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
         ),
         disc=built.left.encoder.slots,
         channels=_crossed(drive.left.motor.enable, built.right.motor.enable),
+        divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
+        built_divider=(nominal or robot).battery.divider or 1.0,
+        low=robot.battery.low,
         sockets=_crossed(drive.left.encoder.pin, built.right.encoder.pin),
     )
 
