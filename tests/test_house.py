@@ -13,7 +13,7 @@ FLOORS = [
     ["blocks", "links", "plant", "graph"],
     ["config"],
     ["engine"],
-    ["drivers", "hub"],
+    ["drivers", "hub", "ports", "bluetooth"],
     ["runs", "calibrate"],
     ["ui", "cli"],
 ]

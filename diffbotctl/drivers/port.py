@@ -9,8 +9,10 @@ import os
 import stat
 import termios
 from contextlib import suppress
+from pathlib import Path
 
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.ports.holders import UNSEEN, holder
 
 READ_SIZE = 4096  # bytes; more than any board sends between two looks
 
@@ -113,9 +115,10 @@ def _lock(fd: int, device: str) -> None:
 
 
 def _busy(device: str) -> RunError:
+    using = holder(Path("/"), os.path.abspath(device)) or UNSEEN
     fix = (f"end that program (sudo fuser -v {device} tells more); two writers on one port garble "
            "each other's frames")  # fmt: skip
-    return _trouble("E-PORT-BUSY", device, f"it is in use by {holder(device)}", fix)
+    return _trouble("E-PORT-BUSY", device, f"it is in use by {using}", fix)
 
 
 def _group(device: str) -> str:
@@ -142,36 +145,3 @@ def _make_raw(fd: int, baud: int) -> None:
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
     except termios.error as error:
         raise OSError(*error.args) from error
-
-
-def holder(device: str) -> str:
-    """The program that keeps `device` from us, as far as /proc lets us see."""
-    pid = _locker(device) or _opener(os.path.realpath(device))
-    with suppress(OSError), open(f"/proc/{pid}/comm") as name:
-        return f"{name.read().strip()} (process {pid})"
-    return "another program"
-
-
-def _locker(device: str) -> str | None:
-    """Who has locked the device: `number: FLOCK ADVISORY WRITE pid device:inode ...` a line."""
-    with suppress(OSError, ValueError):
-        about = os.stat(device)
-        wanted = (os.major(about.st_dev), os.minor(about.st_dev), about.st_ino)
-        with open("/proc/locks") as locks:
-            for words in map(str.split, locks):
-                major, minor, inode = words[5].split(":")
-                if (int(major, 16), int(minor, 16), int(inode)) == wanted:
-                    return words[4]
-    return None
-
-
-def _opener(real: str) -> str | None:
-    """Who else has the device open."""
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        if int(pid) == os.getpid():
-            continue
-        with suppress(OSError):
-            for fd in os.listdir(f"/proc/{pid}/fd"):
-                if os.path.realpath(f"/proc/{pid}/fd/{fd}") == real:
-                    return pid
-    return None
