@@ -412,6 +412,42 @@ CODES: dict[str, Code] = {
     "W-PORT-OTHER": _code("the port leads to no board", """
         Modems and satellite receivers have serial ports too. Asking them confuses them: leave them
         alone."""),
+    "E-BLUETOOTH-ADAPTER": _code("no Bluetooth radio", """
+        This machine has none, or its driver did not find it. A stick for a few euros does; drive
+        over the USB cable meanwhile."""),
+    "E-BLUETOOTH-BLOCKED": _code("Bluetooth is switched off", """
+        `rfkill list` shows what keeps it silent: a switch or key of the machine (hard), or a
+        setting (soft), which `rfkill unblock bluetooth` undoes."""),
+    "E-BLUETOOTH-SERVICE": _code("the Bluetooth service cannot be asked", """
+        Scanning and pairing are done by the system's service bluetoothd, from the package bluez,
+        over the system's message bus. It must be installed and run: `systemctl status
+        bluetooth`. Driving needs it only to have paired once."""),
+    "E-BLUETOOTH-PYTHON": _code("this Python cannot do Bluetooth", """
+        Some builds of Python leave Bluetooth sockets out. The one that comes with the system has
+        them: make the virtual environment with /usr/bin/python3 -m venv."""),
+    "E-BLUETOOTH-LIBRARY": _code("the package jeepney is missing", """
+        `bluetooth scan` and `bluetooth pair` speak to the system's Bluetooth service with the
+        package jeepney, which is installed with: pip install 'diffbotctl[bluetooth]'."""),
+    "E-BLUETOOTH-ADDRESS": _code("no Bluetooth address", """
+        An address is six pairs of hexadecimal digits with colons, such as 98:D3:31:FC:12:34;
+        `diffbotctl bluetooth scan` lists those in reach. A number of a channel may follow a
+        slash; an HC-05 has only channel 1."""),
+    "E-BLUETOOTH-ABSENT": _code("the module was not found", """
+        It does not answer: no power (its light does not blink), too far, or connected to another
+        machine already, in which case its light blinks twice every two seconds. An HC-05 speaks
+        to one host at a time."""),
+    "E-BLUETOOTH-PAIR": _code("pairing failed", """
+        Host and module must agree on a number. An HC-05's is 1234 unless somebody changed it;
+        some modules use 0000. A module that was paired anew elsewhere, or whose number changed,
+        must first be forgotten here: `bluetoothctl remove ADDRESS`."""),
+    "E-BLUETOOTH-CONNECT": _code("no connection to the module", """
+        The radio link could not be made. Refused: the module is connected elsewhere, or not
+        paired. No answer: no power, or out of reach. An HC-05's light blinks fast while it waits
+        for a connection, and twice every two seconds while it has one."""),
+    "E-BLUETOOTH-AT": _code("the module does not answer AT commands", """
+        An HC-05 listens to AT commands only when its small button was held while its power came
+        on; its light then blinks slowly, once in two seconds, and it listens at 38400 baud
+        whatever rate it was set to. Its RX and TX must lead to the board as when driving."""),
     "E-PORT-KIND": _code("that is no serial port", """
         The device exists but is not a serial port, or there is none of that name. `ls /dev/ttyUSB*
         /dev/ttyACM* /dev/rfcomm*` lists the usual ones."""),

@@ -10,7 +10,9 @@ import stat
 import termios
 from contextlib import suppress
 from pathlib import Path
+from typing import Protocol
 
+from diffbotctl.drivers.socket_port import SocketPort, connected, is_socket, unreachable
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.ports.holders import UNSEEN, holder
 
@@ -67,8 +69,38 @@ class Port:
             os.close(self.fd)
 
 
-def opened(device: str, baud: int) -> Port:
+class OpenPort(Protocol):
+    """What the loop needs of a port, whatever it is made of."""
+
+    device: str
+    baud: int
+    fd: int
+
+    def read(self) -> bytes:
+        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the kernel; returns how many it took. Raises OSError."""
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate. Raises OSError."""
+
+    def discard_unsent(self) -> None:
+        """Throw away what has not left, as far as that can be done."""
+
+    def close(self) -> None:
+        """Let the device go."""
+
+
+def reopened(device: str, baud: int) -> OpenPort:
+    """Open a port that was lost; a module is only called, without waiting. Raises OSError."""
+    return SocketPort(device, baud) if is_socket(device) else Port(device, baud)
+
+
+def opened(device: str, baud: int) -> OpenPort:
     """Open a port that must be there. Raises RunError."""
+    if is_socket(device):
+        return connected(device, baud)
     try:
         return Port(device, baud)
     except OSError as error:
@@ -77,6 +109,8 @@ def opened(device: str, baud: int) -> Port:
 
 def gone(device: str, error: OSError) -> RunError:
     """What to tell of a device that is not there, or no longer."""
+    if is_socket(device):
+        return unreachable(device, error)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
     return _trouble("E-PORT-OPEN", device, error.strerror or str(error), fix)
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from diffbotctl.bluetooth.address import BLUETOOTH
 from diffbotctl.flash.trouble import NoBoardError, RadioPortError, SeveralBoardsError
 from diffbotctl.ports.chips import CHIP, KINDS, MEGA
 
@@ -85,5 +86,6 @@ def is_usb(device: str) -> bool:
 
 def refuse_radio(device: str) -> None:
     """Raises RadioPortError for a port that leads over Bluetooth."""
-    if any(RADIO.search(name) for name in (device, os.path.realpath(device))):
+    bound = any(RADIO.search(name) for name in (device, os.path.realpath(device)))
+    if bound or device.startswith(BLUETOOTH):
         raise RadioPortError(device)

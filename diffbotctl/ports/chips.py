@@ -39,7 +39,6 @@ KINDS |= {
     (0x1A86, 0x55D4): Kind("CH9102", CHIP, "cdc_acm"),
     (0x0403, 0x6001): Kind("FT232R", CHIP, "ftdi_sio"),
     (0x10C4, 0xEA60): Kind("CP2102", CHIP, "cp210x"),
-    (0x067B, 0x2303): Kind("PL2303", CHIP, "pl2303"),
     # The Mega's own USB chip, an ATmega16U2, waiting for a program of its own.
     (0x03EB, 0x2FEF): Kind("ATmega16U2 in its DFU bootloader", DFU, ""),
     (0x03EB, 0x2FF0): Kind("ATmega32U2 in its DFU bootloader", DFU, ""),

@@ -7,6 +7,10 @@ import sys
 
 import pytest
 
+from diffbotctl.bluetooth.adapter import adapter
+from diffbotctl.ports.judge import survey
+from diffbotctl.ports.person import Person
+from diffbotctl.runs.checkup import BAD, NOTE, OK, findings
 from tests.fake_machine import CH340, MEGA, FakeMachine
 
 MAIN = "from diffbotctl.cli.main import main; main()"
@@ -20,6 +24,7 @@ def run(*words, unprivileged=False):
         person = ["--reuid", str(NOBODY), "--regid", str(NOBODY), "--clear-groups"]
         command = ["setpriv", *person, *command]
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": os.getcwd()}
+    environment["HOME"] = "/nonexistent" if unprivileged else environment.get("HOME", "/")
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert "Traceback" not in done.stderr
     return done.returncode, " ".join((done.stdout + done.stderr).split())
@@ -77,3 +82,66 @@ def test_what_fix_prints_are_whole_commands(machine):
     assert said.endswith("sudo udevadm control --reload && sudo udevadm trigger")
     words = shlex.split(said)
     assert words[0] == "echo" and words[1].startswith('SUBSYSTEM=="tty"')
+
+
+def doctor(machine, user=NOBODY, groups=frozenset()):
+    """Its findings about a machine, for a user."""
+    person = Person("ana", user, groups)
+    return list(findings(machine.root, person, survey(machine.root, person)))
+
+
+def about(found, topic):
+    return [(each.verdict, each.words, each.fix) for each in found if each.topic == topic]
+
+
+def test_doctor_names_the_group_to_join(machine):
+    found = doctor(machine)
+    assert about(found, "groups") == [
+        (NOTE, "ana is in no group that owns serial ports",
+         "sudo usermod -aG dialout ana, then log out and in again"),
+    ]  # fmt: skip
+
+
+def test_doctor_knows_a_session_older_than_the_group(machine):
+    machine.group("dialout", "ana")
+    assert about(doctor(machine), "groups")[0][0] == BAD
+    assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == OK
+
+
+def test_doctor_says_which_optional_packages_are_there(machine):
+    machine.write("usr/bin/avrdude", "")
+    found = doctor(machine)
+    assert about(found, "avrdude") == [(OK, "installed", "")]
+    (verdict, words, fix) = about(found, "gcc-avr")[0]
+    assert verdict == NOTE and "only for building the firmware" in words
+    assert fix == "sudo apt-get install gcc-avr"
+
+
+def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
+    machine.port("ttyAMA0", None)
+    machine.write("proc/cmdline", "console=ttyAMA0,115200")
+    found = doctor(machine, groups={os.getgid()})
+    assert [each.verdict for each in found if each.topic == "E-PORT-CONSOLE"] == [NOTE]
+
+
+@pytest.mark.parametrize(
+    ("files", "code"),
+    [
+        ({}, "E-BLUETOOTH-ADAPTER"),
+        ({"sys/class/bluetooth/hci0/x": ""}, "E-BLUETOOTH-SERVICE"),
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd"}, None),
+        # hci0:1 is a connection, no radio.
+        ({"sys/class/bluetooth/hci0:1/x": ""}, "E-BLUETOOTH-ADAPTER"),
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
+          "sys/class/rfkill/rfkill0/type": "bluetooth", "sys/class/rfkill/rfkill0/soft": "1"},
+         "E-BLUETOOTH-BLOCKED"),
+        # Only the wireless network is off.
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
+          "sys/class/rfkill/rfkill0/type": "wlan", "sys/class/rfkill/rfkill0/soft": "1"}, None),
+    ],
+)  # fmt: skip
+def test_the_state_of_the_radio(machine, files, code):
+    for path, content in files.items():
+        machine.write(path, content)
+    trouble = adapter(machine.root).trouble
+    assert (trouble.code if trouble else None) == code

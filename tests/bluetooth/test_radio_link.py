@@ -1,0 +1,44 @@
+"""Driving over a radio link that is late, lossy and sometimes away: the real firmware behind it."""
+
+import pytest
+
+from tests.radio import Radio
+from tests.virtual_board import board, diffbotctl, flat, moving, run, start, wait_until
+
+STILL = [0.0, 0.0]
+
+
+def words(radio, *more):
+    """A run over the radio, as fast as the robot goes."""
+    return run(radio.device, "--set", "robot.drive.polarity=by_hand", *more)
+
+
+def test_a_goal_is_reached_over_a_late_and_lossy_link(tmp_path):
+    with board() as virtual, Radio(virtual.radio, tmp_path / "radio") as radio:
+        code, said = diffbotctl(*words(radio, "--goal", "0.5 0.2"))
+        truth = virtual.board.plant.truth()
+    assert code == 0, said
+    assert "goals 1 of 1 reached" in said and "final stop confirmed" in said
+    assert abs(truth.pose.x - 0.5) < 0.05 and abs(truth.pose.y - 0.2) < 0.05
+    assert radio.up.lost > 0  # it was lossy indeed
+
+
+@pytest.mark.parametrize("how", ["away", "hung up"])
+def test_after_an_outage_nothing_moves_until_a_person_consents(tmp_path, how):
+    with board() as virtual, Radio(virtual.radio, tmp_path / "radio") as radio:
+        driver = start(*words(radio, "--goal", "0.8 0", "--name", "radio"))
+        wait_until(lambda: moving(virtual))
+        if how == "away":
+            radio.go_away(5.0)
+        else:
+            radio.hang_up()
+        wait_until(lambda: virtual.board.duty == STILL)  # the dead-man
+        went = virtual.board.plant.truth().pose.x
+        if how == "hung up":
+            radio.come_back()
+        wait_until(lambda: diffbotctl("resume", "--engine", "radio")[0] == 0)
+        said, _ = driver.communicate(timeout=60)
+        arrived = virtual.board.plant.truth().pose.x
+    assert driver.returncode == 0, said
+    assert went < 0.6 and abs(arrived - 0.8) < 0.05
+    assert "waits for `resume`" in flat(said)
