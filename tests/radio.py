@@ -14,6 +14,7 @@ import threading
 import time
 import tty
 from contextlib import suppress
+from itertools import pairwise
 from random import Random
 from typing import NamedTuple
 
@@ -105,7 +106,7 @@ class Radio:
     def silences(self, to_host):
         """(begin, end) of each time without a frame in one direction."""
         times = [each.at for each in self.passed if each.to_host == to_host]
-        return list(zip(times, times[1:], strict=False))
+        return list(pairwise(times))
 
     def close(self):
         """End it."""

@@ -1,0 +1,149 @@
+"""Driving over a radio link that is late, lossy and away for 5 s: the firmware's binary behind it.
+
+Each trial is the product itself, `diffbotctl run --port socket:...`, on a virtual board in real
+time; after the outage a person's `diffbotctl resume` is given, as a stop that is latched asks for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from math import hypot
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.hub.recording import RecordingReader
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import Decoder
+from diffbotctl.messages import Stop
+from prove.row import Row
+from tests.radio import Passed, Radio
+from tests.virtual_board import board, diffbotctl, moving, run, start, wait_until
+
+OUTAGE = 5.0  # s
+SILENCE = 0.100  # s; less must not stop the robot
+OF_SILENCE = ("telemetry_stale", "range_stale", "reconnect", "command_stale")
+LOST_SILENTLY = "gone silent"  # in the cause of `link_lost`; else the connection itself broke
+LATEST = 1.2  # s of driving before the outage; the goals take three and more
+LOOK_BACK = 0.6  # s before a dead-man's stop was seen: its 300 ms, and the delay of the news
+EXPIRED = next(code for code, name in frames.MODE.items() if name == "expired")
+PATIENCE = 90  # s for a run to end
+
+
+class Trial(NamedTuple):
+    """How one drive went. `stops`: silence (s) before each stop that silence caused, and its code."""
+
+    reached: bool
+    stops: list[tuple[float, str]]
+    frames: int
+    lost: int
+    error: float  # m, of the true place from the goal
+
+
+def trial(seed: int, outage: str) -> Trial:
+    """One drive; `outage`: away (the connection stays), hung up (it breaks), or none."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        x, y = chance.uniform(0.7, 1.1), chance.uniform(-0.3, 0.3)
+        with board() as virtual, Radio(virtual.radio, folder / "radio", seed) as radio:
+            name = f"radio{seed}"
+            process = start(*run(
+                radio.device, "--set", "robot.drive.polarity=by_hand", "--goal", f"{x} {y}",
+                "--name", name, "--record", folder / "run.mcap"))  # fmt: skip
+            if outage != "none":
+                wait_until(lambda: moving(virtual))
+                time.sleep(chance.uniform(0.0, LATEST))
+                _away(radio, outage)
+                wait_until(lambda: diffbotctl("resume", "--engine", name)[0] == 0)
+            said, _ = process.communicate(timeout=PATIENCE)
+            pose = virtual.board.plant.truth().pose
+        reached = process.returncode == 0 and "goals 1 of 1 reached" in said
+        stops = silences(folder / "run.mcap") + expiries(radio.passed)
+        ways = (radio.up, radio.down)
+        return Trial(reached, stops, sum(w.count for w in ways), sum(w.lost for w in ways),
+                     hypot(pose.x - x, pose.y - y))  # fmt: skip
+
+
+def _away(radio: Radio, outage: str) -> None:
+    if outage == "away":
+        radio.go_away(OUTAGE)
+        time.sleep(OUTAGE)
+    else:
+        radio.hang_up()
+        time.sleep(OUTAGE)
+        radio.come_back()
+
+
+def silences(recording: Path) -> list[tuple[float, str]]:
+    """Silence of the board, in s, before each stop of the host's that was for want of news."""
+    found, before, last = [], 0, 0
+    for each in RecordingReader(recording).messages():
+        if each.wire == "robot.encoders" and each.time != last:
+            before, last = last, each.time
+        stop = each.message
+        if isinstance(stop, Stop) and not each.from_driver and _of_silence(stop):
+            since = before if each.time == last else last  # it was the frame after the silence
+            found.append(((each.time - since) / 1e9, stop.code))
+    return found
+
+
+def _of_silence(stop: Stop) -> bool:
+    return stop.code in OF_SILENCE or (stop.code == "link_lost" and LOST_SILENTLY in stop.cause)
+
+
+def expiries(passed: list[Passed]) -> list[tuple[float, str]]:
+    """Longest silence of the host, in s, just before each stop by the board's dead-man."""
+    found, mode, decoder = [], None, Decoder()
+    to_board = [each.at for each in passed if not each.to_host]
+    for each in passed:
+        if not each.to_host:
+            continue
+        for frame in decoder.feed(each.data):
+            if isinstance(frame, frames.State | frames.Counts):
+                if frame.mode == EXPIRED and mode not in (None, EXPIRED):
+                    found.append((_longest(to_board, each.at), "dead-man"))
+                mode = frame.mode
+    return found
+
+
+def _longest(times: list[float], until: float) -> float:
+    near = [at for at in times if until - LOOK_BACK <= at <= until]
+    marks = [until - LOOK_BACK, *near, until]
+    return max(b - a for a, b in pairwise(marks))
+
+
+def rows(seed: int, trials: int = 9) -> Iterator[Row]:
+    """A third of the trials each: no outage, out of reach, hung up."""
+    kinds = ("none", "away", "hung up")
+    done = [trial(seed * 1000 + number, kinds[number % 3]) for number in range(trials)]
+    reached = sum(each.reached for each in done)
+    lost, sent = sum(each.lost for each in done), sum(each.frames for each in done)
+    yield Row("radio of 10 to 50 ms, 1 % lost, 5 s outages: goals", f"{reached} of {trials}",
+              f"{trials} of {trials}", reached == trials)  # fmt: skip
+    stops = [stop for each in done for stop in each.stops]
+    least = f", least {min(stops)[0] * 1000:.0f} ms ({min(stops)[1]})" if stops else ""
+    yield Row("  stops for silence, and how long that was", f"{len(stops)}{least}", ">= 100 ms",
+              all(silence >= SILENCE for silence, _ in stops))  # fmt: skip
+    worst = max(each.error for each in done)
+    yield Row("  true distance from the goal, worst", f"{worst * 1000:.0f} mm", "(no target)", True)
+    yield Row("  frames lost of those sent, outages included", f"{lost} of {sent}", "(no target)",
+              lost > 0)  # fmt: skip
+
+
+def main() -> None:
+    """Print every row."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--trials", type=int, default=9)
+    asked = parser.parse_args()
+    for row in rows(asked.seed, asked.trials):
+        print(row.line(), flush=True)
+
+
+if __name__ == "__main__":
+    main()
