@@ -35,7 +35,9 @@ PATIENCE = 90  # s for a run to end
 
 
 class Trial(NamedTuple):
-    """How one drive went. `stops`: silence (s) before each stop that silence caused, and its code."""
+    """How one drive went. `stops`: silence (s) before each stop that it caused, and the code."""
+
+    outage: str
 
     reached: bool
     stops: list[tuple[float, str]]
@@ -65,7 +67,7 @@ def trial(seed: int, outage: str) -> Trial:
         reached = process.returncode == 0 and "goals 1 of 1 reached" in said
         stops = silences(folder / "run.mcap") + expiries(radio.passed)
         ways = (radio.up, radio.down)
-        return Trial(reached, stops, sum(w.count for w in ways), sum(w.lost for w in ways),
+        return Trial(outage, reached, stops, sum(w.count for w in ways), sum(w.lost for w in ways),
                      hypot(pose.x - x, pose.y - y))  # fmt: skip
 
 
@@ -80,15 +82,23 @@ def _away(radio: Radio, outage: str) -> None:
 
 
 def silences(recording: Path) -> list[tuple[float, str]]:
-    """Silence of the board, in s, before each stop of the host's that was for want of news."""
-    found, before, last = [], 0, 0
+    """Silence (s), and the code, of each of the host's stops that was for want of news.
+
+    The silence is that of the wire that was missed. Before its first message nothing was driving.
+    """
+    found = []
+    news: dict[str, tuple[int, int]] = {}  # of each wire: the last two times something came
     for each in RecordingReader(recording).messages():
-        if each.wire == "robot.encoders" and each.time != last:
-            before, last = last, each.time
+        before, last = news.get(each.wire, (0, 0))
+        if each.time != last:
+            news[each.wire] = (last, each.time)
         stop = each.message
         if isinstance(stop, Stop) and not each.from_driver and _of_silence(stop):
+            missed = "robot.front" if stop.code == "range_stale" else "robot.encoders"
+            before, last = news.get(missed, (0, 0))
             since = before if each.time == last else last  # it was the frame after the silence
-            found.append(((each.time - since) / 1e9, stop.code))
+            if since:
+                found.append(((each.time - since) / 1e9, stop.code))
     return found
 
 
@@ -129,8 +139,10 @@ def rows(seed: int, trials: int = 9) -> Iterator[Row]:
     least = f", least {min(stops)[0] * 1000:.0f} ms ({min(stops)[1]})" if stops else ""
     yield Row("  stops for silence, and how long that was", f"{len(stops)}{least}", ">= 100 ms",
               all(silence >= SILENCE for silence, _ in stops))  # fmt: skip
-    worst = max(each.error for each in done)
-    yield Row("  true distance from the goal, worst", f"{worst * 1000:.0f} mm", "(no target)", True)
+    for kind in kinds:
+        worst = max(each.error for each in done if each.outage == kind)
+        yield Row(f"  true distance from the goal, outage: {kind}", f"<= {worst * 1000:.0f} mm",
+                  "(no target)", True)  # fmt: skip
     yield Row("  frames lost of those sent, outages included", f"{lost} of {sent}", "(no target)",
               lost > 0)  # fmt: skip
 
