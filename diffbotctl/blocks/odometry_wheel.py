@@ -88,15 +88,14 @@ class OdometryWheel:
         self.filter.frame(time, count, edge, drive, since)
 
     def counted(self, count: int) -> float:
-        """Metres to `count`, unseen: in the direction of the last motion, or drive, or forward; to
-        the middle of the slot that was reached."""
-        steps = abs(count - self.count)
+        """Metres to `count`, unseen: in the direction in which the board has counted, which alone
+        knew its commands then; to the middle of the slot that was reached."""
+        steps = count - self.count
         if not steps:
             return 0.0
-        track = self.filter.tracks[0]
-        way = copysign(1.0, track.motion.speed or track.heading or 1.0)
+        track, way = self.filter.tracks[0], copysign(1.0, steps)
         begun = way * (track.motion.z - track.place)  # of the slot in which it was
-        return way * (steps + 0.5 - begun) * self.pitch
+        return (steps + way * (0.5 - begun)) * self.pitch
 
     def tell(self) -> None:
         """Say how far the wheel has `rolled` and `begun` since this was last asked."""
