@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from diffbotctl.drivers.socket_port import SocketPort, connected, is_socket, unreachable
+from diffbotctl.drivers.socket_port import called, connected, is_socket, unreachable
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.ports.holders import UNSEEN, holder
 
@@ -94,7 +94,7 @@ class OpenPort(Protocol):
 
 def reopened(device: str, baud: int) -> OpenPort:
     """Open a port that was lost; a module is only called, without waiting. Raises OSError."""
-    return SocketPort(device, baud) if is_socket(device) else Port(device, baud)
+    return called(device, baud) if is_socket(device) else Port(device, baud)
 
 
 def opened(device: str, baud: int) -> OpenPort:

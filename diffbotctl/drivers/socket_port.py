@@ -39,30 +39,35 @@ def is_socket(device: str) -> bool:
     return device.startswith((BLUETOOTH, SOCKET))
 
 
+Address = tuple[str, int] | str
+
+
 class SocketPort:
     """A connection, or the attempt at one. Raises OSError from `read` and `write` when it is gone.
 
     While the attempt lasts nothing can be read, and what is written is not taken.
     """
 
-    def __init__(self, device: str, baud: int, wait: float = 0.0) -> None:
-        """Connect, waiting so many seconds for success at most; with 0, carry on meanwhile.
+    def __init__(
+        self, device: str, baud: int, made: socket.socket, address: Address, wait: float = 0.0
+    ) -> None:
+        """Connect `made`, waiting so many seconds for success at most; with 0, carry on meanwhile.
 
-        Raises OSError, UsageError for a name that is no address, RunError.
+        Raises OSError.
         """
         self.device, self.baud = device, baud
-        self._socket, address = _made(device)
-        self.fd = self._socket.fileno()
+        self._socket = made
+        self.fd = made.fileno()
         try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNSENT)
-            self._socket.settimeout(wait)
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNSENT)
+            made.settimeout(wait)
             self._connecting = not self._connect(address)
-            self._socket.setblocking(False)
+            made.setblocking(False)
         except BaseException:
-            self._socket.close()
+            made.close()
             raise
 
-    def _connect(self, address: tuple[str, int] | str) -> bool:
+    def _connect(self, address: Address) -> bool:
         """Whether it is connected already."""
         try:
             self._socket.connect(address)
@@ -122,10 +127,16 @@ class SocketPort:
         self._socket.close()
 
 
+def called(device: str, baud: int, wait: float = 0.0) -> SocketPort:
+    """Call the module of that name. Raises OSError, UsageError for a wrong name, RunError."""
+    made, address = _made(device)
+    return SocketPort(device, baud, made, address, wait)
+
+
 def connected(device: str, baud: int) -> SocketPort:
     """Connect to a module that must answer. Raises RunError, UsageError."""
     try:
-        return SocketPort(device, baud, LONGEST_CONNECT)
+        return called(device, baud, LONGEST_CONNECT)
     except OSError as error:
         raise unreachable(device, error) from error
 
@@ -142,7 +153,7 @@ def unreachable(device: str, error: OSError) -> RunError:
     )
 
 
-def _made(device: str) -> tuple[socket.socket, tuple[str, int] | str]:
+def _made(device: str) -> tuple[socket.socket, Address]:
     """A socket and where it is to connect."""
     if device.startswith(SOCKET):
         return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), device.removeprefix(SOCKET)
