@@ -145,3 +145,62 @@ def _proposal(proposal: Proposal, robot: Robot, measured_at: int) -> list[str]:
     if not changes:
         return [*lines, "The robot file's rates suit this link."]
     return [*lines, "Write into the robot file:", *(f"    {change}" for change in changes)]
+
+
+FLOATS = """\
+The board is flashed twice. After each reset its pins float for 0.83 s, and a motor driver whose
+inputs float may turn the wheels: lift them, or switch the motors' supply off."""
+WRITE = """\
+The module went from {before} to {now} baud, and the board expects it so. Write into {file}:
+    link: {{baud: {now}}}"""
+
+
+@command.command()
+@click.argument("rate", type=click.Choice(["9600", "19200", "38400", "57600", "115200"]))
+@click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
+@click.option("--robot", help="Robot file whose settings the board gets; the rules of `run`.")
+@click.option("--yes", is_flag=True, help="Ask nothing: wheels lifted, module in AT mode.")
+def baud(rate: str, port: str, robot: str | None, yes: bool) -> None:
+    """Set an HC-05, wired to the board as the book has it, to RATE, and the board with it.
+
+    Leads through the module's AT mode: its button must be held while its power comes on.
+    """
+    from diffbotctl.cli.port import choose_port
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.flash.find import refuse_radio
+    from diffbotctl.runs.emulation import settings_of
+    from diffbotctl.runs.module_rate import change_rate
+
+    device = choose_port() if port == "auto" else port
+    refuse_radio(device)
+    file = load_robot(robot)
+    click.echo(f"robot {file.file}, port {device}")
+    click.echo(FLOATS)
+    _wait(yes)
+    for event in change_rate(device, settings_of(file.robot), int(rate)):
+        _show(event, str(file.file), yes)
+
+
+def _show(event: object, file: str, yes: bool) -> None:
+    from diffbotctl.bluetooth.at import Rate
+    from diffbotctl.flash.events import Said
+    from diffbotctl.runs.module_rate import Ask
+
+    if isinstance(event, Said):
+        click.echo(event.text)
+    elif isinstance(event, Ask):
+        click.echo(event.text)
+        _wait(yes)
+    elif isinstance(event, Rate):
+        click.echo(WRITE.format(before=event.before, now=event.now, file=file))
+
+
+def _wait(yes: bool) -> None:
+    """Until the person says that it is so."""
+    import sys
+
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise click.UsageError("Nobody is there to lift wheels and hold buttons: add --yes.")
+    click.prompt("Enter when it is so", default="", show_default=False, prompt_suffix=". ")
