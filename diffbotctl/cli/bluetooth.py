@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import click
@@ -177,8 +178,10 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> None:
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
     _wait(yes)
-    for event in change_rate(device, settings_of(file.robot), int(rate)):
-        _show(event, str(file.file), yes)
+    # Closed at once when the person gives up: the firmware goes back onto the board then.
+    with closing(change_rate(device, settings_of(file.robot), int(rate))) as events:
+        for event in events:
+            _show(event, str(file.file), yes)
 
 
 def _show(event: object, file: str, yes: bool) -> None:

@@ -7,7 +7,7 @@ firmware after it, whatever came of it.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -34,7 +34,9 @@ class Ask(NamedTuple):
     text: str
 
 
-def change_rate(device: str, settings: Settings, baud: int) -> Iterator[Event | Ask | Rate]:
+def change_rate(
+    device: str, settings: Settings, baud: int
+) -> Generator[Event | Ask | Rate, None, None]:
     """Set the module on the board behind the USB port `device` to `baud`, and the board too.
 
     Yields Ask wherever a person must act. Raises RunError; the firmware is back on the board then,
