@@ -6,7 +6,7 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion
+from prove import calibration, faults, firmware, link_rosserial, motion, ports, radio
 
 
 def main() -> int:
@@ -28,6 +28,8 @@ def main() -> int:
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
+        ports.rows(),
+        radio.rows(options.seed, max(3, round(9 * options.board))),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)
