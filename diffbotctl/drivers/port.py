@@ -119,10 +119,7 @@ def _open(device: str) -> int:
     try:
         fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except PermissionError as error:
-        group = _group(device)
-        fix = f"join that group, then log out and in: sudo usermod -a -G {group} $USER"
-        cause = f"you have no right to open it; it belongs to the group {group}"
-        raise _trouble("E-PORT-RIGHTS", device, cause, fix) from error
+        raise _no_right(device) from error
     except OSError as error:
         if error.errno == errno.EBUSY:
             raise _busy(device) from error
@@ -149,10 +146,27 @@ def _lock(fd: int, device: str) -> None:
 
 
 def _busy(device: str) -> RunError:
-    using = holder(Path("/"), os.path.abspath(device)) or UNSEEN
-    fix = (f"end that program (sudo fuser -v {device} tells more); two writers on one port garble "
-           "each other's frames")  # fmt: skip
-    return _trouble("E-PORT-BUSY", device, f"it is in use by {using}", fix)
+    from diffbotctl.ports.judge import busy
+
+    return RunError(busy(device, holder(Path("/"), os.path.abspath(device)) or UNSEEN))
+
+
+def _no_right(device: str) -> RunError:
+    """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
+    from diffbotctl.ports.judge import OF_RIGHTS, Report, survey
+    from diffbotctl.ports.named import judge_name
+    from diffbotctl.ports.person import myself
+
+    root = Path("/")
+    found = judge_name(root, survey(root, myself()), os.path.abspath(device))
+    problems = found.problems if isinstance(found, Report) else ()
+    for problem in problems:
+        if problem.code in OF_RIGHTS:
+            return RunError(problem)
+    group = _group(device)
+    fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"
+    cause = f"you have no right to open it; it belongs to the group {group}"
+    return _trouble("E-PORT-RIGHTS", device, cause, fix)
 
 
 def _group(device: str) -> str:

@@ -30,6 +30,7 @@ LET_GO = {
     "avrdude": "wait until it has finished",
     "agetty": "a login runs on this port: sudo systemctl disable --now serial-getty@{name}",
 }  # fmt: skip
+OF_RIGHTS = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM = "rfcomm"  # keeps the port that it made open; others may use it
 
 
@@ -78,7 +79,7 @@ def _report(root: Path, person: Person, port: SerialPort, twins: set[str]) -> Re
         using = None
     problems = [
         _rights(root, person, port),
-        _busy(port, using),
+        None if using is None else busy(port.device, using),
         _console(root, port),
         *_other(port),
         *_trapped(root, port, using),
@@ -128,14 +129,14 @@ def _rights(root: Path, person: Person, port: SerialPort) -> Problem | None:
     return problem("E-PORT-RIGHTS", port.device, cause, fix)
 
 
-def _busy(port: SerialPort, using: Program | None) -> Problem | None:
-    if using is None:
-        return None
-    name = port.device.rpartition("/")[2]
+def busy(device: str, using: Program) -> Problem:
+    """Another program keeps the port; how to make it let go."""
+    name = device.rpartition("/")[2]
     fix = LET_GO.get(using.name, f"end that program (kill {using.process})").format(name=name)
     if using == UNSEEN:
-        fix = f"sudo fuser -v {port.device} tells which; end it"
-    return problem("E-PORT-BUSY", port.device, f"it is in use by {using}", fix)
+        fix = f"sudo fuser -v {device} tells which; end it"
+    fix += "; two programs on one port garble each other"
+    return problem("E-PORT-BUSY", device, f"it is in use by {using}", fix)
 
 
 def _console(root: Path, port: SerialPort) -> Problem | None:
