@@ -29,7 +29,7 @@ def main() -> int:
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
         ports.rows(),
-        radio.rows(options.seed, max(3, round(9 * options.board))),
+        radio.rows(options.seed, max(6, round(30 * options.board))),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)
