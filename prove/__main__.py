@@ -6,7 +6,17 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion, ports, radio
+from prove import (
+    calibration,
+    faults,
+    firmware,
+    link_rosserial,
+    model,
+    motion,
+    ports,
+    radio,
+    wander,
+)  # fmt: skip
 
 
 def main() -> int:
@@ -17,6 +27,7 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
+    parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
@@ -30,6 +41,8 @@ def main() -> int:
         calibration.rows(options.optiodom),
         ports.rows(),
         radio.rows(options.seed, max(6, round(30 * options.board))),
+        model.rows(),
+        wander.rows(options.seed, options.wander),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)

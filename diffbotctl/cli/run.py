@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
-    from diffbotctl.runs.run import Run
+    from diffbotctl.runs.run import Options, Run
 
 
 @click.command()
@@ -46,8 +46,17 @@ if TYPE_CHECKING:
 @click.option(
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
 )
+@click.option(
+    "--log", type=click.Path(dir_okay=False, path_type=Path),
+    help="Add every event to a file, one JSON object a line.",
+)  # fmt: skip
+@click.option(
+    "--log-level", "levels", multiple=True, metavar="[BLOCK=]LEVEL",
+    help="Hear a block, or all, from debug, info, warning or error on. Repeatable.",
+)  # fmt: skip
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
+@click.option("--dash", is_flag=True, help="Show the dashboard; leaving it ends the run.")
 @click.option("--name", help="What `--engine` calls this run; without it the pipeline's name.")
 @click.option("--group", help="Let the members of this group command it, from /run.")
 @click.option("--no-socket", is_flag=True, help="Nobody can watch or command this run.")
@@ -55,7 +64,8 @@ if TYPE_CHECKING:
 def command(
     pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
     seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
-    name: str | None, group: str | None, no_socket: bool, quiet: bool,
+    dash: bool, name: str | None, group: str | None, no_socket: bool, quiet: bool,
+    log: Path | None, levels: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
@@ -77,13 +87,34 @@ def command(
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
+    heard = tuple(_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
-    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay)
+    stay = stay or dash
+    options = Options(
+        port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard
+    )
+    if dash:
+        return _with_dashboard(configuration, options)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
+
+
+def _with_dashboard(configuration: Configuration, options: Options) -> int:
+    """The run, with the dashboard as its screen; what it has to say waits until that is left."""
+    from diffbotctl.cli.own_dash import Held, check_terminal, show
+    from diffbotctl.runs.run import Run
+    from diffbotctl.runs.signals import Signals
+
+    check_terminal(options.socket is not None)
+    held = Held()
+    run = Run(configuration, options, show, held.words.append, Signals(), held.give_back)
+    code = _finish(run)
+    for text in held.words:
+        _shout(text)
+    return code
 
 
 def _finish(run: Run) -> int:
@@ -129,6 +160,23 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
         live.show(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
+
+
+def _level(text: str, configuration: Configuration) -> tuple[str, str]:
+    """A source of the log and the level it is heard from: `guard=debug`, or `debug` for all."""
+    from diffbotctl.config.nodes import RESERVED
+    from diffbotctl.errors import nearest
+    from diffbotctl.log import ALL
+    from diffbotctl.messages import LOG_LEVELS
+
+    source, _, level = text.rpartition("=")
+    known = [use.name for use in configuration.blocks] + [n for n in RESERVED if n != "log"]
+    if level not in LOG_LEVELS:
+        raise click.UsageError(f"--log-level {text}: there are {', '.join(LOG_LEVELS)}")
+    if source and source not in known:
+        near = nearest(source, known) or ", ".join(known)
+        raise click.UsageError(f"--log-level: there is no block '{source}'; did you mean {near}?")
+    return source or ALL, level
 
 
 def _goal(text: str) -> Goal:

@@ -4,6 +4,8 @@ import os
 import shlex
 import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -72,8 +74,9 @@ def _main(words):
 
 @pytest.fixture
 def machine(tmp_path):
-    for folder in (tmp_path, *tmp_path.parents[:2]):
-        folder.chmod(0o755)  # pytest keeps its folders from other users
+    for folder in (tmp_path, *tmp_path.parents):  # pytest keeps its folders from other users
+        if folder.is_relative_to(tempfile.gettempdir()) and folder != Path(tempfile.gettempdir()):
+            folder.chmod(0o755)
     return FakeMachine(tmp_path / "machine")
 
 

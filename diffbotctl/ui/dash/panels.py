@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import islice
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from diffbotctl.ui import floor
+from diffbotctl.ui import floor, words
 from diffbotctl.ui.camera import Camera
 from diffbotctl.ui.chart import chart
 from diffbotctl.ui.dash.sight import Fields, Sight
@@ -20,7 +21,7 @@ SPAN = 30.0  # s of a chart
 
 def title(sight: Sight) -> Text:
     """Pipeline, robot, time, and SIMULATED where it is."""
-    out = Text(no_wrap=True, overflow="ellipsis", end="")
+    out = Text(no_wrap=True, overflow="ellipsis")
     out.append(sight.scene.title or sight.engine, "bold")
     out.append(f"  {sight.picture.time / 1e9:.1f} s")
     if sight.scene.simulated:
@@ -34,20 +35,22 @@ def banner(sight: Sight) -> Text:
     """What holds the robot, over the whole width; empty when nothing does."""
     held = sight.held
     if held is None:
-        return Text(end="")
+        return Text()
     way_out = "r: resume" if held["latched"] else "ends by itself"
     said = f" STOPPED  {held['code']}: {held['cause']}  ({way_out}) "
-    return Text(said, HELD, no_wrap=True, overflow="ellipsis", end="")
+    return Text(said, HELD)
 
 
 def map_view(sight: Sight, camera: Camera, width: int, height: int, plain: bool) -> Map:
     """The floor as `camera` sees it."""
-    return floor.draw(sight.scene, sight.picture, sight.trail, camera, width, height, plain)
+    return floor.draw(
+        sight.scene, sight.picture, sight.trail, camera, width, height, plain, sight.sheet
+    )
 
 
 def hand_line(reins: Reins) -> Text:
     """How the keys drive: mode, speeds, whether they do just now, and how far the terminal is."""
-    out, hand = Text(no_wrap=True, overflow="ellipsis", end=""), reins.hand
+    out, hand = Text(no_wrap=True, overflow="ellipsis"), reins.hand
     out.append(" DRIVING " if reins.drives else " keys ", *(["black on green"] if reins.drives
                else ["reverse"]))  # fmt: skip
     held = hand.mode == "hold"
@@ -76,17 +79,25 @@ def blocks(sight: Sight, height: int) -> Table:
                if any(row.get(name) is not None for row in sight.blocks)]  # fmt: skip
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for name in ("block", "rate", "age", *columns):
-        table.add_column(name.replace("_", " "), no_wrap=True)
+        rest = 1 if name == "last_error" else None  # it takes what the figures leave
+        table.add_column(name.replace("_", " "), no_wrap=True, overflow="ellipsis", ratio=rest)
     for row in islice(sight.blocks, max(height - 1, 1)):
         age = "" if row["age"] is None else f"{row['age']:.1f} s"
         table.add_row(
-            row["block"], f"{row['rate']:.0f} Hz", age, *(_cell(row.get(name)) for name in columns)
+            row["block"],
+            f"{row['rate']:.0f} Hz",
+            age,
+            *(_cell(name, row.get(name)) for name in columns),
         )
     return table
 
 
-def _cell(value: object) -> str:
-    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+def _cell(name: str, value: Any) -> str:
+    if value is None:
+        return ""
+    if name == "last_error":
+        return f"{value['time'] / 1e9:.1f} s: {value['text']}"
+    return f"{100 * value:.2f} %" if name == "busy" else str(value)
 
 
 def parameters(sight: Sight, at: int, height: int) -> Table:
@@ -115,5 +126,7 @@ def live(sight: Sight) -> list[Fields]:
 
 def log(sight: Sight, height: int) -> Text:
     """The newest lines that fit."""
-    newest = list(sight.log)[-height:]
-    return Text("\n".join(newest), no_wrap=True, overflow="ellipsis", end="")
+    lines = [
+        Text(words.line(line), words.STYLES.get(line.level, "")) for line in sight.log[-height:]
+    ]
+    return Text("\n", no_wrap=True, overflow="ellipsis").join(lines)
