@@ -14,7 +14,7 @@ FLOORS = [
     ["config"],
     ["model"],
     ["engine"],
-    ["drivers", "hub"],
+    ["drivers", "hub", "ports", "bluetooth"],
     ["runs", "calibrate", "bags"],
     ["ui", "cli"],
 ]

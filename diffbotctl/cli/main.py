@@ -34,6 +34,9 @@ COMMANDS = {
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
+    "ports": "List the serial ports: board, rights, who holds them, and what to do.",
+    "doctor": "Check this machine: versions, rights, ports, Bluetooth, optional packages.",
+    "bluetooth": "Find and pair a Bluetooth module, test its link, change its rate.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 
