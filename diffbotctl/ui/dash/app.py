@@ -228,7 +228,7 @@ class Dashboard(Cockpit):
 
 
 def first_fields(sight: Sight) -> list[str]:
-    """What is plotted until somebody chooses: speeds if there are any, else whatever there is."""
-    wanted = ("gate.wheels.left", "gate.wheels.right", "odometry.linear", "range.distance")
+    """What is plotted until somebody chooses: the wheels, else whatever there is."""
+    wanted = ("gate.wheels.left", "gate.wheels.right")
     found = [name for end in wanted for name in sight.fields if name.endswith(end)]
     return (found or sight.fields)[:PLOTS]

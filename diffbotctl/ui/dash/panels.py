@@ -43,7 +43,9 @@ def banner(sight: Sight) -> Text:
 
 def map_view(sight: Sight, camera: Camera, width: int, height: int, plain: bool) -> Map:
     """The floor as `camera` sees it."""
-    return floor.draw(sight.scene, sight.picture, sight.trail, camera, width, height, plain)
+    return floor.draw(
+        sight.scene, sight.picture, sight.trail, camera, width, height, plain, sight.sheet
+    )
 
 
 def hand_line(reins: Reins) -> Text:
