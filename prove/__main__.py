@@ -6,7 +6,7 @@ import argparse
 from itertools import chain as joined
 from pathlib import Path
 
-from prove import calibration, chain, faults, firmware, link_rosserial, motion
+from prove import calibration, chain, faults, firmware, link_rosserial, model, motion, wander
 
 
 def main() -> int:
@@ -19,6 +19,7 @@ def main() -> int:
     parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
+    parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
@@ -31,6 +32,8 @@ def main() -> int:
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        model.rows(),
+        wander.rows(options.seed, options.wander),
     )
     for row in joined.from_iterable(tables):
         print(row.line(), flush=True)

@@ -12,6 +12,7 @@ FLOORS = [
     ["errors", "codes", "messages", "units", "params", "block"],
     ["blocks", "links", "plant", "graph"],
     ["config"],
+    ["model"],
     ["engine"],
     ["drivers", "hub"],
     ["runs", "calibrate"],

@@ -11,6 +11,9 @@ import click
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {
     "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
+    "show": "Draw a robot from above and from the side.",
+    "frames": "Print the frames of a robot as a tree.",
+    "export": "Write a robot as URDF, for other programs.",
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",

@@ -7,7 +7,11 @@ from typing import NamedTuple
 from diffbotctl import block, messages
 from diffbotctl.config.robot import Robot
 
-SENSOR_MESSAGES = {"sharp_gp2y0a41sk0f": messages.Volts}
+SENSOR_MESSAGES: dict[str, type] = {
+    "sharp_gp2y0a41sk0f": messages.Volts,
+    "lds01": messages.Scan,
+    "overhead_camera": messages.Odometry,
+}
 OPERATOR: dict[str, type] = {
     "goal": messages.Goal,
     "path": messages.Path,

@@ -10,6 +10,7 @@ from diffbotctl.messages import Battery, Goal, GoalState, Odometry, Path, Range,
 TOPICS: dict[str, str | type] = {
     "cmd_vel": "operator.twist",
     "odom": Odometry,
+    "pose": Odometry,  # turtlesim's
     "scan": Scan,
     "range": Range,
     "sonar": Range,

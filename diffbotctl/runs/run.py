@@ -25,6 +25,7 @@ from diffbotctl.hub import recorder_process, screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
+from diffbotctl.plant.robot import CAMERA
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
@@ -46,6 +47,7 @@ class Options(NamedTuple):
     digest: bool = False
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
+    dash: bool = False  # the screen drives as well
 
 
 class Result(NamedTuple):
@@ -74,10 +76,12 @@ class Run:
         show: Callable[[Iterator[Snapshot]], None] | None = None,
         tell: Callable[[str], None] = print,
         signals: Signals | None = None,
+        gone: Callable[[], None] | None = None,
     ) -> None:
         real = options.port not in ("sim", "emulated")
         self.configuration, self.options = configuration, options
         self.assembly: Assembly = assemble(configuration, real)
+        self.reckoned = wires_of(self.assembly, Odometry)
         self.children: list[int] = []
         self.latest: Latest | None = None
         self.recorder: Recorder | None = None
@@ -85,9 +89,9 @@ class Run:
         graph = self.assembly.graph
         # Children are forked before a port is open, so that none of them holds it.
         if show is not None:
-            channel, pid = screen_process.start(show)
+            channel, pid = screen_process.start(show, options.dash)
             self.children.append(pid)
-            self.latest = Latest(channel, self._progress)
+            self.latest = Latest(channel, self._progress, gone)
         if options.record is not None:
             self.recorder = self._recorder(options.record)
         self.digest = Digest(graph.kinds) if options.digest else None
@@ -126,7 +130,6 @@ class Run:
         ending = self.engine.run(until)
         incomplete = self._close(ending)
         operator = self.operator
-        plant = getattr(self.robot, "robot", None)
         return Result(
             ending=ending,
             failure=self.engine.failure,
@@ -134,12 +137,26 @@ class Run:
             goals=max(self.total, operator.number),
             stops=tuple(operator.stops),
             odometry=self.seen.get("odometry"),
-            truth=plant.truth() if plant is not None else None,
+            truth=self._truth(),
             path=self.travelled,
             link=self.seen.get("link"),
             digest=self.digest.text() if self.digest else None,
             recording=incomplete,
         )
+
+    def _truth(self) -> Any:
+        """The plant's truth, its pose in the frame in which goals were given."""
+        plant = getattr(self.robot, "robot", None)
+        if plant is None:
+            return None
+        truth = plant.truth()
+        return truth if self.reckoned else truth._replace(pose=plant.truth_in_world())
+
+    def _seen_from_above(self) -> list[str]:
+        """The wires on which cameras tell the pose, where no block reckons it."""
+        robot = self.configuration.robot
+        sensors = {} if robot is None else robot.sensors
+        return [f"robot.{name}" for name, each in sensors.items() if each.type == CAMERA]
 
     def _end(self, code: int, cause: str) -> None:
         self.engine.end(code, cause)
@@ -182,7 +199,7 @@ class Run:
             add(wire, self.operator.hear_path)
         for wire in wires_of(self.assembly, Stop):
             add(wire, self.operator.hear_stop(wire))
-        for wire in wires_of(self.assembly, Odometry):
+        for wire in self.reckoned or self._seen_from_above():
             add(wire, self._note_odometry)
         for wire, sink in self.changes.sinks().items():
             add(wire, sink)

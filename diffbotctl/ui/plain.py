@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 
 from diffbotctl.hub.latest import Snapshot
-from diffbotctl.messages import Goal, GoalState, Link, Odometry, Text
+from diffbotctl.messages import Goal, GoalState, Link, Text
 from diffbotctl.ui import words
 
 
@@ -50,10 +50,10 @@ def _texts(picture: Snapshot, heard: dict[str, int]) -> Iterator[str]:
 def line(picture: Snapshot) -> str:
     """One line for one picture."""
     parts = [f"{picture.time / 1e9:8.2f} s"]
-    odometry, state = words.newest(picture, Odometry), words.newest(picture, GoalState)
+    odometry, state = words.located(picture), words.newest(picture, GoalState)
     goal, link = words.newest(picture, Goal), words.newest(picture, Link)
     stop = words.holding(picture)
-    if isinstance(odometry, Odometry):
+    if odometry is not None:
         parts.append(words.pose(odometry))
     if isinstance(goal, Goal) and goal.number and isinstance(state, GoalState):
         parts.append(f"goal {goal.number} {words.goal_state(state)}")

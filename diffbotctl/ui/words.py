@@ -23,6 +23,15 @@ def newest(picture: Snapshot, kind: type) -> Message | None:
     return max(found, key=lambda message: message.time) if found else None
 
 
+def located(picture: Snapshot) -> Odometry | None:
+    """Where the robot is: as a block reckons it, in odom; only where none does, as a camera sees it
+    from above, in the world's frame."""
+    found = [(wire, said) for wire, said in picture.messages.items() if isinstance(said, Odometry)]
+    reckoned = [said for wire, said in found if not wire.startswith("robot.")]
+    seen = reckoned or [said for _, said in found]
+    return max(seen, key=lambda message: message.time) if seen else None
+
+
 def pose(odometry: Odometry) -> str:
     """`x 0.512 m  y 0.250 m  heading 45.2 deg`."""
     return (

@@ -33,8 +33,8 @@ class Dashboard(Cockpit):
 
     CSS = """
     Screen { layout: vertical; overflow: hidden; }
-    #title, #banner, #hand, #said, #help { height: 1; width: 100%; }
-    #banner { display: none; }
+    #title, #hand, #said, #help { height: 1; width: 100%; }
+    #banner { display: none; height: auto; max-height: 3; width: 100%; }
     #body { height: 1fr; }
     #view { width: 1fr; height: 1fr; display: none; padding: 0 1; }
     #facts { height: 1fr; }
@@ -227,7 +227,7 @@ class Dashboard(Cockpit):
 
 
 def first_fields(sight: Sight) -> list[str]:
-    """What is plotted until somebody chooses: speeds if there are any, else whatever there is."""
-    wanted = ("gate.wheels.left", "gate.wheels.right", "odometry.linear", "range.distance")
+    """What is plotted until somebody chooses: the wheels, else whatever there is."""
+    wanted = ("gate.wheels.left", "gate.wheels.right")
     found = [name for end in wanted for name in sight.fields if name.endswith(end)]
     return (found or sight.fields)[:PLOTS]

@@ -8,11 +8,12 @@ from typing import Any
 
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.links.json_messages import reader
-from diffbotctl.messages import BUILT_IN, Odometry
+from diffbotctl.messages import BUILT_IN
 from diffbotctl.ui import plain
 from diffbotctl.ui.camera import Point
 from diffbotctl.ui.scene import Scene, scene_of
-from diffbotctl.ui.words import newest
+from diffbotctl.ui.sheet import Sheet
+from diffbotctl.ui.words import located
 
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 MOST_TRAIL = 3000  # dots; then the oldest goes
@@ -30,6 +31,7 @@ class Sight:
         self.engine = str(about.get("engine", ""))
         self.scene = Scene("", "")
         self.picture = Snapshot(0, {}, 0, 0)
+        self.sheet = Sheet()
         self.trail: deque[Point] = deque(maxlen=MOST_TRAIL)
         self.numbers: dict[str, deque[tuple[float, float]]] = {}
         self.log: deque[str] = deque(maxlen=MOST_LINES)
@@ -63,8 +65,9 @@ class Sight:
             if wire in self.readers
         }
         self.picture = Snapshot(said["time"], messages, 0, 0)
-        odometry = newest(self.picture, Odometry)
-        if isinstance(odometry, Odometry):
+        self.sheet.see(self.picture)
+        odometry = located(self.picture)
+        if odometry is not None:
             self._extend((odometry.x, odometry.y))
         self.log.extend(self._news.lines(self.picture))
 
