@@ -256,6 +256,29 @@ CODES: dict[str, Code] = {
         it would garble both. Pins 0 and 1 always belong to the USB port."""),
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
+    "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
+        An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
+        transmitting pin gives 5 V. It often works for a while, then the module grows deaf.
+
+        Two resistors divide the voltage: 1 kOhm in the wire, 2 kOhm from RXD to ground. Then leave
+        link.level at divider."""),
+    "W-WIRING-SHARED": _code("a radio on the USB port's pins", """
+        Pins 0 and 1 are also the USB port's. While a module is plugged in there, flashing fails and
+        each talks into the other's words.
+
+        On a Mega 2560 use another serial port (uart: 1, pins 18 and 19). On an ATmega328P, which
+        has only this one, unplug the module before flashing and before using the USB cable."""),
+    "W-WIRING-LIGHT": _code("a pin that the board's own light shares", """
+        The light L hangs on pin 13. The bootloader blinks it at each start, so a motor's enable
+        input there makes the wheel jerk, and an input there is pulled down by the light on many
+        boards, so that a button seems pressed for ever."""),
+    "W-WIRING-SUPPLY": _code("a battery that does not fit", """
+        A Mega's VIN, and the regulator on the L298N, take 7 to 12 V: below, their 5 V sink whenever
+        a motor starts and the board restarts; above, they get too hot. The L298N itself takes up to
+        35 V, of which it loses about 2 V.
+
+        board.supply says which of them feeds the board; battery.full is the full battery's voltage:
+        8.4 V for two lithium cells, 9 V for six alkaline ones."""),
     "E-LINK-UART": _code("a serial port that the board does not have", """
         A Mega 2560 has the ports 0 (USB) to 3, of which our firmware uses 0 and 1 (pins 18 and 19);
         an ATmega328P has only port 0, which it shares with the USB."""),

@@ -17,6 +17,7 @@ from diffbotctl.config.checks import (
     speed,
     tolerance,
     wires,
+    wiring,
 )
 
 CHECKS: tuple[Callable[[Case], None], ...] = (
@@ -31,4 +32,5 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     reach.check,
     tolerance.check,
     polarity.check,
+    wiring.check,
 )

@@ -1,0 +1,194 @@
+"""The wiring harness of a robot: every wire between its parts, as the robot file has them.
+
+Colours are those of ribbon jumper wires: red and black for supply and ground as everywhere, one
+colour for each kind of signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from diffbotctl.config.boards import BOARDS, Board
+from diffbotctl.config.robot import Robot, Side
+
+SUPPLY, GROUND = "red", "black"
+ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
+ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
+TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
+DIVIDER = "1k in the wire, 2k to ground"  # 5 V x 2 / 3 = 3.3 V
+
+DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
+# Half A of an L298N is the left one here: its input names, and its outputs.
+HALVES = {
+    "left": ("ENA", "IN1", "IN2", "OUT1", "OUT2"),
+    "right": ("ENB", "IN3", "IN4", "OUT3", "OUT4"),
+}
+
+
+class Pin(NamedTuple):
+    """One terminal of one part."""
+
+    part: str
+    name: str
+
+
+class Wire(NamedTuple):
+    """One wire. `through` says what is soldered into it."""
+
+    start: Pin
+    end: Pin
+    colour: str
+    purpose: str
+    through: str = ""
+
+
+class Part(NamedTuple):
+    """One thing that is wired: what its pins are called, in the order in which they are drawn."""
+
+    key: str
+    title: str
+    pins: tuple[str, ...]
+
+
+class Harness(NamedTuple):
+    """All parts and wires of one robot, and what to see to before the battery is connected."""
+
+    parts: dict[str, Part]
+    wires: tuple[Wire, ...]
+    notes: tuple[str, ...]
+
+    def of(self, *keys: str) -> list[Wire]:
+        """The wires between any two of these parts."""
+        return [wire for wire in self.wires if {wire.start.part, wire.end.part} <= set(keys)]
+
+
+def harness(robot: Robot) -> Harness:
+    """Every wire of a checked robot."""
+    board = BOARDS[robot.board.type]
+    wires = [
+        *_power(robot),
+        *_motor("left", robot.drive.left, board),
+        *_motor("right", robot.drive.right, board),
+        *_radio(robot, board),
+        *_encoder("left", robot.drive.left, board),
+        *_encoder("right", robot.drive.right, board),
+        *_sensors(robot, board),
+        *_button(robot, board),
+    ]
+    return Harness(_parts(robot, board, wires), tuple(wires), tuple(_notes(robot, board)))
+
+
+def has_radio(robot: Robot) -> bool:
+    """True when a Bluetooth module sits on the link's port; on the USB port only if it is said."""
+    if robot.link.radio is None:
+        return bool(robot.link.uart != 0)
+    return bool(robot.link.radio == "hc05")
+
+
+def _power(robot: Robot) -> Iterator[Wire]:
+    yield Wire(Pin(CELLS, "+"), Pin(DRIVER, "12V"), SUPPLY, "motor supply, through a switch")
+    yield Wire(Pin(CELLS, "-"), Pin(DRIVER, "GND"), GROUND, "motor supply")
+    if robot.board.supply == "vin":
+        yield Wire(Pin(DRIVER, "12V"), Pin(BOARD, "VIN"), SUPPLY, "board's supply, 7 to 12 V")
+    elif robot.board.supply == "regulator":
+        yield Wire(Pin(DRIVER, "5V"), Pin(BOARD, "5V"), SUPPLY, "board's supply, 5 V")
+    yield Wire(Pin(DRIVER, "GND"), Pin(BOARD, "GND"), GROUND, "common ground")
+
+
+def _motor(name: str, side: Side, board: Board) -> Iterator[Wire]:
+    enable, first, second, out_first, out_second = HALVES[name]
+    motor, key = side.motor, f"{name} motor"
+    for pin, input_, colour, purpose in (
+        (motor.enable, enable, ENABLE, "speed (PWM)"),
+        (motor.in1, first, FIRST, "direction"),
+        (motor.in2, second, SECOND, "direction"),
+    ):
+        at = Pin(BOARD, board.named(str(pin)))
+        yield Wire(at, Pin(DRIVER, input_), colour, f"{name} motor: {purpose}")
+    yield Wire(Pin(DRIVER, out_first), Pin(key, "+"), SUPPLY, key)
+    yield Wire(Pin(DRIVER, out_second), Pin(key, "-"), GROUND, key)
+
+
+def _supplied(key: str, supply: str, ground: str, what: str) -> Iterator[Wire]:
+    yield Wire(Pin(BOARD, "5V"), Pin(key, supply), SUPPLY, f"{what}: 5 V")
+    yield Wire(Pin(BOARD, "GND"), Pin(key, ground), GROUND, f"{what}: ground")
+
+
+def _radio(robot: Robot, board: Board) -> Iterator[Wire]:
+    if not has_radio(robot):
+        return
+    receive, transmit = board.uarts[robot.link.uart]
+    yield from _supplied(RADIO, "VCC", "GND", "HC-05")
+    yield Wire(Pin(RADIO, "TXD"), Pin(BOARD, receive), TO_BOARD, "serial line, to the board")
+    through = DIVIDER if robot.link.level == "divider" else ""
+    purpose = "serial line, from the board"
+    yield Wire(Pin(BOARD, transmit), Pin(RADIO, "RXD"), FROM_BOARD, purpose, through)
+
+
+def _encoder(name: str, side: Side, board: Board) -> Iterator[Wire]:
+    key = f"{name} encoder"
+    yield from _supplied(key, "VCC", "GND", key)
+    pin = Pin(BOARD, board.named(str(side.encoder.pin)))
+    yield Wire(Pin(key, "OUT"), pin, ENCODER, f"{key}: edges")
+
+
+def _sensors(robot: Robot, board: Board) -> Iterator[Wire]:
+    for name, sensor in robot.sensors.items():
+        key = f"{name} sensor"
+        yield from _supplied(key, "VCC", "GND", key)
+        pin = Pin(BOARD, board.named(str(sensor.pin)))
+        yield Wire(Pin(key, "Vo"), pin, SENSOR, f"{key}: 0 to 3.1 V")
+
+
+def _button(robot: Robot, board: Board) -> Iterator[Wire]:
+    if robot.board.stop_button is None:
+        return
+    pin = Pin(BOARD, board.named(str(robot.board.stop_button)))
+    yield Wire(pin, Pin(STOP, "1"), BUTTON, "stop button: closed is pressed")
+    yield Wire(Pin(BOARD, "GND"), Pin(STOP, "2"), GROUND, "stop button: ground")
+
+
+def _parts(robot: Robot, board: Board, wires: list[Wire]) -> dict[str, Part]:
+    titles = {CELLS: "battery", DRIVER: "L298N", BOARD: board.title, RADIO: "HC-05"}
+    titles |= {STOP: "stop button"} | {
+        f"{name} sensor": f"{name}: Sharp" for name in robot.sensors
+    }
+    pins: dict[str, dict[str, None]] = {}
+    for wire in wires:
+        for part, name in (wire.start, wire.end):
+            pins.setdefault(part, {})[name] = None
+    return {key: Part(key, titles.get(key, key), tuple(names)) for key, names in pins.items()}
+
+
+def _notes(robot: Robot, board: Board) -> Iterator[str]:
+    """What no wire shows, in the order in which a person comes upon it."""
+    yield (
+        "Take the jumpers ENA and ENB off the L298N: with them on, the motors know no speed but "
+        "full, and each fights its PWM pin."
+    )
+    if robot.board.supply == "regulator":
+        yield "Leave the L298N's 5 V jumper on: its regulator feeds the board. At most 12 V then."
+    else:
+        yield "The L298N's 5 V terminal stays free: its regulator feeds the L298N alone."
+    yield "One ground for all: battery, L298N and board. Without it no signal means anything."
+    full = robot.battery.full
+    battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
+    yield (
+        f"Battery: {battery}. The L298N loses about 2 V of it, takes at most 35 V, and 2 A a motor."
+    )
+    if has_radio(robot) and robot.link.level == "divider":
+        yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
+    if robot.sensors:
+        yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in gulps."
+    yield (
+        "10 kOhm from ENA and from ENB to GND keep the motors still while the board is flashed, "
+        "when its pins float."
+    )
+    for name in HALVES:
+        if getattr(robot.drive, name).motor.reversed:
+            first, second = HALVES[name][1:3]
+            yield (
+                f"The {name} motor is mounted mirrored (reversed: true): {first} low and {second} "
+                "high drive it forward."
+            )
