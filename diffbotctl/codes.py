@@ -35,6 +35,15 @@ CODES: dict[str, Code] = {
         No wheel diameters and no track near the stated ones bring the drives to where they
         ended. Most often the counts per turn of the robot file are wrong, or one wheel is counted
         backwards, or the end poses belong to other drives."""),
+    "E-CALIBRATE-WRITE": _code("results that could not be written", """
+        Results go into the section `calibration:` of the robot file; all else in the file stays as
+        it is, byte for byte. A file that cannot be written, or whose layout is too uncommon to
+        change it safely, is left alone: write the entries that were shown by hand."""),
+    "E-CALIBRATE-UNDO": _code("nothing to undo", """
+        Each time that results are written, the file as it was is kept beside the robot file, under
+        a name that ends in the fingerprint of what was written. `calibrate undo` puts it back when
+        the robot file is still what was written then; if you have changed it since, undoing would
+        lose your changes, so it is left to you: compare the two files and copy what you want."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),
@@ -180,6 +189,14 @@ CODES: dict[str, Code] = {
         `calibration:` is written by `diffbotctl calibrate`: each key is the path of a field of the
         robot file, such as drive.left.wheel.diameter, and its value is used in the field's place.
         Delete the entry, or correct its path."""),
+    "E-IMPLAUSIBLE": _code("a calibrated value that cannot be true", """
+        A calibration is believed only near what the robot file states: further off, a rule was
+        read wrongly, a drive slipped, or the stated value itself is wrong. Correct whichever it
+        is, then calibrate again; or delete the entry, and the stated value holds."""),
+    "W-UNCALIBRATED": _code("what matters was never calibrated", """
+        Wheels and tracks differ from their labels by some per cent, and a robot's heading after a
+        metre with them. The simulated robot is as its file says; a real one is not. Each of the
+        calibrations named takes from two to twenty minutes."""),
     "E-ROBOT-WHICH": _code("several robots, none chosen", """
         ./robots holds several files, so it would be a guess which robot is meant. Name one by
         --robot, or by `use:` in the pipeline."""),

@@ -51,7 +51,12 @@ class Load:
 
     def __enter__(self) -> None:
         self.processes = [
-            subprocess.Popen(self.words, env=self.environment, stdout=subprocess.DEVNULL)
+            subprocess.Popen(
+                self.words,
+                env=self.environment,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
             for _ in range(self.many)
         ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from math import radians
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +16,7 @@ from diffbotctl.errors import Problem, UsageError, listed
 
 COUNTS = ("time", "right", "left")
 POSE = ("x", "y", "heading")
+FINGERPRINT = 16  # hexadecimal digits
 MARKED = "utf-8-sig"  # spreadsheets begin their files with a byte-order mark
 
 
@@ -100,6 +102,11 @@ def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
         pose = (_number(path, row["x"]), _number(path, row["y"]), heading)
         found[Path(row["recording"].strip()).stem] = pose
     return found
+
+
+def fingerprint(paths: Sequence[Path]) -> str:
+    """Hash (hexadecimal) of the contents of all files."""
+    return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT]
 
 
 def unusable(path: Path, cause: str) -> UsageError:

@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.calibrate_results import keep, show, undo
+
 if TYPE_CHECKING:
     from diffbotctl.calibrate.drive import Drive
+    from diffbotctl.calibrate.fit import Fit
     from diffbotctl.calibrate.geometry import Geometry
     from diffbotctl.calibrate.logs import Counts
 
@@ -20,18 +23,25 @@ def command() -> None:
     """Find out what the robot's dimensions really are."""
 
 
+command.add_command(show)
+command.add_command(undo)
+
+
 @command.command("from-log")
 @click.argument("files", nargs=-1, required=True, type=A_FILE, metavar="FILE...")
 @click.option("--robot", help="Robot file with the stated geometry; the rules of `run` for none.")
 @click.option("--ends", type=A_FILE, help="CSV file with the end pose of each drive.")
 @click.option("--truth", type=A_FILE, multiple=True, help="CSV file of true poses; one a FILE.")
+@click.option("--save", is_flag=True, help="Write the result into the robot file.")
+@click.option("--yes", is_flag=True, help="Write it without asking.")
 def from_log(
-    files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
-) -> None:
+    files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...],
+    save: bool, yes: bool,
+) -> None:  # fmt: skip
     """Fit wheel diameters and track to recorded drives whose ends, or paths, are known.
 
     FILE: a recording, a CSV file with counts, or the folder of an OptiOdom session, which states
-    its own geometry. Nothing moves, no file is changed.
+    its own geometry. Nothing moves.
     """
     from diffbotctl.calibrate.fit import fit
     from diffbotctl.errors import Problem, RunError
@@ -50,6 +60,25 @@ def from_log(
         raise RunError(Problem("E-CALIBRATE-FIT", place, str(error), fix)) from error
     for line in lines(found):
         click.echo(line)
+    if save or yes:
+        _save(found, files, robot, bool(folders), yes)
+
+
+def _save(
+    found: Fit, files: tuple[Path, ...], robot: str | None, is_session: bool, yes: bool
+) -> None:
+    from datetime import UTC, datetime
+
+    from diffbotctl.calibrate.findings import Origin
+    from diffbotctl.calibrate.listing import stamp
+    from diffbotctl.calibrate.logs import fingerprint
+    from diffbotctl.calibrate.outcome import of_fit
+    from diffbotctl.config.load import load_robot
+
+    if is_session:
+        raise click.UsageError("A session is of another robot than yours: nothing to save.")
+    origin = Origin("from-log", stamp(datetime.now(UTC)), None, fingerprint(files))
+    keep(load_robot(robot).file, of_fit(found), origin, yes)
 
 
 def _sessions(

@@ -148,6 +148,15 @@ class Encoder(Section):
         help="An edge this soon after the last is noise and is not counted.",
     )  # fmt: skip
     pin = Param(Pin, help="Pin of the encoder's output; must raise interrupts.")
+    slot_errors = Param(
+        list[float], unit="1", default=[], least=-0.4, most=0.4,
+        help="How far each slot's flank lies from its even place, in pitches, in the order of "
+        "turning forward; empty: not known.",
+    )  # fmt: skip
+    open_share = Param(
+        float, unit="1", default=0.5, least=0.1, most=0.9,
+        help="Open share of a pitch: how far apart the flanks seen forward and backward lie.",
+    )  # fmt: skip
 
 
 class Side(Section):
@@ -241,10 +250,13 @@ class Calibrated(Section):
     sd: Any = Param(object, none=True, default=None, help="Its standard deviation.")
     date = Param(str, none=True, default=None, help="When it was found.")
     method = Param(str, none=True, default=None, help="The calibration that found it.")
-    volts = Param(
-        float, unit="V", none=True, default=None, help="Battery voltage during the calibration."
+    volts: Any = Param(
+        object, none=True, default=None,
+        help="Battery voltage during the calibration, or `not measured`.",
+    )  # fmt: skip
+    recording = Param(
+        str, none=True, default=None, help="Hash of the recording that it was found from."
     )
-    recording = Param(str, none=True, default=None, help="Recording that it was found from.")
 
 
 class Robot(Section):

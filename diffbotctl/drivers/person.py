@@ -1,6 +1,6 @@
 """The person at the control socket: commands in, messages of the node `operator` out.
 
-Whoever drives must go on saying so. After SILENCE without a word the wheels are commanded to zero
+Whoever drives must go on saying so. After a silence the wheels are commanded to zero
 and the robot is held, and that is decided here, in the engine: a hub that hangs changes nothing.
 """
 
@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite
 
+from diffbotctl.drivers.driving import Driving
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Answer, Channel, Command
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.graph import NEVER
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
 
-SILENCE = 300_000_000  # ns; with one telemetry period and the way down it stays below 500 ms
 LATER = "later"  # a verb that answers by itself
 HOLDING = "gate.stop"  # the wire that says what holds the robot at the last gate
 
@@ -37,13 +36,11 @@ class Person:
         self.woken_by = [channel.fileno()] if wakes else []
         self.outbox: list[Delivery] = []
         self.at = 0
-        self.driving: Command | None = None
-        self.deadline = NEVER
-        self.silent = self.gone = ""
+        self.driving = Driving()
 
     def due(self) -> int:
         """At once when something waits to be delivered; when whoever drives has been silent."""
-        return min(self.at, self.deadline) if self.outbox else self.deadline
+        return min(self.at, self.driving.deadline) if self.outbox else self.driving.deadline
 
     def files(self) -> list[int]:
         """The channel, where commands wake the loop."""
@@ -51,8 +48,8 @@ class Person:
 
     def deliver(self, now: int) -> list[Delivery]:
         """Hand out what waits, stamped with `now`, and notice silence."""
-        if now >= self.deadline:
-            self._lose(now, self.silent)
+        if now >= self.driving.deadline:
+            self._lose(now, self.driving.silent)
         out = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
         return out
@@ -71,21 +68,21 @@ class Person:
             code = VERBS[command.verb](self, now, command)
             if code is not LATER:
                 self.channel.answer(Answer(command.number, code))
-        if was_open and not self.channel.is_open and self.driving is not None:
-            self._lose(now, self.gone)
+        if was_open and not self.channel.is_open and self.driving.is_on:
+            self._lose(now, self.driving.gone)
         self.channel.flush()
 
     def _stop(self, now: int, command: Command) -> str:
         """Hold the robot until `resume`."""
         (cause,) = command.values
-        if self.driving is not None:
+        if self.driving.is_on:
             self._say(now, "twist", Twist(now, 0.0, 0.0))
         self._say(now, "halt", Stop(now, "operator_stop", cause, True))
-        self._let_go()
+        self.driving.let_go()
         return ""
 
     def _resume(self, now: int, command: Command) -> str:
-        if self.driving is not None:
+        if self.driving.is_on:
             return "driving"  # a goal must not set off under the hands of whoever drives
         self.operator.resume(now)
         return ""
@@ -104,26 +101,20 @@ class Person:
             return "not_finite"
         if self._is_held():
             return "held"
-        if self.driving is None or self.driving.client != command.client:
-            if self.driving is not None and not takes_over:
+        if not self.driving.is_by(command.client):
+            if self.driving.is_on and not takes_over:
                 return "busy"
-            self._begin(now, command)
-        self.deadline = now + SILENCE
+            self.operator.pause(now)
+        self.driving.go_on(now, command)
         self._say(now, "twist", Twist(now, linear, angular))
         return ""
 
-    def _begin(self, now: int, command: Command) -> None:
-        self.driving = command
-        self.silent = f"{command.who} was driving and fell silent"
-        self.gone = f"{command.who} was driving and is gone"
-        self.operator.pause(now)
-
     def _release(self, now: int, command: Command) -> str:
         """The driver lets go in good order: the robot stands, and nothing is held."""
-        if self.driving is None or self.driving.client != command.client:
+        if not self.driving.is_by(command.client):
             return "not_driving"
         self._say(now, "twist", Twist(now, 0.0, 0.0))
-        self._let_go()
+        self.driving.let_go()
         return ""
 
     def _set(self, now: int, command: Command) -> str:
@@ -138,17 +129,14 @@ class Person:
 
     def _leave(self, now: int, command: Command) -> str:
         """A client has gone: nothing happens unless it was driving."""
-        if self.driving is not None and self.driving.client == command.client:
-            self._lose(now, self.gone)
+        if self.driving.is_by(command.client):
+            self._lose(now, self.driving.gone)
         return ""
 
     def _lose(self, now: int, cause: str) -> None:
         self._say(now, "twist", Twist(now, 0.0, 0.0))
         self._say(now, "halt", Stop(now, "operator_lost", cause, True))
-        self._let_go()
-
-    def _let_go(self) -> None:
-        self.driving, self.deadline = None, NEVER
+        self.driving.let_go()
 
     def _is_held(self) -> bool:
         stop = self.operator.holding.get(HOLDING)

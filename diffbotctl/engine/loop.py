@@ -30,7 +30,7 @@ class Signals(Protocol):
 class Ending(NamedTuple):
     """How a run ended. `code` is the exit code; `stopped` is None without a robot.
 
-    `time` is the logical time of the last instant.
+    `time` is the logical time at which it ended, or of the last instant if that came after it.
     """
 
     code: int
@@ -69,6 +69,7 @@ class Engine:
         self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
         self.compiled = graph.compile(self.sinks, record)
         self.last = -1
+        self.over = 0
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None
         self.signals = signals
@@ -98,7 +99,7 @@ class Engine:
         stopped = self._stop()
         assert self.ending is not None
         code, cause = self.ending
-        return Ending(code, cause, stopped, max(self.last, 0))
+        return Ending(code, cause, stopped, max(self.last, self.over))
 
     def _turn_until(self, until: int) -> None:
         while self.ending is None:
@@ -111,9 +112,11 @@ class Engine:
         wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
         if self.signals is not None and self.signals.cause:
+            self.over = min(now, until)
             self.end(INTERRUPTED, self.signals.cause)
             return False
         if now >= until:
+            self.over = until
             self._catch_up(until)
             return False
         deliveries: list[Delivery] = []

@@ -11,9 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from diffbotctl.hub.conversation import Log
 from diffbotctl.hub.desk import About
 from diffbotctl.hub.listening import forget
-from diffbotctl.hub.server import Log, Server
+from diffbotctl.hub.server import Server
 
 NICENESS = 5  # the control path goes first on a machine with one core
 LAST_WORDS = 0.5  # s for clients to take what waits when the run is over

@@ -1,11 +1,10 @@
-"""What only looks: topics, their messages and rates, blocks, wires, and why the robot stopped."""
+"""What only looks: topics, their messages and rates, and why the robot stopped."""
 
 from __future__ import annotations
 
 from math import isfinite
 from typing import Any
 
-from diffbotctl.block import outputs
 from diffbotctl.errors import nearest
 from diffbotctl.hub.client import Client
 from diffbotctl.hub.desk import Desk, Fields, Verb
@@ -46,14 +45,14 @@ def status(desk: Desk, client: Client, request: Request) -> Fields:
 def topics(desk: Desk, client: Client, request: Request) -> Fields:
     """Every wire with its type, its rate, and how old its last message is."""
     request.only()
-    return {"topics": [{"topic": wire, **_rate(desk, wire)} for wire in desk.knowledge.wires]}
+    return {"topics": [{"topic": wire, **rate_of(desk, wire)} for wire in desk.knowledge.wires]}
 
 
 def rate(desk: Desk, client: Client, request: Request) -> Fields:
     """How often one topic carries a message."""
     request.only("topic")
     wire = topic_of(desk, request.text("topic"))
-    return {"topic": wire, **_rate(desk, wire)}
+    return {"topic": wire, **rate_of(desk, wire)}
 
 
 def kind(desk: Desk, client: Client, request: Request) -> Fields:
@@ -88,42 +87,6 @@ def unwatch(desk: Desk, client: Client, request: Request) -> Fields:
     return {}
 
 
-def blocks(desk: Desk, client: Client, request: Request) -> Fields:
-    """Every block, how often its busiest output speaks, and how old the last word is."""
-    request.only()
-    rows = []
-    for node in desk.about.graph.nodes:
-        wires = [f"{node.name}.{port}" for port in outputs(type(node.block))]
-        rates = [desk.knowledge.rate(wire) for wire in wires]
-        ages = [age for wire in wires if (age := desk.knowledge.age(wire)) is not None]
-        rows.append(
-            {
-                "block": node.name,
-                "class": type(node.block).__name__,
-                "rate": max((each.rate for each in rates), default=0.0),
-                "messages": sum(each.messages for each in rates),
-                "age": min(ages, default=None),
-            }
-        )
-    return {"blocks": rows}
-
-
-def graph(desk: Desk, client: Client, request: Request) -> Fields:
-    """Every wire: where from, where to, its type, its rate and age."""
-    request.only()
-    wires = [
-        (wire, node.name, port)
-        for node in desk.about.graph.nodes
-        for port, wire in node.wires.items()
-    ]
-    if desk.about.command is not None:
-        wires.append((desk.about.command, "robot", desk.about.command.partition(".")[2]))
-    rows = [
-        {"topic": wire, "to": node, "port": port, **_rate(desk, wire)} for wire, node, port in wires
-    ]
-    return {"wires": rows, "blocks": list(desk.blocks)}
-
-
 def topic_of(desk: Desk, name: str) -> str:
     """The wire called `name`, also by its ROS name. Raises RefusalError with the nearest one."""
     wires = desk.knowledge.wires
@@ -138,7 +101,8 @@ def topic_of(desk: Desk, name: str) -> str:
     raise RefusalError("E-REQUEST", f"there is no topic '{name}'", fix)
 
 
-def _rate(desk: Desk, wire: str) -> dict[str, Any]:
+def rate_of(desk: Desk, wire: str) -> dict[str, Any]:
+    """Type, rate, gaps, count and age of a wire, as answers have them."""
     known = desk.knowledge.rate(wire)
     gaps = {"least_gap": known.least_gap, "most_gap": known.most_gap}
     return {
@@ -158,6 +122,4 @@ VERBS: dict[str, Verb] = {
     "type": kind,
     "watch": watch,
     "unwatch": unwatch,
-    "blocks": blocks,
-    "graph": graph,
 }

@@ -6,25 +6,21 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable
-from typing import Any
 
 from diffbotctl.engine.channel import News
 from diffbotctl.hub.client import Client, peer_of
+from diffbotctl.hub.conversation import Conversation, Log
 from diffbotctl.hub.desk import About, Desk, Wanted
 from diffbotctl.hub.engine_side import EngineSide
 from diffbotctl.hub.knowledge import Knowledge
-from diffbotctl.hub.verbs import follow
-from diffbotctl.links.control import PROTOCOL, RefusalError, check_hello, line, request
-from diffbotctl.links.json_messages import encoder
+from diffbotctl.hub.streams import Streams
+from diffbotctl.links.control import PROTOCOL, RefusalError, line
 
 MOST_CLIENTS = 100
 AT_ONCE = 32  # connections accepted between two looks at the others
 PERIOD = 0.05  # s; how long a client that asks too often waits, and how soon a dead engine shows
 GREETING_TIME = 10.0  # s in which a client must have said hello
 READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
-
-Log = Callable[[dict[str, Any]], None]
 
 
 class Server:
@@ -41,8 +37,8 @@ class Server:
         self.shared = shared
         self.log = log
         self.knowledge = Knowledge(about.graph)
-        self.desk = Desk(about, self.knowledge)
-        self.encoders = {wire: encoder(kind) for wire, kind in about.graph.kinds.items()}
+        self.conversation = Conversation(Desk(about, self.knowledge), self.engine, log)
+        self.streams = Streams(about.graph.kinds)
         self.clients: dict[int, Client] = {}
         self.connected = 0
         self.epoll = select.epoll()
@@ -124,29 +120,9 @@ class Server:
         """Do what the client's whole lines say, as fast as it may ask."""
         try:
             while not client.ending and (data := client.next_line(now)) is not None:
-                self._one(client, data)
+                self.conversation.line(client, data)
         except RefusalError as refusal:  # of the line as such: what follows it cannot be trusted
             self._dismiss(client, refusal)
-
-    def _one(self, client: Client, data: bytes) -> None:
-        if not client.name:
-            client.name = check_hello(request(data)) or "client"
-            self.log({"event": "connected", "name": client.name, **client.peer._asdict()})
-            return
-        number: int | str | None = None
-        try:
-            asked = request(data)
-            number = asked.number
-            said = follow(self.desk, client, asked)
-        except RefusalError as refusal:
-            client.answer({"id": number, **refusal.fields()})
-            return
-        if isinstance(said, Wanted):
-            if said.verb != "drive":
-                self.log({"event": said.verb, "values": list(said.values), "by": client.who})
-            self.engine.command(client, number, said)
-        else:
-            client.answer({"id": number, "ok": True, **said})
 
     def _take(self, news: News) -> None:
         self.knowledge.take(news)
@@ -155,24 +131,9 @@ class Server:
             if client is not None:
                 self._serve(client)
         watchers = [client for client in self.clients.values() if client.watched]
-        for data, wire in self._encoded(news, watchers):
-            for client in watchers:
-                if wire in client.watched:
-                    client.push(data)
+        self.streams.distribute(news, watchers)
         for client in watchers:
-            client.lost += news.lost
             self._serve(client)
-
-    def _encoded(self, news: News, watchers: list[Client]) -> list[tuple[bytes, str]]:
-        """The messages that someone watches, as lines, each encoded once, with their wires."""
-        wanted: set[str] = set().union(*(client.watched for client in watchers))
-        places = [(i, w) for i, w in enumerate(self.knowledge.names, 1) if w in wanted]
-        return [
-            (PIECE % (wire.encode(), self.encoders[wire](instant[place])), wire)
-            for instant in news.instants
-            for place, wire in places
-            if instant[place] is not None
-        ]
 
     def _serve(self, client: Client) -> None:
         """Send what fits; wait for what must be waited for; part when all is said."""
@@ -199,6 +160,3 @@ class Server:
                 self._serve(client)
             elif not client.name and not client.ending and now - client.since > GREETING_TIME:
                 self._dismiss(client, RefusalError("E-PROTOCOL", "no hello came in time"))
-
-
-PIECE = b'{"topic": "%s", "message": %s}\n'

@@ -5,12 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from diffbotctl.errors import nearest
-from diffbotctl.hub import calling, driving, looking, parameters
+from diffbotctl.hub import calling, driving, layout, looking, parameters
 from diffbotctl.hub.client import Client
 from diffbotctl.hub.desk import Desk, Fields, Verb, Wanted
 from diffbotctl.links.control import RefusalError, Request
 
-VERBS: dict[str, Verb] = {**driving.VERBS, **looking.VERBS, **parameters.VERBS, **calling.VERBS}
+VERBS: dict[str, Verb] = {
+    **driving.VERBS,
+    **looking.VERBS,
+    **layout.VERBS,
+    **parameters.VERBS,
+    **calling.VERBS,
+}
 
 
 def follow(desk: Desk, client: Client, request: Request) -> Fields | Wanted:

@@ -364,7 +364,7 @@ class DiffbotHost:
             heard.append(("link", self.link(now)))
         encoders = self._telemetry.read(now, frame)
         heard.append(("encoders", encoders))
-        if self.settings.range_channel is not None:
+        if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             heard.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return heard
 
@@ -393,6 +393,8 @@ class DiffbotHost:
         if item == "flags":
             self._faults = (bool(status.value & LEFT_FAULT), bool(status.value & RIGHT_FAULT))
         if item == "battery" and self.settings.battery_channel is not None:
+            if status.value == frames.ANALOG_NONE:
+                return []  # not measured yet
             volts = volts_of(status.value) * self.settings.battery_divider
             return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
         return [("link", self.link(now))] if item == "dropped" else []

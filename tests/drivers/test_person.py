@@ -5,8 +5,9 @@ import socket
 
 import pytest
 
+from diffbotctl.drivers.driving import SILENCE
 from diffbotctl.drivers.operator import Operator
-from diffbotctl.drivers.person import SILENCE, Person
+from diffbotctl.drivers.person import Person
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Channel, Command, News
 from diffbotctl.graph import NEVER, Graph

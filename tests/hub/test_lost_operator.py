@@ -17,7 +17,8 @@ LIMIT = 500_000_000  # ns within which the wheels are commanded to zero
 
 def drives(status):
     wheels = status["gate.wheels"]
-    return wheels["left"] < 0 and wheels["right"] < 0  # backwards: the goal lies ahead
+    is_backwards = wheels["left"] < 0 and wheels["right"] < 0  # the goal lies ahead
+    return is_backwards and status["operator.goal"]["number"] == 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGHUP])

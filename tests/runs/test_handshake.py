@@ -8,8 +8,9 @@ import os
 import re
 import shutil
 import subprocess
+import threading
 import tty
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,6 +48,26 @@ def open_end(folder, name):
     os.close(slave)
 
 
+@contextmanager
+def talking(end, line):
+    """Somebody behind a port says the same over and over, and hears nothing."""
+    over = threading.Event()
+
+    def talk():
+        while not over.wait(0.05):
+            with suppress(BlockingIOError):
+                os.write(end, line)
+
+    os.set_blocking(end, False)
+    thread = threading.Thread(target=talk)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
 @pytest.mark.parametrize(
     ("name", "tried"), [("rfcomm0", "9600 or 115200"), ("ttyUSB0", "115200 or 9600")]
 )
@@ -81,7 +102,16 @@ def test_the_bootloader_alone():
     assert "flash firmware" in said
 
 
-def test_another_firmware(tmp_path):
+def test_a_firmware_that_prints_lines(tmp_path):
+    with open_end(tmp_path, "rfcomm0") as (port, end), talking(end, b"distance 12 cm\r\n"):
+        code, said = meet(port)
+    assert code == 1
+    assert "E-BOARD-UNKNOWN" in said
+    assert "bytes come that mean nothing at 9600 or 115200 baud" in said
+    assert "flash firmware" in said
+
+
+def test_a_radio_at_another_rate(tmp_path):
     """The same image behind a radio that runs at another rate than board and robot file."""
     with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0", rate=38400) as wire:
         virtual.board.emulator.reset()  # it speaks at its start

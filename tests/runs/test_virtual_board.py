@@ -37,6 +37,14 @@ def test_from_a_blank_board_to_a_goal_and_the_same_again(tmp_path):
     assert digest in said
 
 
+def test_a_board_that_has_just_got_its_settings_does_not_pass_for_a_faulty_sensor():
+    """Its first frame comes before its first distance."""
+    with board() as virtual:
+        code, said = diffbotctl(*run(virtual.radio, "--goal", "0.05 0"))
+    assert code == 0, said
+    assert "range_fault" not in said
+
+
 def test_the_usb_port_drives_as_well_and_the_other_port_takes_over_after_it():
     with board() as virtual:
         for port in (virtual.usb, virtual.radio):
@@ -91,6 +99,7 @@ def test_a_link_that_stays_pulled_is_no_success(tmp_path):
         said, _ = driver.communicate()
         assert virtual.board.duty == STILL
     assert "final stop NOT CONFIRMED" in said
+    assert "ended 2 s are over, after 2.0 s" in said  # though nothing has come for long
     assert driver.returncode == 1
 
 

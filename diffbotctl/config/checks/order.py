@@ -7,6 +7,7 @@ from collections.abc import Callable
 from diffbotctl.config.case import Case
 from diffbotctl.config.checks import (
     budget,
+    calibrated,
     deadman,
     fields,
     loops,
@@ -33,4 +34,5 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     tolerance.check,
     polarity.check,
     wiring.check,
+    calibrated.check,
 )

@@ -1,0 +1,72 @@
+"""What a calibration found, how sure it is, and where it comes from."""
+
+from __future__ import annotations
+
+import json
+from math import isfinite
+from typing import NamedTuple
+
+from diffbotctl.config import calibration
+from diffbotctl.params import with_unit
+
+NOT_MEASURED = "not measured"
+DIGITS = 6  # that are written; a tape tells four at best
+
+Found = float | str | bool | tuple[float, ...]
+
+
+class Finding(NamedTuple):
+    """One field of the robot file and its value in SI."""
+
+    field: str
+    value: Found
+    sd: float | None = None
+    """standard deviation, in the value's unit; None where there is nothing to deviate"""
+
+
+class Origin(NamedTuple):
+    """What findings have in common that were made together."""
+
+    method: str
+    date: str
+    """UTC, such as 2026-05-01T09:30Z"""
+    volts: float | None
+    """of the battery; None when nobody measured it"""
+    recording: str | None
+    """hash of the recording that they were found from"""
+
+
+def written(finding: Finding, origin: Origin) -> str:
+    """The entry as it stands behind the field's path in the robot file.
+
+    Raises ValueError for a value or deviation that is not finite.
+    """
+    unit = _unit(finding.field)
+    entries = {"value": _value(finding.value, unit)}
+    if finding.sd is not None:
+        entries["sd"] = _value(finding.sd, unit)
+    volts = NOT_MEASURED if origin.volts is None else with_unit(round(origin.volts, 2), "V")
+    entries |= {"date": json.dumps(origin.date), "method": origin.method, "volts": volts}
+    if origin.recording:
+        entries["recording"] = json.dumps(origin.recording)
+    return "{" + ", ".join(f"{name}: {text}" for name, text in entries.items()) + "}"
+
+
+def _unit(field: str) -> str:
+    declaration = calibration.field(field)
+    if declaration is None:
+        raise ValueError(f"robot files have no field {field}")
+    return declaration.unit
+
+
+def _value(value: Found, unit: str) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(_value(each, unit) for each in value)}]"
+    if isinstance(value, str):
+        return value
+    if not isfinite(value):
+        raise ValueError(f"{value} is no result")
+    number = f"{value:.{DIGITS}g}"
+    return number if unit in ("", "1") else f"{number} {unit}"

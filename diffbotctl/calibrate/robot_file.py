@@ -1,0 +1,154 @@
+"""Writing results into a robot file, keeping what was there, and bringing it back.
+
+What a file was is kept beside it, under a name that ends in the fingerprint of what was written:
+so `undo` knows whether the file is still what was written, and undoing goes back step by step.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Sequence
+from difflib import unified_diff
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.calibrate.findings import Finding, Origin, written
+from diffbotctl.calibrate.section import with_entries
+from diffbotctl.config import lookup
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
+
+FINGERPRINT = 8  # hexadecimal digits: one in four thousand million is no accident
+KEPT = ".before-"
+
+
+class Change(NamedTuple):
+    """A robot file as it is, and as it would be. Nothing is written yet."""
+
+    path: Path
+    before: bytes
+    after: bytes
+
+    def difference(self) -> str:
+        """What changes, as a unified diff."""
+        old, new = (text.decode().splitlines() for text in (self.before, self.after))
+        name = lookup.shown(self.path)
+        return "\n".join(unified_diff(old, new, name, f"{name} (calibrated)", lineterm="", n=1))
+
+
+def own_file(path: Path) -> tuple[Path, bool]:
+    """The file to write for the robot at `path`, and whether it was copied to ./robots for that.
+
+    What ships with diffbotctl is never written. Raises UsageError where it cannot be copied.
+    """
+    if not lookup.is_shipped(path):
+        return path, False
+    mine = Path("robots") / path.name
+    try:
+        if mine.exists():
+            if mine.samefile(path):
+                cause = "this is the folder of diffbotctl itself, whose files stay as they are"
+                raise _unwritten(path, cause, "change to a folder of your own")
+            return mine, False
+        mine.parent.mkdir(exist_ok=True)
+        shutil.copyfile(path, mine)
+    except OSError as error:
+        raise _unwritten(mine, f"cannot copy it there: {error.strerror}", "") from error
+    return mine, True
+
+
+def change(path: Path, findings: Sequence[Finding], origin: Origin) -> Change:
+    """What `findings` make of the robot file at `path`.
+
+    Raises UsageError where its layout does not allow it; ConfigurationError with the reasons when
+    the file would no longer be valid, or a value is not plausible.
+    """
+    before = path.read_bytes()
+    try:
+        entries = {each.field: written(each, origin) for each in findings}
+        after = with_entries(before.decode(), entries).encode()
+    except ValueError as error:
+        raise _unwritten(path, str(error), "write the entries by hand") from error
+    _refuse_nonsense(path, after)
+    return Change(path, before, after)
+
+
+def write(made: Change) -> Path:
+    """Write the change in one go. Returns where the file as it was is kept.
+
+    Raises RunError when the file was changed meanwhile, or cannot be written.
+    """
+    path = made.path.resolve()
+    if made.after == made.before:
+        return path
+    if path.read_bytes() != made.before:
+        cause = "it was changed by somebody else meanwhile"
+        raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, "calibrate again"))
+    kept = _kept(path, made.after)
+    try:
+        _replace(kept, made.before, path)
+        _replace(path, made.after, path)
+    except OSError as error:
+        cause = f"cannot write there: {error.strerror}"
+        raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, "")) from error
+    return kept
+
+
+def undo(path: Path) -> Change:
+    """Bring back the file at `path` as it was before the last calibration.
+
+    Raises UsageError when there is none, or the file has been changed since.
+    """
+    now = path.read_bytes()
+    kept = _kept(path.resolve(), now)
+    if not kept.exists():
+        raise UsageError(_nothing_kept(path))
+    before = kept.read_bytes()
+    _replace(path.resolve(), before, path)
+    kept.unlink()
+    return Change(path, now, before)
+
+
+def _nothing_kept(path: Path) -> Problem:
+    others = sorted(each.name for each in path.resolve().parent.glob(f"{path.name}{KEPT}*"))
+    if others:
+        cause = f"it was changed since the last calibration; {', '.join(others)} is kept beside it"
+        fix = "compare them, and copy what you want back"
+    else:
+        cause, fix = "no calibration was written into it", "calibrate first"
+    return Problem("E-CALIBRATE-UNDO", str(path), cause, fix)
+
+
+def _kept(path: Path, after: bytes) -> Path:
+    return path.with_name(f"{path.name}{KEPT}{sha256(after).hexdigest()[:FINGERPRINT]}")
+
+
+def _refuse_nonsense(path: Path, after: bytes) -> None:
+    trial = path.with_name(f".{path.name}.trial.yaml")
+    try:
+        trial.write_bytes(after)
+        load_robot(str(trial.absolute()))
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            Problem(each.code, str(path), each.cause, each.fix, each.severity)
+            for each in error.problems
+        ) from None
+    finally:
+        trial.unlink(missing_ok=True)
+
+
+def _replace(path: Path, data: bytes, like: Path) -> None:
+    """Write `data` to `path` in one go, with the access rights of `like`."""
+    beside = path.with_name(f".{path.name}.new")
+    with beside.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    shutil.copymode(like, beside)
+    beside.replace(path)
+
+
+def _unwritten(path: Path, cause: str, fix: str) -> UsageError:
+    return UsageError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))

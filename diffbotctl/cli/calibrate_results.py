@@ -1,0 +1,75 @@
+"""What becomes of results: shown, agreed to, written; listed; undone."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from diffbotctl.calibrate.findings import Finding, Origin
+
+UNWRITTEN = "Nothing was written. The entries are those with a + in front."
+
+
+def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> bool:
+    """Show what would change in the robot file at `path`, ask, and write it. False: not wanted.
+
+    Raises UserError where it cannot be written or is not plausible.
+    """
+    from diffbotctl.calibrate.robot_file import change, own_file, write
+
+    mine, was_copied = own_file(path)
+    if was_copied:
+        click.echo(f"{path.name} ships with diffbotctl and stays as it is: copied to {mine}")
+    made = change(mine, findings, origin)
+    click.echo(made.difference())
+    if not yes and not _agreed():
+        click.echo(UNWRITTEN)
+        return False
+    kept = write(made)
+    click.echo(f"{mine} is written; as it was: {kept.name}. `diffbotctl calibrate undo` goes back.")
+    return True
+
+
+def _agreed() -> bool:
+    if not sys.stdin.isatty():
+        raise click.UsageError("Nobody is there to agree: add --yes to write, or --dry-run.")
+    return click.confirm("Write this?", default=True)
+
+
+@click.command()
+@click.option("--robot", help="Robot file or name; the rules of `run` for none.")
+def show(robot: str | None) -> None:
+    """List what was calibrated, how sure it is and how old, and what was not."""
+    from datetime import UTC, datetime
+
+    from diffbotctl.calibrate.listing import listing, missing
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import shown
+    from diffbotctl.ui.columns import columns
+
+    file = load_robot(robot)
+    rows = listing(file, datetime.now(UTC))
+    click.echo(shown(file.file))
+    heads = ("field", "value", "sd", "age", "method", "battery", "recording")
+    for line in columns([heads, *rows]):
+        click.echo(line)
+    for path, by in missing(file).items():
+        click.echo(f"{path}: never calibrated; `diffbotctl calibrate {by}` finds it")
+
+
+@click.command()
+@click.option("--robot", help="Robot file or name; the rules of `run` for none.")
+def undo(robot: str | None) -> None:
+    """Bring the robot file back as it was before the last calibration. Repeat to go further."""
+    from diffbotctl.calibrate.robot_file import undo as undone
+    from diffbotctl.config.load import load_robot
+
+    made = undone(load_robot(robot).file)
+    click.echo(made.difference())
+    click.echo(f"{made.path} is as it was before.")

@@ -1,0 +1,34 @@
+"""The control socket's rows: `python -m prove.operator --seed N`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from itertools import chain
+
+from prove import operator_load, operator_people
+from prove.row import Row
+
+
+def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
+    """`trials` of each loss of an operator, `lines` of nonsense; then the loads."""
+    return chain(operator_people.rows(seed, trials, lines), operator_load.rows())
+
+
+def main() -> int:
+    """Print the rows; exit 1 when one is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--lines", type=int, default=2000)
+    options = parser.parse_args()
+    missed = 0
+    for row in rows(options.seed, options.trials, options.lines):
+        print(row.line(), flush=True)
+        missed += not row.met
+    print(f"{missed} rows missed")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

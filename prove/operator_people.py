@@ -1,0 +1,183 @@
+"""Drivers who are lost, watchers who go, nonsense, strangers: against a paced simulation."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from prove.row import Row
+from tests.hub.running import Plain, command, moves, running, stands
+
+LIMIT = 0.5  # s from the loss to the wheels commanded to zero
+LATEST = 1.0  # s of driving before something happens
+RUN = ("goal", "--stay", "--goal", "9 0")
+KNOCK = """
+import os, socket, sys
+os.setgroups([]); os.setgid(65534); os.setuid(65534)
+try: socket.socket(socket.AF_UNIX).connect(sys.argv[1])
+except PermissionError: sys.exit(7)
+"""
+Loss = Callable[[subprocess.Popen[bytes], int], None]
+
+
+def kill(process: subprocess.Popen[bytes], terminal: int) -> None:
+    """SIGKILL."""
+    process.kill()
+
+
+def freeze(process: subprocess.Popen[bytes], terminal: int) -> None:
+    """SIGSTOP: it holds its connection and says no more."""
+    process.send_signal(signal.SIGSTOP)
+
+
+def hang_up(process: subprocess.Popen[bytes], terminal: int) -> None:
+    """Close its terminal."""
+    os.close(terminal)
+
+
+LOSSES: dict[str, Loss] = {"killed": kill, "frozen": freeze, "its terminal closed": hang_up}
+
+
+def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
+    """All rows. `trials` of each loss, `lines` of nonsense."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with running(folder, *RUN):
+            for what, lose in LOSSES.items():
+                yield lost(folder, what, lose, trials, chance)
+            yield watchers(folder, trials)
+            yield nonsense(folder, lines, chance)
+            yield stranger(folder)
+
+
+def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Row:
+    """Drive, lose the driver at a random time, and see the wheels stand and the goal wait."""
+    times, good = [], 0
+    for _ in range(trials):
+        client = Plain(folder)
+        client.until(moves)
+        driver, terminal = drive(folder)
+        client.until(is_driven)
+        time.sleep(chance.uniform(0.0, LATEST))
+        began = time.monotonic()
+        lose(driver, terminal)
+        client.until(stands)
+        times.append(time.monotonic() - began)
+        status = client.until(lambda status: status["held"])
+        named = f"process {driver.pid}" in status["held"]["cause"]
+        good += (
+            status["held"]["code"] == "operator_lost"
+            and named
+            and status["operator.goal"]["number"] == 0
+            and times[-1] <= LIMIT
+        )
+        driver.kill()
+        driver.wait()
+        client.ask("resume")
+        client.close()
+    return Row(f"driver {what}: zero within, cause names it, goal waits",
+               f"{good} of {trials}, {max(times) * 1e3:.0f} ms", f"all, {LIMIT * 1e3:.0f} ms",
+               good == trials)  # fmt: skip
+
+
+def is_driven(status: dict[str, Any]) -> bool:
+    """The goal is withdrawn, and the wheels follow the one who drives, backwards."""
+    wheels = status["gate.wheels"]
+    return status["operator.goal"]["number"] == 0 and wheels["left"] < 0 and wheels["right"] < 0
+
+
+def drive(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
+    """`diffbotctl drive` backwards, on a terminal of its own; the terminal's other end."""
+    words, environment = command(folder, "drive", "--v", "-0.15", "--for", "60s")
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        ["setsid", "--ctty", *words], env=environment, stdin=theirs, stdout=theirs, stderr=theirs
+    )
+    os.close(theirs)
+    return process, ours
+
+
+def watchers(folder: Path, trials: int) -> Row:
+    """Watchers killed and frozen while a goal is under way."""
+    words, environment = command(folder, "topic", "echo", "*")
+    client, good = Plain(folder), 0
+    for trial in range(trials):
+        client.until(moves)
+        watcher = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE)
+        assert watcher.stdout is not None
+        watcher.stdout.readline()
+        watcher.send_signal(signal.SIGKILL if trial % 2 else signal.SIGSTOP)
+        began = client.ask("status")["time"]
+        status = client.until(lambda status, began=began: status["time"] > began + LIMIT * 1e9)
+        good += status["held"] is None and moves(status)
+        watcher.kill()
+        watcher.communicate()
+    client.close()
+    return Row("a watcher killed or frozen changes nothing", f"{good} of {trials}", "all",
+               good == trials)  # fmt: skip
+
+
+def nonsense(folder: Path, lines: int, chance: Random) -> Row:
+    """Lines drawn from what goes wrong in practice; none may be obeyed, others are served."""
+    quiet, refused = Plain(folder), 0
+    quiet.ask("stop")
+    goal = quiet.until(stands)["operator.goal"]["number"]
+    quiet.ask("watch", topic="gate.wheels")
+    for _ in range(lines):
+        client = Plain(folder)
+        try:
+            client.send(drawn(chance) + b"\n")
+            said = client.read()
+        except (BrokenPipeError, ConnectionResetError):
+            said = client.read()
+        refused += said is not None and said["ok"] is False and bool(said["cause"])
+        client.close()
+    still = quiet.ask("status")
+    unmoved = stands(still) and still["operator.goal"]["number"] == goal
+    quiet.ask("resume")
+    quiet.close()
+    return Row("nonsense: refused in words, nothing moves, others served",
+               f"{refused} of {lines}", "all", refused == lines and unmoved)  # fmt: skip
+
+
+def drawn(chance: Random) -> bytes:
+    """A wrong line: binary, half a line, a wrong type, a number that no robot can follow."""
+    whole = {"do": "drive", "linear": 0.1, "angular": 0.0}
+    wrong = chance.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
+    field = chance.choice(["linear", "angular"])
+    return chance.choice([
+        chance.randbytes(chance.randrange(1, 400)).replace(b"\n", b""),
+        json.dumps(whole)[: chance.randrange(1, 20)].encode(),
+        f'{{"do": "drive", "{field}": {wrong}}}'.encode(),
+        f'{{"do": "goto", "x": {wrong}, "y": 0}}'.encode(),
+        json.dumps({**whole, "do": chance.choice(["", "drve", None, 3, []])}).encode(),
+        json.dumps({**whole, chance.choice(["v", "Linear", "x"]): 1}).encode(),
+        b"[" * chance.randrange(1, 60000),
+        b"x" * chance.randrange(65537, 200000),
+    ])  # fmt: skip
+
+
+def stranger(folder: Path) -> Row:
+    """Another user, without the group."""
+    path = folder / "diffbotctl" / "test.socket"
+    folder.chmod(0o755)  # so that it is our own folder that refuses
+    try:
+        code = subprocess.run([sys.executable, "-c", KNOCK, str(path)], check=False).returncode
+        (folder / "diffbotctl").chmod(0o755)  # and then the socket itself
+        second = subprocess.run([sys.executable, "-c", KNOCK, str(path)], check=False).returncode
+    finally:
+        (folder / "diffbotctl").chmod(0o700)
+    good = (code == 7) + (second == 7)
+    return Row("another user (uid nobody): by the folder, by the socket", f"{good} of 2 refused",
+               "2 of 2", good == 2 and os.getuid() == 0)  # fmt: skip

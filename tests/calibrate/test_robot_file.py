@@ -1,0 +1,162 @@
+"""Results are written into the robot file: one section changes, every other byte stays."""
+
+import shutil
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as some
+
+from diffbotctl.calibrate.findings import Finding, Origin, written
+from diffbotctl.calibrate.listing import age
+from diffbotctl.calibrate.robot_file import change, own_file, undo, write
+from diffbotctl.calibrate.section import with_entries
+from diffbotctl.cli.calibrate import command
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import ConfigurationError, RunError, UsageError
+
+SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
+ORIGIN = Origin("geometry", "2026-05-01T09:30Z", 7.4, "4fd1")
+TRACK = Finding("drive.track", 0.1263, 0.0002)
+LAG = Finding("drive.left.motor.lag", 0.093, 0.002)
+ENTRY = written(TRACK, ORIGIN)
+
+
+@pytest.fixture
+def robot(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mine.yaml"
+    shutil.copyfile(SHIPPED, path)
+    return path
+
+
+def test_an_entry_tells_value_deviation_and_where_they_come_from():
+    assert ENTRY == (
+        '{value: 0.1263 m, sd: 0.0002 m, date: "2026-05-01T09:30Z", method: geometry, '
+        'volts: 7.4 V, recording: "4fd1"}'
+    )
+    unmeasured = written(Finding("drive.polarity", "calibrated"), Origin("x", "", None, None))
+    assert unmeasured == '{value: calibrated, date: "", method: x, volts: not measured}'
+
+
+@pytest.mark.parametrize(
+    "before, after",
+    [
+        # braces give way to spaces, so that the comment stays in its column
+        ("a: 1\ncalibration: {}   # by hand\nb: 2\n",
+         "a: 1\ncalibration:      # by hand\n  drive.track: {value: 1}\nb: 2\n"),
+        ("calibration: {}\n", "calibration:\n  drive.track: {value: 1}\n"),
+        ("calibration:\n# the end\n", "calibration:\n  drive.track: {value: 1}\n# the end\n"),
+        ("a: 1", "a: 1\ncalibration:\n  drive.track: {value: 1}\n"),
+        ("a: 1\r\ncalibration: {}\r\nb: 2\r\n",
+         "a: 1\r\ncalibration:\r\n  drive.track: {value: 1}\r\nb: 2\r\n"),
+        # an entry that is there is replaced, its comment stays
+        ("calibration:\n  drive.track: {value: 3}  # why\n  c: {value: 4}\n",
+         "calibration:\n  drive.track: {value: 1}  # why\n  c: {value: 4}\n"),
+        ("calibration:\n    c: {value: 4}  # indented so\n\nb: 2\n",
+         "calibration:\n    c: {value: 4}  # indented so\n    drive.track: {value: 1}\n\nb: 2\n"),
+        ("calibration: {c: {value: 4}}\n",
+         "calibration: {c: {value: 4}, drive.track: {value: 1}}\n"),
+    ],
+)  # fmt: skip
+def test_only_the_section_changes(before, after):
+    assert with_entries(before, {"drive.track": "{value: 1}"}) == after
+
+
+COMMENTS = some.lists(some.sampled_from(["# one", "", "x: {y: 1}  # two", "z:\n  - 1  # three"]),
+                      max_size=4, unique=True)  # fmt: skip
+
+
+@given(COMMENTS, some.sampled_from(["calibration: {}", "calibration:", "calibration: {} # c"]),
+       COMMENTS)  # fmt: skip
+def test_every_other_line_survives(above, section, below):
+    keys = [line.split(":")[0] for line in above if ":" in line]
+    below = [line for line in below if line.split(":")[0] not in keys]
+    text = "\n".join([*above, section, *below, ""])
+    after = with_entries(text, {"drive.track": "{value: 1}", "c": "{value: 2}"})
+    rest = [line for line in after.split("\n") if "value" not in line and "calibr" not in line]
+    assert rest == "\n".join([*above, *below, ""]).split("\n")
+
+
+def test_written_values_take_the_place_of_the_stated_ones(robot):
+    write(change(robot, [TRACK, LAG], ORIGIN))
+    file = load_robot(str(robot))
+    assert (file.robot.drive.track, file.nominal.drive.track) == (0.1263, 0.125)
+    assert (file.robot.drive.left.motor.lag, file.robot.drive.right.motor.lag) == (0.093, 0.1)
+
+
+def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
+    states = [robot.read_bytes()]
+    for value in (0.1263, 0.1265):
+        write(change(robot, [TRACK._replace(value=value)], ORIGIN))
+        states.append(robot.read_bytes())
+    undo(robot)
+    assert robot.read_bytes() == states[1]
+    undo(robot)
+    assert robot.read_bytes() == states[0] == SHIPPED.read_bytes()
+    assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
+    with pytest.raises(UsageError, match="no calibration was written"):
+        undo(robot)
+
+
+def test_a_file_that_was_edited_since_is_not_undone(robot):
+    write(change(robot, [TRACK], ORIGIN))
+    edited = robot.read_bytes() + b"# mine\n"
+    robot.write_bytes(edited)
+    with pytest.raises(UsageError, match="changed since"):
+        undo(robot)
+    assert robot.read_bytes() == edited
+
+
+def test_a_file_that_is_edited_meanwhile_is_not_written(robot):
+    made = change(robot, [TRACK], ORIGIN)
+    robot.write_bytes(robot.read_bytes() + b"# mine\n")
+    with pytest.raises(RunError, match="meanwhile"):
+        write(made)
+    assert robot.read_bytes().endswith(b"# mine\n")
+
+
+@pytest.mark.parametrize(
+    "finding, why",
+    [
+        (Finding("drive.track", 0.0625), "0.50 times the stated"),
+        (Finding("drive.left.wheel.diameter", 0.059), "1.10 times as large as"),
+        (Finding("drive.left.motor.lag", 1.4), "no motor that turns a wheel"),
+        (Finding("drive.left.encoder.slot_errors", (0.1, -0.1)), "2 errors for a disc with 20"),
+        (Finding("drive.track", -0.1), "must be above"),
+    ],
+)
+def test_what_cannot_be_true_is_refused_with_the_reason(robot, finding, why):
+    with pytest.raises(ConfigurationError) as refused:
+        change(robot, [finding], ORIGIN)
+    assert why in " ".join(str(refused.value).split())
+    assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
+
+
+def test_what_ships_is_copied_to_the_person_s_own_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mine, was_copied = own_file(load_robot("book_2wd").file)
+    assert (mine, was_copied) == (Path("robots/book_2wd.yaml"), True)
+    assert mine.read_bytes() == SHIPPED.read_bytes()
+    assert own_file(load_robot("book_2wd").file) == (mine, False)
+
+
+@pytest.mark.parametrize(
+    "minutes, words",
+    [(0, "just now"), (1, "1 minute"), (119, "1 hour"), (2880, "2 days"), (-9, "in the future")],
+)
+def test_age_in_words(minutes, words):
+    now = datetime(2026, 5, 3, 0, 0, tzinfo=UTC).timestamp() + 60 * minutes
+    said = age("2026-05-03T00:00Z", datetime.fromtimestamp(now, UTC))
+    assert said.startswith(words)
+
+
+def test_the_commands_show_and_undo(robot):
+    write(change(robot, [TRACK], ORIGIN))
+    shown = CliRunner().invoke(command, ["show", "--robot", "./mine.yaml"]).output
+    assert "drive.track  0.1263 m  0.0002 m" in shown
+    assert "drive.left.motor.lag: never calibrated" in shown
+    assert CliRunner().invoke(command, ["undo", "--robot", "./mine.yaml"]).exit_code == 0
+    assert robot.read_bytes() == SHIPPED.read_bytes()
