@@ -94,6 +94,9 @@ CODES: dict[str, Code] = {
 
         Check the spelling and the folder you are in (`pwd`, `ls`). For a permission, `ls -l FILE`
         shows who may read it."""),
+    "E-FILE-WRITE": _code("a file cannot be written", """
+        The folder is not there, is not yours, or the disc is full; or there is a file of that name
+        already, and nothing of yours is ever written over."""),
     "E-FILE-NAME": _code("no file of that name", """
         A name such as `goal` is looked up as ./pipelines/goal.yaml, then among the pipelines that
         are shipped with diffbotctl; robots likewise in ./robots. Neither has it.

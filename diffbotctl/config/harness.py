@@ -16,7 +16,12 @@ SUPPLY, GROUND = "red", "black"
 ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
 ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
 TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
-DIVIDER = "1k in the wire, 2k to ground"  # 5 V x 2 / 3 = 3.3 V
+DIVIDER = "1k in it, 2k RXD to GND"  # 5 V x 2 / 3 = 3.3 V
+MEANINGS = {
+    SUPPLY: "supply", GROUND: "ground", ENABLE: "speed, PWM", FIRST: "direction 1",
+    SECOND: "direction 2", ENCODER: "encoder", SENSOR: "sensor", BUTTON: "stop button",
+    TO_BOARD: "to board", FROM_BOARD: "from board",
+}  # fmt: skip
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
 # Half A of an L298N is the left one here: its input names, and its outputs.
@@ -44,19 +49,33 @@ class Wire(NamedTuple):
 
 
 class Part(NamedTuple):
-    """One thing that is wired: what its pins are called, in the order in which they are drawn."""
+    """One thing that is wired: what its pins are called, in the order in which they are drawn.
+
+    `remark` is a word on it: a voltage, or what is done to it.
+    """
 
     key: str
     title: str
     pins: tuple[str, ...]
+    remark: str = ""
 
 
 class Harness(NamedTuple):
-    """All parts and wires of one robot, and what to see to before the battery is connected."""
+    """All parts and wires of one robot, and what to see to before the battery is connected.
+
+    `printed` maps a pin of the board to all that stands beside it, where that is more than its
+    name.
+    """
 
     parts: dict[str, Part]
     wires: tuple[Wire, ...]
     notes: tuple[str, ...]
+    printed: dict[str, str]
+
+    def colours(self) -> dict[str, str]:
+        """Each colour in use and what it means."""
+        used = {wire.colour for wire in self.wires}
+        return {colour: meaning for colour, meaning in MEANINGS.items() if colour in used}
 
     def of(self, *keys: str) -> list[Wire]:
         """The wires between any two of these parts."""
@@ -76,7 +95,8 @@ def harness(robot: Robot) -> Harness:
         *_sensors(robot, board),
         *_button(robot, board),
     ]
-    return Harness(_parts(robot, board, wires), tuple(wires), tuple(_notes(robot, board)))
+    parts, notes = _parts(robot, board, wires), tuple(_notes(robot, board))
+    return Harness(parts, tuple(wires), notes, _printed(robot, board))
 
 
 def has_radio(robot: Robot) -> bool:
@@ -120,10 +140,9 @@ def _radio(robot: Robot, board: Board) -> Iterator[Wire]:
         return
     receive, transmit = board.uarts[robot.link.uart]
     yield from _supplied(RADIO, "VCC", "GND", "HC-05")
-    yield Wire(Pin(RADIO, "TXD"), Pin(BOARD, receive), TO_BOARD, "serial line, to the board")
+    yield Wire(Pin(RADIO, "TXD"), Pin(BOARD, receive), TO_BOARD, "data to the board")
     through = DIVIDER if robot.link.level == "divider" else ""
-    purpose = "serial line, from the board"
-    yield Wire(Pin(BOARD, transmit), Pin(RADIO, "RXD"), FROM_BOARD, purpose, through)
+    yield Wire(Pin(BOARD, transmit), Pin(RADIO, "RXD"), FROM_BOARD, "data", through)
 
 
 def _encoder(name: str, side: Side, board: Board) -> Iterator[Wire]:
@@ -151,14 +170,29 @@ def _button(robot: Robot, board: Board) -> Iterator[Wire]:
 
 def _parts(robot: Robot, board: Board, wires: list[Wire]) -> dict[str, Part]:
     titles = {CELLS: "battery", DRIVER: "L298N", BOARD: board.title, RADIO: "HC-05"}
-    titles |= {STOP: "stop button"} | {
-        f"{name} sensor": f"{name}: Sharp" for name in robot.sensors
-    }
+    titles |= {STOP: "stop button"} | {f"{name} sensor": f"{name}: Sharp" for name in robot.sensors}
     pins: dict[str, dict[str, None]] = {}
     for wire in wires:
         for part, name in (wire.start, wire.end):
             pins.setdefault(part, {})[name] = None
-    return {key: Part(key, titles.get(key, key), tuple(names)) for key, names in pins.items()}
+    full = robot.battery.full
+    remarks = {
+        CELLS: "7 to 12 V" if full is None else f"{full:g} V full",
+        DRIVER: "ENA/ENB off",
+        BOARD: {"vin": "VIN 7-12 V", "regulator": "5 V in", "usb": "USB power"}[robot.board.supply],
+    }
+    return {
+        key: Part(key, titles.get(key, key), tuple(names), remarks.get(key, ""))
+        for key, names in pins.items()
+    }
+
+
+def _printed(robot: Robot, board: Board) -> dict[str, str]:
+    if not has_radio(robot):
+        return {}
+    receive, transmit = board.uarts[robot.link.uart]
+    number = str(robot.link.uart or "")  # port 0 is printed RX and TX
+    return {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}
 
 
 def _notes(robot: Robot, board: Board) -> Iterator[str]:
@@ -175,7 +209,8 @@ def _notes(robot: Robot, board: Board) -> Iterator[str]:
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
     yield (
-        f"Battery: {battery}. The L298N loses about 2 V of it, takes at most 35 V, and 2 A a motor."
+        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a motor; "
+        "the kit's motors are made for 5 to 9 V."
     )
     if has_radio(robot) and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."

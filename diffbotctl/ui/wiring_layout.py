@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from diffbotctl.config.harness import (
     BOARD,
-    BUTTON,
     CELLS,
     DRIVER,
     GROUND,
@@ -75,16 +74,17 @@ def layout(harness: Harness) -> Layout:
     """Place everything."""
     senses = list(_senses(harness))
     runs = list(_runs(harness, {placed.part.key: placed for placed in senses}))
-    left = {run.end: _board_pin(run.wire) for run in runs if run.column == DRIVES}
-    right = {run.start: _board_pin(run.wire) for run in runs if run.column == BRAIN}
+    left = {run.end: _board_pin(harness, run) for run in runs if run.column == DRIVES}
+    right = {run.start: _board_pin(harness, run) for run in runs if run.column == BRAIN}
     bottom = max([*left, *right, *(placed.bottom - 1 for placed in senses)]) + 1
     board = Placed(harness.parts[BOARD], BRAIN, 0, bottom, left, right)
     parts = [*_sources(harness), _driver(harness), board, *senses]
     return Layout(tuple(parts), tuple(runs), max(placed.bottom for placed in parts) + 1)
 
 
-def _board_pin(wire: Wire) -> str:
-    return wire.start.name if wire.start.part == BOARD else wire.end.name
+def _board_pin(harness: Harness, run: Run) -> str:
+    name = run.wire.start.name if run.wire.start.part == BOARD else run.wire.end.name
+    return harness.printed.get(name, name)
 
 
 def _sources(harness: Harness) -> Iterator[Placed]:

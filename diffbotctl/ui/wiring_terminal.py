@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from diffbotctl.config.boards import BOARDS
-from diffbotctl.config.harness import BOARD, GROUND, SUPPLY, Harness
+from diffbotctl.config.harness import GROUND, SUPPLY, Harness
 from diffbotctl.ui.wiring_layout import BRAIN, SENSES, Layout, Placed, Run, layout
 
 # First and last column of characters of each column of parts; the gaps hold the wires.
 BOXES = ((0, 12), (16, 30), (36, 51), (64, 79))
 RAILS = {SUPPLY: 54, GROUND: 56}
 RESISTOR, NODE = 58, 61  # of the divider: its resistors, and where they meet
+KEY_GAP = 2  # rows between the lowest part on the left and the names of the colours
 STYLES = {
     "red": "red", "black": "bright_black", "orange": "dark_orange", "green": "green",
     "blue": "dodger_blue2", "purple": "magenta", "yellow": "yellow", "white": "bold",
@@ -33,7 +33,17 @@ def picture(harness: Harness) -> Text:
         _rail(canvas, colour, rails)
     for placed in plan.parts:
         _box(canvas, placed)
-    return canvas.text(plan.rows)
+    return canvas.text(max(plan.rows, _key(canvas, harness, plan)))
+
+
+def _key(canvas: _Canvas, harness: Harness, plan: Layout) -> int:
+    """What the colours mean, in the free place at the lower left; the row after it."""
+    top = KEY_GAP + max(placed.bottom for placed in plan.parts if placed.column < BRAIN)
+    colours = harness.colours()
+    for number, (colour, meaning) in enumerate(colours.items()):
+        canvas.put(0, top + number, "━━━", STYLES[colour])
+        canvas.put(4, top + number, f"{colour:7} {meaning}", "")
+    return top + len(colours)
 
 
 class _Canvas:
@@ -118,26 +128,15 @@ def _box(canvas: _Canvas, placed: Placed) -> None:
     if len(title) <= inner - 2:
         title = f" {title} "
     canvas.put(first, placed.top, f"╭{title:─^{inner}}╮", "bold")
-    canvas.put(first, placed.bottom, f"╰{'─' * inner}╯", "bold")
+    remark = f" {placed.part.remark} " if placed.part.remark else ""
+    canvas.put(first, placed.bottom, f"╰{remark:─^{inner}}╯", "bold")
     for y in range(placed.top + 1, placed.bottom):
         wall = "│" + " " * inner + "│"
         canvas.put(first, y, wall, "bold")
         if y in placed.left:
             canvas.put(first, y, "┤", "bold")
-            canvas.put(first + 2, y, named(placed, placed.left[y], y), "")
+            canvas.put(first + 2, y, placed.left[y], "")
         if y in placed.right:
             canvas.put(last, y, "├", "bold")
-            label = named(placed, placed.right[y], y)
+            label = placed.right[y]
             canvas.put(last - 1 - len(label), y, label, "")
-
-
-def named(placed: Placed, pin: str, row: int) -> str:
-    """A pin as it is printed on its part: a board's serial pins also by what they carry."""
-    if placed.part.key != BOARD or row not in placed.right:
-        return pin
-    board = next(each for each in BOARDS.values() if each.title == placed.part.title)
-    for port, (receive, transmit) in board.uarts.items():
-        number = str(port or "")
-        if pin in (receive, transmit):
-            return f"{'RX' if pin == receive else 'TX'}{number} {pin}"
-    return pin
