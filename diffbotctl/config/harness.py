@@ -209,8 +209,8 @@ def _notes(robot: Robot, board: Board) -> Iterator[str]:
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
     yield (
-        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a motor; "
-        "the kit's motors are made for 5 to 9 V."
+        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a "
+        "motor; the kit's motors are made for 5 to 9 V."
     )
     if has_radio(robot) and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."

@@ -94,7 +94,8 @@ def _sources(harness: Harness) -> Iterator[Placed]:
 
 
 def _driver(harness: Harness) -> Placed:
-    left, right = {}, {}
+    left: dict[int, str] = {}
+    right: dict[int, str] = {}
     for wire in harness.of(DRIVER, BOARD, *LEFT_ROWS):
         for pin, other in ((wire.start, wire.end), (wire.end, wire.start)):
             if pin.part == DRIVER:

@@ -89,7 +89,8 @@ def expected(robot):
     supplied = []
     for side, names in (("left", ("ENA", "IN1", "IN2")), ("right", ("ENB", "IN3", "IN4"))):
         motor = getattr(robot.drive, side).motor
-        pins = zip((motor.enable, motor.in1, motor.in2), names, ("orange", "green", "blue"))
+        colours = ("orange", "green", "blue")
+        pins = zip((motor.enable, motor.in1, motor.in2), names, colours, strict=True)
         found |= {(board.named(str(pin)), "L298N", name, colour) for pin, name, colour in pins}
         encoder = getattr(robot.drive, side).encoder
         found.add((board.named(str(encoder.pin)), f"{side} encoder", "OUT", "purple"))
