@@ -14,6 +14,7 @@ COMMANDS = {
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
+    "new": "Write a new robot, pipeline or block to start from.",
     "wiring": "Show every wire of a robot: a picture, a table, and what to mind.",
     "blocks": "List the blocks there are, or show one.",
     "stop": "Stop the robot of a running engine, whatever else is broken.",
