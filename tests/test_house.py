@@ -14,7 +14,7 @@ FLOORS = [
     ["config"],
     ["engine"],
     ["drivers", "hub"],
-    ["runs", "calibrate"],
+    ["runs", "calibrate", "start"],
     ["ui", "cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}

@@ -10,6 +10,7 @@ import click
 
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {
+    "start": "Be guided from nothing to the first goal: simulated at once, then your robot.",
     "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",

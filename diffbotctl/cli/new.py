@@ -16,14 +16,14 @@ def command() -> None:
 @click.argument("name")
 def robot(name: str) -> None:
     """Write robots/NAME.yaml: every part of a robot, with a word about each."""
-    _yaml(name, "robot")
+    write("robot", name)
 
 
 @command.command()
 @click.argument("name")
 def pipeline(name: str) -> None:
     """Write pipelines/NAME.yaml: goals, and the blocks that drive to them."""
-    _yaml(name, "pipeline")
+    write("pipeline", name)
 
 
 @command.command()
@@ -44,7 +44,8 @@ def block(name: str) -> None:
     click.echo(f"{name}/ is a package: its README.md says how to install and try it.")
 
 
-def _yaml(name: str, kind: str) -> None:
+def write(kind: str, name: str) -> None:
+    """Write a new `robot` or `pipeline` file. Raises UsageError where there is one already."""
     from diffbotctl.config import new_yaml
 
     _check_word(name, kind)

@@ -1,0 +1,225 @@
+"""The walk along the chapters of `diffbotctl start`: what each does, by the commands there are."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from diffbotctl.start.answers import QUESTIONS, Answers
+from diffbotctl.start.chapters import CHAPTERS, Chapter, numbered
+
+if TYPE_CHECKING:
+    from diffbotctl.config.configuration import RobotFile
+    from diffbotctl.start.record import Record
+
+NEW_ROBOT = "my_robot"
+NO_BOARD = """\
+No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
+here. `diffbotctl wiring` draws what else is connected to it; without a board,
+`diffbotctl emulate` makes one to try all this on: diffbotctl start --port PORT"""
+END = """\
+That is the whole path. From here:
+    diffbotctl calibrate --help      make its distances and turns true
+    diffbotctl run square --robot {robot} --port {port}
+    diffbotctl why                   whenever it stands and you wonder"""
+
+
+class Enough(Exception):  # noqa: N818 - no error
+    """The walk ends here for now, and nothing is wrong."""
+
+
+class Walk:
+    """One visit: goes on from the first chapter that is not done."""
+
+    def __init__(
+        self, record: Record, robot: str | None, port: str | None, radio: str | None,
+        answers: Answers | None,
+    ) -> None:  # fmt: skip
+        self.record, self.radio, self.answers = record, radio, answers
+        self.agreed: set[str] = set()
+        notes = record.notes
+        if robot is not None and notes.get("robot", robot) != robot:
+            record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
+        if robot is not None:
+            notes["robot"] = robot
+        self.given = port
+        if port is not None and notes.get("port") != port:
+            notes["port"] = port
+            self._undo("board", "firmware")
+        if "port" in notes and not os.path.exists(notes["port"]):
+            self._undo("board", "firmware")  # unplugged since, or its name has changed
+
+    def _undo(self, *keys: str) -> None:
+        self.record.done[:] = [key for key in self.record.done if key not in keys]
+
+    @property
+    def robot(self) -> str | None:
+        """The robot's file or name; None until there is one."""
+        return self.record.notes.get("robot")
+
+    @property
+    def port(self) -> str:
+        """The board's USB port."""
+        return self.record.notes.get("port", "a port yet to be found")
+
+    def tell(self) -> Chapter | None:
+        """Say what is true now, and what comes next. Returns the next chapter."""
+        following = None
+        for chapter in CHAPTERS:
+            if chapter.key in self.record.done:
+                click.echo(f"done   {numbered(chapter.key)}: {self._worded(chapter.truth)}")
+            elif following is None:
+                following = chapter
+        if following is None:
+            click.echo(END.format(robot=self.robot, port=self.radio or self.port))
+        else:
+            click.echo(f"next   {numbered(following.key)}: {following.ahead}")
+        return following
+
+    def go(self) -> int:
+        """Walk to the end, or as far as there is a board. Returns the exit code."""
+        if self.record.done:
+            self.tell()
+        for chapter in CHAPTERS:
+            if chapter.key in self.record.done:
+                continue
+            click.echo(f"\n{click.style(numbered(chapter.key), bold=True)}")
+            click.echo(f"  next: {chapter.ahead}")
+            try:
+                getattr(self, f"_{chapter.key}")()
+            except Enough as why:
+                click.echo(str(why))
+                return 0
+            self.record.finish(chapter.key)
+            click.echo(f"  now: {self._worded(chapter.truth)}")
+        click.echo("\n" + END.format(robot=self.robot, port=self.radio or self.port))
+        return 0
+
+    def _worded(self, text: str) -> str:
+        return text.format(robot=self.robot, port=self.port)
+
+    # --- the chapters ---
+
+    def _simulated(self) -> None:
+        self._run("goal", "sim")
+
+    def _robot(self) -> None:
+        from diffbotctl.cli import new
+        from diffbotctl.config import lookup
+        from diffbotctl.config.load import load_robot
+        from diffbotctl.start.own_file import own
+
+        path = lookup.robot(self.robot)
+        if self.robot is None and lookup.is_shipped(path):
+            own_name = Path("robots") / f"{NEW_ROBOT}.yaml"
+            if not own_name.exists():
+                click.echo("  It is the book's kit; change what differs on yours.")
+                new.write("robot", NEW_ROBOT)
+            path = own_name
+        self.record.notes["robot"] = str(own(path))
+        for warning in load_robot(self.robot).warnings:
+            click.echo(warning.render())
+        click.echo(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
+
+    def _board(self) -> None:
+        from diffbotctl.cli.port import choose_port
+        from diffbotctl.flash.trouble import NoBoardError
+
+        if self.given is None:
+            try:
+                self.record.notes["port"] = choose_port()
+            except NoBoardError:
+                if self.answers is not None:
+                    raise
+                raise Enough(NO_BOARD) from None
+
+    def _firmware(self) -> None:
+        from diffbotctl.cli import flash
+        from diffbotctl.start.board import greets
+
+        if greets(self.port, self._file().robot):
+            click.echo("  It runs our firmware already: nothing to write.")
+            return
+        click.echo("  It does not run our firmware. What is on it now will be written over.")
+        self._agree("lifted")
+        _call(flash, what="firmware", port=self.port, robot=self.robot, programmer="built-in",
+              backup=None, image=None, yes=True)  # fmt: skip
+
+    def _wheels(self) -> None:
+        from diffbotctl.start.board import check_wheel, reverse, say_polarity
+        from diffbotctl.start.wheels import OTHER
+
+        if self._file().robot.drive.polarity != "unproven":
+            click.echo("  Its file says that this was seen before.")
+            return
+        self._agree("lifted")
+        for side in OTHER:
+            for last in (False, True):
+                click.echo(f"  The {side.upper()} wheel turns now.")
+                kind = check_wheel(self.port, self._file().robot, side, self._ask)
+                if kind == "fine":
+                    break
+                reverse(self._path(), side, last)
+                click.echo(f"  It turned backward: reversed is now the other way in {self.robot}.")
+        say_polarity(self._path())
+
+    def _metre(self) -> None:
+        self._agree("floor")
+        self._run("distance", self.radio or self.port)
+
+    def _goal(self) -> None:
+        self._agree("floor")
+        click.echo("  Put it back to where it started from, if you like it to end up there.")
+        self._run("goal", self.radio or self.port)
+
+    # --- what they share ---
+
+    def _file(self) -> RobotFile:
+        from diffbotctl.config.load import load_robot
+
+        return load_robot(self.robot)
+
+    def _path(self) -> Path:
+        assert self.robot is not None
+        return Path(self.robot)
+
+    def _run(self, pipeline: str, port: str) -> None:
+        from diffbotctl.cli import run
+
+        watched = sys.stdout.isatty() and self.answers is None
+        code = _call(
+            run, pipeline=pipeline, robot=self.robot, port=port, goals=(), sets=(), seed=0,
+            fast=not watched, duration=None, record=None, digest=False, stay=False, name=None,
+            group=None, no_socket=False, quiet=not watched,
+        )  # fmt: skip
+        if code:
+            raise click.ClickException("it did not get there; start again when that is mended")
+
+    def _agree(self, name: str) -> None:
+        """Ask once a visit; no ends the visit."""
+        if name not in self.agreed and self._ask(name) != "yes":
+            raise Enough("Then do that first; `diffbotctl start` goes on here.")
+        self.agreed.add(name)
+
+    def _ask(self, name: str) -> str:
+        from diffbotctl.errors import Problem, UsageError
+
+        question = QUESTIONS[name]
+        if self.answers is not None:
+            answer = self.answers.answer(question)
+            click.echo(f"  {question.text} {answer}")
+            return answer
+        if not sys.stdin.isatty():
+            fix = f"give --answers FILE with a line such as {name}: {question.choices[0]}"
+            raise UsageError(Problem("E-START-ANSWER", name, "nobody is there to be asked", fix))
+        found: str = click.prompt(f"  {question.text}", type=click.Choice(question.choices))
+        return found
+
+
+def _call(module: Any, **arguments: Any) -> int:
+    """A command's own function, as typed at the prompt."""
+    return int(module.command.callback(**arguments) or 0)
