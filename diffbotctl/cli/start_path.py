@@ -111,11 +111,12 @@ class Walk:
         from diffbotctl.cli import new
         from diffbotctl.config import lookup
         from diffbotctl.config.load import load_robot
-        from diffbotctl.start.own_file import own
+        from diffbotctl.start.own_file import own, refuse_shipped_folder
 
         path = lookup.robot(self.robot)
         if self.robot is None and lookup.is_shipped(path):
             own_name = Path("robots") / f"{NEW_ROBOT}.yaml"
+            refuse_shipped_folder(own_name)
             if not own_name.exists():
                 click.echo("  It is the book's kit; change what differs on yours.")
                 new.write("robot", NEW_ROBOT)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from diffbotctl.calibrate.robot_file import own_file
+from diffbotctl.config import lookup
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.rewrite import with_entry
 from diffbotctl.errors import Problem, UsageError
@@ -17,6 +18,14 @@ def own(path: Path) -> Path:
     Raises UsageError where it cannot be copied.
     """
     return own_file(path)[0]
+
+
+def refuse_shipped_folder(path: Path) -> None:
+    """Raises UsageError when a new robot file at `path` would lie among the shipped ones."""
+    if lookup.is_shipped(path):
+        cause = "this is the folder of diffbotctl itself, whose files stay as they are"
+        fix = "change to a folder of your own: mkdir ~/robot; cd ~/robot; diffbotctl start"
+        raise UsageError(Problem("E-FILE-WRITE", str(path), cause, fix))
 
 
 def put(path: Path, field: Sequence[str], value: str) -> None:
