@@ -286,6 +286,12 @@ CODES: dict[str, Code] = {
         The answers file is a list of questions and answers, one a line, such as `lifted: yes`; or
         nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, left_wheel,
         right_wheel and floor. Names with a dot are questions of the calibration."""),
+    "E-SERVICE-GOALS": _code("a service that would drive off by itself", """
+        What a service starts, it starts whenever the machine starts, or the board is plugged in
+        again: nobody stands beside the robot then. So it must wait for somebody's word.
+
+        `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
+        """),
     "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
         An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
         transmitting pin gives 5 V. It often works for a while, then the module grows deaf.

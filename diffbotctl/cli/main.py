@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+COMPLETING = "_DIFFBOTCTL_COMPLETE"  # set by the shell's completion, see completion.py
 
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {
@@ -30,6 +36,8 @@ COMMANDS = {
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
+    "service": "Print a systemd unit that starts the robot's engine with the machine.",
+    "completion": "Print what bash, zsh or fish needs to complete these words.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 
@@ -46,7 +54,21 @@ class Lazy(click.Group):
         if name not in COMMANDS:
             return None
         command: click.Command = import_module(f"diffbotctl.cli.{name}").command
+        if COMPLETING in os.environ:
+            from diffbotctl.cli.completion import teach
+
+            return teach(command)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin so, without importing any."""
+        from click.shell_completion import CompletionItem
+
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        named = COMMANDS.items()
+        return options + [
+            CompletionItem(name, help=about) for name, about in named if name.startswith(incomplete)
+        ]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The table, without importing anything."""
