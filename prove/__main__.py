@@ -6,7 +6,7 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion
+from prove import calibration, faults, firmware, first_goal, link_rosserial, motion
 
 
 def main() -> int:
@@ -27,6 +27,7 @@ def main() -> int:
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
+        first_goal.rows(),
         calibration.rows(options.optiodom),
     )
     for row in chain.from_iterable(tables):
