@@ -68,7 +68,7 @@ class Newcomer:
 
 
 def rows() -> Iterator[Row]:
-    """The way to the simulated goal, on to the board's, and once more when the files know it all."""
+    """To the simulated goal, on to the board's, and once more when the files know it all."""
     with TemporaryDirectory(prefix="diffbot-newcomer-") as place:
         newcomer = Newcomer(Path(place))
         begun = time.monotonic()

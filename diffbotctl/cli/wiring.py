@@ -30,6 +30,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
     """
     from diffbotctl.config.harness import harness
     from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import shown
 
     file = load_robot(robot)
     for warning in file.warnings:
@@ -37,10 +38,10 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
-        _write(output, wires, f"Wiring of {file.file}")
+        _write(output, wires, f"Wiring of {file.file.stem}")
         return
     if not table:
-        _draw(wires, str(file.file))
+        _draw(wires, shown(file.file))
     for line in rows(wires):
         click.echo(line)
 
