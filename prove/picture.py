@@ -11,7 +11,9 @@ from rich.console import Console
 from diffbotctl.config.load import load
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.runs.run import Options, Run
-from diffbotctl.ui.live import LiveView, Scene
+from diffbotctl.runs.scene import scene
+from diffbotctl.ui.live import LiveView
+from diffbotctl.ui.scene import scene_of
 
 WIDTH, HEIGHT = 80, 24
 MOMENT = 4.0  # s into the run: driving, with the goal in sight
@@ -21,9 +23,8 @@ STEP = 100_000_000  # ns between two pictures, as on a screen
 def draw(path: Path) -> None:
     """Run the shipped goal pipeline and write its view at `MOMENT` to `path`."""
     setup = load("goal")
-    walls = [(wall.start, wall.end) for wall in setup.world.walls]
-    view = LiveView(Scene("goal", "SIMULATED", walls, []))
     run = Run(setup, Options(fast=True, duration=MOMENT))
+    view = LiveView(scene_of(scene(setup, run.assembly.graph, "sim")))
     wires = run.assembly.graph.wires
     latest: dict[str, Any] = {}
     due = [0]

@@ -28,6 +28,8 @@ COMMANDS = {
     "resume": "Let a stopped robot move again.",
     "goto": "Send the robot of a running engine to a place.",
     "why": "Tell why the robot stopped, from the sensor to the motors.",
+    "dash": "Show a running engine on one screen; click on the map to send the robot there.",
+    "teleop": "Drive the robot of a running engine with the keys.",
     "drive": "Drive the robot of a running engine by hand, for a time, a distance or an angle.",
     "topic": "List, print and measure the messages of a running engine.",
     "param": "List and change the parameters of running blocks.",

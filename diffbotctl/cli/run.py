@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from diffbotctl.runs.run import Run
 
 
-VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
-
-
 @click.command()
 @click.argument("pipeline")
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
@@ -63,6 +60,7 @@ def command(
     """
     from diffbotctl.config.load import load
     from diffbotctl.runs.run import Options, Run
+    from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
     from diffbotctl.runs.station import Socket
 
@@ -98,6 +96,8 @@ def _finish(run: Run) -> int:
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
+    from diffbotctl.runs.scene import VIRTUAL
+
     where = f"REAL robot on {port}"
     if port in VIRTUAL:
         where = f"{VIRTUAL[port]} (seed {seed})"
@@ -119,15 +119,11 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
 
             plain.show(pictures)
             return
+        from diffbotctl.runs.scene import scene
         from diffbotctl.ui import live
+        from diffbotctl.ui.scene import scene_of
 
-        world = configuration.world
-        walls = [(wall.start, wall.end) for wall in world.walls]
-        rounds = [(thing.at, thing.radius) for thing in world.obstacles]
-        simulated = VIRTUAL.get(port, "")
-        if port not in VIRTUAL:
-            walls, rounds = [], []
-        live.show(live.Scene(configuration.name, simulated, walls, rounds), pictures)
+        live.show(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
 

@@ -117,6 +117,12 @@ class Person:
         self.driving.let_go()
         return ""
 
+    def _lost(self, now: int, command: Command) -> str:
+        """The person whom a client drives for is out of reach; another client may drive by now."""
+        if self.driving.is_by(command.client) or not self.driving.is_on:
+            self._lose(now, command.values[0])
+        return ""
+
     def _set(self, now: int, command: Command) -> str:
         self._say(now, "setting", Setting(now, *command.values))
         return ""
@@ -156,6 +162,7 @@ VERBS: dict[str, Verb] = {
     "goto": Person._goto,
     "drive": Person._drive,
     "release": Person._release,
+    "lost": Person._lost,
     "set": Person._set,
     "call": Person._call,
     "leave": Person._leave,

@@ -29,6 +29,7 @@ class About(NamedTuple):
     drivers: dict[str, type]
     speed: float | None  # m/s
     turn_rate: float | None  # rad/s
+    scene: dict[str, Any]  # what a map draws that does not change, as the verb `scene` answers
 
 
 class Wanted(NamedTuple):

@@ -48,10 +48,20 @@ def release(desk: Desk, client: Client, request: Request) -> Wanted:
     return Wanted("release")
 
 
+def lost(desk: Desk, client: Client, request: Request) -> Wanted:
+    """The client was driving for a person whom it can no longer hear."""
+    request.only("why")
+    if not client.drives:
+        raise RefusalError("E-REQUEST", "this client never drove", "nothing need be done")
+    said = request.text("why", "nobody answers there")
+    return Wanted("lost", (f"{client.who} was driving and {said}",))
+
+
 VERBS: dict[str, Verb] = {
     "stop": stop,
     "resume": resume,
     "goto": goto,
     "drive": drive,
     "release": release,
+    "lost": lost,
 }

@@ -42,6 +42,24 @@ def status(desk: Desk, client: Client, request: Request) -> Fields:
     return said
 
 
+def look(desk: Desk, client: Client, request: Request) -> Fields:
+    """The newest message of every wire, and what holds the robot: one picture of the run."""
+    request.only()
+    known = desk.knowledge
+    held = known.holding()
+    return {
+        "time": known.now,
+        "held": None if held is None else {"wire": held[0], **plain(held[1])},
+        "messages": {wire: plain(message) for wire, message in known.latest.items()},
+    }
+
+
+def scene(desk: Desk, client: Client, request: Request) -> Fields:
+    """What a map draws that does not change: walls, the robot's outline, its sensors."""
+    request.only()
+    return desk.about.scene
+
+
 def topics(desk: Desk, client: Client, request: Request) -> Fields:
     """Every wire with its type, its rate, and how old its last message is."""
     request.only()
@@ -116,6 +134,8 @@ def rate_of(desk: Desk, wire: str) -> dict[str, Any]:
 
 VERBS: dict[str, Verb] = {
     "status": status,
+    "look": look,
+    "scene": scene,
     "why": why,
     "topics": topics,
     "rate": rate,

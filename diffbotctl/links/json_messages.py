@@ -35,18 +35,27 @@ def encoder(kind: type) -> Encoder:
 
 def decoder(kind: type) -> Callable[[bytes], Any]:
     """A function that turns JSON made by `encoder(kind)` back into an equal message."""
+    read = reader(kind)
+
+    def decode(data: bytes) -> Any:
+        return read(json.loads(data))
+
+    return decode
+
+
+def reader(kind: type) -> Callable[[dict[str, Any]], Any]:
+    """A function that turns what `plain` made of a message of class `kind` back into it."""
     floats = {name for name, (hint, _) in fields(kind).items() if float in _parts(hint)}
     tuples = {name for name, (hint, _) in fields(kind).items() if _is_tuple(hint)}
 
-    def decode(data: bytes) -> Any:
-        values = json.loads(data)
+    def read(values: dict[str, Any]) -> Any:
         for name in floats:
             values[name] = _number(values[name])
         for name in tuples:
             values[name] = tuple(_goal(item) for item in values[name])
         return kind(**values)
 
-    return decode
+    return read
 
 
 def json_schema(kind: type) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from diffbotctl.hub import hub_process
 from diffbotctl.hub.desk import About
 from diffbotctl.hub.listening import forget, listen
 from diffbotctl.runs.assembly import Assembly
+from diffbotctl.runs.scene import scene
 
 PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
 LOOK = 0.005  # s between two looks whether it has ended
@@ -50,6 +51,7 @@ class Station:
             drivers={"robot": Simulated} if robot is not None and port == "sim" else {},
             speed=None if robot is None else robot.limits.speed,
             turn_rate=None if robot is None else robot.limits.turn_rate,
+            scene=scene(configuration, assembly.graph, port),
         )
         end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
         self.path = path

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -13,20 +12,13 @@ from rich.table import Table
 
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.messages import Goal, GoalState, Link, Odometry, Range, Text, Wheels
-from diffbotctl.ui import words
-from diffbotctl.ui.map import Map, Point
+from diffbotctl.ui import floor, words
+from diffbotctl.ui.camera import Point
+from diffbotctl.ui.map import Map
+from diffbotctl.ui.scene import Scene
 
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 ROWS_OF_FACTS = 11
-
-
-class Scene(NamedTuple):
-    """What does not change during a run: its title and the walls and round obstacles to draw."""
-
-    title: str
-    simulated: str
-    walls: list[tuple[Point, Point]]
-    obstacles: list[tuple[Point, float]]
 
 
 class LiveView:
@@ -56,19 +48,8 @@ class LiveView:
             self.trail.append(at)
 
     def _map(self, picture: Snapshot, width: int, height: int) -> Map:
-        goal = words.newest(picture, Goal)
-        odometry = words.newest(picture, Odometry)
-        goal_at = [(goal.x, goal.y)] if isinstance(goal, Goal) and goal.number else []
-        drawing = Map(width, height, [*self.trail, *goal_at, (-0.1, -0.1), (0.1, 0.1)])
-        for start, end in self.scene.walls:
-            drawing.line(start, end)
-        for at in self.trail:
-            drawing.dot(at)
-        for at in goal_at:
-            drawing.mark(at, "◎", "bold magenta")
-        if isinstance(odometry, Odometry):
-            drawing.robot((odometry.x, odometry.y), odometry.heading)
-        return drawing
+        camera = floor.look(self.scene, picture, self.trail, width, height)
+        return floor.draw(self.scene, picture, self.trail, camera, width, height)
 
 
 def title_line(scene: Scene) -> str:

@@ -1,74 +1,153 @@
-"""A map of the floor in characters: trail in braille dots, robot, goal and walls on top."""
+"""A map of the floor in characters: layers of braille dots, walls in quarter blocks, marks on top.
+
+Without UTF-8 each layer has a letter of its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from math import pi
+from collections.abc import Iterable, Sequence
+from enum import IntEnum
+from itertools import pairwise
+from math import ceil, cos, pi, sin
 
 from rich.text import Text
 
-DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # braille: 4 rows of 2 dots
-ARROWS = "→↗↑↖←↙↓↘"  # x forward is drawn to the right, y left upwards
+from diffbotctl.ui.camera import ACROSS, DOWN, Camera, Point
 
-Point = tuple[float, float]
+DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # braille: 4 rows of 2 dots
+QUARTERS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"  # 1 upper left, 2 upper right, 4 lower left, 8 lower right
+ARROWS, PLAIN_ARROWS = "→↗↑↖←↙↓↘", ">/^\\</v\\"  # x forward is drawn to the right, y left upwards
+MOST_DOTS = 4000  # of one line: more than any window has
+ROUND_STEPS = 48  # corners of a circle
+
+
+class Layer(IntEnum):
+    """What a dot belongs to; in one character the highest wins."""
+
+    BEAM = 0
+    TRAIL = 1
+    WAY = 2
+    DOUBT = 3
+    SCAN = 4
+    WALL = 5
+    ROBOT = 6
+    GOAL = 7
+
+
+STYLES = ("yellow", "cyan", "magenta", "blue", "bright_red", "white", "bold green", "bold magenta")
+LETTERS = ":.,~x#o+"
 
 
 class Map:
-    """A window on the floor: `width` x `height` characters around what must be seen.
+    """A window of `width` x `height` characters on the floor. Positions are metres in odom."""
 
-    Positions are metres in odom; one character is two dots wide and four high, so dots are square.
-    """
-
-    def __init__(self, width: int, height: int, seen: Iterable[Point]) -> None:
-        self.width, self.height = width, height
-        points = list(seen) or [(0.0, 0.0)]
-        xs, ys = [p[0] for p in points], [p[1] for p in points]
-        span = max(max(xs) - min(xs), (max(ys) - min(ys)) * width * 2 / (height * 4), 0.5)
-        self.scale = (width * 2 - 6) / span  # dots a metre
-        self.middle = ((max(xs) + min(xs)) / 2, (max(ys) + min(ys)) / 2)
+    def __init__(self, camera: Camera, width: int, height: int, plain: bool = False) -> None:
+        self.camera, self.width, self.height, self.plain = camera, width, height, plain
         self.dots: dict[tuple[int, int], int] = {}
+        self.layers: dict[tuple[int, int], Layer] = {}
         self.marks: dict[tuple[int, int], tuple[str, str]] = {}
 
-    def dot(self, at: Point) -> None:
+    def dot(self, at: Point, layer: Layer) -> None:
         """Set the dot at a position; outside the window nothing happens."""
-        column, row = self._dot(at)
-        cell = (column // 2, row // 4)
-        if 0 <= cell[0] < self.width and 0 <= cell[1] < self.height:
-            self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % 4][column % 2]
+        self._set(*self.camera.dot(at, self.width, self.height), layer)
 
-    def line(self, start: Point, end: Point) -> None:
-        """Set the dots of a line, as of a wall."""
-        length = max(abs(end[0] - start[0]), abs(end[1] - start[1])) * self.scale
-        steps = max(1, min(int(length), 4 * (self.width + self.height)))
-        for i in range(steps + 1):
-            part = i / steps
-            self.dot((start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1])))
+    def line(self, start: Point, end: Point, layer: Layer, every: int = 1) -> None:
+        """Set every `every`-th dot of a line."""
+        c1, r1 = self.camera.dot(start, self.width, self.height)
+        c2, r2 = self.camera.dot(end, self.width, self.height)
+        steps = max(abs(c2 - c1), abs(r2 - r1), 1)
+        if steps > MOST_DOTS:
+            return  # seen from so near that it is no line any more
+        for i in range(0, steps + 1, every):
+            self._set(c1 + (c2 - c1) * i // steps, r1 + (r2 - r1) * i // steps, layer)
+
+    def lines(self, corners: Sequence[Point], layer: Layer, every: int = 1) -> None:
+        """A line through all corners."""
+        for start, end in pairwise(corners):
+            self.line(start, end, layer, every)
+
+    def round(self, at: Point, radius: float, layer: Layer) -> None:
+        """A circle."""
+        self.lines(
+            [
+                (at[0] + radius * cos(turn), at[1] + radius * sin(turn))
+                for turn in (2 * pi * i / ROUND_STEPS for i in range(ROUND_STEPS + 1))
+            ],
+            layer,
+        )
 
     def mark(self, at: Point, sign: str, style: str) -> None:
         """Put a character at a position, over any dots."""
-        column, row = self._dot(at)
-        self.marks[(column // 2, row // 4)] = (sign, style)
+        column, row = self.camera.dot(at, self.width, self.height)
+        self.marks[(column // ACROSS, row // DOWN)] = (sign, style)
 
-    def robot(self, at: Point, heading: float) -> None:
-        """Put an arrow that shows where the robot looks."""
-        self.mark(at, ARROWS[round(heading / (pi / 4)) % 8], "bold green")
+    def arrow(self, at: Point, heading: float, style: str) -> None:
+        """Put an arrow that looks along `heading`."""
+        arrows = PLAIN_ARROWS if self.plain else ARROWS
+        self.mark(at, arrows[round(heading / (pi / 4)) % len(arrows)], style)
+
+    def write(self, column: int, row: int, words: str, style: str = "dim") -> None:
+        """Put words at a place of the window, in characters."""
+        for i, sign in enumerate(words):
+            self.marks[(column + i, row)] = (sign, style)
 
     def text(self) -> Text:
         """The window as lines of text."""
-        out = Text(no_wrap=True)
+        out = Text(no_wrap=True, end="")
         for row in range(self.height):
-            for column in range(self.width):
-                mark = self.marks.get((column, row))
-                if mark is not None:
-                    out.append(mark[0], mark[1])
-                else:
-                    bits = self.dots.get((column, row))
-                    out.append(chr(0x2800 + bits) if bits else " ", "cyan" if bits else None)
+            for words, style in _runs(self._cell(column, row) for column in range(self.width)):
+                out.append(words, style)
             if row < self.height - 1:
                 out.append("\n")
         return out
 
-    def _dot(self, at: Point) -> tuple[int, int]:
-        column = (at[0] - self.middle[0]) * self.scale + self.width
-        row = self.height * 2 - (at[1] - self.middle[1]) * self.scale
-        return round(column), round(row)
+    def _set(self, column: int, row: int, layer: Layer) -> None:
+        cell = (column // ACROSS, row // DOWN)
+        if 0 <= cell[0] < self.width and 0 <= cell[1] < self.height:
+            self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % DOWN][column % ACROSS]
+            if layer >= self.layers.get(cell, layer):
+                self.layers[cell] = layer
+
+    def _cell(self, column: int, row: int) -> tuple[str, str | None]:
+        mark = self.marks.get((column, row))
+        if mark is not None:
+            return mark
+        bits = self.dots.get((column, row))
+        if bits is None:
+            return " ", None
+        layer = self.layers[column, row]
+        if self.plain:
+            return LETTERS[layer], STYLES[layer]
+        return _quarters(bits) if layer is Layer.WALL else chr(0x2800 + bits), STYLES[layer]
+
+
+def _quarters(bits: int) -> str:
+    """The dots of one character in quarter blocks, which are seen better."""
+    upper_left, upper_right = bits & 0x03, bits & 0x18
+    lower_left, lower_right = bits & 0x44, bits & 0xA0
+    parts = (upper_left, upper_right, lower_left, lower_right)
+    return QUARTERS[sum(1 << i for i, part in enumerate(parts) if part)]
+
+
+def _runs(cells: Iterable[tuple[str, str | None]]) -> Iterable[tuple[str, str | None]]:
+    """Neighbours of one style joined."""
+    words, style = "", None
+    for sign, wanted in cells:
+        if wanted != style and words:
+            yield words, style
+            words = ""
+        style = wanted
+        words += sign
+    yield words, style
+
+
+def scale_bar(camera: Camera, width: int, plain: bool = False) -> str:
+    """A bar of a round length that fits into a third of the window, with that length."""
+    longest = max(width / 3, 4) * ACROSS / camera.scale
+    length = max(
+        (m * 10.0**e for e in range(-2, 4) for m in (1, 2, 5) if m * 10.0**e <= longest),
+        default=0.01,
+    )
+    columns = max(ceil(length * camera.scale / ACROSS), 2)
+    left, middle, right = "|-|" if plain else "├─┤"
+    return f"{left}{middle * (columns - 2)}{right} {length:g} m"

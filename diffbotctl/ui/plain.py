@@ -10,12 +10,16 @@ from diffbotctl.messages import Goal, GoalState, Link, Odometry, Text
 from diffbotctl.ui import words
 
 
-def lines(pictures: Iterator[Snapshot]) -> Iterator[str]:
-    """A line whenever the goal's state, the stop in force or the link's state has changed."""
-    last: tuple[object, ...] = (None, None, None)
-    heard: dict[str, int] = {}
-    for picture in pictures:
-        yield from _texts(picture, heard)
+class News:
+    """Remembers what was said, and says what is new."""
+
+    def __init__(self) -> None:
+        self.last: tuple[object, ...] = (None, None, None)
+        self.heard: dict[str, int] = {}
+
+    def lines(self, picture: Snapshot) -> Iterator[str]:
+        """A line if the goal's state, the stop in force or the link's state has changed."""
+        yield from _texts(picture, self.heard)
         state, link = words.newest(picture, GoalState), words.newest(picture, Link)
         stop = words.holding(picture)
         now = (
@@ -23,9 +27,16 @@ def lines(pictures: Iterator[Snapshot]) -> Iterator[str]:
             stop.code if stop else None,
             link.state if isinstance(link, Link) else None,
         )
-        if now != last:
-            last = now
+        if now != self.last:
+            self.last = now
             yield line(picture)
+
+
+def lines(pictures: Iterator[Snapshot]) -> Iterator[str]:
+    """All that is new, picture after picture."""
+    news = News()
+    for picture in pictures:
+        yield from news.lines(picture)
 
 
 def _texts(picture: Snapshot, heard: dict[str, int]) -> Iterator[str]:

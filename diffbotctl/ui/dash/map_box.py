@@ -1,0 +1,139 @@
+"""The map as a widget: click or drag sets a goal, the wheel zooms, the right button pans."""
+
+from __future__ import annotations
+
+from math import atan2, hypot
+
+from rich.text import Text
+from textual import events
+from textual.message import Message
+from textual.widget import Widget
+
+from diffbotctl.ui import floor
+from diffbotctl.ui.camera import Camera, Point
+from diffbotctl.ui.dash.sight import Sight
+
+ZOOM = 1.25  # a step of the wheel
+LEAST_DRAG = 1.5  # characters; a shorter drag is a click that shook
+
+
+class MapBox(Widget):
+    """Shows a Sight. `camera` None: everything is kept in view. `follows`: the robot is."""
+
+    DEFAULT_CSS = "MapBox { width: 1fr; height: 1fr; }"
+
+    class Pointed(Message):
+        """A person chose a place (m, odom), and a heading (rad) if they dragged."""
+
+        def __init__(self, at: Point, heading: float | None) -> None:
+            super().__init__()
+            self.at, self.heading = at, heading
+
+    def __init__(self, plain: bool) -> None:
+        super().__init__()
+        self.plain = plain
+        self.sight: Sight | None = None
+        self.camera: Camera | None = None
+        self.used: Camera | None = None  # with which the map was last drawn
+        self.follows = False
+        self.pressed: tuple[float, float] | None = None  # where the left button went down
+        self.dragged: tuple[float, float] | None = None  # where the mouse is since
+        self.panning: tuple[float, float] | None = None
+
+    def render(self) -> Text:
+        """The map, with the goal that is being dragged."""
+        width, height = self.size
+        if self.sight is None or width < 1 or height < 1:
+            return Text("")
+        self.used = self._camera(self.sight, width, height)
+        drawing = floor.draw(
+            self.sight.scene, self.sight.picture, self.sight.trail, self.used, width, height,
+            self.plain,
+        )  # fmt: skip
+        if self.pressed is not None:
+            at, heading = self._goal(self.pressed, self.dragged or self.pressed)
+            floor.mark_goal(drawing, at, heading)
+        return drawing.text()
+
+    def see(self, sight: Sight) -> None:
+        """Draw this."""
+        self.sight = sight
+        self.refresh()
+
+    def zoom(self, factor: float) -> None:
+        """Closer by `factor`."""
+        if self.used is not None:
+            self.camera = self.used.zoomed(factor)
+            self.refresh()
+
+    def pan(self, columns: float, rows: float) -> None:
+        """Look farther to the right and down."""
+        if self.used is not None:
+            self.follows, self.camera = False, self.used.moved(columns, rows)
+            self.refresh()
+
+    def fit(self) -> None:
+        """Keep everything in view."""
+        self.follows, self.camera = False, None
+        self.refresh()
+
+    def follow(self) -> None:
+        """Keep the robot in the middle, or no longer."""
+        self.follows = not self.follows
+        self.camera = self.used if self.follows else None
+        self.refresh()
+
+    def on_mouse_down(self, event: events.MouseDown) -> None:
+        """Left: a goal. Right or middle: pan."""
+        if event.button == 1:
+            self.pressed, self.dragged = (event.x, event.y), None
+        else:
+            self.panning = (event.x, event.y)
+        self.capture_mouse()
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """The heading, or the pan, under way."""
+        if self.pressed is not None:
+            self.dragged = (event.x, event.y)
+            self.refresh()
+        elif self.panning is not None:
+            self.pan(self.panning[0] - event.x, self.panning[1] - event.y)
+            self.panning = (event.x, event.y)
+
+    def on_mouse_up(self, event: events.MouseUp) -> None:
+        """The goal is chosen."""
+        self.release_mouse()
+        if self.pressed is not None and self.used is not None:
+            at, heading = self._goal(self.pressed, (event.x, event.y))
+            self.post_message(self.Pointed(at, heading))
+        self.pressed = self.dragged = self.panning = None
+        self.refresh()
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Closer."""
+        self.zoom(ZOOM)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Farther away."""
+        self.zoom(1 / ZOOM)
+
+    def _goal(
+        self, start: tuple[float, float], end: tuple[float, float]
+    ) -> tuple[Point, float | None]:
+        assert self.used is not None
+        width, height = self.size
+        at = self.used.place(*start, width, height)
+        if hypot(end[0] - start[0], 2 * (end[1] - start[1])) < LEAST_DRAG:
+            return at, None
+        to = self.used.place(*end, width, height)
+        return at, atan2(to[1] - at[1], to[0] - at[0])
+
+    def _camera(self, sight: Sight, width: int, height: int) -> Camera:
+        if self.pressed is not None and self.used is not None:
+            return self.used  # the floor must not move under the mouse
+        if self.camera is None:
+            return floor.look(sight.scene, sight.picture, sight.trail, width, height)
+        if self.follows and sight.trail:
+            x, y = sight.trail[-1]
+            return self.camera._replace(x=x, y=y)
+        return self.camera

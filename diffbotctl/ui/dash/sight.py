@@ -1,0 +1,97 @@
+"""What the dashboard knows of a run: its newest messages, its trail, the history of its numbers."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+from diffbotctl.hub.latest import Snapshot
+from diffbotctl.links.json_messages import reader
+from diffbotctl.messages import BUILT_IN, Odometry
+from diffbotctl.ui import plain
+from diffbotctl.ui.camera import Point
+from diffbotctl.ui.scene import Scene, scene_of
+from diffbotctl.ui.words import newest
+
+TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
+MOST_TRAIL = 3000  # dots; then the oldest goes
+MOST_KEPT = 1200  # numbers kept of each field: two minutes at ten a second
+MOST_LINES = 500  # of the log
+JUMP = 0.5  # m in one picture: the pose was set anew, the trail begins again
+
+Fields = dict[str, Any]
+
+
+class Sight:
+    """Everything that panels draw. Fed by the answers of `scene`, `topics` and `look`."""
+
+    def __init__(self, about: Fields) -> None:
+        self.engine = str(about.get("engine", ""))
+        self.scene = Scene("", "")
+        self.picture = Snapshot(0, {}, 0, 0)
+        self.trail: deque[Point] = deque(maxlen=MOST_TRAIL)
+        self.numbers: dict[str, deque[tuple[float, float]]] = {}
+        self.log: deque[str] = deque(maxlen=MOST_LINES)
+        self.rates: dict[str, Fields] = {}
+        self.blocks: list[Fields] = []
+        self.parameters: list[Fields] = []
+        self.held: Fields | None = None
+        self.readers: dict[str, Any] = {}
+        self.ended = False
+        self._news = plain.News()
+
+    def take_scene(self, said: Fields) -> None:
+        """Take the answer of `scene`."""
+        self.scene = scene_of(said)
+
+    def take_topics(self, said: Fields) -> None:
+        """Take the answer of `topics`: rates, and each wire's type."""
+        self.rates = {row["topic"]: row for row in said["topics"]}
+        for wire, row in self.rates.items():
+            if wire not in self.readers and row["type"] in BUILT_IN:
+                self.readers[wire] = reader(BUILT_IN[row["type"]])
+
+    def take_look(self, said: Fields) -> None:
+        """Take the answer of `look`."""
+        self.held = said["held"]
+        for wire, values in said["messages"].items():
+            self._note(wire, values)
+        messages = {
+            wire: self.readers[wire](values)
+            for wire, values in said["messages"].items()
+            if wire in self.readers
+        }
+        self.picture = Snapshot(said["time"], messages, 0, 0)
+        odometry = newest(self.picture, Odometry)
+        if isinstance(odometry, Odometry):
+            self._extend((odometry.x, odometry.y))
+        self.log.extend(self._news.lines(self.picture))
+
+    @property
+    def fields(self) -> list[str]:
+        """Every number that can be plotted, `block.port.field`."""
+        return sorted(self.numbers)
+
+    def _extend(self, at: Point) -> None:
+        last = self.trail[-1] if self.trail else at
+        step = abs(at[0] - last[0]) + abs(at[1] - last[1])
+        if step > JUMP:
+            self.trail.clear()
+        if step > TRAIL_STEP or not self.trail:
+            self.trail.append(at)
+
+    def _note(self, wire: str, values: Fields) -> None:
+        time = values["time"] / 1e9
+        for name, value in _numbers(values):
+            kept = self.numbers.get(f"{wire}.{name}")
+            if kept is None:
+                kept = self.numbers[f"{wire}.{name}"] = deque(maxlen=MOST_KEPT)
+            if not kept or kept[-1][0] < time:
+                kept.append((time, value))
+
+
+def _numbers(values: Fields) -> Iterator[tuple[str, float]]:
+    for name, value in values.items():
+        if name != "time" and isinstance(value, int | float):  # a flag counts as 0 or 1
+            yield name, float(value)
