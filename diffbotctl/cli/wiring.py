@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from diffbotctl.config.harness import Harness
 
+OWN = ("W-WIRING-LEVEL", "W-WIRING-SHARED", "W-WIRING-LIGHT", "W-WIRING-SUPPLY")  # warnings
 WIDTH = 80  # columns of a terminal that everybody has
 
 
@@ -34,7 +35,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
 
     file = load_robot(robot)
     for warning in file.warnings:
-        if warning.code.startswith("W-WIRING"):
+        if warning.code in OWN:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
