@@ -292,6 +292,8 @@ CODES: dict[str, Code] = {
 
         `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
         """),
+    "E-WIRING-NONE": _code("a robot without wires", """
+        It lives in the simulator alone: there is no board to connect anything to."""),
     "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
         An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
         transmitting pin gives 5 V. It often works for a while, then the module grows deaf.

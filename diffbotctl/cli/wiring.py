@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from diffbotctl.config.harness import Harness
 
@@ -30,8 +30,10 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
     Warnings are those of `check`. What stands here is made from the robot file alone.
     """
     from diffbotctl.config.harness import harness
+    from diffbotctl.config.harness_notes import notes
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import shown
+    from diffbotctl.ui.wiring_drawing import drawing
 
     file = load_robot(robot)
     for warning in file.warnings:
@@ -39,10 +41,11 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
-        _write(output, wires, f"Wiring of {file.file.stem}")
+        _write(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
         return
     if not table:
-        _draw(wires, shown(file.file))
+        click.echo(f"{shown(file.file)}\n")
+        _draw(wires, notes(file.robot))
     for line in rows(wires):
         click.echo(line)
 
@@ -70,27 +73,25 @@ def rows(harness: Harness) -> Iterator[str]:
     )
 
 
-def _draw(harness: Harness, title: str) -> None:
+def _draw(harness: Harness, notes: Iterable[str]) -> None:
     from textwrap import fill
 
     from rich.console import Console
 
     from diffbotctl.ui.wiring_terminal import picture
 
-    click.echo(f"{title}\n")
     Console(width=WIDTH, highlight=False).print(picture(harness))
     click.echo()
-    for note in harness.notes:
+    for note in notes:
         click.echo(fill(note, WIDTH - 2, initial_indent="- ", subsequent_indent="  "))
     click.echo()
 
 
-def _write(output: Path, harness: Harness, title: str) -> None:
+def _write(output: Path, text: str) -> None:
     from diffbotctl.errors import Problem, UserError
-    from diffbotctl.ui.wiring_drawing import drawing
 
     try:
-        output.write_text(drawing(harness, title), encoding="utf-8")
+        output.write_text(text, encoding="utf-8")
     except OSError as error:
         cause = f"cannot be written: {error.strerror}"
         fix = "name a file in a folder that is yours, such as ./wiring.svg"

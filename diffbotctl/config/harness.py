@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.boards import BOARDS, Board
 from diffbotctl.config.robot import Robot, Side
+from diffbotctl.errors import Problem, UsageError
 
 SUPPLY, GROUND = "red", "black"
 ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
@@ -61,7 +62,7 @@ class Part(NamedTuple):
 
 
 class Harness(NamedTuple):
-    """All parts and wires of one robot, and what to see to before the battery is connected.
+    """All parts and wires of one robot.
 
     `printed` maps a pin of the board to all that stands beside it, where that is more than its
     name.
@@ -69,7 +70,6 @@ class Harness(NamedTuple):
 
     parts: dict[str, Part]
     wires: tuple[Wire, ...]
-    notes: tuple[str, ...]
     printed: dict[str, str]
 
     def colours(self) -> dict[str, str]:
@@ -83,8 +83,11 @@ class Harness(NamedTuple):
 
 
 def harness(robot: Robot) -> Harness:
-    """Every wire of a checked robot."""
-    board = BOARDS[robot.board.type]
+    """Every wire of a checked robot. Raises UsageError for one that has no board."""
+    board = BOARDS.get(robot.board.type)
+    if board is None:
+        cause = f"a robot whose board is {robot.board.type} has no wires"
+        raise UsageError(Problem("E-WIRING-NONE", "wiring", cause, "name a robot with a board"))
     wires = [
         *_power(robot),
         *_motor("left", robot.drive.left, board),
@@ -95,8 +98,7 @@ def harness(robot: Robot) -> Harness:
         *_sensors(robot, board),
         *_button(robot, board),
     ]
-    parts, notes = _parts(robot, board, wires), tuple(_notes(robot, board))
-    return Harness(parts, tuple(wires), notes, _printed(robot, board))
+    return Harness(_parts(robot, board, wires), tuple(wires), _printed(robot, board))
 
 
 def has_radio(robot: Robot) -> bool:
@@ -193,37 +195,3 @@ def _printed(robot: Robot, board: Board) -> dict[str, str]:
     receive, transmit = board.uarts[robot.link.uart]
     number = str(robot.link.uart or "")  # port 0 is printed RX and TX
     return {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}
-
-
-def _notes(robot: Robot, board: Board) -> Iterator[str]:
-    """What no wire shows, in the order in which a person comes upon it."""
-    yield (
-        "Take the jumpers ENA and ENB off the L298N: with them on, the motors know no speed but "
-        "full, and each fights its PWM pin."
-    )
-    if robot.board.supply == "regulator":
-        yield "Leave the L298N's 5 V jumper on: its regulator feeds the board. At most 12 V then."
-    else:
-        yield "The L298N's 5 V terminal stays free: its regulator feeds the L298N alone."
-    yield "One ground for all: battery, L298N and board. Without it no signal means anything."
-    full = robot.battery.full
-    battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
-    yield (
-        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a "
-        "motor; the kit's motors are made for 5 to 9 V."
-    )
-    if has_radio(robot) and robot.link.level == "divider":
-        yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
-    if robot.sensors:
-        yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in gulps."
-    yield (
-        "10 kOhm from ENA and from ENB to GND keep the motors still while the board is flashed, "
-        "when its pins float."
-    )
-    for name in HALVES:
-        if getattr(robot.drive, name).motor.reversed:
-            first, second = HALVES[name][1:3]
-            yield (
-                f"The {name} motor is mounted mirrored (reversed: true): {first} low and {second} "
-                "high drive it forward."
-            )

@@ -46,13 +46,13 @@ path { fill: none; stroke-linejoin: round }
 """
 
 
-def drawing(harness: Harness, title: str) -> str:
-    """The picture as the text of an SVG file."""
+def drawing(harness: Harness, notes: Iterable[str], title: str) -> str:
+    """The picture as the text of an SVG file, with `notes` below it."""
     plan = layout(harness)
     key = _y(plan.rows) + ROW
-    notes = [line for note in harness.notes for line in _wrapped(note)]
+    lines_below = [line for note in notes for line in _wrapped(note)]
     key_end = key + ROW + NOTE
-    height = key_end + len(notes) * NOTE + MARGIN
+    height = key_end + len(lines_below) * NOTE + MARGIN
     parts = (line for placed in plan.parts for line in _part(placed))
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
@@ -65,7 +65,7 @@ def drawing(harness: Harness, title: str) -> str:
         *_key(harness.colours(), key),
         *(
             _text(MARGIN + (0 if first else 18), key_end + n * NOTE, line, "note")
-            for n, (first, line) in enumerate(notes)
+            for n, (first, line) in enumerate(lines_below)
         ),
         "</svg>",
     ]

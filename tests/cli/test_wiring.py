@@ -11,6 +11,7 @@ from diffbotctl.cli import wiring
 from diffbotctl.config import resources
 from diffbotctl.config.boards import BOARDS
 from diffbotctl.config.harness import BOARD, RADIO, harness
+from diffbotctl.config.harness_notes import notes
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import UserError
 from diffbotctl.ui.wiring_drawing import BOXES, PAINTS, drawing
@@ -69,7 +70,12 @@ drive:
 }
 
 
-@pytest.fixture(params=[*resources.names("robots"), *OTHERS])
+def has_board(name):
+    """Whether a shipped robot has a board, and does not live in the simulator alone."""
+    return load_robot(name).robot.board.type in BOARDS
+
+
+@pytest.fixture(params=[*filter(has_board, resources.names("robots")), *OTHERS])
 def robot(request, tmp_path):
     """Every shipped robot, and those above."""
     if request.param not in OTHERS:
@@ -158,11 +164,11 @@ TITLES = {board.title for board in BOARDS.values()}
 
 
 def test_the_svg_shows_every_wire_and_no_other(robot):
-    assert sorted(drawn(drawing(harness(robot), "it"))) == sorted(expected(robot))
+    assert sorted(drawn(drawing(harness(robot), notes(robot), "it"))) == sorted(expected(robot))
 
 
 def test_the_svg_stays_on_its_paper(robot):
-    root = ElementTree.fromstring(drawing(harness(robot), "<a> & b"))
+    root = ElementTree.fromstring(drawing(harness(robot), notes(robot), "<a> & b"))
     width, height = float(root.get("width")), float(root.get("height"))
     for element in root:
         for name, most in (("x", width), ("cx", width), ("y", height), ("cy", height)):
@@ -289,6 +295,15 @@ def test_it_warns_as_check_does(tmp_path):
     file = tmp_path / "robot.yaml"
     file.write_text("format: 1\nkind: robot\ninclude: book_2wd\nbattery: {full: 14.8 V}\n")
     assert "W-WIRING-SUPPLY" in run(str(file), "--table")
+
+
+def test_each_shipped_robot_has_a_picture_or_says_why_not(tmp_path):
+    for name in resources.names("robots"):
+        if has_board(name):
+            assert "common ground" in run(name)
+        else:
+            with pytest.raises(UserError, match="has no wires"):
+                run(name)
 
 
 def test_the_svg_is_written(tmp_path):
