@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.start.answers import QUESTIONS, Answers
+from diffbotctl.cli.start_attendant import Attendant, Enough
 from diffbotctl.start.chapters import CHAPTERS, Chapter, numbered
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
+    from diffbotctl.start.answers import Answers
     from diffbotctl.start.record import Record
 
 NEW_ROBOT = "my_robot"
@@ -21,15 +22,16 @@ NO_BOARD = """\
 No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
 here. `diffbotctl wiring` draws what else is connected to it; without a board,
 `diffbotctl emulate` makes one to try all this on: diffbotctl start --port PORT"""
+STOCK = """\
+{robot} says link: {{protocol: rosserial}}: the board keeps the book's firmware. It drives as it is:
+    diffbotctl run goal --robot {robot} --port {port}
+This path is for ours, which stops by itself when the host falls silent. Say
+link: {{protocol: diffbot}} in the file, and start again."""
 END = """\
 That is the whole path. From here:
     diffbotctl calibrate --help      make its distances and turns true
     diffbotctl run square --robot {robot} --port {port}
     diffbotctl why                   whenever it stands and you wonder"""
-
-
-class Enough(Exception):  # noqa: N818 - no error
-    """The walk ends here for now, and nothing is wrong."""
 
 
 class Walk:
@@ -39,8 +41,8 @@ class Walk:
         self, record: Record, robot: str | None, port: str | None, radio: str | None,
         answers: Answers | None,
     ) -> None:  # fmt: skip
-        self.record, self.radio, self.answers = record, radio, answers
-        self.agreed: set[str] = set()
+        self.record, self.radio = record, radio
+        self.attendant = Attendant(answers)
         notes = record.notes
         if robot is not None and notes.get("robot", robot) != robot:
             record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
@@ -134,7 +136,7 @@ class Walk:
             try:
                 self.record.notes["port"] = choose_port()
             except NoBoardError:
-                if self.answers is not None:
+                if not self.attendant.is_person:
                     raise
                 raise Enough(NO_BOARD) from None
 
@@ -142,11 +144,13 @@ class Walk:
         from diffbotctl.cli import flash
         from diffbotctl.start.board import greets
 
+        if self._file().robot.link.protocol != "diffbot":
+            raise Enough(STOCK.format(robot=self.robot, port=self.radio or self.port))
         if greets(self.port, self._file().robot):
             click.echo("  It runs our firmware already: nothing to write.")
             return
         click.echo("  It does not run our firmware. What is on it now will be written over.")
-        self._agree("lifted")
+        self.attendant.agree("lifted")
         _call(flash, what="firmware", port=self.port, robot=self.robot, programmer="built-in",
               backup=None, image=None, yes=True)  # fmt: skip
 
@@ -157,11 +161,11 @@ class Walk:
         if self._file().robot.drive.polarity != "unproven":
             click.echo("  Its file says that this was seen before.")
             return
-        self._agree("lifted")
+        self.attendant.agree("lifted")
         for side in OTHER:
             for last in (False, True):
                 click.echo(f"  The {side.upper()} wheel turns now.")
-                kind = check_wheel(self.port, self._file().robot, side, self._ask)
+                kind = check_wheel(self.port, self._file().robot, side, self.attendant.ask)
                 if kind == "fine":
                     break
                 reverse(self._path(), side, last)
@@ -169,11 +173,11 @@ class Walk:
         say_polarity(self._path())
 
     def _metre(self) -> None:
-        self._agree("floor")
+        self.attendant.agree("floor")
         self._run("distance", self.radio or self.port)
 
     def _goal(self) -> None:
-        self._agree("floor")
+        self.attendant.agree("floor")
         click.echo("  Put it back to where it started from, if you like it to end up there.")
         self._run("goal", self.radio or self.port)
 
@@ -191,7 +195,7 @@ class Walk:
     def _run(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run
 
-        watched = sys.stdout.isatty() and self.answers is None
+        watched = sys.stdout.isatty() and self.attendant.is_person
         code = _call(
             run, pipeline=pipeline, robot=self.robot, port=port, goals=(), sets=(), seed=0,
             fast=not watched, duration=None, record=None, digest=False, stay=False, name=None,
@@ -199,26 +203,6 @@ class Walk:
         )  # fmt: skip
         if code:
             raise click.ClickException("it did not get there; start again when that is mended")
-
-    def _agree(self, name: str) -> None:
-        """Ask once a visit; no ends the visit."""
-        if name not in self.agreed and self._ask(name) != "yes":
-            raise Enough("Then do that first; `diffbotctl start` goes on here.")
-        self.agreed.add(name)
-
-    def _ask(self, name: str) -> str:
-        from diffbotctl.errors import Problem, UsageError
-
-        question = QUESTIONS[name]
-        if self.answers is not None:
-            answer = self.answers.answer(question)
-            click.echo(f"  {question.text} {answer}")
-            return answer
-        if not sys.stdin.isatty():
-            fix = f"give --answers FILE with a line such as {name}: {question.choices[0]}"
-            raise UsageError(Problem("E-START-ANSWER", name, "nobody is there to be asked", fix))
-        found: str = click.prompt(f"  {question.text}", type=click.Choice(question.choices))
-        return found
 
 
 def _call(module: Any, **arguments: Any) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.emulator_process import IMAGE
+from tests.terminal import Terminal
 from tests.virtual_board import LONGEST, board, command
 
 ROOT = Path(__file__).parents[2]
@@ -123,6 +125,61 @@ def test_a_wheel_that_is_wired_wrongly_stops_the_path(person, answer, words):
     assert "E-START-WIRING" in said and words in said
     assert person.done()[-1] == "firmware"
     assert person.robot().drive.polarity == "unproven"
+
+
+SWAPPED = """\
+format: 1
+kind: robot
+include: book_2wd
+simulation: {wiring: {left: swapped, right: swapped}}
+"""
+
+
+def test_motors_that_are_exchanged_are_seen_by_the_counts_as_well_as_by_the_eye(person):
+    wrong = person.folder / "wrong.yaml"
+    wrong.write_text(SWAPPED)
+    for answer, words in (("other wheel", "exchange the two motors"), ("forward", "OUT wires")):
+        with board(image=IMAGE, robot=wrong) as virtual:
+            answers = ALL.replace("left_wheel: forward", f"left_wheel: {answer}")
+            code, said = person.types("start", "--port", virtual.usb, answers=answers)
+        assert code == 1
+        assert words in said  # who looks wrongly is told what the counts can mean
+
+
+def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
+    person.types("start")  # as far as it comes without a board
+    with board(image=IMAGE) as virtual:
+        line = shlex.join([*command("start"), "--port", str(virtual.usb)])
+        shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]
+        with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
+            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.type("\x03")
+            assert terminal.ended() == 130
+            assert "Left here. `diffbotctl start` goes on from this point." in terminal.text
+        assert person.done()[-1] == "firmware"
+        with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
+            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.type("perhaps\n")  # is asked again
+            terminal.until(lambda text: "Error" in text)
+            terminal.type("yes\n")
+            for side in ("LEFT", "RIGHT"):
+                terminal.until(lambda text, side=side: f"did the {side} wheel turn" in text)
+                terminal.type("forward\n")
+            terminal.until(lambda text: "Does it stand on the floor" in text)
+            terminal.type("no\n")
+            assert terminal.ended() == 0
+        assert person.done()[-1] == "wheels"
+
+
+def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
+    (person.folder / "robots").mkdir()
+    text = "format: 1\nkind: robot\ninclude: book_2wd_stock\n"
+    (person.folder / "robots" / "old.yaml").write_text(text)
+    with board(image=IMAGE) as virtual:
+        code, said = person.types("start", "--port", virtual.usb, answers=ALL)
+    assert code == 0, said
+    assert "the board keeps the book's firmware" in said
+    assert person.done() == ["simulated", "robot", "board"]
 
 
 def test_nothing_is_written_into_the_folder_of_diffbotctl(person):
