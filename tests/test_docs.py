@@ -53,14 +53,6 @@ def test_the_wires_in_the_hardware_page_are_those_of_the_book_s_robot():
     assert f"| Mega {pins} | OUT of the left and right encoder |" in text
 
 
-def test_the_mathematics_in_the_kinematics_page_are_right():
-    names = {}
-    pieces = re.findall(r"```python\n(.*?)```", (ROOT / "docs/kinematics.md").read_text(), re.S)
-    assert len(pieces) == 4
-    for piece in pieces:
-        exec(piece, names)
-
-
 def test_codes_in_the_pages_are_explained():
     from diffbotctl.codes import CODES
 
