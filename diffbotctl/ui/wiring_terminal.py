@@ -13,9 +13,9 @@ RAILS = {SUPPLY: 54, GROUND: 56}
 RESISTOR, NODE = 58, 61  # of the divider: its resistors, and where they meet
 KEY_GAP = 2  # rows between the lowest part on the left and the names of the colours
 STYLES = {
-    "red": "red", "black": "bright_black", "orange": "dark_orange", "green": "green",
+    "red": "red", "black": "grey46", "orange": "dark_orange", "green": "green",
     "blue": "dodger_blue2", "purple": "magenta", "yellow": "yellow", "white": "bold",
-    "grey": "grey62", "brown": "orange4",
+    "grey": "grey74", "brown": "orange4",
 }  # fmt: skip
 
 
