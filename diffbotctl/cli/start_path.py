@@ -44,16 +44,23 @@ class Walk:
         self.record, self.radio = record, radio
         self.attendant = Attendant(answers)
         notes = record.notes
-        if robot is not None and notes.get("robot", robot) != robot:
-            record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
         if robot is not None:
-            notes["robot"] = robot
+            self._take(robot)
         self.given = port
         if port is not None and notes.get("port") != port:
             notes["port"] = port
             self._undo("board", "firmware")
         if "port" in notes and not os.path.exists(notes["port"]):
             self._undo("board", "firmware")  # unplugged since, or its name has changed
+
+    def _take(self, robot: str) -> None:
+        """Go on with this robot; what was done with another one does not count."""
+        from diffbotctl.config import lookup
+
+        path = str(lookup.robot(robot))
+        if self.record.notes.get("robot", path) != path:
+            self.record.done[:] = [key for key in self.record.done if key == CHAPTERS[0].key]
+        self.record.notes["robot"] = path
 
     def _undo(self, *keys: str) -> None:
         self.record.done[:] = [key for key in self.record.done if key not in keys]

@@ -196,3 +196,16 @@ def test_a_robot_of_one_s_own_is_taken_without_a_question(person):
     assert code == 0, said
     assert "robots/crawler.yaml describes your robot" in said
     assert not (person.folder / "robots/my_robot.yaml").exists()
+
+
+def test_a_shipped_robot_is_copied_and_known_again_by_its_name(person):
+    code, said = person.types("start", "--robot", "book_2wd_counts")
+    assert code == 0, said
+    assert (person.folder / "robots/book_2wd_counts.yaml").is_file()
+    for name in ("book_2wd_counts", "./robots/book_2wd_counts.yaml"):
+        code, said = person.types("start", "--robot", name, "--status")
+        assert "done   2 of 7" in said
+    code, said = person.types("start", "--robot", "book_2wd", "--status")
+    assert "next   2 of 7" in said  # another robot: only the simulated goal counts
+    code, said = person.types("start", "--robot", "bok_2wd")
+    assert code == 2 and "did you mean book_2wd" in said
