@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
-    from diffbotctl.runs.run import Run
+    from diffbotctl.runs.run import Options, Run
 
 
 @click.command()
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 )
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
+@click.option("--dash", is_flag=True, help="Show the dashboard; leaving it ends the run.")
 @click.option("--name", help="What `--engine` calls this run; without it the pipeline's name.")
 @click.option("--group", help="Let the members of this group command it, from /run.")
 @click.option("--no-socket", is_flag=True, help="Nobody can watch or command this run.")
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 def command(
     pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
     seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
-    name: str | None, group: str | None, no_socket: bool, quiet: bool,
+    dash: bool, name: str | None, group: str | None, no_socket: bool, quiet: bool,
 ) -> int:  # fmt: skip
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
@@ -76,11 +77,29 @@ def command(
     _announce(configuration, port, seed)
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
-    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay)
+    stay = stay or dash
+    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay, dash)
+    if dash:
+        return _with_dashboard(configuration, options)
     run = Run(
         configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
+
+
+def _with_dashboard(configuration: Configuration, options: Options) -> int:
+    """The run, with the dashboard as its screen; what it has to say waits until that is left."""
+    from diffbotctl.cli.own_dash import Held, check_terminal, show
+    from diffbotctl.runs.run import Run
+    from diffbotctl.runs.signals import Signals
+
+    check_terminal(options.socket is not None)
+    held = Held()
+    run = Run(configuration, options, show, held.words.append, Signals(), held.give_back)
+    code = _finish(run)
+    for text in held.words:
+        _shout(text)
+    return code
 
 
 def _finish(run: Run) -> int:

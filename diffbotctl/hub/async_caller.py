@@ -20,7 +20,7 @@ Fields = dict[str, Any]
 class AsyncCaller:
     """One connection. Answers come as futures, streamed lines go to `heard`.
 
-    `ended` is called once, when the run is over or the engine is gone.
+    `ended` is called once, when the run is over or the engine is gone, unless we left before.
     """
 
     def __init__(self, heard: Callable[[Fields], None], ended: Callable[[], None]) -> None:
@@ -29,6 +29,7 @@ class AsyncCaller:
         self.waiting: dict[int, asyncio.Future[Fields]] = {}
         self.writer: asyncio.StreamWriter | None = None
         self.about: Fields = {}
+        self.left = False
 
     async def connect(self, engine: Engine, name: str) -> None:
         """Greet the engine. Raises RunError when it does not answer."""
@@ -70,6 +71,7 @@ class AsyncCaller:
 
     def close(self) -> None:
         """Leave; what was said is still sent."""
+        self.left = True
         if self.writer is not None:
             self.writer.close()
 
@@ -86,6 +88,8 @@ class AsyncCaller:
                     answer.set_result(said)
         except (OSError, ValueError):
             pass
+        if self.left:
+            return
         self.close()
         for answer in self.waiting.values():
             if not answer.done():

@@ -27,8 +27,14 @@ class Snapshot(NamedTuple):
 class Latest:
     """Keeps the newest message of each watched wire, and sends a Snapshot now and then."""
 
-    def __init__(self, channel: socket.socket, progress: Callable[[], tuple[int, int]]) -> None:
+    def __init__(
+        self,
+        channel: socket.socket,
+        progress: Callable[[], tuple[int, int]],
+        gone: Callable[[], None] | None = None,
+    ) -> None:
         self.channel = channel
+        self.gone = gone  # called once, when the screen is no longer there
         self.progress = progress
         self.messages: dict[str, Message] = {}
         self.next = 0
@@ -61,5 +67,9 @@ class Latest:
         """Send one datagram; a full channel drops it."""
         try:
             self.channel.send(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
-        except (BlockingIOError, ConnectionRefusedError, BrokenPipeError, ConnectionResetError):
+        except BlockingIOError:
             return
+        except (ConnectionRefusedError, BrokenPipeError, ConnectionResetError):
+            gone, self.gone = self.gone, None
+            if gone is not None:
+                gone()

@@ -114,6 +114,8 @@ def topic_of(desk: Desk, name: str) -> str:
     if known is not None:
         return known
     whole = [wire for wire in wires if wire.partition(".")[0] == name]
+    if len(whole) == 1:  # a block with one output is meant by its name
+        return whole[0]
     near = whole[0] if whole else nearest(name.strip("/").replace("/", "."), wires)
     fix = f"did you mean {near}?" if near else "`diffbotctl topic list` shows them all"
     raise RefusalError("E-REQUEST", f"there is no topic '{name}'", fix)

@@ -46,6 +46,7 @@ class Options(NamedTuple):
     digest: bool = False
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
+    dash: bool = False  # the screen drives as well
 
 
 class Result(NamedTuple):
@@ -74,6 +75,7 @@ class Run:
         show: Callable[[Iterator[Snapshot]], None] | None = None,
         tell: Callable[[str], None] = print,
         signals: Signals | None = None,
+        gone: Callable[[], None] | None = None,
     ) -> None:
         real = options.port not in ("sim", "emulated")
         self.configuration, self.options = configuration, options
@@ -85,9 +87,9 @@ class Run:
         graph = self.assembly.graph
         # Children are forked before a port is open, so that none of them holds it.
         if show is not None:
-            channel, pid = screen_process.start(show)
+            channel, pid = screen_process.start(show, options.dash)
             self.children.append(pid)
-            self.latest = Latest(channel, self._progress)
+            self.latest = Latest(channel, self._progress, gone)
         if options.record is not None:
             self.recorder = self._recorder(options.record)
         self.digest = Digest(graph.kinds) if options.digest else None

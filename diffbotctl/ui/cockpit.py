@@ -158,7 +158,9 @@ class Cockpit(App[int]):
             self.said = "the window lost the focus: the robot stands"
 
     def on_key(self, event: events.Key) -> None:
-        """A key that no input field took."""
+        """A key that is not for a question on the screen."""
+        if len(self.screen_stack) > 1:
+            return
         key = key_of(event)
         if self.own_key(key) or (self.reins is not None and self.hand_key(key)):
             event.stop()

@@ -5,10 +5,12 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 OPEN_FIELD = ["--set", "world.walls=[]"]
+LONGEST_WAIT = 60  # s that a test waits for a state of the run
 PATIENCE = 10  # s that a test waits for what must come; it fails by itself afterwards
 
 
@@ -71,12 +73,14 @@ class Plain:
         return None
 
     def until(self, seen):
-        """Ask for the status again and again until `seen(status)`."""
+        """Ask for the status again and again until `seen(status)`; fails after a minute."""
+        deadline = time.monotonic() + LONGEST_WAIT
         while True:
             status = self.ask("status")
             assert status is not None, "the run has ended"
             if seen(status):
                 return status
+            assert time.monotonic() < deadline, f"it never came; the status is {status}"
 
     def close(self):
         self.lines.close()

@@ -33,8 +33,8 @@ class Dashboard(Cockpit):
 
     CSS = """
     Screen { layout: vertical; overflow: hidden; }
-    #title, #banner, #hand, #said, #help { height: 1; width: 100%; }
-    #banner { display: none; }
+    #title, #hand, #said, #help { height: 1; width: 100%; }
+    #banner { display: none; height: auto; max-height: 3; width: 100%; }
     #body { height: 1fr; }
     #view { width: 1fr; height: 1fr; display: none; padding: 0 1; }
     #facts { height: 1fr; }

@@ -20,7 +20,7 @@ SPAN = 30.0  # s of a chart
 
 def title(sight: Sight) -> Text:
     """Pipeline, robot, time, and SIMULATED where it is."""
-    out = Text(no_wrap=True, overflow="ellipsis", end="")
+    out = Text(no_wrap=True, overflow="ellipsis")
     out.append(sight.scene.title or sight.engine, "bold")
     out.append(f"  {sight.picture.time / 1e9:.1f} s")
     if sight.scene.simulated:
@@ -34,10 +34,10 @@ def banner(sight: Sight) -> Text:
     """What holds the robot, over the whole width; empty when nothing does."""
     held = sight.held
     if held is None:
-        return Text(end="")
+        return Text()
     way_out = "r: resume" if held["latched"] else "ends by itself"
     said = f" STOPPED  {held['code']}: {held['cause']}  ({way_out}) "
-    return Text(said, HELD, no_wrap=True, overflow="ellipsis", end="")
+    return Text(said, HELD)
 
 
 def map_view(sight: Sight, camera: Camera, width: int, height: int, plain: bool) -> Map:
@@ -47,7 +47,7 @@ def map_view(sight: Sight, camera: Camera, width: int, height: int, plain: bool)
 
 def hand_line(reins: Reins) -> Text:
     """How the keys drive: mode, speeds, whether they do just now, and how far the terminal is."""
-    out, hand = Text(no_wrap=True, overflow="ellipsis", end=""), reins.hand
+    out, hand = Text(no_wrap=True, overflow="ellipsis"), reins.hand
     out.append(" DRIVING " if reins.drives else " keys ", *(["black on green"] if reins.drives
                else ["reverse"]))  # fmt: skip
     held = hand.mode == "hold"
@@ -116,4 +116,4 @@ def live(sight: Sight) -> list[Fields]:
 def log(sight: Sight, height: int) -> Text:
     """The newest lines that fit."""
     newest = list(sight.log)[-height:]
-    return Text("\n".join(newest), no_wrap=True, overflow="ellipsis", end="")
+    return Text("\n".join(newest), no_wrap=True, overflow="ellipsis")

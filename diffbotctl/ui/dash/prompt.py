@@ -35,6 +35,10 @@ class Prompt(ModalScreen[str | None]):
             yield Label(self.question, markup=False)
             yield Input(self.first, select_on_focus=False)
 
+    def on_mount(self) -> None:
+        """The field has the keys from the first moment on."""
+        self.query_one(Input).focus()
+
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """The answer."""
         self.dismiss(event.value)

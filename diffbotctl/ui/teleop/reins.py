@@ -9,6 +9,7 @@ from diffbotctl.ui.teleop.hand import Hand
 from diffbotctl.ui.teleop.pulse import Pulse
 
 PERIOD_OF_WORDS = 0.05  # s; the engine takes 0.3 s of silence for a lost operator
+STALL = 0.15  # s between two beats: this process stood still; the engine minds that by itself
 FIRST_ANSWER = 1.0  # s for a terminal to answer at all; ssh to the other side of the world does
 
 
@@ -26,6 +27,7 @@ class Reins:
         self.pulse = Pulse()
         self.answers = False  # whether this terminal answers questions
         self.since = now
+        self.beaten = now  # when `beat` was called last
         self.waited = False  # long enough for a first answer
         self.drives = False  # the engine takes us for the driver
         self.ending = False  # standing, and waiting for the last answer
@@ -45,6 +47,9 @@ class Reins:
 
     def beat(self, now: float) -> None:
         """Say what is to be said at `now`; call it every PERIOD_OF_WORDS."""
+        if now - self.beaten > STALL:
+            self.pulse.excuse(now - self.beaten)
+        self.beaten = now
         self.waited = now - self.since >= FIRST_ANSWER
         if not self.answers and not self.waited:
             self._ask(now)

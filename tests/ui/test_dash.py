@@ -1,0 +1,232 @@
+"""The dashboard in a real terminal, on a real engine with a simulated robot."""
+
+import os
+import signal
+import termios
+
+import pytest
+
+from tests.hub.running import Plain, command, moves, running
+from tests.terminal import Terminal
+
+SIZES = [(80, 24), (120, 40), (200, 60)]
+
+
+@pytest.fixture
+def engine(tmp_path):
+    """A robot that drives nowhere until it is told."""
+    with running(tmp_path, "goal", "--stay", "--goal", "0.3 0") as process:
+        client = Plain(tmp_path)
+        client.until(lambda status: state(client) == "reached")
+        yield client, process
+
+
+def state(client):
+    """How the goal is doing."""
+    return client.ask("look")["messages"].get("follower.state", {}).get("state")
+
+
+def dash(folder, *words, columns=80, lines=24, **more):
+    line, environment = command(folder, "dash", *words)
+    terminal = Terminal(line, environment, columns, lines, **more)
+    terminal.until(lambda text: "pose" in text and "SIMULATED" in text, "the first picture")
+    return terminal
+
+
+def answer(terminal, text):
+    """Put `text` in place of what stands in the question's field."""
+    terminal.type("\x15")  # ctrl-u empties it
+    terminal.until(lambda screen: "(m) = " in screen and "0.0" not in screen.split("(m) =")[1])
+    terminal.type(text)
+    terminal.until(lambda screen: text in screen, "what was typed")
+    terminal.type("\r")
+
+
+def robot_at(terminal, arrows="→↗↑↖←↙↓↘"):
+    """Column and row of the robot's arrow on the screen."""
+    terminal.until(lambda text: any(sign in text for sign in arrows), "the robot")
+    for row, line in enumerate(terminal.screen.display):
+        for column, sign in enumerate(line):
+            if sign in arrows:
+                return column, row
+    raise AssertionError("unreachable: it was just seen")
+
+
+@pytest.mark.parametrize(("columns", "lines"), SIZES)
+def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, lines):
+    client, _ = engine
+    with dash(tmp_path, columns=columns, lines=lines) as terminal:
+        column, row = robot_at(terminal)
+        terminal.click(column - 6, row - 4)
+        terminal.until(lambda text: "driving" in text or "turning" in text, "the way there")
+        goal = client.ask("status")["operator.goal"]
+        assert goal["x"] < 0.3 and goal["y"] > 0.0 and goal["heading"] is None
+        terminal.until(lambda text: "reached" in text, "the arrival")
+        pose = client.ask("type", topic="odometry")["last"]
+        assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
+
+
+def test_a_drag_sets_the_heading_and_the_wheel_zooms(engine, tmp_path):
+    client, _ = engine
+    with dash(tmp_path) as terminal:
+        bar = terminal.text.split("┤")[1].split(" m")[0]
+        column, row = robot_at(terminal)
+        terminal.type(f"\x1b[<64;{column + 1};{row + 1}M" * 4)  # four steps of the wheel
+        terminal.until(lambda text: text.split("┤")[1].split(" m")[0] != bar, "another scale")
+        column, row = robot_at(terminal)
+        terminal.click(column, row, to=(column, row - 5))  # upwards: y, 90 degrees
+        goal = client.until(lambda status: status["operator.goal"]["heading"])["operator.goal"]
+        assert goal["heading"] == pytest.approx(1.5708, abs=0.2)
+
+
+def test_keys_drive_stop_resume_and_choose(engine, tmp_path):
+    client, _ = engine
+    with dash(tmp_path) as terminal:
+        terminal.type("g")
+        terminal.until(lambda text: "goal: X Y" in text, "the question")
+        terminal.type("5 0\r")
+        client.until(lambda status: moves(status) and status["operator.goal"]["x"] == 5.0)
+        terminal.type(" ")
+        terminal.until(lambda text: "STOPPED" in text and "space was pressed" in text)
+        terminal.type("r")
+        client.until(moves)
+        terminal.type("\x1b[B")  # arrow down: backwards, and the goal is withdrawn
+        client.until(lambda status: status["operator.goal"]["number"] == 0 and moves(status))
+        terminal.until(lambda text: "DRIVING" in text, "driving")
+        terminal.until(lambda text: "DRIVING" not in text, "the end of the press")
+        assert client.ask("status")["held"] is None  # let go in good order
+        for key, sign in (("2", "━ "), ("3", "guard.margin"), ("4", "follower"), ("5", " s | ")):
+            terminal.type(key)
+            terminal.until(lambda text, sign=sign: sign in text, f"the view of {key}")
+        terminal.type("t")
+        terminal.type("?")
+        terminal.until(lambda text: "w x  a d  drive" in text, "the other letters")
+        terminal.type("\x1b")
+        terminal.until(lambda text: "├" in text, "the map again")
+
+
+def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
+    client, _ = engine
+    with dash(tmp_path) as terminal:
+        terminal.type("3")
+        terminal.until(lambda text: "guard.margin" in text, "the parameters")
+        terminal.type("\r")
+        terminal.until(lambda text: "guard.margin (m) =" in text, "the question")
+        answer(terminal, "8 cm")
+        terminal.until(lambda text: "0.08" in text, "the new value")
+        values = {row["parameter"]: row["value"] for row in client.ask("parameters")["parameters"]}
+        assert values["guard.margin"] == 0.08
+        terminal.type("\r")
+        terminal.until(lambda text: "guard.margin (m) =" in text, "the question again")
+        answer(terminal, "-1")
+        terminal.until(lambda text: "must be" in text, "the refusal")
+
+
+def test_it_follows_the_windows_size(engine, tmp_path):
+    with dash(tmp_path) as terminal:
+        terminal.resize(130, 45)
+        terminal.until(lambda text: "follower" in text and "kinematics" in text, "the blocks below")
+        terminal.resize(80, 24)
+        terminal.until(lambda text: "follower" not in text, "the small layout")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [({"NO_COLOR": "1"}, []), ({}, ["--ascii"]), ({"PYTHONIOENCODING": "ascii"}, [])],
+)
+def test_without_colour_or_utf_8_it_is_still_usable(engine, tmp_path, more, words):
+    with dash(tmp_path, *words, **more) as terminal:
+        if "NO_COLOR" in more:
+            cells = [cell for line in terminal.screen.buffer.values() for cell in line.values()]
+            colours = {cell.fg for cell in cells} | {cell.bg for cell in cells}
+            assert all(c == "default" or len({c[0:2], c[2:4], c[4:6]}) == 1 for c in colours), (
+                colours
+            )
+        else:
+            terminal.until(lambda text: "|--" in text, "the scale in letters")
+            assert terminal.text.replace("°", "").isascii(), terminal.text
+            robot_at(terminal, ">/^\\<v")
+
+
+@pytest.mark.parametrize("way", ["ctrl-c", "SIGTERM", "engine killed"])
+def test_every_way_out_restores_the_terminal(engine, tmp_path, way):
+    _, process = engine
+    with dash(tmp_path) as terminal:
+        before = termios.tcgetattr(terminal.slave)
+        assert not before[3] & termios.ICANON
+        if way == "ctrl-c":
+            terminal.type("\x03")
+        elif way == "SIGTERM":
+            terminal.process.send_signal(signal.SIGTERM)
+        else:
+            process.kill()
+        code = terminal.ended()
+        assert code == {"ctrl-c": 0, "SIGTERM": 128 + 15, "engine killed": 0}[way]
+        after = termios.tcgetattr(terminal.slave)
+        assert after[3] & termios.ICANON and after[3] & termios.ECHO and after[3] & termios.ISIG
+        on = {mode >> 5 for mode in terminal.screen.modes}
+        assert not on & {1000, 1003, 1004, 1006, 1049}, on
+
+
+def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
+    client, _ = engine
+    with dash(tmp_path) as terminal:
+        client.ask("goto", x=-3.0, y=0.0)
+        client.until(lambda status: state(client) == "driving" and moves(status))
+        began = client.ask("status")["time"]
+        terminal.process.kill()
+        later = client.until(lambda status: status["time"] > began + 1_000_000_000)
+        assert later["held"] is None and moves(later)
+
+
+def test_once_and_a_pipe_print_the_panels(engine, tmp_path):
+    import subprocess
+
+    line, environment = command(tmp_path, "dash")
+    done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and "\x1b" not in done.stdout
+    for word in ("SIMULATED", "map", "pose", "blocks", "guard.margin", "goal 1 reached"):
+        assert word in done.stdout
+
+
+def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
+    line, environment = command(tmp_path, "run", "teleop", "--dash")
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "pose" in text, "the first picture")
+        before = Plain(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"]
+        terminal.type("i")
+        terminal.until(lambda text: "DRIVING" in text, "driving")
+        terminal.until(lambda text: "DRIVING" not in text, "standing")
+        assert Plain(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"] > before
+        terminal.type("\x03")
+        assert terminal.ended() == 130
+        assert "interrupted" in terminal.text
+
+
+def test_a_run_whose_own_dashboard_is_killed_goes_on_and_gives_the_terminal_back(tmp_path):
+    line, environment = command(tmp_path, "run", "goal", "--dash", "--goal", "3 0")
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "driving" in text, "the way")
+        children = os.popen(f"ps --ppid {terminal.process.pid} -o pid=,args=").read()
+        client = Plain(tmp_path, "goal")
+        client.until(moves)
+        os.kill(child_with_terminal(terminal.process.pid), signal.SIGKILL)
+        terminal.until(lambda text: "the run goes on" in text, f"the word of {children}")
+        assert termios.tcgetattr(terminal.slave)[3] & termios.ISIG
+        client.until(moves)
+        terminal.type("\x03")  # the kernel makes SIGINT of it again
+        assert terminal.ended() == 130
+
+
+def child_with_terminal(parent):
+    """The child that dash runs in: the one with threads of its own (textual reads and writes)."""
+    for name in os.listdir("/proc"):
+        if name.isdigit():
+            try:
+                with open(f"/proc/{name}/stat") as file:
+                    fields = file.read().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[1]) == parent and int(fields[17]) > 1:
+                return int(name)
+    raise AssertionError("no dashboard")

@@ -1,0 +1,113 @@
+"""The map: which dot a place is, what is drawn where, in blocks and in letters."""
+
+from math import pi, sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diffbotctl.hub.latest import Snapshot
+from diffbotctl.messages import Goal, Odometry, Range
+from diffbotctl.ui import floor
+from diffbotctl.ui.camera import Camera, around
+from diffbotctl.ui.map import Layer, Map, scale_bar
+from diffbotctl.ui.scene import Beam, Outline, Scene
+
+CERTAIN = (0.0,) * 6
+BODY = Outline(0.08, 0.15, 0.14, 0.125, 0.065, 0.065, 0.3, 4.0)
+
+
+@given(st.integers(0, 79), st.integers(0, 23), st.floats(2.0, 200.0))
+def test_a_click_hits_the_character_that_was_clicked(column, row, scale):
+    camera = Camera(0.3, -0.7, scale)
+    across, down = camera.dot(camera.place(column, row, 80, 24), 80, 24)
+    assert (across // 2, down // 4) == (column, row)
+
+
+@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=20))
+def test_all_that_must_be_seen_is_in_the_window(points):
+    camera = around(points, 60, 20)
+    for point in points:
+        column, row = camera.dot(point, 60, 20)
+        assert 0 <= column < 120 and 0 <= row < 80
+
+
+def test_x_runs_right_and_y_up():
+    camera = Camera(0.0, 0.0, 10.0)
+    right, _ = camera.dot((1.0, 0.0), 40, 10)
+    _, up = camera.dot((0.0, 1.0), 40, 10)
+    assert (right, up) == (40 + 10, 20 - 10)  # the middle is dot 40, 20; ten dots a metre
+
+
+@pytest.mark.parametrize(
+    ("bits_at", "sign"),
+    [
+        ([(0, 0)], "▘"), ([(1, 0)], "▝"), ([(0, 3)], "▖"), ([(1, 3)], "▗"),
+        ([(0, 0), (0, 3)], "▌"), ([(0, 0), (1, 0)], "▀"), ([(0, 1), (1, 2)], "▚"),
+        ([(0, 0), (1, 0), (0, 3), (1, 3)], "█"),
+    ],
+)  # fmt: skip
+def test_walls_are_drawn_in_quarters(bits_at, sign):
+    drawing = Map(Camera(0, 0, 1.0), 1, 1)
+    for column, row in bits_at:
+        drawing._set(column, row, Layer.WALL)
+    assert drawing.text().plain == sign
+
+
+def test_the_highest_layer_gives_the_letter():
+    drawing = Map(Camera(0, 0, 1.0), 1, 1, plain=True)
+    for layer in (Layer.ROBOT, Layer.TRAIL):
+        drawing.dot((0.0, 0.0), layer)
+    assert drawing.text().plain == "o"
+
+
+def picture(**messages):
+    return Snapshot(0, {name.replace("_", "."): each for name, each in messages.items()}, 0, 0)
+
+
+def test_everything_is_on_the_map_in_letters():
+    scene = Scene("t", "", ((1.0, -1.0, 1.0, 1.0),), ((0.0, 0.7, 0.1),), BODY,
+                  (Beam("range.range", 0.08, 0.0, 0.0, 0.3),))  # fmt: skip
+    here = Odometry(0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.01, 0.0, 0.0, 0.0025, 0.0, 0.0))
+    seen = picture(odometry=here, goal=Goal(0, 1, 0.7, -0.5, pi / 2), range_range=Range(
+        0, 0.2, "measured"))  # fmt: skip
+    trail = [(-0.5 + 0.01 * i, -0.4) for i in range(30)]
+    camera = around([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
+    text = floor.draw(scene, seen, trail, camera, 70, 35, plain=True).text().plain
+    for (
+        sign
+    ) in "#.o>X+:x~,|":  # wall, trail, outline, robot, goal, heading, beam, hit, doubt, way, bar
+        assert sign in text, f"no {sign} on\n{text}"
+    assert text.isascii()
+    lines = text.split("\n")
+    row = next(i for i, line in enumerate(lines) if ">" in line)
+    assert lines[row].index(">") == pytest.approx(35, abs=1) and row == pytest.approx(17, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "axes", "turn"),
+    [
+        # xx, xy, xh, yy, yh, hh; half axes are three sigmas
+        ((0.04, 0, 0, 0.01, 0, 0), (0.6, 0.3), 0.0),
+        ((0.01, 0, 0, 0.04, 0, 0), (0.6, 0.3), pi / 2),
+        ((0.02, 0.01, 0, 0.02, 0, 0), (3 * sqrt(0.03), 3 * sqrt(0.01)), pi / 4),
+        (CERTAIN, (0.0, 0.0), 0.0),
+    ],
+)
+def test_the_ellipse_holds_three_sigmas(covariance, axes, turn):
+    long, short, found = floor.ellipse(covariance)
+    assert (long, short) == pytest.approx(axes)
+    assert found == pytest.approx(turn)
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        # 60 wide: a third is 20 characters, 40 dots
+        (40.0, "├──────────────────┤ 1 m"),
+        (41.0, "├─────────┤ 0.5 m"),  # 20.5 dots are 11 characters
+        (400.0, "├──────────────────┤ 0.1 m"),
+    ],
+)  # fmt: skip
+def test_the_scale_bar_has_a_round_length(scale, words):
+    assert scale_bar(Camera(0, 0, scale), 60) == words

@@ -1,0 +1,201 @@
+"""Keys and the time in, velocities out; and what is said to the engine."""
+
+import pytest
+
+from diffbotctl.ui.teleop.hand import KEY_LASTS, Hand
+from diffbotctl.ui.teleop.keys import DOWN, UP
+from diffbotctl.ui.teleop.pulse import PATIENCE, PERIOD, multiplexer
+from diffbotctl.ui.teleop.reins import FIRST_ANSWER, STALL, Reins
+
+LIMITS = (0.3, 4.0)  # one begins with half: 0.15 m/s and 2 rad/s
+F, T = 0.15, 2.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "linear", "angular"),
+    [
+        ("twist", "i", F, 0), ("twist", ",", -F, 0), ("twist", "j", 0, T), ("twist", "l", 0, -T),
+        ("twist", "u", F, T), ("twist", "o", F, -T),
+        ("twist", "m", -F, -T), ("twist", ".", -F, T),  # as teleop_twist_keyboard has them
+        ("turtle", "w", F, 0), ("turtle", "x", -F, 0), ("turtle", "a", 0, T),
+        ("turtle", "d", 0, -T),
+        ("twist", "up", F, 0), ("twist", "down", -F, 0), ("turtle", "left", 0, T),
+        ("turtle", "right", 0, -T),
+    ],
+)  # fmt: skip
+def test_each_key_drives_as_in_ros(keys, key, linear, angular):
+    hand = Hand(LIMITS, keys)
+    assert hand.press(key, 0.0)
+    assert hand.wanted(0.0) == (linear, angular)
+
+
+@pytest.mark.parametrize("key", ["k", "space"])
+def test_a_stop_key_lets_go(key):
+    hand = Hand(LIMITS)
+    hand.press("i", 0.0)
+    assert hand.press(key, 0.1)
+    assert hand.wanted(0.1) is None
+
+
+@pytest.mark.parametrize(
+    ("key", "speed", "turn"),
+    [("q", UP, UP), ("z", DOWN, DOWN), ("w", UP, 1), ("x", DOWN, 1), ("e", 1, UP), ("c", 1, DOWN)],
+)
+def test_speed_keys_change_what_a_press_means(key, speed, turn):
+    hand = Hand(LIMITS)
+    hand.press("i", 0.0)
+    hand.press(key, 0.0)
+    assert (hand.speed, hand.turn) == pytest.approx((F * speed, T * turn))
+    assert hand.wanted(0.0) == pytest.approx((F * speed, 0.0))  # also of what is held
+
+
+def test_speeds_stay_within_the_robots_limits():
+    hand = Hand(LIMITS)
+    for _ in range(100):
+        hand.press("q", 0.0)
+    assert (hand.speed, hand.turn) == LIMITS
+    for _ in range(100):
+        hand.press("z", 0.0)
+    assert (hand.speed, hand.turn) == pytest.approx((0.05 * LIMITS[0], 0.05 * LIMITS[1]))
+
+
+def test_a_held_key_counts_until_its_repeats_end():
+    hand = Hand(LIMITS)
+    for repeat in range(10):
+        hand.press("i", repeat * 0.1)
+        assert hand.wanted(repeat * 0.1) == (F, 0)
+    assert hand.wanted(0.9 + KEY_LASTS - 0.01) == (F, 0)
+    assert hand.wanted(0.9 + KEY_LASTS) is None
+    assert not hand.stuttered
+
+
+def test_a_first_repeat_that_comes_late_is_told():
+    hand = Hand(LIMITS)
+    hand.press("i", 0.0)
+    assert hand.wanted(KEY_LASTS + 0.1) is None
+    hand.press("i", 0.66)  # the slowest first repeat that keyboards are set to
+    assert hand.stuttered
+    hand.press("i", 0.69)
+    assert not hand.stuttered
+
+
+def test_latched_a_press_stays_until_another_key():
+    hand = Hand(LIMITS, mode="latched")
+    hand.press("i", 0.0)
+    assert hand.wanted(1000.0) == (F, 0)
+    hand.press("k", 1000.0)
+    assert hand.wanted(1000.0) is None
+
+
+def test_latched_turtle_keys_add_steps_and_ten_up_and_ten_down_are_zero():
+    hand = Hand(LIMITS, "turtle", "latched")
+    for _ in range(12):  # ten steps are the limit
+        hand.press("w", 0.0)
+    assert hand.wanted(0.0) == pytest.approx((0.3, 0.0))
+    for _ in range(10):
+        hand.press("x", 0.0)
+    hand.press("a", 0.0)
+    assert hand.wanted(0.0) == pytest.approx((0.0, 0.4))
+
+
+def test_a_change_of_mode_or_keys_lets_go():
+    hand = Hand(LIMITS)
+    hand.press("i", 0.0)
+    hand.use(mode="latched")
+    assert hand.wanted(0.0) is None
+    assert not hand.press("b", 0.0)  # means nothing to the hand
+
+
+@pytest.mark.parametrize(
+    ("environment", "name"), [({}, ""), ({"TMUX": "/tmp/x"}, "tmux"), ({"STY": "1.x"}, "screen")]
+)
+def test_a_multiplexer_is_recognised(environment, name):
+    assert multiplexer(environment) == name
+
+
+class Line:
+    """Notes what is said, and asked of the terminal, at which time."""
+
+    def __init__(self, mode="hold", answers=True):
+        self.now, self.said, self.questions = 0.0, [], 0
+        self.hand = Hand(LIMITS, mode=mode)
+        self.reins = Reins(self.hand, self.say, self.question, 0.0)
+        self.answers = answers
+        self.run(0.2)
+
+    def say(self, do, **fields):
+        self.said.append((do, fields))
+
+    def question(self):
+        self.questions += 1
+
+    def run(self, seconds, step=0.05):
+        """Beat for so long; the terminal answers at once while it `answers`."""
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self.now += step
+            asked = self.questions
+            self.reins.beat(self.now)
+            if self.answers and self.questions > asked:
+                self.reins.answered(self.now)
+
+    def verbs(self):
+        return [do for do, _ in self.said]
+
+
+def test_a_released_key_stands_at_once_and_lets_go_when_the_terminal_answers():
+    line = Line()
+    line.hand.press("i", line.now)
+    line.run(0.8)
+    drives = [fields["linear"] for do, fields in line.said if do == "drive"]
+    assert drives[0] == F and line.verbs()[-1] == "release"
+    assert not line.reins.drives and not line.reins.lost
+
+
+@pytest.mark.parametrize("mode", ["hold", "latched"])
+def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
+    line = Line(mode)
+    line.hand.press("i", line.now)
+    line.run(0.1)
+    line.answers = False
+    line.run(PERIOD + PATIENCE + 0.1)
+    assert line.verbs()[-1] == "lost" and line.reins.lost
+    line.run(1.0)
+    assert line.verbs().count("lost") == 1  # and nothing is said afterwards
+    assert line.verbs()[-1] == "lost"
+
+
+def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
+    line = Line()
+    line.hand.press("i", line.now)
+    line.run(KEY_LASTS - 0.05)
+    line.answers = False
+    line.run(0.6)
+    assert "release" not in line.verbs() and line.verbs()[-1] == "lost"
+
+
+def test_without_answers_keys_drive_while_held_but_nothing_stays():
+    held = Line(answers=False)
+    held.run(FIRST_ANSWER)
+    held.hand.press("i", held.now)
+    held.run(0.8)
+    assert held.verbs()[0] == "drive" and held.verbs()[-1] == "release"
+    kept = Line("latched", answers=False)
+    kept.run(FIRST_ANSWER)
+    kept.hand.press("i", kept.now)
+    kept.run(0.2)
+    assert kept.reins.is_unproven and not kept.said
+
+
+def test_a_pause_of_our_own_is_not_the_terminals_fault():
+    line = Line("latched")
+    line.hand.press("i", line.now)
+    line.run(0.1)
+    line.answers = False
+    line.run(0.05)
+    line.now += 10 * STALL  # the process stood still
+    line.answers = True
+    line.reins.beat(line.now)
+    line.reins.answered(line.now)
+    line.run(0.3)
+    assert "lost" not in line.verbs()
