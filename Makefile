@@ -7,6 +7,7 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
+WANDER ?= 50
 # Folders of the OptiOdom data set, which does not ship.
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -33,7 +34,7 @@ test: packages $(VENV)/tested
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD) --optiodom $(OPTIODOM)
+	  --board $(BOARD) --wander $(WANDER) --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench

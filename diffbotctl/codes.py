@@ -293,7 +293,8 @@ CODES: dict[str, Code] = {
         `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
         """),
     "E-WIRING-NONE": _code("a robot without wires", """
-        It lives in the simulator alone: there is no board to connect anything to."""),
+        It lives in the simulator alone (board: {type: simulated}): there is no board to connect
+        anything to. `diffbotctl wiring book_2wd` draws the wires of a robot that has one."""),
     "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
         An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
         transmitting pin gives 5 V. It often works for a while, then the module grows deaf.
@@ -417,6 +418,27 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-BOARD-SIMULATED": _code("a robot of the simulator alone", """
+        Its file says `board: {type: simulated}`: no board carries its wheels, so there is nothing
+        that a port could lead to. Run it simulated, or name the robot that you have built."""),
+    "E-BOARD-PIN": _code("a pin that is missing", """
+        `none` for a pin means that nothing is connected there. A motor without its three pins does
+        not turn, and a wheel without its encoder is not known to turn. Only a robot that is
+        simulated alone (`board: {type: simulated}`) does without."""),
+    "E-BOARD-SENSOR": _code("a sensor that no board reads", """
+        Laser scanner and overhead camera exist in the simulator. No firmware of ours reads them
+        yet, so on a real board this sensor would stay silent, and whatever waits for it would hold
+        the robot still."""),
+    "W-UNGUARDED": _code("nothing stops the robot at obstacles", """
+        The pipeline has a block that stops the robot at what its sensor sees, but this robot has no
+        such sensor, so the block was left out (`needs:` in the pipeline). It drives as it is told,
+        into walls too."""),
+    "E-OUTPUT": _code("a file cannot be written", """
+        The folder may not exist, the disk may be full, or you may not write there. Nothing else was
+        changed. `ls -ld FOLDER` shows who may write into it."""),
+    "E-LOG": _code("the file of the log cannot be written", """
+        `run --log FILE` adds to FILE. The folder may not exist, or the file belongs to someone
+        else. The run has not started."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey

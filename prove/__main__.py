@@ -6,7 +6,7 @@ import argparse
 from itertools import chain
 from pathlib import Path
 
-from prove import calibration, faults, firmware, first_goal, link_rosserial, motion
+from prove import calibration, faults, firmware, first_goal, link_rosserial, model, motion, wander
 
 
 def main() -> int:
@@ -17,6 +17,7 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
+    parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
@@ -29,6 +30,8 @@ def main() -> int:
         firmware.rows(options.seed, options.board),
         first_goal.rows(),
         calibration.rows(options.optiodom),
+        model.rows(),
+        wander.rows(options.seed, options.wander),
     )
     for row in chain.from_iterable(tables):
         print(row.line(), flush=True)

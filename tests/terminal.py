@@ -10,7 +10,7 @@ from termios import TIOCSCTTY, TIOCSWINSZ
 
 import pyte
 
-PATIENCE = 20  # s that a test waits for what must come; it fails by itself afterwards
+PATIENCE = 60  # s that a test waits for what must come; it fails by itself afterwards
 
 
 class Answering(pyte.Screen):
@@ -42,7 +42,7 @@ class Terminal:
         self.master, slave = os.openpty()
         self._size(columns, lines)
         variables = {**(environment or os.environ), "TERM": "xterm-256color", **more}
-        for name in ("TMUX", "STY", "NO_COLOR"):
+        for name in ("TMUX", "STY", "NO_COLOR", "COLUMNS", "LINES"):
             if name not in more:
                 variables.pop(name, None)
         self.process = subprocess.Popen(

@@ -23,6 +23,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHOWN = re.compile(r"^    (diffbotctl .*)$", re.M)
 MENTIONED = re.compile(r"`(diffbotctl [^`]+)`")
 ON_A_BOARD = {"flash", "blink"}  # and whatever names a port
+PIPELINES = {"robots.md": "turtle"}  # what runs while a page's commands speak to it; else standby
 ON_AN_ENGINE = {"why", "stop", "resume", "goto", "drive", "topic", "param", "call"}
 
 
@@ -87,10 +88,10 @@ class Reader:
         return done.returncode, done.stdout
 
     @contextmanager
-    def running(self):
+    def running(self, pipeline):
         """A robot that stands and waits in another terminal, until it is used no more."""
         engine = subprocess.Popen(
-            ["bash", "-c", "exec diffbotctl run standby --stay"], cwd=self.work,
+            ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"], cwd=self.work,
             env=self.environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
@@ -120,8 +121,10 @@ def test_commands_for_a_running_robot(page, reader):
     shown = [line for line in lines(page) if on_an_engine(line)]
     if not shown:
         return
-    with reader.running():
+    with reader.running(PIPELINES.get(page.name, "standby")):
         for line in shown:
+            if " echo " in line and "--once" not in line:
+                line += " --for 1s"  # it would go on until somebody ends it
             code, said = reader.types(line)
             assert code == 0, f"{page.name} shows: {line}\n{said}"
 

@@ -18,6 +18,9 @@ COMPLETING = "_DIFFBOTCTL_COMPLETE"  # set by the shell's completion, see comple
 COMMANDS = {
     "start": "Be guided from nothing to the first goal: simulated at once, then your robot.",
     "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
+    "show": "Draw a robot from above and from the side.",
+    "frames": "Print the frames of a robot as a tree.",
+    "export": "Write a robot as URDF, for other programs.",
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
@@ -34,6 +37,7 @@ COMMANDS = {
     "topic": "List, print and measure the messages of a running engine.",
     "param": "List and change the parameters of running blocks.",
     "call": "Call an action of a running block.",
+    "log": "Follow the log of a running engine, or change what a block says.",
     "replay": "Run a recording again, and compare every message.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",

@@ -29,6 +29,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
 
     Warnings are those of `check`. What stands here is made from the robot file alone.
     """
+    from diffbotctl.cli.robot_argument import written
     from diffbotctl.config.harness import harness
     from diffbotctl.config.harness_notes import notes
     from diffbotctl.config.load import load_robot
@@ -41,7 +42,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
-        _write(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
+        written(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
         return
     if not table:
         click.echo(f"{shown(file.file)}\n")
@@ -85,15 +86,3 @@ def _draw(harness: Harness, notes: Iterable[str]) -> None:
     for note in notes:
         click.echo(fill(note, WIDTH - 2, initial_indent="- ", subsequent_indent="  "))
     click.echo()
-
-
-def _write(output: Path, text: str) -> None:
-    from diffbotctl.errors import Problem, UserError
-
-    try:
-        output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        cause = f"cannot be written: {error.strerror}"
-        fix = "name a file in a folder that is yours, such as ./wiring.svg"
-        raise UserError(Problem("E-FILE-WRITE", str(output), cause, fix)) from error
-    click.echo(f"written: {output}")

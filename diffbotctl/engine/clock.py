@@ -12,7 +12,12 @@ MILLISECOND = 1_000_000
 
 
 class Clock(Protocol):
-    """Waits for a logical time or for a file that can be read."""
+    """Waits for a logical time or for a file that can be read.
+
+    `late`: ns by which the last `wait` returned after the time it was asked for.
+    """
+
+    late: int
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Return (the logical time it is, files ready) at `until` or as soon as a file is ready."""
@@ -26,7 +31,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.poller = _Poller()
-        self.turns = 0
+        self.turns = self.late = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Jump to `until`; files are looked at only now and then, for they mean people."""
@@ -52,15 +57,16 @@ class PacedClock:
     def __init__(self, exact: bool) -> None:
         self.exact = exact
         self.poller = _Poller()
+        self.late = 0
         self.start = time.monotonic_ns()
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Sleep until `until` or until a file can be read."""
         left = until - (time.monotonic_ns() - self.start)
         ready = self.poller.ready(max(left, 0), files)
-        if self.exact and not ready:
-            return until, ready
-        return time.monotonic_ns() - self.start, ready
+        now = time.monotonic_ns() - self.start
+        self.late = now - until
+        return (until if self.exact and not ready else now), ready
 
     def close(self) -> None:
         """Nobody waits any longer."""

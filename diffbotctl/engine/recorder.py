@@ -1,4 +1,4 @@
-"""The engine's end of the recording: compact records, one an instant, handed on without waiting.
+"""The engine's end of a recording, or of a log's file: compact records, handed on without waiting.
 
 The other end lives in a child process. Nothing here formats text or touches a disk.
 """
@@ -17,7 +17,7 @@ LENGTH = struct.Struct("<I")
 
 
 class Recorder:
-    """Gathers instants and sends them as length-prefixed pickles of lists of tuples.
+    """Gathers instants, or lines, and sends them as length-prefixed pickles of lists of tuples.
 
     `waits`: an unpaced run waits for the child; a paced one never does, and on overflow the
     recording is given up while the run goes on. `tell` is called once, with the reason, when the
@@ -42,15 +42,15 @@ class Recorder:
         self.pending.clear()
         self._listen()
 
-    def close(self, summary: dict[str, str]) -> None:
+    def close(self, summary: dict[str, str] | None = None) -> None:
         """Hand on the rest, waiting for the child; then say that this was all.
 
-        Without loss the recording ends complete, with `summary` in it.
+        Without loss a recording ends complete, with `summary` in it.
         """
         self.channel.setblocking(True)
         self._listen()
         self._send(self.pending)
-        if self.lost is None:
+        if self.lost is None and summary is not None:
             self._send(summary)
         self.channel.shutdown(socket.SHUT_WR)
         if self.lost is None:
@@ -69,9 +69,9 @@ class Recorder:
                 del self.backlog[: self.channel.send(self.backlog)]
         except BlockingIOError:
             if len(self.backlog) > BACKLOG:
-                self._give_up("the recorder could not keep up")
+                self._give_up("its writer could not keep up")
         except (BrokenPipeError, ConnectionResetError):
-            self._give_up("the recorder has ended")
+            self._give_up("its writer has ended")
 
     def _listen(self) -> None:
         """Hear whether the child is in trouble."""
@@ -83,7 +83,7 @@ class Recorder:
             return
         except ConnectionResetError:
             said = b""
-        self._give_up(said.decode() or "the recorder has ended")
+        self._give_up(said.decode() or "its writer has ended")
 
     def _give_up(self, cause: str) -> None:
         self.lost = cause

@@ -6,6 +6,7 @@ says so once, on the channel it reads from, and from then on only keeps the chan
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import select
@@ -33,6 +34,7 @@ def start(
     file = open(path, "wb")  # noqa: SIM115 - the child closes it
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+    gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
         file.close()
@@ -55,8 +57,8 @@ def _record(
     try:
         _write_all(channel, file, wires, sources, about)
     except OSError as error:
-        _report(channel, f"{os.strerror(error.errno or 0)}")
-        for _ in _items(channel):
+        report(channel, f"{os.strerror(error.errno or 0)}")
+        for _ in items(channel):
             pass
         return 1
     return 0
@@ -70,7 +72,7 @@ def _write_all(
     recording = Recording(file, wires, sources, about)
     flushed = time.monotonic()
     summary: dict[str, str] | None = None
-    for item in _items(channel):
+    for item in items(channel):
         if isinstance(item, list):
             for instant in item:
                 recording.write(instant)
@@ -84,7 +86,7 @@ def _write_all(
         recording.finish({**summary, "instants": str(recording.instants)})
 
 
-def _items(channel: socket.socket) -> Iterator[Any]:
+def items(channel: socket.socket) -> Iterator[Any]:
     """Everything that comes over the channel, and None each second of silence, until its end."""
     buffer = bytearray()
     while True:
@@ -106,6 +108,7 @@ def _items(channel: socket.socket) -> Iterator[Any]:
             del buffer[: LENGTH.size + length]
 
 
-def _report(channel: socket.socket, trouble: str) -> None:
+def report(channel: socket.socket, trouble: str) -> None:
+    """Tell the engine why nothing is written any longer."""
     with suppress(OSError):
         channel.send(trouble.encode())

@@ -15,6 +15,7 @@ from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.engine.gate import Gate
 from diffbotctl.graph import Graph, Node
+from diffbotctl.log import Logbook
 from diffbotctl.messages import Resume, Stop
 from diffbotctl.runs.simulation import takes_duty
 
@@ -42,7 +43,7 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
         if takes_duty(robot):
             made.append(_wheel_speed(robot))
             command = f"{WHEEL_SPEED}.duty"
-    return Assembly(Graph(made, sources(robot)), command, unproven)
+    return Assembly(Graph(made, sources(robot), Logbook()), command, unproven)
 
 
 def sources(robot: Robot | None) -> dict[str, type]:

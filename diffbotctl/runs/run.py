@@ -18,13 +18,16 @@ from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.loop import Ending, Engine
+from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import Problem, RunError, UserError
-from diffbotctl.graph import NEVER, Sink
+from diffbotctl.graph import LOG, NEVER, Sink
 from diffbotctl.hub import recorder_process, screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
+from diffbotctl.plant.robot import CAMERA
+from diffbotctl.runs import log_file
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
@@ -47,6 +50,8 @@ class Options(NamedTuple):
     socket: Socket | None = None  # None: nobody can speak to this run
     stay: bool = False
     dash: bool = False  # the screen drives as well
+    log: Path | None = None
+    levels: tuple[tuple[str, str], ...] = ()  # of the log: source and level
 
 
 class Result(NamedTuple):
@@ -80,6 +85,7 @@ class Run:
         real = options.port not in ("sim", "emulated")
         self.configuration, self.options = configuration, options
         self.assembly: Assembly = assemble(configuration, real)
+        self.reckoned = wires_of(self.assembly, Odometry)
         self.children: list[int] = []
         self.latest: Latest | None = None
         self.recorder: Recorder | None = None
@@ -92,6 +98,11 @@ class Run:
             self.latest = Latest(channel, self._progress, gone)
         if options.record is not None:
             self.recorder = self._recorder(options.record)
+        self.log: Recorder | None = None
+        if options.log is not None:
+            lost = self._loss(f"LOG STOPPED: {options.log}")
+            self.log, pid = log_file.opened(configuration, options.log, options.fast, lost)
+            self.children.append(pid)
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station: Station | None = None
         if options.socket is not None:
@@ -103,6 +114,8 @@ class Run:
         self.operator = Operator(self._goals(), self._end)
         self.total = len(self.operator.waiting) + (self.operator.under_way is not None)
         self.operator.stays = options.stay
+        for source, level in options.levels:
+            self.operator.set_level(0, source, level)
         drivers: list[Driver] = [*([self.robot] if self.robot else []), self.operator]
         self.person: Person | None = None
         if self.station is not None:
@@ -120,6 +133,8 @@ class Run:
             idle=self._idle(),
             signals=signals,
         )
+        if self.person is not None:
+            self.person.meter = Meter(self.engine)
 
     def go(self) -> Result:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
@@ -128,7 +143,6 @@ class Run:
         ending = self.engine.run(until)
         incomplete = self._close(ending)
         operator = self.operator
-        plant = getattr(self.robot, "robot", None)
         return Result(
             ending=ending,
             failure=self.engine.failure,
@@ -136,12 +150,26 @@ class Run:
             goals=max(self.total, operator.number),
             stops=tuple(operator.stops),
             odometry=self.seen.get("odometry"),
-            truth=plant.truth() if plant is not None else None,
+            truth=self._truth(),
             path=self.travelled,
             link=self.seen.get("link"),
             digest=self.digest.text() if self.digest else None,
             recording=incomplete,
         )
+
+    def _truth(self) -> Any:
+        """The plant's truth, its pose in the frame in which goals were given."""
+        plant = getattr(self.robot, "robot", None)
+        if plant is None:
+            return None
+        truth = plant.truth()
+        return truth if self.reckoned else truth._replace(pose=plant.truth_in_world())
+
+    def _seen_from_above(self) -> list[str]:
+        """The wires on which cameras tell the pose, where no block reckons it."""
+        robot = self.configuration.robot
+        sensors = {} if robot is None else robot.sensors
+        return [f"robot.{name}" for name, each in sensors.items() if each.type == CAMERA]
 
     def _end(self, code: int, cause: str) -> None:
         self.engine.end(code, cause)
@@ -184,7 +212,7 @@ class Run:
             add(wire, self.operator.hear_path)
         for wire in wires_of(self.assembly, Stop):
             add(wire, self.operator.hear_stop(wire))
-        for wire in wires_of(self.assembly, Odometry):
+        for wire in self.reckoned or self._seen_from_above():
             add(wire, self._note_odometry)
         for wire, sink in self.changes.sinks().items():
             add(wire, sink)
@@ -192,7 +220,9 @@ class Run:
             add("robot.link", self._note_link)
         if self.latest is not None:
             for wire in self.assembly.graph.wires:
-                add(wire, self.latest.sink(wire))
+                add(wire, self.latest.sink(wire) if wire != LOG else self.latest.hear)
+        if self.log is not None:
+            add(LOG, log_file.sink(self.log))
         return sinks
 
     def _command(self, robot: RobotDriver) -> Sink:
@@ -234,8 +264,8 @@ class Run:
         return all_of_them
 
     def _idle(self) -> Callable[[], None] | None:
-        recorder, latest, person = self.recorder, self.latest, self.person
-        if latest is None and person is None:
+        recorder, latest, person, log = self.recorder, self.latest, self.person, self.log
+        if latest is None and person is None and log is None:
             return None if recorder is None else recorder.drain
 
         def idle() -> None:
@@ -243,6 +273,8 @@ class Run:
                 person.idle(self.engine.last)
             if recorder is not None:
                 recorder.drain()
+            if log is not None:
+                log.drain()
             if latest is not None:
                 latest.idle(self.engine.last)
 
@@ -259,12 +291,29 @@ class Run:
             raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
         self.children.append(pid)
 
-        def lost(cause: str) -> None:
-            self.tell(
-                f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete"
-            )
-
+        lost = self._loss(f"RECORDING STOPPED: {path}")
         return Recorder(channel, waits=self.options.fast, tell=lost)
+
+    def _loss(self, what: str) -> Callable[[str], None]:
+        """How a file that cannot be written any longer is told: once, and in the log."""
+
+        def lost(cause: str) -> None:
+            text = f"{what}: {cause}; the run goes on, the file is incomplete"
+            self.tell(text)
+            self.operator.note(self.engine.last, "error", "engine", text)
+
+        return lost
+
+    def _say_the_end(self, ending: Ending) -> None:
+        """The last line: for files and watchers; a recording has its own record of the end."""
+        line = log_file.last_line(ending)
+        if self.log is not None:
+            self.log.record(line)
+        if self.latest is not None:
+            self.latest.hear(ending.time, line)
+        if self.station is not None:
+            blank = [None] * (len(self.assembly.graph.wires) - 1)
+            self.station.channel.record((ending.time, *blank, line))
 
     def _about(self) -> dict[str, str]:
         """What explains a recording by itself: version, files, options."""
@@ -284,6 +333,9 @@ class Run:
 
     def _close(self, ending: Ending) -> str | None:
         incomplete = None
+        self._say_the_end(ending)
+        if self.log is not None:
+            self.log.close()
         if self.recorder is not None:
             summary = {
                 "code": str(ending.code),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+from diffbotctl.config.boards import SIMULATED
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, Side
 from diffbotctl.drivers.simulated import Simulated
@@ -25,7 +26,9 @@ def simulated(configuration: Configuration, seed: int) -> Simulated:
 
 
 def board_kind(robot: Robot) -> str:
-    """`stock`, `counts` or `edges`: how this robot's board answers."""
+    """`stock`, `counts`, `edges` or `simulated`: how this robot's board answers."""
+    if robot.board.type == SIMULATED:
+        return SIMULATED
     if robot.link.protocol == "rosserial":
         return "stock"
     return "edges" if robot.board.edge_times else "counts"
@@ -49,9 +52,11 @@ def machine(robot: Robot) -> Machine:
         deadman=round(robot.board.deadman * SECOND),
         gains=(gains(drive.left), gains(drive.right)),
         reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
+        # A real board has its own beat; one that exists in the simulator alone has the file's.
+        period=round(SECOND / robot.board.telemetry) if robot.board.type == SIMULATED else None,
         falling=drive.left.encoder.edge == "falling",
         sensors=tuple(
-            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
+            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
             for name, sensor in robot.sensors.items()
         ),
     )
@@ -68,4 +73,4 @@ def world(configuration: Configuration) -> World:
     """Walls and obstacles of the pipeline."""
     walls = [Wall(*wall.start, *wall.end) for wall in configuration.world.walls]
     rounds = [Round(*obstacle.at, obstacle.radius) for obstacle in configuration.world.obstacles]
-    return World(walls, rounds)
+    return World(walls, rounds, configuration.world.field)

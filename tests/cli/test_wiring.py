@@ -312,7 +312,7 @@ def test_the_svg_is_written(tmp_path):
     assert {row[:3] for row in drawn(path.read_text())} == {row[:3] for row in BOOK}
     with pytest.raises(UserError) as told:
         run("book_2wd", "--output", str(tmp_path / "no" / "wiring.svg"))
-    assert told.value.problems[0].code == "E-FILE-WRITE"
+    assert told.value.problems[0].code == "E-OUTPUT"
 
 
 def test_the_columns_of_the_drawing_do_not_touch():
