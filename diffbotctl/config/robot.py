@@ -163,6 +163,11 @@ class Encoder(Section):
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
         "turning forward; empty: not known.",
     )  # fmt: skip
+    back_errors = Param(
+        list[float], unit="1", default=[], least=-0.4, most=0.4,
+        help="The same of the flanks seen backward, beyond their place by open_share; empty: not "
+        "known.",
+    )  # fmt: skip
     open_share = Param(
         float, unit="1", default=0.5, least=0.1, most=0.9,
         help="Open share of a pitch: how far apart the flanks seen forward and backward lie.",
@@ -275,6 +280,14 @@ class Battery(Section):
     full = Param(
         float, unit="V", none=True, default=None, above=0.0, most=60.0,
         help="Voltage of the full battery, for the wiring checks; none: not checked.",
+    )  # fmt: skip
+    pin = Param(
+        Pin, none=True, default=None,
+        help="Analog pin that reads it through a divider, or none.",
+    )  # fmt: skip
+    divider = Param(
+        float, unit="1", none=True, default=None, least=1.0, most=20.0,
+        help="Battery volts per volt at that pin; none: not known.",
     )  # fmt: skip
     low = Param(
         float, unit="V", least=0.0, default=0.0,

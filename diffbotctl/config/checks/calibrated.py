@@ -84,7 +84,7 @@ def _implausible(path: str, value: Any, stated: Any) -> str | None:
 def _unlike(case: Case, path: str) -> str | None:
     """Why a value does not go with its neighbours, or None."""
     side = next((each for each in SIDES if path.startswith(f"drive.{each}.encoder.")), None)
-    if side and path.endswith(".slot_errors"):
+    if side and path.endswith((".slot_errors", ".back_errors")):
         known = case.known(path, f"drive.{side}.encoder.slots")
         if known and len(known[0]) != known[1]:
             return f"{len(known[0])} errors for a disc with {known[1]} slots"
