@@ -44,6 +44,22 @@ CODES: dict[str, Code] = {
         a name that ends in the fingerprint of what was written. `calibrate undo` puts it back when
         the robot file is still what was written then; if you have changed it since, undoing would
         lose your changes, so it is left to you: compare the two files and copy what you want."""),
+    "E-CALIBRATE-ANSWER": _code("an answers file that cannot answer", """
+        `calibrate --answers FILE` reads what you would have typed: one question's name a line, and
+        the answer behind it; a list holds one answer for each repeat. A name answers every question
+        that begins with it, and the longest one counts. On a simulated or emulated robot
+        `{measure: tape, noise: 1 mm}` reads what the robot truly did: with a tape (lengths), a
+        protractor (headings), the eye (which wheel turned, and which way), a meter (voltages)."""),
+    "E-CALIBRATE-STOPPED": _code("a calibration that was stopped", """
+        The robot was told to stand still, and nothing of this step was written: because somebody
+        pressed a key, because the link to the board fell silent, because the board itself had
+        stopped the motors, or because something turned further than had been announced. Steps that
+        were finished before are in the robot file; begin again with the one that was stopped."""),
+    "E-CALIBRATE-ROBOT": _code("a robot that cannot be calibrated like this", """
+        The robot does not do what this step measures: a wheel that does not turn, an encoder that
+        does not answer, a scale that no tape would show. Calibrate in the order of the chain
+        (encoders, motors, distance, geometry), each of which finds the faults that would spoil the
+        next, and mend first what `calibrate encoders` names."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),

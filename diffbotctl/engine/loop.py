@@ -24,7 +24,10 @@ class Signals(Protocol):
     """Something that hears of signals: `file` is readable when `cause` has been set."""
 
     file: int
-    cause: str | None
+
+    @property
+    def cause(self) -> str | None:
+        """Why to end, once there is a reason."""
 
 
 class Ending(NamedTuple):

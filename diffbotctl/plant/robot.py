@@ -9,8 +9,9 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.messages import Duty, Encoders, Message, Volts, Wheels
-from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind, Side
+from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
+from diffbotctl.plant.hum import Hum
 from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
@@ -30,7 +31,11 @@ class Mounting(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """What the robot file says of the robot, as the plant needs it."""
+    """What the robot file says of the robot, as the plant needs it.
+
+    What is bolted and soldered (lengths, `rated`, `disc`) is what the file states; what the board
+    is told (`slots`, `gains`, `reversed`, `channels`, `sockets`) may have been calibrated.
+    """
 
     track: float  # m
     left_diameter: float  # m
@@ -43,6 +48,11 @@ class Machine(NamedTuple):
     reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
     sensors: tuple[Mounting, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
+    disc: int = 0  # slots that the file states; 0: as many as the board is told
+    # Which of the driver's outputs (0, 1: stated for left, right) the board takes for each side,
+    # and which of the encoders' sockets.
+    channels: tuple[int, int] = (0, 1)
+    sockets: tuple[int, int] = (0, 1)
 
 
 class Truth(NamedTuple):
@@ -79,7 +89,8 @@ class SimulatedRobot:
         self._chance = chance
         self.machine = machine
         self.motors = _draw_motors(machine, simulation, chance)
-        self.discs = tuple(draw_disc(simulation.encoder, machine.slots, chance) for _ in range(2))
+        slots = simulation.encoder.slots or machine.disc or machine.slots
+        self.discs = tuple(draw_disc(simulation.encoder, slots, chance) for _ in range(2))
         self.body = _draw_body(machine, simulation, chance)
         self._start = start or Pose()
         self._world = world or World()
@@ -90,15 +101,13 @@ class SimulatedRobot:
             Wheel(motor, disc, Random(seed), falling=machine.falling)
             for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
         )
-        self.board = Board(
-            self._kind, machine.gains, machine.slots, machine.glitch, machine.deadman,
-            Random(seeds[2]),
-        )  # fmt: skip
+        self._luck = Random(seeds[2])
+        self._simulation = simulation
+        self.board = self._new_board(0)
         self._sag = simulation.battery.sag
         self._outputs = _outputs(machine, simulation)
-        self._floating = tuple(
-            getattr(simulation.wiring, side) == "floating" for side in ("left", "right")
-        )
+        self._pins = _pins(machine, simulation)
+        self._hums = _hums(simulation, chance)
         self.now = 0
         self._next_step = STEP
         self._next_frame = self._kind.period
@@ -106,6 +115,24 @@ class SimulatedRobot:
         self._pushes = (0.0, 0.0)
         sees = not self._world.empty
         self._next_look = min([s.due for _, s in self._sensors], default=NEVER) if sees else NEVER
+
+    def rewire(self, machine: Machine) -> None:
+        """Restart the board with other settings: what it is told of `machine` counts, no more."""
+        self._move(self.now)
+        self.machine = machine
+        self.board = self._new_board(self.board.boot + 1)
+        self._outputs = _outputs(machine, self._simulation)
+        self._pins = _pins(machine, self._simulation)
+        self._waiting.clear()
+        self._push()
+
+    def turn_by_hand(self, wheel: int, angle: float, speed: float) -> int:
+        """A hand turns a wheel (0 left, 1 right) by `angle` rad from now on, at `speed` rad/s.
+
+        Returns when it will be done, ns.
+        """
+        self._move(self.now)
+        return self.wheels[wheel].turn_by_hand(angle, speed)
 
     def due(self) -> int:
         """When the next message arrives at the host, as far as it is known; never in the past."""
@@ -159,8 +186,7 @@ class SimulatedRobot:
         rises: list[tuple[int, int]] = []
         for number, wheel in enumerate(self.wheels):
             found = wheel.advance(until, self._pushes[number])
-            if not self._floating[number]:
-                rises += [(time, number) for time in found]
+            rises += [(time, self._socket(number)) for time in self._seen(number, found, until)]
         self._roll()
         if until >= self._next_look:
             self._look(until)
@@ -190,13 +216,13 @@ class SimulatedRobot:
 
     def _move(self, until: int) -> None:
         """Turn the wheels until `until`; the board hears of the edges, the body is not rolled."""
-        left, right = self.wheels
-        a, b = self.board.sides
-        to_left, to_right = self._pushes
-        for time in left.advance(until, to_left):
-            self._pin(a, 0, time)
-        for time in right.advance(until, to_right):
-            self._pin(b, 1, time)
+        for number, wheel in enumerate(self.wheels):
+            found = wheel.advance(until, self._pushes[number])
+            if found or self._hums:
+                side = self._pins[number]
+                for time in self._seen(number, found, until):
+                    if side is not None:
+                        self.board.edge(self.board.sides[side], time)
 
     def _roll(self) -> None:
         left, right = self.wheels
@@ -204,7 +230,7 @@ class SimulatedRobot:
 
     def _push(self) -> None:
         """Find the share of the battery's rest voltage at each motor, forward positive."""
-        a, b = self.board.sides
+        a, b = (self.board.sides[side] for side in self.machine.channels)
         self._pushes = self._shares(a.duty, b.duty)
 
     def _shares(self, left: float, right: float) -> tuple[float, float]:
@@ -214,9 +240,21 @@ class SimulatedRobot:
         (ll, lr), (rl, rr) = self._outputs
         return (supply * (ll * left + lr * right), supply * (rl * left + rr * right))
 
-    def _pin(self, side: Side, number: int, time: int) -> None:
-        if not self._floating[number]:
-            self.board.edge(side, time)
+    def _socket(self, wheel: int) -> int:
+        """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
+        return 1 - wheel if self._simulation.wiring.encoders == "swapped" else wheel
+
+    def _seen(self, wheel: int, edges: Sequence[int], until: int) -> Sequence[int]:
+        """The edges at the wire of a wheel's encoder, of which the wheel truly made `edges`."""
+        hum = self._hums.get(wheel)
+        return edges if hum is None else hum.edges(until)
+
+    def _new_board(self, boot: int) -> Board:
+        machine = self.machine
+        return Board(
+            self._kind, machine.gains, machine.slots, machine.glitch, machine.deadman,
+            self._luck, boot, getattr(self, "now", 0),
+        )  # fmt: skip
 
     def _sample(self, now: int) -> None:
         kind = self._kind
@@ -297,7 +335,7 @@ def _outputs(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """How each motor (row) follows each driver output (column): 1, -1, or 0 for not at all.
 
-    The robot file's `reversed` undoes leads that are soldered the other way round.
+    What the board is told as `reversed` undoes leads that are soldered the other way round.
     """
     wiring = (simulation.wiring.left, simulation.wiring.right)
     table = [[0.0, 0.0], [0.0, 0.0]]
@@ -306,9 +344,34 @@ def _outputs(
             continue
         output = 1 - motor if wiring[motor] == "swapped" else motor
         leads = -1.0 if wiring[motor] == "reversed" else 1.0
-        undone = -1.0 if machine.reversed[output] else 1.0
-        table[motor][output] = leads * undone
+        side = machine.channels[output]
+        table[motor][output] = -leads if machine.reversed[side] else leads
     return (table[0][0], table[0][1]), (table[1][0], table[1][1])
+
+
+def _pins(machine: Machine, simulation: Simulation) -> tuple[int | None, int | None]:
+    """Which side of the board hears the encoder of each wheel, None for neither."""
+    crossed = simulation.wiring.encoders == "swapped"
+    found: list[int | None] = []
+    for wheel in (0, 1):
+        socket = 1 - wheel if crossed else wheel
+        sides = [side for side in (0, 1) if machine.sockets[side] == socket]
+        found.append(sides[0] if sides else None)
+    return found[0], found[1]
+
+
+def _hums(simulation: Simulation, chance: Random) -> dict[int, Hum]:
+    """What the wires of encoders carry that tell nothing of their wheel."""
+    wiring = simulation.wiring
+    found = {}
+    for wheel, (motor, encoder) in enumerate(
+        ((wiring.left, wiring.left_encoder), (wiring.right, wiring.right_encoder))
+    ):
+        if encoder == "dead":
+            found[wheel] = Hum(None)
+        elif "floating" in (motor, encoder):
+            found[wheel] = Hum(Random(chance.getrandbits(64)))
+    return found
 
 
 __all__ = ["NEVER", "Disc", "Machine", "Mounting", "SimulatedRobot", "Truth"]

@@ -92,6 +92,22 @@ class EncoderTruth(Section):
         most=2e-3,
         help="Standard deviation of the delay of an edge.",
     )
+    slots = Param(
+        int,
+        none=True,
+        default=None,
+        least=1,
+        most=4096,
+        help="Slots that the discs truly have; none: as many as the robot file states.",
+    )
+    bounce = Param(
+        float,
+        default=0.0,
+        unit="s",
+        least=0.0,
+        most=0.01,
+        help="How long a flank chatters before it settles, at most; 0: not at all.",
+    )
 
 
 class GeometryTruth(Section):
@@ -133,6 +149,24 @@ class WiringTruth(Section):
         default="plain",
         choices=("plain", "reversed", "swapped", "dead", "floating"),
         help="Right side: motor leads, motors exchanged, motor dead, encoder pin floating.",
+    )
+    encoders = Param(
+        str,
+        default="plain",
+        choices=("plain", "swapped"),
+        help="Whether the plugs of the two encoders were exchanged.",
+    )
+    left_encoder = Param(
+        str,
+        default="plain",
+        choices=("plain", "dead", "floating"),
+        help="The encoder at the left wheel: its light barrier dead, or its wire off.",
+    )
+    right_encoder = Param(
+        str,
+        default="plain",
+        choices=("plain", "dead", "floating"),
+        help="The encoder at the right wheel: its light barrier dead, or its wire off.",
     )
 
 

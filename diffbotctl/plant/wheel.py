@@ -71,8 +71,8 @@ class Wheel:
 
     __slots__ = (
         "_ahead", "_angle", "_begun", "_behind", "_chance", "_counted", "_disc", "_end", "_fade",
-        "_flank", "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale",
-        "_settled",
+        "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple",
+        "_scale", "_settled",
         "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
@@ -94,6 +94,7 @@ class Wheel:
         self._flank = bisect_right(disc.flanks, disc.start)
         self._behind: float
         self._ahead: float
+        self._hand = (0, 0.0)  # until when (ns) a hand turns it, and at which rad/s
         self._bracket()
         while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
             self._flank += 1
@@ -104,6 +105,13 @@ class Wheel:
     def level(self) -> int:
         """Level of the pin: 1 while a slot lies open, which it does after an odd flank."""
         return self._flank % 2
+
+    def turn_by_hand(self, angle: float, speed: float) -> int:
+        """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
+        until = self.now + round(abs(angle) / speed * SECOND)
+        self._hand = (until, speed if angle > 0.0 else -speed)
+        self._begin()
+        return until
 
     def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
@@ -127,6 +135,11 @@ class Wheel:
         now, angle, speed, push = self.now, self.angle, self.speed, self.duty
         self._begun, self._angle = now, angle
         self._halts = False
+        if now < self._hand[0]:
+            self._settled, self._over = self._hand[1], 0.0
+            self._end = min(self._hand[0], (now // GRID + 1) * GRID)
+            self._halts = self._end == self._hand[0]
+            return
         start = self.motor.start
         if speed == 0.0 and -start <= push <= start:
             self._settled = self._over = 0.0

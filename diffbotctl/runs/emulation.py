@@ -13,6 +13,7 @@ from diffbotctl.links import diffbot_settings
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.world import World
 from diffbotctl.runs.simulation import board_kind, gains, machine, world
 
 SECOND = 1_000_000_000
@@ -76,11 +77,17 @@ def emulated(configuration: Configuration, seed: int) -> Emulated:
 
     Raises EmulatorError naming the Debian packages when the emulator cannot be built.
     """
-    robot = configuration.nominal
-    assert robot is not None
+    robot, nominal = configuration.robot, configuration.nominal
+    assert robot is not None and nominal is not None
+    board = emulated_board(nominal, seed, world(configuration))
+    return Emulated(board, DiffbotHost(settings_of(robot)))
+
+
+def emulated_board(nominal: Robot, seed: int, around: World | None = None) -> EmulatedBoard:
+    """A board wired to its plant as the robot file states. Raises EmulatorError."""
     plant = SimulatedRobot(
-        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
+        board_kind(nominal), machine(nominal), nominal.simulation, Random(seed), around
     )
-    settings = settings_of(robot)
-    motors = [(s.enable, s.in1, s.in2) for s in (settings.left, settings.right)]
-    return Emulated(EmulatedBoard(plant, settings, Emulator(motors)), DiffbotHost(settings))
+    settings = settings_of(nominal)
+    motors = [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
+    return EmulatedBoard(plant, settings, Emulator(motors))

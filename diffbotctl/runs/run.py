@@ -168,7 +168,7 @@ class Run:
             from diffbotctl.runs.emulation import emulated  # needs a compiler: only when asked
 
             return emulated(self.configuration, self.options.seed)
-        return serial_robot(self.configuration, self.options.port, self.tell)
+        return serial_robot(self.configuration.robot, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks: dict[str, list[Sink]] = {}

@@ -16,12 +16,17 @@ SECOND = 1_000_000_000
 
 def simulated(configuration: Configuration, seed: int) -> Simulated:
     """The simulated robot of a configuration, drawn by `seed` from its `simulation` section."""
-    robot = configuration.nominal
-    assert robot is not None
-    plant = SimulatedRobot(
-        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
-    )
+    robot, nominal = configuration.robot, configuration.nominal
+    assert robot is not None and nominal is not None
+    plant = drawn(robot, nominal, seed, world(configuration))
     return Simulated(plant, takes_duty(robot))
+
+
+def drawn(robot: Robot, nominal: Robot, seed: int, around: World | None = None) -> SimulatedRobot:
+    """The plant of a robot: it is what the file states, its board is told what was calibrated."""
+    return SimulatedRobot(
+        board_kind(robot), machine(robot, nominal), nominal.simulation, Random(seed), around
+    )
 
 
 def board_kind(robot: Robot) -> str:
@@ -36,14 +41,18 @@ def takes_duty(robot: Robot) -> bool:
     return robot.link.protocol == "rosserial"
 
 
-def machine(robot: Robot) -> Machine:
-    """What the plant must know of the robot file."""
+def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
+    """What the plant must know: `nominal` is how the robot was built, `robot` what is told of it.
+
+    Without `nominal` nothing was calibrated.
+    """
+    built = (nominal or robot).drive
     drive = robot.drive
     return Machine(
-        track=drive.track,
-        left_diameter=drive.left.wheel.diameter,
-        right_diameter=drive.right.wheel.diameter,
-        rated=drive.left.motor.rated,
+        track=built.track,
+        left_diameter=built.left.wheel.diameter,
+        right_diameter=built.right.wheel.diameter,
+        rated=built.left.motor.rated,
         slots=drive.left.encoder.slots,
         glitch=round(drive.left.encoder.glitch * SECOND),
         deadman=round(robot.board.deadman * SECOND),
@@ -54,7 +63,16 @@ def machine(robot: Robot) -> Machine:
             Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
             for name, sensor in robot.sensors.items()
         ),
+        disc=built.left.encoder.slots,
+        channels=_crossed(drive.left.motor.enable, built.right.motor.enable),
+        sockets=_crossed(drive.left.encoder.pin, built.right.encoder.pin),
     )
+
+
+def _crossed(told: object, built: object) -> tuple[int, int]:
+    """Which stated side's pins each side of the board takes: exchanged when the left is told
+    what was stated for the right."""
+    return (1, 0) if str(told) == str(built) else (0, 1)
 
 
 def gains(side: Side) -> Gains:
