@@ -29,7 +29,7 @@ This path is for ours, which stops by itself when the host falls silent. Say
 link: {{protocol: diffbot}} in the file, and start again."""
 END = """\
 That is the whole path. From here:
-    diffbotctl calibrate --help      make its distances and turns true
+    diffbotctl calibrate show        what was measured, and what was not
     diffbotctl run square --robot {robot} --port {port}
     diffbotctl why                   whenever it stands and you wonder"""
 
@@ -162,22 +162,29 @@ class Walk:
               backup=None, image=None, yes=True)  # fmt: skip
 
     def _wheels(self) -> None:
-        from diffbotctl.start.board import check_wheel, reverse, say_polarity
-        from diffbotctl.start.wheels import OTHER
-
         if self._file().robot.drive.polarity != "unproven":
             click.echo("  Its file says that this was seen before.")
             return
         self.attendant.agree("lifted")
-        for side in OTHER:
-            for last in (False, True):
-                click.echo(f"  The {side.upper()} wheel turns now.")
-                kind = check_wheel(self.port, self._file().robot, side, self.attendant.ask)
-                if kind == "fine":
-                    break
-                reverse(self._path(), side, last)
-                click.echo(f"  It turned backward: reversed is now the other way in {self.robot}.")
-        say_polarity(self._path())
+        self._calibrate("encoders", rolls=0)
+
+    def _motors(self) -> None:
+        if self._is_calibrated("drive.left.motor.lag"):
+            return
+        self.attendant.agree("lifted")
+        self._calibrate("motors")
+
+    def _measure(self) -> None:
+        if self._is_calibrated("drive.track"):
+            return
+        if self.attendant.ask("measure") == "later":
+            click.echo(
+                "  Later, then: diffbotctl calibrate distance; diffbotctl calibrate geometry"
+            )
+            return
+        self.attendant.agree("floor")
+        self._calibrate("distance")
+        self._calibrate("geometry")
 
     def _metre(self) -> None:
         self.attendant.agree("floor")
@@ -195,9 +202,18 @@ class Walk:
 
         return load_robot(self.robot)
 
-    def _path(self) -> Path:
-        assert self.robot is not None
-        return Path(self.robot)
+    def _is_calibrated(self, field: str) -> bool:
+        known = field in self._file().robot.calibration
+        if known:
+            click.echo("  Its file says that this was calibrated before.")
+        return known
+
+    def _calibrate(self, step: str, **settings: object) -> None:
+        from diffbotctl.cli.calibrate_steps import Wanted, run
+
+        answers = self.attendant.file
+        wanted = Wanted(self.robot, self.port, 0, answers, answers is not None, False)
+        run([step], wanted, **settings)
 
     def _run(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run

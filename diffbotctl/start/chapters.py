@@ -43,9 +43,21 @@ CHAPTERS = (
     ),
     Chapter(
         "wheels",
-        "The wheels, lifted",
-        "each wheel turns by itself for a moment, and you say which way",
-        "motors and encoders are wired as {robot} says, and turn the right way",
+        "Which wheel is which",
+        "each motor gets short pulses, the wheels lifted, and you say what turned",
+        "motors and encoders are what {robot} says, and both wheels turn the right way",
+    ),
+    Chapter(
+        "motors",
+        "How the motors follow",
+        "the wheels, still lifted, turn at several speeds; about a minute, nothing to do",
+        "the speed loops in {robot} are those of your motors",
+    ),
+    Chapter(
+        "measure",
+        "How large the wheels are",
+        "a metre by the tape, and squares: half an hour, which may wait",
+        "`diffbotctl calibrate show` lists what was measured, and what was not",
     ),
     Chapter(
         "metre",

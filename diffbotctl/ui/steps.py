@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.step import Progress as Done
 
 
-
 class StepScreen:
     """A terminal; without one, plain lines and no bar."""
 
