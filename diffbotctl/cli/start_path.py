@@ -158,8 +158,8 @@ class Walk:
             return
         click.echo("  It does not run our firmware. What is on it now will be written over.")
         self.attendant.agree("lifted")
-        _call(flash, what="firmware", port=self.port, robot=self.robot, programmer="built-in",
-              backup=None, image=None, yes=True)  # fmt: skip
+        words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
+        _typed(flash, *words)
 
     def _wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":
@@ -219,15 +219,14 @@ class Walk:
         from diffbotctl.cli import run
 
         watched = sys.stdout.isatty() and self.attendant.is_person
-        code = _call(
-            run, pipeline=pipeline, robot=self.robot, port=port, goals=(), sets=(), seed=0,
-            fast=not watched, duration=None, record=None, digest=False, stay=False, name=None,
-            group=None, no_socket=False, quiet=not watched,
-        )  # fmt: skip
+        words = [pipeline, "--port", port]
+        words += [] if self.robot is None else ["--robot", self.robot]
+        words += [] if watched else ["--fast", "--quiet"]
+        code = _typed(run, *words)
         if code:
             raise click.ClickException("it did not get there; start again when that is mended")
 
 
-def _call(module: Any, **arguments: Any) -> int:
-    """A command's own function, as typed at the prompt."""
-    return int(module.command.callback(**arguments) or 0)
+def _typed(module: Any, *words: str) -> int:
+    """A command's own function, as typed at the prompt. Returns its exit code."""
+    return int(module.command.main(words, standalone_mode=False) or 0)
