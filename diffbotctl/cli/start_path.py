@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from diffbotctl.start.record import Record
 
 NEW_ROBOT = "my_robot"
+# What each further step of the calibration finds, and its file knows once it is done.
+MEASURED = {
+    "motors": "drive.left.motor.lag",
+    "distance": "drive.left.wheel.diameter",
+    "geometry": "drive.track",
+}
 NO_BOARD = """\
 No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
 here. `diffbotctl wiring` draws what else is connected to it; without a board,
@@ -168,23 +174,18 @@ class Walk:
         self.attendant.agree("lifted")
         self._calibrate("encoders", rolls=0)
 
-    def _motors(self) -> None:
-        if self._is_calibrated("drive.left.motor.lag"):
-            return
-        self.attendant.agree("lifted")
-        self._calibrate("motors")
-
     def _measure(self) -> None:
-        if self._is_calibrated("drive.track"):
+        left = [step for step, field in MEASURED.items() if not self._is_known(field)]
+        if not left:
+            click.echo("  Its file says that all of it was measured before.")
             return
-        if self.attendant.ask("measure") == "later":
-            click.echo(
-                "  Later, then: diffbotctl calibrate distance; diffbotctl calibrate geometry"
-            )
-            return
-        self.attendant.agree("floor")
-        self._calibrate("distance")
-        self._calibrate("geometry")
+        answer = self.attendant.ask("measure")
+        for step in left:
+            if answer == "later" or (answer == "motors" and step != "motors"):
+                click.echo(f"  Later, then: diffbotctl calibrate {step}")
+                continue
+            self.attendant.agree("lifted" if step == "motors" else "floor")
+            self._calibrate(step)
 
     def _metre(self) -> None:
         self.attendant.agree("floor")
@@ -202,11 +203,8 @@ class Walk:
 
         return load_robot(self.robot)
 
-    def _is_calibrated(self, field: str) -> bool:
-        known = field in self._file().robot.calibration
-        if known:
-            click.echo("  Its file says that this was calibrated before.")
-        return known
+    def _is_known(self, field: str) -> bool:
+        return field in self._file().robot.calibration
 
     def _calibrate(self, step: str, **settings: object) -> None:
         from diffbotctl.cli.calibrate_steps import Wanted, run

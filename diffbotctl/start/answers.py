@@ -36,8 +36,9 @@ QUESTIONS = {
         ),
         Question(
             "measure",
-            "Measure how large the wheels are and how far apart? It needs a tape and half an hour.",
-            ("now", "later"),
+            "Measure now: all, which needs a tape and half an hour; the motors alone, which needs "
+            "two minutes and nothing; or later?",
+            ("all", "motors", "later"),
         ),
         Question(
             "floor",

@@ -48,15 +48,9 @@ CHAPTERS = (
         "motors and encoders are what {robot} says, and both wheels turn the right way",
     ),
     Chapter(
-        "motors",
-        "How the motors follow",
-        "the wheels, still lifted, turn at several speeds; about a minute, nothing to do",
-        "the speed loops in {robot} are those of your motors",
-    ),
-    Chapter(
         "measure",
-        "How large the wheels are",
-        "a metre by the tape, and squares: half an hour, which may wait",
+        "What motors and wheels really are",
+        "the motors by themselves (2 minutes), the wheels with a tape (half an hour); it may wait",
         "`diffbotctl calibrate show` lists what was measured, and what was not",
     ),
     Chapter(
