@@ -304,16 +304,11 @@ CODES: dict[str, Code] = {
         it would garble both. Pins 0 and 1 always belong to the USB port."""),
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
-    "E-START-WIRING": _code("a wheel or its encoder is not wired as the file says", """
-        Each wheel was turned alone, with the wheels lifted, and what the two encoders counted does
-        not go with what you saw. The message names the wires between board, driver, motor and
-        encoder; `diffbotctl wiring` draws them all.
-
-        Mend the wires, or the pins in the robot file, and start again: the path goes on here."""),
     "E-START-ANSWER": _code("a question of the guided path without an answer", """
         The answers file is a list of questions and answers, one a line, such as `lifted: yes`; or
-        nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, left_wheel,
-        right_wheel and floor. Names with a dot are questions of the calibration."""),
+        nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, measure
+        and floor. Names that begin with a calibration's step, such as encoders.wheel, are asked by
+        `diffbotctl calibrate`."""),
     "E-SERVICE-GOALS": _code("a service that would drive off by itself", """
         What a service starts, it starts whenever the machine starts, or the board is plugged in
         again: nobody stands beside the robot then. So it must wait for somebody's word.

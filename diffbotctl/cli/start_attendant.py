@@ -10,6 +10,8 @@ import click
 from diffbotctl.start.answers import QUESTIONS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from diffbotctl.start.answers import Answers
 
 
@@ -28,6 +30,11 @@ class Attendant:
     def is_person(self) -> bool:
         """True when no file answers."""
         return self._answers is None
+
+    @property
+    def file(self) -> Path | None:
+        """The answers file."""
+        return None if self._answers is None else self._answers.path
 
     def agree(self, name: str) -> None:
         """Have something agreed to, once a visit. Raises Enough when it is not."""

@@ -18,10 +18,17 @@ if TYPE_CHECKING:
     from diffbotctl.start.record import Record
 
 NEW_ROBOT = "my_robot"
+# What each further step of the calibration finds, and its file knows once it is done.
+MEASURED = {
+    "motors": "drive.left.motor.lag",
+    "distance": "drive.left.wheel.diameter",
+    "geometry": "drive.track",
+}
 NO_BOARD = """\
 No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
-here. `diffbotctl wiring` draws what else is connected to it; without a board,
-`diffbotctl emulate` makes one to try all this on: diffbotctl start --port PORT"""
+here. If one is plugged in, `diffbotctl ports` says why it is not seen; `diffbotctl wiring` draws
+what else is connected to it. Without a board, `diffbotctl emulate` makes one to try all this on:
+diffbotctl start --port PORT"""
 STOCK = """\
 {robot} says link: {{protocol: rosserial}}: the board keeps the book's firmware. It drives as it is:
     diffbotctl run goal --robot {robot} --port {port}
@@ -29,7 +36,7 @@ This path is for ours, which stops by itself when the host falls silent. Say
 link: {{protocol: diffbot}} in the file, and start again."""
 END = """\
 That is the whole path. From here:
-    diffbotctl calibrate --help      make its distances and turns true
+    diffbotctl calibrate show        what was measured, and what was not
     diffbotctl run square --robot {robot} --port {port}
     diffbotctl why                   whenever it stands and you wonder"""
 
@@ -162,22 +169,24 @@ class Walk:
         _typed(flash, *words)
 
     def _wheels(self) -> None:
-        from diffbotctl.start.board import check_wheel, reverse, say_polarity
-        from diffbotctl.start.wheels import OTHER
-
         if self._file().robot.drive.polarity != "unproven":
             click.echo("  Its file says that this was seen before.")
             return
         self.attendant.agree("lifted")
-        for side in OTHER:
-            for last in (False, True):
-                click.echo(f"  The {side.upper()} wheel turns now.")
-                kind = check_wheel(self.port, self._file().robot, side, self.attendant.ask)
-                if kind == "fine":
-                    break
-                reverse(self._path(), side, last)
-                click.echo(f"  It turned backward: reversed is now the other way in {self.robot}.")
-        say_polarity(self._path())
+        self._calibrate("encoders", rolls=0)
+
+    def _measure(self) -> None:
+        left = [step for step, field in MEASURED.items() if not self._is_known(field)]
+        if not left:
+            click.echo("  Its file says that all of it was measured before.")
+            return
+        answer = self.attendant.ask("measure")
+        for step in left:
+            if answer == "later" or (answer == "motors" and step != "motors"):
+                click.echo(f"  Later, then: diffbotctl calibrate {step}")
+                continue
+            self.attendant.agree("lifted" if step == "motors" else "floor")
+            self._calibrate(step)
 
     def _metre(self) -> None:
         self.attendant.agree("floor")
@@ -195,9 +204,15 @@ class Walk:
 
         return load_robot(self.robot)
 
-    def _path(self) -> Path:
-        assert self.robot is not None
-        return Path(self.robot)
+    def _is_known(self, field: str) -> bool:
+        return field in self._file().robot.calibration
+
+    def _calibrate(self, step: str, **settings: object) -> None:
+        from diffbotctl.cli.calibrate_steps import Wanted, run
+
+        answers = self.attendant.file
+        wanted = Wanted(self.robot, self.port, 0, answers, answers is not None, False)
+        run([step], wanted, **settings)
 
     def _run(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run

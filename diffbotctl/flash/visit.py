@@ -10,7 +10,7 @@ from diffbotctl.drivers.port import OpenPort
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.flash.events import Said
 from diffbotctl.links.diffbot import UP, DiffbotHost
-from diffbotctl.messages import Message, Text
+from diffbotctl.messages import Text
 
 SECOND = 1_000_000_000
 LOOK = 0.05  # s between two looks at a silent port
@@ -21,8 +21,6 @@ class Visit:
 
     def __init__(self, port: OpenPort, host: DiffbotHost) -> None:
         self.port, self.host = port, host
-        self.heard: dict[str, Message] = {}
-        """the last message of each output of the board"""
         self._start = time.monotonic_ns()
         self._unsent = b""
         host.opened(0)
@@ -56,8 +54,7 @@ class Visit:
         wait = min(wait, max(host.due() - self.now, 0) / SECOND)
         select.select([self.port.fd], [], [], wait)
         data = self.port.read()
-        for port, heard in host.receive(self.now, data) + host.timed(self.now):
-            self.heard[port] = heard
+        for _port, heard in host.receive(self.now, data) + host.timed(self.now):
             if isinstance(heard, Text):
                 yield Said(heard.text)
         self.port.change_baud(host.baud)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import yaml
 
+from diffbotctl.calibrate.order import STEPS
 from diffbotctl.errors import Problem, UsageError, listed, nearest
-from diffbotctl.start.wheels import ANSWERS
 
 EXAMPLE = "write one a line, such as `lifted: yes`"
 
@@ -34,8 +34,12 @@ QUESTIONS = {
             "lifted",
             "Are the wheels in the air, so that they can turn without moving the robot?",
         ),
-        Question("left_wheel", "Which way did the LEFT wheel turn?", ANSWERS),
-        Question("right_wheel", "Which way did the RIGHT wheel turn?", ANSWERS),
+        Question(
+            "measure",
+            "Measure now: all, which needs a tape and half an hour; the motors alone, which needs "
+            "two minutes and nothing; or later?",
+            ("all", "motors", "later"),
+        ),
         Question(
             "floor",
             "Does it stand on the floor, with 1.5 m free ahead and 1 m to its left, and can you "
@@ -54,7 +58,7 @@ class Answers:
         self._answers = _read(path)
         self._asked: dict[str, int] = {}
         for name in self._answers:
-            if name not in QUESTIONS and "." not in name:  # those belong to the calibration
+            if name not in QUESTIONS and name.partition(".")[0] not in STEPS:
                 near = nearest(name, list(QUESTIONS)) or listed(list(QUESTIONS), "or")
                 raise self._trouble(f"'{name}' is never asked", f"did you mean {near}?")
 

@@ -43,9 +43,15 @@ CHAPTERS = (
     ),
     Chapter(
         "wheels",
-        "The wheels, lifted",
-        "each wheel turns by itself for a moment, and you say which way",
-        "motors and encoders are wired as {robot} says, and turn the right way",
+        "Which wheel is which",
+        "each motor gets short pulses, the wheels lifted, and you say what turned",
+        "motors and encoders are what {robot} says, and both wheels turn the right way",
+    ),
+    Chapter(
+        "measure",
+        "What motors and wheels really are",
+        "the motors by themselves (2 minutes), the wheels with a tape (half an hour); it may wait",
+        "`diffbotctl calibrate show` lists what was measured, and what was not",
     ),
     Chapter(
         "metre",

@@ -17,12 +17,10 @@ def answers(tmp_path):
 
 
 def test_words_stay_words_and_lists_answer_in_turn(answers):
-    found = answers(
-        "lifted: yes\nleft_wheel: [backward, forward]\nencoders.wheel: {measure: eye}\n"
-    )
+    found = answers("lifted: yes\nmeasure: [later, all]\nencoders.wheel: {measure: eye}\n")
     assert found.answer(QUESTIONS["lifted"]) == "yes"
-    asked = [found.answer(QUESTIONS["left_wheel"]) for _ in range(2)]
-    assert asked == ["backward", "forward"]
+    asked = [found.answer(QUESTIONS["measure"]) for _ in range(2)]
+    assert asked == ["later", "all"]
 
 
 @pytest.mark.parametrize(
@@ -30,8 +28,9 @@ def test_words_stay_words_and_lists_answer_in_turn(answers):
     [
         ("lifted: yes\n", "floor", "add a line: floor: yes"),
         ("lifted: maybe\n", "lifted", "say yes or no"),
-        ("left_wheel: [forward]\n", "left_wheel", "''"),  # asked twice, answered once
+        ("measure: [later]\n", "measure", "''"),  # asked twice, answered once
         ("liftet: yes\n", "lifted", "did you mean lifted?"),
+        ("wheels.left: yes\n", "lifted", "never asked"),
         ("- lifted\n", "lifted", "no list of questions"),
         ("{", "lifted", "cannot be read"),
     ],

@@ -14,7 +14,13 @@ from tests.terminal import Terminal
 from tests.virtual_board import LONGEST, board, command
 
 ROOT = Path(__file__).parents[2]
-ALL = "lifted: yes\nleft_wheel: forward\nright_wheel: forward\nfloor: yes\n"
+ALL = """\
+lifted: yes
+encoders.wheel: [left forward, right forward]
+encoders.proof: both forward
+measure: later
+floor: yes
+"""
 
 
 class Person:
@@ -61,7 +67,7 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     assert "No board is plugged in" in said
     assert person.done() == ["simulated", "robot"]
     code, said = person.types("start", "--status")
-    assert "done   2 of 7" in said and "next   3 of 7" in said
+    assert "done   2 of 8" in said and "next   3 of 8" in said
 
 
 def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
@@ -78,8 +84,8 @@ def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
         # wheels before has moved it too, and where it stands says little.
         assert truth.travel > 2.0
         code, said = person.types("start", *ports)  # nobody answers, and nobody is asked
-        assert (code, said.count("done ")) == (0, 7)
-    assert person.robot().drive.polarity == "by_hand"
+        assert (code, said.count("done ")) == (0, 8)
+    assert person.robot().drive.polarity == "calibrated"
     assert "# by_hand once" in (person.folder / "robots/my_robot.yaml").read_text()
 
 
@@ -96,55 +102,28 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
         code, said = person.types(*words, answers=ALL)
         assert code == 0, said
         assert person.done()[-1] == "goal"
-        assert "5 of 7  The wheels" in said and "2 of 7  Your robot's file\n" not in said
+        assert "5 of 8  Which wheel" in said and "2 of 8  Your robot's file\n" not in said
 
 
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
     with board(image=IMAGE) as virtual:
-        answers = ALL.replace("left_wheel: forward", "left_wheel: [backward, forward]")
-        answers = answers.replace("floor: yes", "floor: no")
+        answers = ALL.replace("[left forward,", "[left backward,").replace(
+            "floor: yes", "floor: no"
+        )
         code, said = person.types("start", "--port", virtual.usb, answers=answers)
     assert code == 0, said
-    assert said.count("The LEFT wheel turns now") == 2
     drive = person.robot().drive
-    assert (drive.left.motor.reversed, drive.polarity) == (False, "by_hand")  # it was true
+    assert (drive.left.motor.reversed, drive.polarity) == (False, "calibrated")  # it was true
 
 
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        ("still", "is the battery on"),
-        ("other wheel", "exchange the two motors"),
-        ("[backward, backward]", "it still turns backward"),
-    ],
-)
-def test_a_wheel_that_is_wired_wrongly_stops_the_path(person, answer, words):
+def test_a_wheel_that_stands_still_stops_the_path(person):
     with board(image=IMAGE) as virtual:
-        answers = ALL.replace("left_wheel: forward", f"left_wheel: {answer}")
+        answers = ALL.replace("[left forward,", "[none, none,")
         code, said = person.types("start", "--port", virtual.usb, answers=answers)
     assert code == 1
-    assert "E-START-WIRING" in said and words in said
+    assert "E-CALIBRATE-ROBOT" in said
     assert person.done()[-1] == "firmware"
     assert person.robot().drive.polarity == "unproven"
-
-
-SWAPPED = """\
-format: 1
-kind: robot
-include: book_2wd
-simulation: {wiring: {left: swapped, right: swapped}}
-"""
-
-
-def test_motors_that_are_exchanged_are_seen_by_the_counts_as_well_as_by_the_eye(person):
-    wrong = person.folder / "wrong.yaml"
-    wrong.write_text(SWAPPED)
-    for answer, words in (("other wheel", "exchange the two motors"), ("forward", "OUT wires")):
-        with board(image=IMAGE, robot=wrong) as virtual:
-            answers = ALL.replace("left_wheel: forward", f"left_wheel: {answer}")
-            code, said = person.types("start", "--port", virtual.usb, answers=answers)
-        assert code == 1
-        assert words in said  # who looks wrongly is told what the counts can mean
 
 
 def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
@@ -163,13 +142,10 @@ def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
             terminal.type("perhaps\n")  # is asked again
             terminal.until(lambda text: "Error" in text)
             terminal.type("yes\n")
-            for side in ("LEFT", "RIGHT"):
-                terminal.until(lambda text, side=side: f"did the {side} wheel turn" in text)
-                terminal.type("forward\n")
-            terminal.until(lambda text: "Does it stand on the floor" in text)
-            terminal.type("no\n")
-            assert terminal.ended() == 0
-        assert person.done()[-1] == "wheels"
+            terminal.until(lambda text: "Press Enter to begin" in text)
+            terminal.type("no\n")  # to what would move
+            assert terminal.ended() == 1
+        assert person.done()[-1] == "firmware"
 
 
 def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
@@ -205,8 +181,8 @@ def test_a_shipped_robot_is_copied_and_known_again_by_its_name(person):
     assert (person.folder / "robots/book_2wd_counts.yaml").is_file()
     for name in ("book_2wd_counts", "./robots/book_2wd_counts.yaml"):
         code, said = person.types("start", "--robot", name, "--status")
-        assert "done   2 of 7" in said
+        assert "done   2 of 8" in said
     code, said = person.types("start", "--robot", "book_2wd", "--status")
-    assert "next   2 of 7" in said  # another robot: only the simulated goal counts
+    assert "next   2 of 8" in said  # another robot: only the simulated goal counts
     code, said = person.types("start", "--robot", "bok_2wd")
     assert code == 2 and "did you mean book_2wd" in said
