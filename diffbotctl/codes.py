@@ -122,6 +122,9 @@ CODES: dict[str, Code] = {
 
         Check the spelling and the folder you are in (`pwd`, `ls`). For a permission, `ls -l FILE`
         shows who may read it."""),
+    "E-FILE-WRITE": _code("a file cannot be written", """
+        The folder is not there, is not yours, or the disc is full; or there is a file of that name
+        already, and nothing of yours is ever written over."""),
     "E-FILE-NAME": _code("no file of that name", """
         A name such as `goal` is looked up as ./pipelines/goal.yaml, then among the pipelines that
         are shipped with diffbotctl; robots likewise in ./robots. Neither has it.
@@ -301,6 +304,43 @@ CODES: dict[str, Code] = {
         it would garble both. Pins 0 and 1 always belong to the USB port."""),
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
+    "E-START-ANSWER": _code("a question of the guided path without an answer", """
+        The answers file is a list of questions and answers, one a line, such as `lifted: yes`; or
+        nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, measure
+        and floor. Names that begin with a calibration's step, such as encoders.wheel, are asked by
+        `diffbotctl calibrate`."""),
+    "E-SERVICE-GOALS": _code("a service that would drive off by itself", """
+        What a service starts, it starts whenever the machine starts, or the board is plugged in
+        again: nobody stands beside the robot then. So it must wait for somebody's word.
+
+        `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
+        """),
+    "E-WIRING-NONE": _code("a robot without wires", """
+        It lives in the simulator alone (board: {type: simulated}): there is no board to connect
+        anything to. `diffbotctl wiring book_2wd` draws the wires of a robot that has one."""),
+    "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
+        An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
+        transmitting pin gives 5 V. It often works for a while, then the module grows deaf.
+
+        Two resistors divide the voltage: 1 kOhm in the wire, 2 kOhm from RXD to ground. Then leave
+        link.level at divider."""),
+    "W-WIRING-SHARED": _code("a radio on the USB port's pins", """
+        Pins 0 and 1 are also the USB port's. While a module is plugged in there, flashing fails and
+        each talks into the other's words.
+
+        On a Mega 2560 use another serial port (uart: 1, pins 18 and 19). On an ATmega328P, which
+        has only this one, unplug the module before flashing and before using the USB cable."""),
+    "W-WIRING-LIGHT": _code("a pin that the board's own light shares", """
+        The light L hangs on pin 13. The bootloader blinks it at each start, so a motor's enable
+        input there makes the wheel jerk, and an input there is pulled down by the light on many
+        boards, so that a button seems pressed for ever."""),
+    "W-WIRING-SUPPLY": _code("a battery that does not fit", """
+        A Mega's VIN, and the regulator on the L298N, take 7 to 12 V: below, their 5 V sink whenever
+        a motor starts and the board restarts; above, they get too hot. The L298N itself takes up to
+        35 V, of which it loses about 2 V.
+
+        board.supply says which of them feeds the board; battery.full is the full battery's voltage:
+        8.4 V for two lithium cells, 9 V for six alkaline ones."""),
     "E-LINK-UART": _code("a serial port that the board does not have", """
         A Mega 2560 has the ports 0 (USB) to 3, of which our firmware uses 0 and 1 (pins 18 and 19);
         an ATmega328P has only port 0, which it shares with the USB."""),
