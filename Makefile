@@ -7,6 +7,7 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
+WANDER ?= 50
 # Folders of the OptiOdom data set, which does not ship.
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -18,7 +19,7 @@ demo: $(VENV)/installed
 
 # The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
 DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
-  netcat-openbsd openssh-client socat
+  netcat-openbsd openssh-client socat dbus-daemon
 
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \
@@ -33,7 +34,7 @@ test: packages $(VENV)/tested
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD) --optiodom $(OPTIODOM)
+	  --board $(BOARD) --wander $(WANDER) --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench

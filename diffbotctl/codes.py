@@ -109,6 +109,13 @@ CODES: dict[str, Code] = {
         A recording ends with a record that says it is whole. This one has none: the program was
         killed, the disk was full, or the recorder could not keep up. What is in the file is true,
         but nobody can say what is missing, so a comparison would prove nothing."""),
+    "E-FIELD": _code("a recording has no such field", """
+        A field is named as `topic echo` names it: the block, its port and the field of the message,
+        with dots between: `odometry.odometry.x`. `bag info FILE` lists the topics that are in a
+        recording; a topic that never spoke has no fields to show."""),
+    "E-PICTURE": _code("a picture cannot be written", """
+        `bag plot --output` writes SVG by itself. A PNG is drawn by the library Pillow, which is not
+        installed with diffbotctl: `pip install pillow`."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.
@@ -381,6 +388,94 @@ CODES: dict[str, Code] = {
     "E-PORT-RIGHTS": _code("you may not use the serial port", """
         On most systems serial ports belong to the group dialout (uucp on Arch). Join it with
         `sudo usermod -aG dialout $USER`, then log out and in again. Never chmod 777."""),
+    "E-PORT-SESSION": _code("the group was joined, this session began before", """
+        Groups are given out at login. Log out of the whole desktop session and in again, or
+        restart; `newgrp dialout` gives one window the new group at once. `id` shows the groups in
+        force."""),
+    "E-PORT-RULE": _code("the port belongs to nobody's group", """
+        The device file is root's alone, or its group may not write. A udev rule gives it to the
+        group dialout each time it is plugged in: `diffbotctl doctor --fix` prints the commands.
+        Never chmod 777: it lasts until the cable is pulled, and lets anyone in."""),
+    "E-PORT-RENAMED": _code("the port has another name now", """
+        Linux numbers USB ports in the order of their coming. A board that was unplugged while a
+        program held its port comes back under the next number. The names under
+        /dev/serial/by-id stay the same: use those."""),
+    "E-PORT-CONSOLE": _code("a login console runs on the port", """
+        A Raspberry Pi offers a login on its serial pins until told otherwise, and would take what
+        a board says for typing. raspi-config switches the login off and leaves the port on."""),
+    "E-PORT-BRLTTY": _code("brltty has taken the board's chip", """
+        The CH340 and some others are found in Braille displays too, and brltty, which reads the
+        screen to blind people, takes every one of them: the port appears and vanishes at once.
+        Remove brltty if nobody here needs it."""),
+    "E-PORT-DRIVER": _code("no driver serves the board's chip", """
+        The chip is seen on USB, but the kernel has loaded no driver for it. Mostly the kernel was
+        updated and the machine not restarted since: the modules of the running one are gone."""),
+    "E-PORT-DFU": _code("the board's USB chip is in its own bootloader", """
+        A Mega's USB port is made by a second small chip, which has a program and a bootloader of
+        its own. Touching the six pins beside the USB socket while it is plugged in starts the
+        latter, and the board has no port until the cable is plugged in anew."""),
+    "W-PORT-BRLTTY": _code("brltty may take the port", """
+        Its rules name this board's chip. It works now, and may vanish the next time it is plugged
+        in: remove brltty if nobody here needs a Braille display."""),
+    "W-PORT-MODEM": _code("ModemManager may talk to the board", """
+        It looks for modems on ports that were just plugged in, and sends some of them AT commands
+        for half a minute: flashing fails, and the bootloader is held up. A udev rule tells it to
+        leave a board alone: `diffbotctl doctor --fix` prints it."""),
+    "W-PORT-WORLD": _code("anyone may write to the port", """
+        Somebody has used chmod on it. That lasts until the cable is pulled, and meanwhile every
+        program of every user can drive the motors. Join the group that owns it instead."""),
+    "W-PORT-TWINS": _code("two boards that cannot be told apart", """
+        A CH340 has no serial number, so two boards with one get the same name under
+        /dev/serial/by-id, and it leads to whichever came last. The names under
+        /dev/serial/by-path tell the USB sockets apart."""),
+    "W-PORT-SEVERAL": _code("more than one port may be the board", """
+        `--port auto` cannot choose. Name one with --port; the names under /dev/serial/by-id stay
+        the same."""),
+    "W-PORT-NONE": _code("no board is plugged in", """
+        No serial port looks like a board. Many USB cables only charge and have no data wires. A
+        robot with a Bluetooth module needs no cable: --port bluetooth:ADDRESS."""),
+    "W-PORT-BOARD": _code("another kind of board", """
+        Our firmware runs on a Mega 2560. Other boards can be driven with the book's firmware, by a
+        robot file that says link: {protocol: rosserial}."""),
+    "W-PORT-OTHER": _code("the port leads to no board", """
+        Modems and satellite receivers have serial ports too. Asking them confuses them: leave them
+        alone."""),
+    "E-BLUETOOTH-ADAPTER": _code("no Bluetooth radio", """
+        This machine has none, or its driver did not find it. A stick for a few euros does; drive
+        over the USB cable meanwhile."""),
+    "E-BLUETOOTH-BLOCKED": _code("Bluetooth is switched off", """
+        `rfkill list` shows what keeps it silent: a switch or key of the machine (hard), or a
+        setting (soft), which `rfkill unblock bluetooth` undoes."""),
+    "E-BLUETOOTH-SERVICE": _code("the Bluetooth service cannot be asked", """
+        Scanning and pairing are done by the system's service bluetoothd, from the package bluez,
+        over the system's message bus. It must be installed and run: `systemctl status
+        bluetooth`. Driving needs it only to have paired once."""),
+    "E-BLUETOOTH-PYTHON": _code("this Python cannot do Bluetooth", """
+        Some builds of Python leave Bluetooth sockets out. The one that comes with the system has
+        them: make the virtual environment with /usr/bin/python3 -m venv."""),
+    "E-BLUETOOTH-LIBRARY": _code("the package jeepney is missing", """
+        `bluetooth scan` and `bluetooth pair` speak to the system's Bluetooth service with the
+        package jeepney, which is installed with: pip install 'diffbotctl[bluetooth]'."""),
+    "E-BLUETOOTH-ADDRESS": _code("no Bluetooth address", """
+        An address is six pairs of hexadecimal digits with colons, such as 98:D3:31:FC:12:34;
+        `diffbotctl bluetooth scan` lists those in reach. A number of a channel may follow a
+        slash; an HC-05 has only channel 1."""),
+    "E-BLUETOOTH-ABSENT": _code("the module was not found", """
+        It does not answer: no power (its light does not blink), too far, or connected to another
+        machine already, in which case its light blinks twice every two seconds. An HC-05 speaks
+        to one host at a time."""),
+    "E-BLUETOOTH-PAIR": _code("pairing failed", """
+        Host and module must agree on a number. An HC-05's is 1234 unless somebody changed it;
+        some modules use 0000. A module that was paired anew elsewhere, or whose number changed,
+        must first be forgotten here: `bluetoothctl remove ADDRESS`."""),
+    "E-BLUETOOTH-CONNECT": _code("no connection to the module", """
+        The radio link could not be made. Refused: the module is connected elsewhere, or not
+        paired. No answer: no power, or out of reach. An HC-05's light blinks fast while it waits
+        for a connection, and twice every two seconds while it has one."""),
+    "E-BLUETOOTH-AT": _code("the module does not answer AT commands", """
+        An HC-05 listens to AT commands only when its small button was held while its power came
+        on; its light then blinks slowly, once in two seconds, and it listens at 38400 baud
+        whatever rate it was set to. Its RX and TX must lead to the board as when driving."""),
     "E-PORT-KIND": _code("that is no serial port", """
         The device exists but is not a serial port, or there is none of that name. `ls /dev/ttyUSB*
         /dev/ttyACM* /dev/rfcomm*` lists the usual ones."""),
@@ -394,6 +489,27 @@ CODES: dict[str, Code] = {
     "E-RECORD": _code("the recording cannot be written or read", """
         The disk may be full, the folder may not exist, or the file is no recording of
         diffbotctl."""),
+    "E-BOARD-SIMULATED": _code("a robot of the simulator alone", """
+        Its file says `board: {type: simulated}`: no board carries its wheels, so there is nothing
+        that a port could lead to. Run it simulated, or name the robot that you have built."""),
+    "E-BOARD-PIN": _code("a pin that is missing", """
+        `none` for a pin means that nothing is connected there. A motor without its three pins does
+        not turn, and a wheel without its encoder is not known to turn. Only a robot that is
+        simulated alone (`board: {type: simulated}`) does without."""),
+    "E-BOARD-SENSOR": _code("a sensor that no board reads", """
+        Laser scanner and overhead camera exist in the simulator. No firmware of ours reads them
+        yet, so on a real board this sensor would stay silent, and whatever waits for it would hold
+        the robot still."""),
+    "W-UNGUARDED": _code("nothing stops the robot at obstacles", """
+        The pipeline has a block that stops the robot at what its sensor sees, but this robot has no
+        such sensor, so the block was left out (`needs:` in the pipeline). It drives as it is told,
+        into walls too."""),
+    "E-OUTPUT": _code("a file cannot be written", """
+        The folder may not exist, the disk may be full, or you may not write there. Nothing else was
+        changed. `ls -ld FOLDER` shows who may write into it."""),
+    "E-LOG": _code("the file of the log cannot be written", """
+        `run --log FILE` adds to FILE. The folder may not exist, or the file belongs to someone
+        else. The run has not started."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey

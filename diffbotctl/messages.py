@@ -64,7 +64,9 @@ class Scan(NamedTuple):
     time: Time
     start: Annotated[float, Field("rad", "Bearing of the first ray.")]
     step: Annotated[float, Field("rad", "Bearing from one ray to the next.")]
-    distances: Annotated[tuple[float, ...], Field("m", "One distance a ray; inf when clear.")]
+    distances: Annotated[
+        tuple[float, ...], Field("m", "One a ray: inf when clear, 0 when too close.")
+    ]
 
 
 class Odometry(NamedTuple):
@@ -180,6 +182,32 @@ class Text(NamedTuple):
     text: Annotated[str, Field("", "The words.")]
 
 
+class Canvas(NamedTuple):
+    """The sheet on which a simulated turtle draws."""
+
+    time: Time
+    sheet: Annotated[int, Field("", "Rises whenever the line was wiped off.")]
+    background: Annotated[str, Field("", "Colour of the sheet, #rrggbb.")]
+    pen: Annotated[str, Field("", "Colour of the pen, #rrggbb.")]
+    is_down: Annotated[bool, Field("", "True while the pen leaves a line.")]
+    turtles: Annotated[
+        tuple[float, ...],
+        Field("m, rad", "Number, x, y and heading of each turtle beside the first, in a row."),
+    ] = ()
+
+
+LOG_LEVELS = ("debug", "info", "warning", "error")  # the least grave first
+
+
+class LogLine(NamedTuple):
+    """One event, in words."""
+
+    time: Time
+    level: Annotated[str, Field("", "`debug`, `info`, `warning` or `error`.")]
+    source: Annotated[str, Field("", "The block that says it, `robot`, `operator` or `engine`.")]
+    text: Annotated[str, Field("", "The words.")]
+
+
 class Resume(NamedTuple):
     """A person's consent to move again after a latched stop."""
 
@@ -221,6 +249,8 @@ Message = (
     | Link
     | Battery
     | Text
+    | Canvas
+    | LogLine
     | Resume
     | Setting
     | Call
@@ -229,7 +259,7 @@ Message = (
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
     for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Resume, Setting, Call)
+                 GoalState, Stop, Link, Battery, Text, Canvas, LogLine, Resume, Setting, Call)
 }  # fmt: skip
 
 

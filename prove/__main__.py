@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from itertools import chain
+import os
+import tempfile
+from itertools import chain as joined
 from pathlib import Path
 
-from prove import calibration, faults, firmware, link_rosserial, motion, slots
+from prove import (
+    calibration,
+    chain,
+    faults,
+    firmware,
+    link_rosserial,
+    model,
+    motion,
+    ports,
+    radio,
+    recordings,
+    slots,
+    wander,
+)
 
 
 def main() -> int:
@@ -15,12 +30,17 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
+    parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
+    parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
     options = parser.parse_args()
+    state = tempfile.TemporaryDirectory()
+    os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
     missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
@@ -28,12 +48,19 @@ def main() -> int:
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         calibration.rows(options.optiodom),
+        ports.rows(),
+        radio.rows(options.seed, max(6, round(30 * options.board))),
+        model.rows(),
+        wander.rows(options.seed, options.wander),
+        recordings.rows(options.seed, min(options.trials, 20)),
+        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
         calibration.range_rows(options.seed),
         slots.rows(options.seed, options.robots),
     )
-    for row in chain.from_iterable(tables):
+    for row in joined.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
+    state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

@@ -1,49 +1,75 @@
-"""The picture in the README: the live view of a real run on the simulated robot, as SVG."""
+"""The pictures in README and docs: the dashboard on a real run of the simulated robot, as SVG."""
 
 from __future__ import annotations
 
+import asyncio
+import os
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
-from typing import Any
 
-from rich.console import Console
+from diffbotctl.hub.caller import Caller, chosen
+from diffbotctl.hub.place import Engine
+from diffbotctl.ui.dash.app import Dashboard
+from diffbotctl.ui.wishes import Wishes
 
-from diffbotctl.config.load import load
-from diffbotctl.hub.latest import Snapshot
-from diffbotctl.runs.run import Options, Run
-from diffbotctl.runs.scene import scene
-from diffbotctl.ui.live import LiveView
-from diffbotctl.ui.scene import scene_of
-
-WIDTH, HEIGHT = 80, 24
-MOMENT = 4.0  # s into the run: driving, with the goal in sight
-STEP = 100_000_000  # ns between two pictures, as on a screen
+SIZES = {"docs/dash.svg": (80, 24), "docs/dash_wide.svg": (160, 50)}
+PIPELINE = Path(__file__).parent / "data" / "picture.yaml"
+TRAVELLED = 1.0  # m to the goal when the picture is taken
+PATIENCE = 60.0  # s
+PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
-def draw(path: Path) -> None:
-    """Run the shipped goal pipeline and write its view at `MOMENT` to `path`."""
-    setup = load("goal")
-    run = Run(setup, Options(fast=True, duration=MOMENT))
-    view = LiveView(scene_of(scene(setup, run.assembly.graph, "sim")))
-    wires = run.assembly.graph.wires
-    latest: dict[str, Any] = {}
-    due = [0]
-    shown: list[Any] = []
+def draw(path: Path, size: tuple[int, int]) -> str:
+    """Drive the pictured run, attach a dashboard of `size`, and write its screen to `path`."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_RUNTIME_DIR"] = folder
+        words = ["run", str(PIPELINE), "--name", "picture", "--quiet", "--stay"]
+        engine = subprocess.Popen([sys.executable, "-c", PROGRAM, *words], stdout=subprocess.PIPE)
+        try:
+            asyncio.run(_picture(_engine(), path, size))
+        finally:
+            engine.kill()
+            engine.wait()
+    return path.read_text()
 
-    def record(instant: tuple[Any, ...]) -> None:
-        for wire, message in zip(wires, instant[1:], strict=True):
-            if message is not None:
-                latest[wire] = message
-        if instant[0] >= due[0] and instant[0] < MOMENT * 1e9:
-            due[0] = instant[0] + STEP
-            shown[:] = [view.render(Snapshot(instant[0], dict(latest), 0, 1), WIDTH, HEIGHT)]
 
-    run.engine.compiled = run.assembly.graph.compile(run.engine.sinks, record)
-    run.go()
-    console = Console(record=True, width=WIDTH, height=HEIGHT, file=sys.stderr, force_terminal=True)
-    console.print(shown[0])
-    path.write_text(console.export_svg(title="diffbotctl run goal"))
+def _engine() -> Engine:
+    """The engine as soon as it answers."""
+    from time import monotonic, sleep
+
+    from diffbotctl.errors import UserError
+
+    deadline = monotonic() + PATIENCE
+    while True:
+        try:
+            found = chosen("picture")
+            Caller(found, "picture").close()
+            return found
+        except UserError:
+            if monotonic() > deadline:
+                raise
+            sleep(0.05)
+
+
+async def _picture(engine: Engine, path: Path, size: tuple[int, int]) -> None:
+    dashboard = Dashboard(engine, "picture", Wishes(), [])
+    async with dashboard.run_test(size=size) as pilot, asyncio.timeout(PATIENCE):
+        while not _is_near(dashboard):
+            await pilot.pause(0.1)
+        await pilot.pause(0.1)
+        path.write_text(dashboard.export_screenshot(title="diffbotctl dash"))
+
+
+def _is_near(dashboard: Dashboard) -> bool:
+    state = dashboard.sight.picture.messages.get("follower.state")
+    known = bool(dashboard.sight.blocks) and dashboard.sight.held is None
+    return (
+        known and getattr(state, "number", 0) == 2 and getattr(state, "distance", 9.0) < TRAVELLED
+    )
 
 
 if __name__ == "__main__":
-    draw(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/live.svg"))
+    for name, size in SIZES.items():
+        draw(Path(name), size)

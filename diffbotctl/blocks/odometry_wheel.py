@@ -94,6 +94,16 @@ class OdometryWheel:
         drive = driven_speed(command, self.static, self.rated) * self.to_pitches
         self.filter.frame(time, count, edge, drive, since)
 
+    def counted(self, count: int) -> float:
+        """Metres to `count`, unseen: in the direction in which the board has counted, which alone
+        knew its commands then; to the middle of the slot that was reached."""
+        steps = count - self.count
+        if not steps:
+            return 0.0
+        track, way = self.filter.tracks[0], copysign(1.0, steps)
+        begun = way * (track.motion.z - track.place)  # of the slot in which it was
+        return (steps + way * (0.5 - begun)) * self.pitch
+
     def tell(self) -> None:
         """Say how far the wheel has `rolled` and `begun` since this was last asked."""
         motion = self.filter.motion

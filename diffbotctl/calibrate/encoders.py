@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Any
 
-from diffbotctl.calibrate import slots, wires
+from diffbotctl.calibrate import bounce, slots, wires
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.question import Question
 from diffbotctl.calibrate.rig import Rig
@@ -62,10 +62,16 @@ class Encoders:
             rig.attempt(findings)
         if found.proven:
             findings += yield from _proof(rig)
+        gathers = rig.capture(True) is not None
         counted = yield from self._slots(rig, found)
+        chatter = bounce.read(rig.capture(False) or [], rig.file.robot) if gathers else None
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
         report = [*found.mended, *_lines(found), *counted.report]
+        if chatter is not None and self.rolls:
+            findings += chatter.findings
+            faults += chatter.faults
+            report += chatter.report
         return Outcome("encoders", findings, report, faults)
 
     def _slots(self, rig: Rig, found: wires.Wires) -> Generator[Event, Any, slots.Counted]:

@@ -16,6 +16,8 @@ from diffbotctl.config.configuration import RobotFile
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, RobotDriver
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
 
 SECOND = 1_000_000_000
@@ -26,6 +28,7 @@ STOPPING = 3 * SECOND  # ns until a stop must have shown
 SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
 
 QUIET = 1.0  # s of listening, after a stop, for inputs that count by themselves
+CAPTURE_PATIENCE = 0.3  # s until the board has heard of it, or has told the rest
 HUM = 5  # counts in that time; a wheel that rolls out gives fewer
 
 Wanted = Duty | Wheels
@@ -202,6 +205,20 @@ class Rig:
             return told and self.now - begun >= SECOND
         return self.driver.stopped and self.now - still >= SETTLED
 
+    def capture(self, on: bool) -> list[RawEdge] | None:
+        """Begin or end to gather every flank of both encoders, unfiltered.
+
+        At the end, what was gathered; None for a board that cannot tell.
+        """
+        host = getattr(self.driver, "host", None) or getattr(self.driver, "protocol", None)
+        if not isinstance(host, DiffbotHost):
+            return None
+        host.capture(self.now, on)
+        self.listen(CAPTURE_PATIENCE)
+        found = list(host.edges)
+        host.edges.clear()
+        return found
+
     def close(self) -> bool:
         """Stop and let go. False when the board did not confirm the stop."""
         self.keys = None
@@ -238,7 +255,8 @@ class Rig:
                 raise self._stopped("the link to the board was lost", "")
         if moving and self.now - self.heard_at > STALE:
             raise self._stopped("no frames from the board for half a second", "")
-        self._stay_within()
+        if moving:
+            self._stay_within()
 
     def _stay_within(self) -> None:
         last = self.encoders

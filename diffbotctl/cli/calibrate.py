@@ -30,9 +30,23 @@ def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) ->
     encoders, motors, discs (wheels off the ground), distance, geometry (on the floor), range,
     battery. Each says what it is going to do and waits; any key stops it.
     """
-    if context.invoked_subcommand is None:
+    if context.invoked_subcommand is not None:
+        _refuse_lost_options(context)
+    else:
         names = [name for name in STEPS if name not in skip]
         calibrate_steps.run(names, calibrate_steps.Wanted(**options))
+
+
+def _refuse_lost_options(context: click.Context) -> None:
+    """Options in front of a step's name would be those of the whole chain, and be lost."""
+    given = [
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    ]
+    if given:
+        step = context.invoked_subcommand
+        raise click.UsageError(f"Put --{given[0].replace('_', '-')} behind `{step}`.")
 
 
 command.add_command(calibrate_steps.encoders)

@@ -11,6 +11,9 @@ import click
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {
     "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
+    "show": "Draw a robot from above and from the side.",
+    "frames": "Print the frames of a robot as a tree.",
+    "export": "Write a robot as URDF, for other programs.",
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
@@ -25,10 +28,15 @@ COMMANDS = {
     "topic": "List, print and measure the messages of a running engine.",
     "param": "List and change the parameters of running blocks.",
     "call": "Call an action of a running block.",
-    "replay": "Run a recording again, and compare every message.",
+    "log": "Follow the log of a running engine, or change what a block says.",
+    "replay": "Run a recording again, as it was or with something changed.",
+    "bag": "Look into recordings: info, plot, export, diff, recover.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
+    "ports": "List the serial ports: board, rights, who holds them, and what to do.",
+    "doctor": "Check this machine: versions, rights, ports, Bluetooth, optional packages.",
+    "bluetooth": "Find and pair a Bluetooth module, test its link, change its rate.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 

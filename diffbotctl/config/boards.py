@@ -66,4 +66,5 @@ ATMEGA_328P = Board(
     links={"diffbot": (0,), "rosserial": (0,)},
 )
 
+SIMULATED = "simulated"  # the type of a robot that has no board: it lives in the simulator alone
 BOARDS = {"mega2560": MEGA_2560, "atmega328p": ATMEGA_328P}

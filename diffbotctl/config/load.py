@@ -8,6 +8,7 @@ from typing import Any
 
 from diffbotctl.block import Block, robot_fields
 from diffbotctl.config import (
+    bypass,
     calibration,
     include,
     lookup,
@@ -103,6 +104,7 @@ class _Loader:
         if tree is not None:
             tree = self._pipeline_tree(tree)
         robot_file = self._robot_of(tree, robot)
+        bypass.apply(self.case)
         self._check()
         case = self.case
         assert file is not None

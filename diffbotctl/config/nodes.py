@@ -7,7 +7,11 @@ from typing import NamedTuple
 from diffbotctl import block, messages
 from diffbotctl.config.robot import Robot
 
-SENSOR_MESSAGES = {"sharp_gp2y0a41sk0f": messages.Volts}
+SENSOR_MESSAGES: dict[str, type] = {
+    "sharp_gp2y0a41sk0f": messages.Volts,
+    "lds01": messages.Scan,
+    "overhead_camera": messages.Odometry,
+}
 OPERATOR: dict[str, type] = {
     "goal": messages.Goal,
     "path": messages.Path,
@@ -17,6 +21,7 @@ OPERATOR: dict[str, type] = {
     "halt": messages.Stop,
     "setting": messages.Setting,
     "call": messages.Call,
+    "log": messages.LogLine,
 }
 ROBOT: dict[str, type] = {
     "encoders": messages.Encoders,
@@ -25,7 +30,7 @@ ROBOT: dict[str, type] = {
     "text": messages.Text,
     "stop": messages.Stop,
 }
-RESERVED = ("robot", "operator", "gate", "wheel_speed")
+RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed")
 
 
 class Node(NamedTuple):

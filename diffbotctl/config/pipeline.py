@@ -32,6 +32,11 @@ class BlockEntry(Section):
     block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
     wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
+    needs = Param(
+        str, choices=("Volts", "Scan"), none=True, default=None,
+        help="Leave the block out, and pass on what it was given, where no sensor of the robot "
+        "has this message.",
+    )  # fmt: skip
 
 
 class Wall(Section):
@@ -49,8 +54,15 @@ class Obstacle(Section):
 
 
 class World(Section):
-    """What stands around the simulated robot, in the frame odom."""
+    """What stands around the simulated robot, in the world's frame.
 
+    That is the frame odom, unless the robot's `simulation.start` says where in the world it begins.
+    """
+
+    field = Param(
+        tuple[float, float], unit="m", none=True, default=None,
+        help="A walled field from [0, 0] to here, which no simulated robot can leave.",
+    )  # fmt: skip
     walls = Param(list[Wall], default=[], help="Straight walls.")
     obstacles = Param(list[Obstacle], default=[], help="Round obstacles.")
 

@@ -14,6 +14,7 @@ from diffbotctl.block import Block
 from diffbotctl.errors import nearest
 
 BLOCKS = {
+    "canvas": "diffbotctl.blocks.canvas:Canvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
     "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",
@@ -22,8 +23,10 @@ BLOCKS = {
     "odometry": "diffbotctl.blocks.odometry:Odometry",
     "path": "diffbotctl.blocks.path:PathSource",
     "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
+    "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
     "speed_limiter": "diffbotctl.blocks.speed_limiter:SpeedLimiter",
     "talker": "diffbotctl.blocks.talker:Talker",
+    "wander": "diffbotctl.blocks.wander:Wander",
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
 }
 

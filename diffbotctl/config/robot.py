@@ -15,8 +15,9 @@ class Board(Section):
     """The microcontroller board and how it speaks."""
 
     type = Param(
-        str, choices=("mega2560", "atmega328p"), default="mega2560",
-        help="Kind of board: its pins decide what can be connected where.",
+        str, choices=("mega2560", "atmega328p", "simulated"), default="mega2560",
+        help="Kind of board: its pins decide what can be connected where. simulated: none, the "
+        "robot lives in the simulator alone and its pins are `none`.",
     )  # fmt: skip
     telemetry = Param(
         float, unit="Hz", default=40.0, least=1.0, most=100.0,
@@ -69,6 +70,10 @@ class Wheel(Section):
     """One wheel."""
 
     diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter of the wheel.")
+    width = Param(
+        float, unit="m", default=0.026, above=0.001, below=0.3, help="How wide its tyre is."
+    )
+    mass = Param(float, unit="kg", default=0.035, above=0.0, help="What it weighs.")
 
 
 class SpeedLoop(Section):
@@ -91,7 +96,12 @@ class SpeedLoop(Section):
 class Motor(Section):
     """One motor and its half of the driver chip."""
 
-    driver = Param(str, choices=("l298n",), default="l298n", help="Motor driver chip.")
+    driver = Param(
+        str,
+        choices=("l298n", "none"),
+        default="l298n",
+        help="Motor driver chip; none: of a robot that is simulated only.",
+    )
     rated = Param(
         float, unit="rad/s", above=0.0, default=100 * RPM,
         help="Speed of the wheel at full duty and full battery.",
@@ -100,9 +110,9 @@ class Motor(Section):
         str, choices=("coast", "brake"), default="coast",
         help="What a motor at rest does: turn freely, or short its windings.",
     )  # fmt: skip
-    enable = Param(Pin, help="Pin of the driver's EN input; carries the PWM.")
-    in1 = Param(Pin, help="Pin of the driver's first direction input.")
-    in2 = Param(Pin, help="Pin of the driver's second direction input.")
+    enable = Param(Pin, none=True, help="Pin of the driver's EN input; carries the PWM.")
+    in1 = Param(Pin, none=True, help="Pin of the driver's first direction input.")
+    in2 = Param(Pin, none=True, help="Pin of the driver's second direction input.")
     reversed = Param(
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
@@ -135,7 +145,7 @@ class Encoder(Section):
         float, unit="s", default=0.002, least=0.0, most=0.05,
         help="An edge this soon after the last is noise and is not counted.",
     )  # fmt: skip
-    pin = Param(Pin, help="Pin of the encoder's output; must raise interrupts.")
+    pin = Param(Pin, none=True, help="Pin of the encoder's output; must raise interrupts.")
     slot_errors = Param(
         list[float], unit="1", default=[], least=-0.4, most=0.4,
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
@@ -184,6 +194,7 @@ class Mount(Section):
 
     x = Param(float, unit="m", default=0.0, help="Forward.")
     y = Param(float, unit="m", default=0.0, help="Left.")
+    z = Param(float, unit="m", default=0.0, help="Up from the axle; for drawings and the model.")
     heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
 
 
@@ -196,12 +207,28 @@ class Curve(Section):
 
 
 class Sensor(Section):
-    """One distance sensor."""
+    """One sensor. Laser scanner and overhead camera exist in the simulator alone."""
 
-    type = Param(str, choices=("sharp_gp2y0a41sk0f",), help="Part name of the sensor.")
-    pin = Param(Pin, help="Analog pin that reads its voltage.")
+    type = Param(
+        str, choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),
+        help="Part name of the sensor. overhead_camera: sees the true pose from above.",
+    )  # fmt: skip
+    pin = Param(
+        Pin, none=True, help="Analog pin that reads its voltage; none: it is read otherwise."
+    )
     at = Param(Mount, default=Mount(), help="Where it sits on the robot.")
     curve = Param(Curve, default=Curve(), help="Its curve; the data sheet's typical part.")
+
+
+class Caster(Section):
+    """The ball or caster that the robot rests on beside its two wheels."""
+
+    x = Param(
+        float, unit="m", none=True, default=None,
+        help="Where it touches the ground, forward of the axle; none: near the farther end.",
+    )  # fmt: skip
+    diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Of its ball.")
+    mass = Param(float, unit="kg", default=0.02, above=0.0, help="What it weighs.")
 
 
 class Body(Section):
@@ -210,6 +237,18 @@ class Body(Section):
     front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
     back = Param(float, unit="m", least=0.0, default=0.15, help="How far it reaches backward.")
     width = Param(float, unit="m", above=0.0, default=0.14, help="Its whole width.")
+    height = Param(
+        float, unit="m", above=0.0, default=0.1,
+        help="How high the chassis is, from its underside to its top.",
+    )  # fmt: skip
+    clearance = Param(
+        float, unit="m", above=0.0, default=0.02, help="Free height under the chassis."
+    )
+    mass = Param(
+        float, unit="kg", above=0.0, default=0.7,
+        help="What the robot weighs without wheels and caster; only the model needs it.",
+    )  # fmt: skip
+    caster = Param(Caster, default=Caster(), help="What it rests on beside its wheels.")
 
 
 class Limits(Section):
@@ -269,7 +308,7 @@ class Robot(Section):
     board = Param(Board, default=Board(), help="The microcontroller board.")
     link = Param(Link, default=Link(), help="The serial line to the board.")
     drive = Param(Drive, help="Wheels, motors and encoders.")
-    sensors = Param(dict[str, Sensor], default={}, help="Distance sensors by name.")
+    sensors = Param(dict[str, Sensor], default={}, help="Sensors by name.")
     body = Param(Body, default=Body(), help="The outline.")
     limits = Param(Limits, default=Limits(), help="What it may do at most.")
     battery = Param(Battery, default=Battery(), help="The motor supply.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import cos, sin
+
 from diffbotctl.block import action
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Duty, Encoders, Link, Wheels
@@ -55,9 +57,24 @@ class Simulated:
 
     @action
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Put the robot elsewhere, as a hand does: x and y in m, heading in rad."""
+        """Put the robot elsewhere in the world, as a hand does: x and y in m, heading in rad."""
         self.robot.advance(now)
         self.robot.teleport(x, y, heading)
+
+    @action
+    def hop(self, now: int, distance: float = 0.0, turn: float = 0.0) -> None:
+        """Put the robot elsewhere, seen from itself: turn by so many rad, then so many m ahead."""
+        self.robot.advance(now)
+        here = self.robot.truth_in_world()
+        heading = here.heading + turn
+        x, y = here.x + distance * cos(heading), here.y + distance * sin(heading)
+        self.robot.teleport(x, y, heading)
+
+    @action
+    def home(self, now: int) -> None:
+        """Put the robot back to where it stood when the run began."""
+        self.robot.advance(now)
+        self.robot.home()
 
     def stop(self, now: int) -> None:
         """Stop the wheels; `stopped` becomes true when they have stood still for a while."""

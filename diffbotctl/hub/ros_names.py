@@ -10,6 +10,7 @@ from diffbotctl.messages import Battery, Goal, GoalState, Odometry, Path, Range,
 TOPICS: dict[str, str | type] = {
     "cmd_vel": "operator.twist",
     "odom": Odometry,
+    "pose": Odometry,  # turtlesim's
     "scan": Scan,
     "range": Range,
     "sonar": Range,
@@ -25,6 +26,8 @@ TOPICS: dict[str, str | type] = {
     "joint_states": "robot.encoders",
     "twist": Twist,
     "current_goal": Goal,
+    "rosout": "log",
+    "rosout_agg": "log",
 }
 
 

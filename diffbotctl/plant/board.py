@@ -36,6 +36,8 @@ KINDS = {
     # 16.5 Hz and 100 ms were measured with the published firmware; 12 bytes come after the sample.
     "stock": Kind(60_606_061, 17 * MS, 8 * MS, 100 * MS, 25 * MS, False, False),
     "counts": Kind(20 * MS, 15_600_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, False),
+    # No radio and no cable: a robot that lives in the simulator alone. Its file says how often.
+    "simulated": Kind(40 * MS, MS, 0, MS, 0, True, True),
     "edges": Kind(25 * MS, 21_900_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, True),
 }
 MOST_JITTER = 2  # standard deviations; keeps frames in order

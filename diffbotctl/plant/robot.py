@@ -8,16 +8,28 @@ from math import cos, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.messages import Battery, Duty, Encoders, Message, Volts, Wheels
+from diffbotctl.messages import (
+    Battery,
+    Duty,
+    Encoders,
+    Message,
+    Odometry,
+    Scan,
+    Volts,
+    Wheels,
+)
 from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
 from diffbotctl.plant.hum import Hum
+from diffbotctl.plant.scanner import PARTS, Scanner
 from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
 from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
 from diffbotctl.plant.world import Wall, World
 
+CAMERA = "overhead_camera"
+EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known
 CONVERTER = 5.0  # V; the board's analog inputs read up to this
 BATTERY_PERIOD = 2_000_000_000  # ns between two readings of the battery that are told
 BOARD = 0.3  # m, width of what a hand puts before a sensor
@@ -25,12 +37,13 @@ STEP = 20_000_000  # ns between two arcs of the body: 6 mm at 0.3 m/s, 0.08 rad 
 
 
 class Mounting(NamedTuple):
-    """Where a distance sensor sits, in base_link (m, rad)."""
+    """Where a sensor sits, in base_link (m, rad), and which part it is."""
 
     name: str
     x: float
     y: float = 0.0
     heading: float = 0.0
+    kind: str = "sharp_gp2y0a41sk0f"
 
 
 class Machine(NamedTuple):
@@ -51,6 +64,7 @@ class Machine(NamedTuple):
     reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
     sensors: tuple[Mounting, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
+    period: int | None = None  # ns between two frames; None: that of the kind of board
     disc: int = 0  # slots that the file states; 0: as many as the board is told
     # Which of the driver's outputs (0, 1: stated for left, right) the board takes for each side,
     # and which of the encoders' sockets.
@@ -92,21 +106,27 @@ class SimulatedRobot:
     ) -> None:
         """`kind`: `stock`, `counts` or `edges`. `start`: where in the world frame `odom` begins."""
         self._kind: Kind = KINDS[kind]
+        if machine.period is not None:
+            self._kind = self._kind._replace(period=machine.period)
         self._chance = chance
         self.machine = machine
         self.motors = _draw_motors(machine, simulation, chance)
         slots = simulation.encoder.slots or machine.disc or machine.slots
         self.discs = tuple(draw_disc(simulation.encoder, slots, chance) for _ in range(2))
         self.body = _draw_body(machine, simulation, chance)
-        self._start = start or Pose()
+        where = simulation.start
+        self._start = start or Pose(where.x, where.y, where.heading)
         self._world = world or World()
-        self._sensors = _draw_sensors(machine.sensors, simulation.sensors, chance)
+        sharps = [each for each in machine.sensors if each.kind not in (*PARTS, CAMERA)]
+        self._sensors = _draw_sensors(sharps, simulation.sensors, chance)
         # Own generators for what happens often, so that one wheel's luck does not move the other's.
         seeds = [chance.getrandbits(64) for _ in range(3)]
         self.wheels = tuple(
             Wheel(motor, disc, Random(seed), falling=machine.falling)
             for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
         )
+        self._scanners = _draw_scanners(machine.sensors, simulation.sensors, chance)
+        self._cameras = [each.name for each in machine.sensors if each.kind == CAMERA]
         self._luck = Random(seeds[2])
         self._simulation = simulation
         self.board = self._new_board(0)
@@ -122,6 +142,7 @@ class SimulatedRobot:
         self._pushes = (0.0, 0.0)
         sees = not self._world.empty
         self._next_look = min([s.due for _, s in self._sensors], default=NEVER) if sees else NEVER
+        self._next_scan = min([s.due for _, s in self._scanners], default=NEVER)
 
     def rewire(self, machine: Machine) -> None:
         """Restart the board with other settings: what it is told of `machine` counts, no more."""
@@ -153,7 +174,7 @@ class SimulatedRobot:
             return
         board = self.board
         while True:
-            at = min(self._next_step, self._next_frame, self._next_look, board.due)
+            at = min(self._next_step, self._next_frame, self._next_look, self._next_scan, board.due)
             if at > until:
                 break
             self._move(at)
@@ -165,6 +186,8 @@ class SimulatedRobot:
                 self._roll()
             if at == self._next_look:
                 self._look(at)
+            if at == self._next_scan:
+                self._scan(at)
             if at == self._next_frame:
                 self._next_frame += self._kind.period
                 self._sample(at)
@@ -205,10 +228,37 @@ class SimulatedRobot:
         return {mounting.name: sensor.output(self.now) for mounting, sensor in self._sensors}
 
     def teleport(self, x: float, y: float, heading: float) -> None:
-        """Put the robot elsewhere, as a hand does: m and rad in `odom`; its wheels do not turn."""
+        """Put the robot elsewhere in the world, as a hand does: m, rad; its wheels do not turn."""
         self._move(self.now)
         self._roll()
-        self.body.x, self.body.y, self.body.heading = x, y, heading
+        self._put(*self._world.kept(x, y), heading)
+
+    def home(self) -> None:
+        """Put the robot back to where the run began."""
+        self.teleport(*self._start)
+
+    def truth_in_world(self) -> Pose:
+        """Where the robot truly is now, in the world."""
+        self._move(self.now)
+        self._roll()
+        return self.place()
+
+    def place(self) -> Pose:
+        """Where the robot is in the world, as of the last step of its body."""
+        start, body = self._start, self.body
+        return Pose(
+            start.x + body.x * cos(start.heading) - body.y * sin(start.heading),
+            start.y + body.x * sin(start.heading) + body.y * cos(start.heading),
+            start.heading + body.heading,
+        )
+
+    def _put(self, x: float, y: float, heading: float) -> None:
+        """Set the body's pose in `odom` from one in the world."""
+        start = self._start
+        ahead, aside = cos(start.heading), sin(start.heading)
+        self.body.x = (x - start.x) * ahead + (y - start.y) * aside
+        self.body.y = (y - start.y) * ahead - (x - start.x) * aside
+        self.body.heading = heading - start.heading
 
     def supply(self) -> float:
         """The battery's voltage now, in V."""
@@ -227,7 +277,7 @@ class SimulatedRobot:
         mounting = next(each for each, _ in self._sensors if each.name == name)
         self._move(self.now)
         self._roll()
-        x, y, bearing = self._sight(mounting)
+        x, y, bearing = self._eye(mounting)
         ahead, aside = cos(bearing), sin(bearing)
         x, y = x + distance * ahead, y + distance * aside
         half = 0.5 * BOARD
@@ -261,6 +311,11 @@ class SimulatedRobot:
     def _roll(self) -> None:
         left, right = self.wheels
         self.body.roll(left.angle, right.angle)
+        if self._world.field is not None:
+            here = self.place()
+            inside = self._world.kept(here.x, here.y)
+            if inside != (here.x, here.y):
+                self._put(*inside, here.heading)
 
     def _push(self) -> None:
         """Find the share of the battery's rest voltage at each motor, forward positive."""
@@ -304,6 +359,8 @@ class SimulatedRobot:
         for mounting, sensor in self._sensors:
             volts = Volts(now + late, sensor.output(now))
             self._waiting.append((arrival, mounting.name, volts))
+        for name in self._cameras:
+            self._waiting.append((arrival, name, self._seen_from_above(now)))
         if self._kind.regulates:  # the published firmware tells nothing of its battery
             self._tell_battery(now, arrival)
 
@@ -317,6 +374,26 @@ class SimulatedRobot:
         volts = steps / 1023 * CONVERTER * divider
         self._waiting.append((arrival, "battery", Battery(now, volts, volts < self.machine.low)))
 
+    def _seen_from_above(self, now: int) -> Odometry:
+        """The true pose and velocity, in the world."""
+        self._roll()
+        body, (left, right) = self.body, self.wheels
+        to_left, to_right = left.speed * body.left_radius, right.speed * body.right_radius
+        linear, angular = 0.5 * (to_left + to_right), (to_right - to_left) / body.track
+        return Odometry(now, *self.place(), linear, angular, EXACT)
+
+    def _scan(self, now: int) -> None:
+        """Let every scanner whose turn ends at `now` tell what it saw."""
+        self._roll()
+        for mounting, scanner in self._scanners:
+            if scanner.due <= now:
+                told = scanner.measure(self._world, *self._eye(mounting))
+                seen = Scan(now, 0.0, scanner.step, told)
+                # Behind what already waits, so that messages arrive in order.
+                arrival = max([now + self._kind.frame, *(each[0] for each in self._waiting)])
+                self._waiting.append((arrival, mounting.name, seen))
+        self._next_scan = min(scanner.due for _, scanner in self._scanners)
+
     def _look(self, now: int) -> None:
         """Let every sensor measure that is due at `now`."""
         self._roll()
@@ -326,14 +403,11 @@ class SimulatedRobot:
         self._next_look = min(sensor.due for _, sensor in self._sensors)
 
     def _distance(self, mounting: Mounting) -> float:
-        return self._world.distance(*self._sight(mounting))
+        return self._world.distance(*self._eye(mounting))
 
-    def _sight(self, mounting: Mounting) -> tuple[float, float, float]:
-        """Where a sensor is in the world (m), and where it looks (rad)."""
-        start, body = self._start, self.body
-        facing = start.heading + body.heading
-        base_x = start.x + body.x * cos(start.heading) - body.y * sin(start.heading)
-        base_y = start.y + body.x * sin(start.heading) + body.y * cos(start.heading)
+    def _eye(self, mounting: Mounting) -> tuple[float, float, float]:
+        """Where in the world a sensor sits, and where it looks."""
+        base_x, base_y, facing = self.place()
         x = base_x + mounting.x * cos(facing) - mounting.y * sin(facing)
         y = base_y + mounting.x * sin(facing) + mounting.y * cos(facing)
         return x, y, facing + mounting.heading
@@ -377,6 +451,18 @@ def _draw_sensors(
         truth = errors.get(mounting.name) or SensorTruth()
         sensor = Sharp(truth.noise, truth.offset, Random(chance.getrandbits(64)))
         drawn.append((mounting, sensor))
+    return drawn
+
+
+def _draw_scanners(
+    mountings: Sequence[Mounting], errors: Mapping[str, SensorTruth], chance: Random
+) -> list[tuple[Mounting, Scanner]]:
+    drawn = []
+    for mounting in mountings:
+        if mounting.kind in PARTS:
+            truth = errors.get(mounting.name) or SensorTruth()
+            seed = chance.getrandbits(64)
+            drawn.append((mounting, Scanner(PARTS[mounting.kind], truth.spread, Random(seed))))
     return drawn
 
 

@@ -133,6 +133,21 @@ class SensorTruth(Section):
         float, default=0.010, unit="V", least=0.0, help="Standard deviation of each reading."
     )
     offset = Param(float, default=0.0, unit="V", help="Constant error of the voltage.")
+    spread = Param(
+        float,
+        default=0.010,
+        unit="m",
+        least=0.0,
+        help="Standard deviation of each distance that a laser scanner tells.",
+    )
+
+
+class Start(Section):
+    """Where in the simulated world the robot stands at first: there the frame odom begins."""
+
+    x = Param(float, unit="m", default=0.0, help="Along the world's x axis.")
+    y = Param(float, unit="m", default=0.0, help="Along the world's y axis.")
+    heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
 
 
 class WiringTruth(Section):
@@ -209,4 +224,5 @@ class Simulation(Section):
     sensors = Param(
         dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name."
     )
+    start = Param(Start, default=Start(), help="Where in the world it stands at first.")
     wiring = Param(WiringTruth, default=WiringTruth(), help="How it was soldered together.")

@@ -20,6 +20,7 @@ SECOND = 1_000_000_000  # ns
 GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
+CHATTER = 3  # more edges that a bouncing one brings with it
 NEVER = 1 << 62  # ns
 CLOSE = 1e-10  # s; an edge's time is found to this, a tenth of the clock's nanosecond
 
@@ -47,6 +48,7 @@ class Disc(NamedTuple):
     flanks: tuple[float, ...]
     start: float  # rad; the disc's angle under the light barrier at the start
     jitter: float  # s; standard deviation of an edge's delay
+    bounce: float = 0.0  # s; how long an edge chatters at most
 
 
 def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
@@ -60,7 +62,7 @@ def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
         end = slot + duty + _within(chance.gauss(0.0, truth.slot_spread), -0.12, 0.12)
         flanks += [place * pitch, end * pitch]
     start = chance.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
-    return Disc(tuple(flanks), start, truth.jitter)
+    return Disc(tuple(flanks), start, truth.jitter, truth.bounce)
 
 
 class Wheel:
@@ -205,6 +207,10 @@ class Wheel:
         if self._pending:
             time = max(time, self._pending[-1])
         self._pending.append(time)
+        if self._disc.bounce:
+            window = self._disc.bounce * SECOND
+            again = [time + int(self._chance.random() * window) for _ in range(CHATTER)]
+            self._pending.extend(sorted(again))
 
     def _time_of(self, place: float, past: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).

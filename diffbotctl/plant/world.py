@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, inf, sin, sqrt
+from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
 
 PARALLEL = (
@@ -31,9 +31,22 @@ class Round(NamedTuple):
 class World:
     """Everything that a distance sensor can see or a robot can hit."""
 
-    def __init__(self, walls: Sequence[Wall] = (), rounds: Sequence[Round] = ()) -> None:
-        self.walls = tuple(walls)
+    def __init__(
+        self,
+        walls: Sequence[Wall] = (),
+        rounds: Sequence[Round] = (),
+        field: tuple[float, float] | None = None,
+    ) -> None:
+        """`field`: width and depth, from (0, 0), of a walled field that no robot can leave."""
         self.rounds = tuple(rounds)
+        self.field = field
+        self.walls = tuple(walls)
+        if field is not None:
+            right, top = field
+            self.walls += (
+                Wall(0.0, 0.0, right, 0.0), Wall(right, 0.0, right, top),
+                Wall(right, top, 0.0, top), Wall(0.0, top, 0.0, 0.0),
+            )  # fmt: skip
 
     @property
     def empty(self) -> bool:
@@ -49,6 +62,67 @@ class World:
         for thing in self.rounds:
             nearest = min(nearest, to_round(x, y, ahead, aside, thing))
         return nearest
+
+    def scan(self, x: float, y: float, heading: float, rays: int) -> list[float]:
+        """Distances (m) from (x, y) along `rays` even bearings from `heading` (rad) on, once round.
+
+        As `distance` along each, but every thing is looked at only by the rays that can meet it.
+        """
+        found = [inf] * rays
+        for wall in self.walls:
+            _scan_wall(found, x, y, heading, wall)
+        for thing in self.rounds:
+            _scan_round(found, x, y, heading, thing)
+        return found
+
+    def kept(self, x: float, y: float) -> tuple[float, float]:
+        """(x, y), or the nearest place to it inside the field."""
+        if self.field is None:
+            return x, y
+        return min(max(x, 0.0), self.field[0]), min(max(y, 0.0), self.field[1])
+
+
+def _scan_wall(found: list[float], x: float, y: float, heading: float, wall: Wall) -> None:
+    """Let the rays see `wall`: on its line, at h / cos of the angle to the line's normal."""
+    from_x, from_y, to_x, to_y = wall.x1 - x, wall.y1 - y, wall.x2 - x, wall.y2 - y
+    along_x, along_y = to_x - from_x, to_y - from_y
+    length = hypot(along_x, along_y)
+    if length < PARALLEL:
+        return
+    height = (from_x * along_y - from_y * along_x) / length
+    if abs(height) < PARALLEL:
+        return  # seen from its end: not at all
+    normal = atan2(-along_x, along_y)  # of the side on which `height` is positive
+    if height < 0.0:
+        height, normal = -height, normal + pi
+    first, last = atan2(from_y, from_x), atan2(to_y, to_x)
+    span = (last - first + pi) % (2 * pi) - pi
+    low, high = (first, first + span) if span >= 0.0 else (first + span, first)
+    step = 2 * pi / len(found)
+    for ray in range(ceil((low - heading) / step), floor((high - heading) / step) + 1):
+        across = cos(heading + ray * step - normal)
+        if across > 0.0 and height / across < found[ray % len(found)]:
+            found[ray % len(found)] = height / across
+
+
+def _scan_round(found: list[float], x: float, y: float, heading: float, thing: Round) -> None:
+    """Let the rays see `thing`."""
+    from_x, from_y = thing.x - x, thing.y - y
+    away = hypot(from_x, from_y)
+    if away <= thing.radius:
+        found[:] = [0.0] * len(found)
+        return
+    middle, half = atan2(from_y, from_x), asin(thing.radius / away)
+    step = 2 * pi / len(found)
+    square = thing.radius * thing.radius
+    for ray in range(
+        ceil((middle - half - heading) / step), floor((middle + half - heading) / step) + 1
+    ):
+        off = heading + ray * step - middle
+        aside = away * sin(off)
+        far = away * cos(off) - sqrt(max(square - aside * aside, 0.0))
+        if far < found[ray % len(found)]:
+            found[ray % len(found)] = far
 
 
 def to_wall(x: float, y: float, ahead: float, aside: float, wall: Wall) -> float:

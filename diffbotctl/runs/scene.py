@@ -2,33 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+from math import cos, sin
 from typing import Any
 
+from diffbotctl.block import outputs
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.graph import Graph
+from diffbotctl.messages import Odometry
+from diffbotctl.plant.scanner import PARTS as SCANNERS
 
 VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 
+Numbers = list[list[float]]
+
 
 def scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[str, Any]:
-    """Plain values in metres and radians; world in odom, outline and sensors in base_link.
+    """Plain values in metres and radians; outline and sensors in base_link, the world in the frame
+    of the pose that is shown: odom where a block reckons it, else the world's own.
 
     The world is known of a simulated robot only. `robot` is None for a pipeline without one;
     without `graph` no sensor is placed.
     """
-    world = configuration.world
-    is_known = port in VIRTUAL
     robot = configuration.robot
+    walls, rounds, field = _world(configuration) if port in VIRTUAL else ([], [], [])
     return {
         "title": configuration.name,
         "simulated": VIRTUAL.get(port, "") if robot is not None else "",
-        "walls": [[*wall.start, *wall.end] for wall in world.walls if is_known],
-        "rounds": [[*thing.at, thing.radius] for thing in world.obstacles if is_known],
+        "walls": walls,
+        "rounds": rounds,
+        "field": field,
         "robot": None if robot is None else _outline(robot),
         "sensors": [] if robot is None or graph is None else _sensors(robot, graph),
     }
+
+
+def _world(configuration: Configuration) -> tuple[Numbers, Numbers, Numbers]:
+    """Walls, round obstacles, and the corners of the field, if there is one."""
+    world, place = configuration.world, _place(configuration)
+    right, top = world.field or (0.0, 0.0)
+    corners = [place(x, y) for x, y in ((0.0, 0.0), (right, 0.0), (right, top), (0.0, top))]
+    walls = [[*place(*wall.start), *place(*wall.end)] for wall in world.walls]
+    rounds = [[*place(*thing.at), thing.radius] for thing in world.obstacles]
+    if world.field is None:
+        return walls, rounds, []
+    walls += [[*start, *end] for start, end in pairwise([*corners, corners[0]])]
+    return walls, rounds, [[*corner] for corner in corners]
+
+
+def _place(configuration: Configuration) -> Callable[[float, float], tuple[float, float]]:
+    """A function from the world's frame to that of the pose that is shown."""
+    reckoned = any(
+        out.kind is Odometry for use in configuration.blocks for out in outputs(use.cls).values()
+    )
+    if not reckoned or configuration.nominal is None:
+        return lambda x, y: (x, y)
+    start = configuration.nominal.simulation.start
+    c, s = cos(start.heading), sin(start.heading)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        x, y = x - start.x, y - start.y
+        return x * c + y * s, y * c - x * s
+
+    return place
 
 
 def _outline(robot: Robot) -> dict[str, float]:
@@ -53,4 +92,8 @@ def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
             at = robot.sensors[node.block.sensor].at
             place = {"x": at.x, "y": at.y, "heading": at.heading}
             found.append({"topic": f"{node.name}.range", **place, "reach": REACH})
+    for name, sensor in robot.sensors.items():
+        if sensor.type in SCANNERS:
+            place = {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
+            found.append({"topic": f"robot.{name}", **place, "reach": SCANNERS[sensor.type].reach})
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
+from diffbotctl.config.boards import SIMULATED
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, Side
 from diffbotctl.drivers.simulated import Simulated
@@ -30,7 +31,9 @@ def drawn(robot: Robot, nominal: Robot, seed: int, around: World | None = None) 
 
 
 def board_kind(robot: Robot) -> str:
-    """`stock`, `counts` or `edges`: how this robot's board answers."""
+    """`stock`, `counts`, `edges` or `simulated`: how this robot's board answers."""
+    if robot.board.type == SIMULATED:
+        return SIMULATED
     if robot.link.protocol == "rosserial":
         return "stock"
     return "edges" if robot.board.edge_times else "counts"
@@ -58,24 +61,26 @@ def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
         deadman=round(robot.board.deadman * SECOND),
         gains=(gains(drive.left), gains(drive.right)),
         reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
+        # A real board has its own beat; one that exists in the simulator alone has the file's.
+        period=round(SECOND / robot.board.telemetry) if robot.board.type == SIMULATED else None,
         falling=drive.left.encoder.edge == "falling",
         sensors=tuple(
-            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading)
+            Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
             for name, sensor in robot.sensors.items()
         ),
         disc=built.left.encoder.slots,
-        channels=_crossed(drive.left.motor.enable, built.right.motor.enable),
         divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
         built_divider=(nominal or robot).battery.divider or 1.0,
         low=robot.battery.low,
-        sockets=_crossed(drive.left.encoder.pin, built.right.encoder.pin),
+        channels=_taken(*(side.motor.enable for side in (drive.left, built.left, built.right))),
+        sockets=_taken(*(side.encoder.pin for side in (drive.left, built.left, built.right))),
     )
 
 
-def _crossed(told: object, built: object) -> tuple[int, int]:
-    """Which stated side's pins each side of the board takes: exchanged when the left is told
-    what was stated for the right."""
-    return (1, 0) if str(told) == str(built) else (0, 1)
+def _taken(told: object, left: object, right: object) -> tuple[int, int]:
+    """Which stated side's pins each side of the board takes: exchanged when the left one is
+    `told` what was stated for the `right`."""
+    return (1, 0) if str(told) == str(right) != str(left) else (0, 1)
 
 
 def gains(side: Side) -> Gains:
@@ -89,4 +94,4 @@ def world(configuration: Configuration) -> World:
     """Walls and obstacles of the pipeline."""
     walls = [Wall(*wall.start, *wall.end) for wall in configuration.world.walls]
     rounds = [Round(*obstacle.at, obstacle.radius) for obstacle in configuration.world.obstacles]
-    return World(walls, rounds)
+    return World(walls, rounds, configuration.world.field)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 
 from diffbotctl.hub.latest import Snapshot
-from diffbotctl.messages import Goal, Odometry, Path, Range
+from diffbotctl.messages import Goal, Odometry, Path, Range, Scan
 from diffbotctl.ui import words
 from diffbotctl.ui.camera import ACROSS, Camera, Point, around
 from diffbotctl.ui.map import Layer, Map, scale_bar
 from diffbotctl.ui.scene import Beam, Scene
+from diffbotctl.ui.sheet import Sheet
 
 LEAST_OUTLINE = 8.0  # dots; a robot that is drawn smaller is an arrow only
 SIGMAS = 3.0  # the ellipse of doubt holds 99 of 100 true positions
@@ -24,8 +25,10 @@ def look(
 ) -> Camera:
     """The camera that has robot, trail and goal in view."""
     seen: list[Point] = [*trail, (-AROUND, -AROUND), (AROUND, AROUND)]
-    odometry, goal = words.newest(picture, Odometry), words.newest(picture, Goal)
-    if isinstance(odometry, Odometry):
+    if scene.field:
+        return around([*scene.field], width, height)
+    odometry, goal = words.located(picture), words.newest(picture, Goal)
+    if odometry is not None:
         seen += corners(scene, odometry)
     if isinstance(goal, Goal) and goal.number:
         seen.append((goal.x, goal.y))
@@ -34,19 +37,28 @@ def look(
 
 def draw(
     scene: Scene, picture: Snapshot, trail: Sequence[Point], camera: Camera, width: int,
-    height: int, plain: bool = False,
+    height: int, plain: bool = False, sheet: Sheet | None = None,
 ) -> Map:  # fmt: skip
-    """The map of a picture. Without UTF-8 (`plain`) in letters."""
-    drawing = Map(camera, width, height, plain)
+    """The map of a picture. Without UTF-8 (`plain`) in letters.
+
+    `sheet`: what a turtle has drawn, in place of the trail.
+    """
+    looks = sheet.looks if sheet is not None else None
+    drawing = Map(camera, width, height, plain, looks.background if looks else "")
     for wall in scene.walls:
         drawing.line((wall[0], wall[1]), (wall[2], wall[3]), Layer.WALL)
     for x, y, radius in scene.rounds:
         drawing.round((x, y), radius, Layer.WALL)
-    for at in trail:
-        drawing.dot(at, Layer.TRAIL)
-    odometry = words.newest(picture, Odometry)
-    _goal(drawing, picture, odometry if isinstance(odometry, Odometry) else None)
-    if isinstance(odometry, Odometry):
+    if sheet is not None and looks is not None:
+        for start, end, ink in sheet.lines:
+            drawing.stroke(start, end, ink)
+        for place, heading in sheet.turtles:
+            drawing.arrow(place, heading, "bold yellow")
+    else:
+        drawing.lines(trail, Layer.TRAIL)
+    odometry = words.located(picture)
+    _goal(drawing, picture, odometry)
+    if odometry is not None:
         for beam in scene.beams:
             _beam(drawing, odometry, beam, picture.messages.get(beam.topic))
         _doubt(drawing, odometry)
@@ -102,6 +114,8 @@ def mark_goal(drawing: Map, at: Point, heading: float | None) -> None:
 
 
 def _beam(drawing: Map, pose: Odometry, beam: Beam, reading: object) -> None:
+    if isinstance(reading, Scan):
+        _scan(drawing, pose, beam, reading)
     if not isinstance(reading, Range):
         return
     length = reading.distance if reading.state == "measured" else beam.reach
@@ -117,6 +131,16 @@ def _beam(drawing: Map, pose: Odometry, beam: Beam, reading: object) -> None:
         drawing.line(start, end, Layer.BEAM, every=2)
     if reading.state == "measured":
         drawing.line(ends[0], ends[1], Layer.SCAN)
+
+
+def _scan(drawing: Map, pose: Odometry, eye: Beam, scan: Scan) -> None:
+    """A dot where each ray of a laser scanner met something."""
+    x, y = in_odom(pose, eye.x, eye.y)
+    first = pose.heading + eye.heading + scan.start
+    for i, far in enumerate(scan.distances):
+        if 0.0 < far <= eye.reach:
+            turn = first + i * scan.step
+            drawing.dot((x + far * cos(turn), y + far * sin(turn)), Layer.SCAN)
 
 
 def _doubt(drawing: Map, pose: Odometry) -> None:

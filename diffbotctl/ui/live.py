@@ -11,11 +11,12 @@ from rich.panel import Panel
 from rich.table import Table
 
 from diffbotctl.hub.latest import Snapshot
-from diffbotctl.messages import Goal, GoalState, Link, Odometry, Range, Text, Wheels
+from diffbotctl.messages import Goal, GoalState, Link, Range, Text, Wheels
 from diffbotctl.ui import floor, words
 from diffbotctl.ui.camera import Point
 from diffbotctl.ui.map import Map
 from diffbotctl.ui.scene import Scene
+from diffbotctl.ui.sheet import Sheet
 
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 ROWS_OF_FACTS = 11
@@ -27,14 +28,16 @@ class LiveView:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.trail: list[Point] = []
+        self.sheet = Sheet()
 
     def render(self, picture: Snapshot, width: int, height: int) -> RenderableType:
         """The whole view for a terminal of `width` x `height` characters."""
-        odometry = words.newest(picture, Odometry)
-        if isinstance(odometry, Odometry):
+        odometry = words.located(picture)
+        self.sheet.see(picture)
+        if odometry is not None:
             self._extend((odometry.x, odometry.y))
         rows = max(height - ROWS_OF_FACTS - 3, 5)
-        if not any(isinstance(message, Odometry) for message in picture.messages.values()):
+        if odometry is None:
             return Group(title_line(self.scene), facts(picture))
         drawing = self._map(picture, width - 4, rows)
         title = title_line(self.scene)
@@ -49,7 +52,7 @@ class LiveView:
 
     def _map(self, picture: Snapshot, width: int, height: int) -> Map:
         camera = floor.look(self.scene, picture, self.trail, width, height)
-        return floor.draw(self.scene, picture, self.trail, camera, width, height)
+        return floor.draw(self.scene, picture, self.trail, camera, width, height, sheet=self.sheet)
 
 
 def title_line(scene: Scene) -> str:
@@ -63,18 +66,17 @@ def facts(picture: Snapshot) -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", justify="right", no_wrap=True)
     table.add_column(overflow="ellipsis")
-    odometry = words.newest(picture, Odometry)
+    known = words.located(picture)
     state, goal = words.newest(picture, GoalState), words.newest(picture, Goal)
     wheels, reading = words.newest(picture, Wheels), words.newest(picture, Range)
     link = words.newest(picture, Link)
     table.add_row("time", f"{picture.time / 1e9:.1f} s")
-    if isinstance(odometry, Odometry):
-        table.add_row("pose", words.pose(odometry))
+    if known is not None:
+        table.add_row("pose", words.pose(known))
     if isinstance(goal, Goal) and goal.number:
         table.add_row("goal", words.goal(goal.number, picture.goals, goal))
     if isinstance(state, GoalState):
         table.add_row("state", words.goal_state(state))
-    known = odometry if isinstance(odometry, Odometry) else None
     if isinstance(wheels, Wheels):
         table.add_row("wheels", words.speeds(wheels, known))
     for wire, message in picture.messages.items():
@@ -92,9 +94,13 @@ def facts(picture: Snapshot) -> Table:
 
 
 def show(scene: Scene, pictures: Iterator[Snapshot]) -> None:
-    """Draw pictures on the terminal until they end; the last one stays."""
+    """Draw pictures on the terminal until they end; the lines of the log stay above them."""
     console = Console(file=sys.stdout)
     view = LiveView(scene)
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for picture in pictures:
+            for line in picture.lines:
+                live.console.print(
+                    words.line(line), style=words.STYLES.get(line.level), markup=False
+                )
             live.update(view.render(picture, console.width, console.height), refresh=True)

@@ -41,8 +41,14 @@ LETTERS = ":.,~x#o+"
 class Map:
     """A window of `width` x `height` characters on the floor. Positions are metres in odom."""
 
-    def __init__(self, camera: Camera, width: int, height: int, plain: bool = False) -> None:
+    def __init__(
+        self, camera: Camera, width: int, height: int, plain: bool = False, ground: str = ""
+    ) -> None:
+        """`ground`: colour of the floor, #rrggbb; none: the terminal's."""
         self.camera, self.width, self.height, self.plain = camera, width, height, plain
+        self.ground = f" on {ground}" if ground else ""
+        self.ink = ""  # colour of the trail that is being drawn
+        self.inks: dict[tuple[int, int], str] = {}
         self.dots: dict[tuple[int, int], int] = {}
         self.layers: dict[tuple[int, int], Layer] = {}
         self.marks: dict[tuple[int, int], tuple[str, str]] = {}
@@ -60,6 +66,12 @@ class Map:
             return  # seen from so near that it is no line any more
         for i in range(0, steps + 1, every):
             self._set(c1 + (c2 - c1) * i // steps, r1 + (r2 - r1) * i // steps, layer)
+
+    def stroke(self, start: Point, end: Point, ink: str) -> None:
+        """A line of the trail in a colour of its own; a character has that of its last one."""
+        self.ink = ink
+        self.line(start, end, Layer.TRAIL)
+        self.ink = ""
 
     def lines(self, corners: Sequence[Point], layer: Layer, every: int = 1) -> None:
         """A line through all corners."""
@@ -107,18 +119,23 @@ class Map:
             self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % DOWN][column % ACROSS]
             if layer >= self.layers.get(cell, layer):
                 self.layers[cell] = layer
+            if self.ink:
+                self.inks[cell] = self.ink
 
     def _cell(self, column: int, row: int) -> tuple[str, str | None]:
         mark = self.marks.get((column, row))
         if mark is not None:
-            return mark
+            return mark[0], mark[1] + self.ground
         bits = self.dots.get((column, row))
         if bits is None:
-            return " ", None
+            return " ", self.ground.strip() or None
         layer = self.layers[column, row]
+        style = STYLES[layer] + self.ground
+        if layer is Layer.TRAIL and (column, row) in self.inks:
+            style = self.inks[column, row] + self.ground
         if self.plain:
-            return LETTERS[layer], STYLES[layer]
-        return _quarters(bits) if layer is Layer.WALL else chr(0x2800 + bits), STYLES[layer]
+            return LETTERS[layer], style
+        return _quarters(bits) if layer is Layer.WALL else chr(0x2800 + bits), style
 
 
 def _quarters(bits: int) -> str:

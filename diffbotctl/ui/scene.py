@@ -29,7 +29,10 @@ class Beam(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Walls are (x1, y1, x2, y2), round obstacles (x, y, radius), metres in odom."""
+    """Walls are (x1, y1, x2, y2), round obstacles (x, y, radius), metres in the pose's frame.
+
+    `field`: the corners of a field that is always shown whole; empty: what matters is shown.
+    """
 
     title: str
     simulated: str
@@ -37,6 +40,7 @@ class Scene(NamedTuple):
     rounds: tuple[tuple[float, ...], ...] = ()
     robot: Outline | None = None
     beams: tuple[Beam, ...] = ()
+    field: tuple[tuple[float, float], ...] = ()
 
 
 def scene_of(said: dict[str, Any]) -> Scene:
@@ -49,4 +53,5 @@ def scene_of(said: dict[str, Any]) -> Scene:
         tuple(tuple(thing) for thing in said["rounds"]),
         None if robot is None else Outline(**robot),
         tuple(Beam(**beam) for beam in said["sensors"]),
+        tuple((x, y) for x, y in said.get("field", ())),
     )

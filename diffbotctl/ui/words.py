@@ -9,6 +9,7 @@ from diffbotctl.messages import (
     Goal,
     GoalState,
     Link,
+    LogLine,
     Message,
     Odometry,
     Range,
@@ -21,6 +22,15 @@ def newest(picture: Snapshot, kind: type) -> Message | None:
     """The newest message of class `kind` in the picture, whatever wire it is on."""
     found = [message for message in picture.messages.values() if type(message) is kind]
     return max(found, key=lambda message: message.time) if found else None
+
+
+def located(picture: Snapshot) -> Odometry | None:
+    """Where the robot is: as a block reckons it, in odom; only where none does, as a camera sees it
+    from above, in the world's frame."""
+    found = [(wire, said) for wire, said in picture.messages.items() if isinstance(said, Odometry)]
+    reckoned = [said for wire, said in found if not wire.startswith("robot.")]
+    seen = reckoned or [said for _, said in found]
+    return max(seen, key=lambda message: message.time) if seen else None
 
 
 def pose(odometry: Odometry) -> str:
@@ -62,6 +72,17 @@ def link(said: Link) -> str:
     counts = f"{said.received} frames, {said.damaged} damaged, {said.lost} lost"
     why = f" ({said.cause})" if said.cause else ""
     return f"{said.state}{why}, {counts}"
+
+
+def line(said: LogLine) -> str:
+    """`    2.78 s  WARNING  guard: STOP obstacle: ...`; the level stands there when it matters."""
+    level = f"{said.level.upper()}  " if said.level in LOUD else ""
+    text = "".join(each if each.isprintable() else " " for each in said.text)
+    return f"{said.time / 1e9:8.2f} s  {level}{said.source}: {text}"
+
+
+LOUD = ("warning", "error")
+STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
 
 
 def stop(said: Stop | None) -> str:

@@ -1,9 +1,9 @@
 """Rays against walls and round obstacles, by hand."""
 
-from math import cos, inf, pi, sin, sqrt
+from math import cos, hypot, inf, pi, sin, sqrt
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from diffbotctl.plant.world import Round, Wall, World
@@ -72,3 +72,34 @@ def test_a_room_is_closed_and_hits_lie_on_it(x, y, bearing):
     far = room.distance(x, y, bearing)
     hit = max(abs(x + far * cos(bearing)), abs(y + far * sin(bearing)))
     assert hit == pytest.approx(6.0)
+
+
+@given(
+    st.floats(-3, 3), st.floats(-3, 3), st.floats(-7, 7),
+    st.lists(st.tuples(*[st.floats(-4, 4)] * 4), max_size=4),
+    st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(0.05, 1)), max_size=4),
+)  # fmt: skip
+def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
+    for x1, y1, x2, y2 in walls:  # an eye on the wall's own line sees neither side of it
+        length = hypot(x2 - x1, y2 - y1)
+        assume(length > 1e-3)
+        assume(abs((x1 - x) * (y2 - y1) - (y1 - y) * (x2 - x1)) / length > 1e-3)
+    world = World([Wall(*each) for each in walls], [Round(*each) for each in rounds])
+    rays = 24
+    for ray, found in enumerate(world.scan(x, y, heading, rays)):
+        bearing = heading + ray * 2 * pi / rays
+        wanted = world.distance(x, y, bearing)
+        if found == pytest.approx(wanted, abs=1e-6, rel=1e-6):
+            continue
+        # A ray that only grazes an edge may meet it or miss it: then one a hair beside agrees.
+        beside = [world.distance(x, y, bearing + hair) for hair in (-1e-6, 1e-6)]
+        assert any(found == pytest.approx(each, abs=1e-2) for each in beside)
+
+
+def test_a_field_has_four_walls_and_keeps_what_is_in_it():
+    world = World(field=(4.0, 3.0))
+    # from (1, 1): right 3, up 2, left 1, down 1
+    assert world.scan(1.0, 1.0, 0.0, 4) == pytest.approx([3.0, 2.0, 1.0, 1.0])
+    assert world.kept(5.0, -1.0) == (4.0, 0.0)
+    assert world.kept(1.0, 2.0) == (1.0, 2.0)
+    assert World().kept(-9.0, 9.0) == (-9.0, 9.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from diffbotctl.config.boards import BOARDS, Board
+from diffbotctl.config.boards import BOARDS, SIMULATED, Board
 from diffbotctl.config.case import Case
 from diffbotctl.config.sides import SIDES
 from diffbotctl.errors import Place, listed
@@ -27,6 +27,9 @@ def check(case: Case) -> None:
     known = case.known("board.type", "link.uart", "link.protocol")
     if known is None:
         return
+    if known[0] == SIMULATED:
+        _check_simulated(case)
+        return
     board, uart, protocol = BOARDS[known[0]], known[1], known[2]
     if uart not in board.uarts:
         cause = f"an {board.title} has no uart {uart}"
@@ -40,10 +43,45 @@ def check(case: Case) -> None:
         case.error("E-LINK-UART", case.blame("link.uart", "link.protocol"), cause, fix)
         return
     serial = serial_pins(board, uart, protocol)
+    _check_given(case)
     uses = list(pins_in_use(case, board))
     for use in uses:
         _check_use(case, board, protocol, use, uses, serial)
     _check_shared(case, uses)
+
+
+def _check_simulated(case: Case) -> None:
+    if case.real:
+        place = case.robot_place("board", "type")
+        cause = "this robot lives in the simulator alone: there is no board to speak to"
+        case.error("E-BOARD-SIMULATED", place, cause, "run it without --port")
+
+
+def _check_given(case: Case) -> None:
+    """Refuse `none` for a pin that a robot with a board must have."""
+    if case.robot is None:
+        return
+    paths: list[tuple[str, ...]] = [("drive", side, *steps) for side in SIDES for steps in NEEDED]
+    for name, sensor in (case.robot.sensors or {}).items():
+        if sensor is None:
+            continue
+        if sensor.type in PINLESS:
+            cause = f"a {sensor.type} can only be simulated yet: no board of ours reads it"
+            place = case.robot_place("sensors", name, "type")
+            case.error("E-BOARD-SENSOR", place, cause, "remove it, or set board: {type: simulated}")
+        else:
+            paths.append(("sensors", name, "pin"))
+    for steps in paths:
+        value = case.robot_at(*steps)
+        if value is not None and value.data in NONE:
+            cause = "only a robot that is simulated alone does without this pin"
+            fix = "give the pin's number, or set board: {type: simulated}"
+            case.error("E-BOARD-PIN", value.spot, cause, fix)
+
+
+NEEDED = (("motor", "enable"), ("motor", "in1"), ("motor", "in2"), ("encoder", "pin"))
+PINLESS = ("lds01", "overhead_camera")  # sensors that no pin reads
+NONE = (None, "none")
 
 
 def _pins_of(board: Board, protocol: str) -> str:

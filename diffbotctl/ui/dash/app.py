@@ -19,7 +19,7 @@ from diffbotctl.ui.dash.facts import facts
 from diffbotctl.ui.dash.keys import HELP, VIEWS, help_page, press
 from diffbotctl.ui.dash.map_box import MapBox
 from diffbotctl.ui.dash.prompt import Asked, Prompt
-from diffbotctl.ui.dash.sight import Sight
+from diffbotctl.ui.dash.sight import MOST_LINES, Sight
 from diffbotctl.ui.wishes import Wishes
 
 SIDE, WIDE_SIDE = 32, 44  # characters of the facts
@@ -79,6 +79,7 @@ class Dashboard(Cockpit):
         """Rates, blocks, parameters."""
         await super().look_slowly()
         self.sight.blocks = (await self.caller.ask("blocks"))["blocks"]
+        self.sight.take_log(await self.caller.ask("log", last=MOST_LINES))
         self.sight.parameters = (await self.caller.ask("parameters"))["parameters"]
         if not self.fields:
             self.fields = first_fields(self.sight)
@@ -227,7 +228,7 @@ class Dashboard(Cockpit):
 
 
 def first_fields(sight: Sight) -> list[str]:
-    """What is plotted until somebody chooses: speeds if there are any, else whatever there is."""
-    wanted = ("gate.wheels.left", "gate.wheels.right", "odometry.linear", "range.distance")
+    """What is plotted until somebody chooses: the wheels, else whatever there is."""
+    wanted = ("gate.wheels.left", "gate.wheels.right")
     found = [name for end in wanted for name in sight.fields if name.endswith(end)]
     return (found or sight.fields)[:PLOTS]

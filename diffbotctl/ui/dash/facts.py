@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import degrees, isfinite
+from math import degrees, isfinite, pi, remainder
 
 from rich.table import Table
 from rich.text import Text
 
-from diffbotctl.messages import Battery, Duty, Goal, GoalState, Link, Odometry, Range, Wheels
+from diffbotctl.messages import Battery, Duty, Goal, GoalState, Link, Range, Wheels
 from diffbotctl.messages import Text as Words
 from diffbotctl.ui import words
 from diffbotctl.ui.bar import bar, swing
@@ -33,11 +33,11 @@ Row = tuple[str | Text, str | Text]
 
 
 def _pose(sight: Sight) -> list[Row]:
-    said = words.newest(sight.picture, Odometry)
-    if not isinstance(said, Odometry):
+    said = words.located(sight.picture)
+    if said is None:
         return []
     return [
-        ("pose", f"{said.x:+.3f} {said.y:+.3f} m {degrees(said.heading):+.1f}°"),
+        ("pose", f"{said.x:+.3f} {said.y:+.3f} m {degrees(remainder(said.heading, 2 * pi)):+.1f}°"),
         ("", f"{said.linear:+.3f} m/s {said.angular:+.2f} rad/s"),
     ]
 
@@ -61,7 +61,7 @@ def _goal(sight: Sight) -> list[Row]:
 
 def _wheels(sight: Sight, width: int, plain: bool) -> list[Row]:
     """Commanded above measured, for each wheel."""
-    robot, odometry = sight.scene.robot, words.newest(sight.picture, Odometry)
+    robot, odometry = sight.scene.robot, words.located(sight.picture)
     commanded = sight.picture.messages.get("gate.wheels") or words.newest(sight.picture, Wheels)
     if robot is None or not isinstance(commanded, Wheels | Duty):
         return []
@@ -73,7 +73,7 @@ def _wheels(sight: Sight, width: int, plain: bool) -> list[Row]:
         most = 1.0 if isinstance(commanded, Duty) else robot.speed / (diameter / 2)
         wanted = getattr(commanded, side)
         rows.append((side, _speed(wanted, most, length, "magenta", plain)))
-        if isinstance(odometry, Odometry) and isinstance(commanded, Wheels):
+        if odometry is not None and isinstance(commanded, Wheels):
             speed = odometry.linear + sign * odometry.angular * robot.track / 2
             rows.append(("", _speed(speed / (diameter / 2), most, length, "cyan", plain)))
     return rows

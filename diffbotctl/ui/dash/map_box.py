@@ -48,7 +48,7 @@ class MapBox(Widget):
         self.used = self._camera(self.sight, width, height)
         drawing = floor.draw(
             self.sight.scene, self.sight.picture, self.sight.trail, self.used, width, height,
-            self.plain,
+            self.plain, self.sight.sheet,
         )  # fmt: skip
         if self.pressed is not None:
             at, heading = self._goal(self.pressed, self.dragged or self.pressed)

@@ -1,0 +1,95 @@
+"""Canvas: the sheet on which the turtle draws, and the other turtles that stand on it."""
+
+from __future__ import annotations
+
+from diffbotctl.block import Block, In, Out, action
+from diffbotctl.messages import Canvas as Sheet
+from diffbotctl.messages import Odometry
+from diffbotctl.params import Param
+
+MOST_TURTLES = 100  # more do not fit on the sheet, nor a picture of them in one datagram
+
+
+class Canvas(Block):
+    """Keep the colours of a sheet and a pen, and the turtles that were put beside the first one.
+
+    It says what it looks like whenever that has changed; the line itself is drawn by whoever shows
+    it, from the pose that it is given here.
+
+    blocks:
+      canvas: {block: canvas, in: {odometry: robot.pose}}
+    """
+
+    background_red = Param(int, default=69, least=0, most=255, live=True, help="Sheet: red.")
+    background_green = Param(int, default=86, least=0, most=255, live=True, help="Sheet: green.")
+    background_blue = Param(int, default=255, least=0, most=255, live=True, help="Sheet: blue.")
+    pen_red = Param(int, default=179, least=0, most=255, live=True, help="Pen: red.")
+    pen_green = Param(int, default=184, least=0, most=255, live=True, help="Pen: green.")
+    pen_blue = Param(int, default=255, least=0, most=255, live=True, help="Pen: blue.")
+    pen = Param(
+        str, default="down", choices=("down", "up"), live=True,
+        help="down: it draws; up: it leaves no line.",
+    )  # fmt: skip
+
+    odometry = In(Odometry, help="Where the turtle is, in the frame of the sheet.")
+    canvas = Out(Sheet, help="What the sheet looks like, whenever that has changed.")
+
+    def reset(self) -> None:
+        self.sheet = 0
+        self.turtles: dict[int, tuple[float, float, float]] = {}
+        self.number = 1  # the turtle that draws
+        self.told: Sheet | None = None
+
+    @action
+    def clear(self, now: int) -> None:
+        """Wipe the line off; turtles stay where they are."""
+        self.sheet += 1
+
+    @action
+    def spawn(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
+        """Put another turtle there: x and y in m, heading in rad. They are numbered from 2 on."""
+        if len(self.turtles) >= MOST_TURTLES:
+            raise ValueError(f"there are {MOST_TURTLES} turtles already; kill some")
+        self.number += 1
+        self.turtles[self.number] = (x, y, heading)
+
+    @action
+    def kill(self, now: int, number: float) -> None:
+        """Take the turtle with this number off the sheet."""
+        self.turtles.pop(self._known(number))
+
+    @action
+    def teleport(
+        self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
+    ) -> None:
+        """Put the turtle with this number elsewhere; the first one is `robot.teleport`."""
+        self.turtles[self._known(number)] = (x, y, heading)
+
+    def react(self, now: int, odometry: Odometry | None) -> Sheet | None:
+        looks = Sheet(
+            now,
+            self.sheet,
+            colour(self.background_red, self.background_green, self.background_blue),
+            colour(self.pen_red, self.pen_green, self.pen_blue),
+            self.pen == "down",
+            tuple(
+                part for number, place in self.turtles.items() for part in (float(number), *place)
+            ),
+        )
+        if self.told is not None and looks[1:] == self.told[1:]:
+            return None
+        self.told = looks
+        return looks
+
+    def _known(self, number: float) -> int:
+        if number == 1:
+            raise ValueError("turtle 1 is the robot itself: `call robot.teleport` moves it")
+        if number not in self.turtles:
+            there = ", ".join(map(str, self.turtles)) or "none but 1"
+            raise ValueError(f"there is no turtle {number:g}; there is {there}")
+        return int(number)
+
+
+def colour(red: int, green: int, blue: int) -> str:
+    """`#rrggbb`."""
+    return f"#{red:02x}{green:02x}{blue:02x}"

@@ -1,0 +1,137 @@
+"""A robot that wanders among walls and pillars of chance: does it ever touch one?
+
+The plant's true outline is measured against the true world after every turn of the engine's loop,
+at least 25 times a second.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from math import cos, hypot, inf, pi, sin
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.config.load import load
+from diffbotctl.plant.body import Pose
+from diffbotctl.plant.contact import Outline, clearance, to_segment
+from diffbotctl.plant.world import Round, Wall, World
+from diffbotctl.runs.run import Options, Run
+from prove.row import Row
+
+WORLDS = 3
+MINUTES = 10.0
+START_ROOM = 0.45  # m around the start that is left free
+ROOM = (3.0, 5.0)  # m, sides of the room
+PILLARS = (4, 12)
+PILLAR = (0.05, 0.25)  # m, radii
+PARTITIONS = (0, 4)
+PARTITION = (0.3, 1.2)  # m, lengths
+
+
+class Walk(NamedTuple):
+    """One run: least distance to anything (m), contacts, way driven (m), turning (rad)."""
+
+    least: float
+    contacts: int
+    way: float
+    turned: float
+
+
+def world_of(chance: Random) -> World:
+    """A closed room with pillars and partitions, the robot's start free."""
+    wide, deep = (0.5 * chance.uniform(*ROOM) for _ in range(2))
+    walls = [
+        Wall(-wide, -deep, wide, -deep), Wall(wide, -deep, wide, deep),
+        Wall(wide, deep, -wide, deep), Wall(-wide, deep, -wide, -deep),
+    ]  # fmt: skip
+    rounds: list[Round] = []
+    while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and chance.random() < 0.85):
+        x, y, radius = chance.uniform(-wide, wide), chance.uniform(-deep, deep), 0.0
+        radius = chance.uniform(*PILLAR)
+        if hypot(x, y) - radius > START_ROOM:
+            rounds.append(Round(x, y, radius))
+    for _ in range(chance.randint(*PARTITIONS)):
+        x, y = chance.uniform(-wide, wide), chance.uniform(-deep, deep)
+        length, bearing = chance.uniform(*PARTITION), chance.uniform(-pi, pi)
+        wall = Wall(x, y, x + length * cos(bearing), y + length * sin(bearing))
+        if to_segment((0.0, 0.0), wall) > START_ROOM:
+            walls.append(wall)
+    return World(walls, rounds)
+
+
+def sets_of(world: World) -> list[str]:
+    """The world as `--set` has it."""
+    walls = ", ".join(
+        f"{{from: [{w.x1:.6f}, {w.y1:.6f}], to: [{w.x2:.6f}, {w.y2:.6f}]}}" for w in world.walls
+    )
+    rounds = ", ".join(
+        f"{{at: [{r.x:.6f}, {r.y:.6f}], radius: {r.radius:.6f}}}" for r in world.rounds
+    )
+    return [f"world.walls=[{walls}]", f"world.obstacles=[{rounds}]"]
+
+
+def walk(world: World, seed: int, minutes: float) -> Walk:
+    """Let the robot that `seed` draws wander through `world`."""
+    setup = load("wander", sets=sets_of(world))
+    assert setup.robot is not None
+    run = Run(setup, Options(seed=seed, fast=True, duration=60.0 * minutes))
+    body = setup.robot.body
+    outline = Outline(body.front, body.back, 0.5 * body.width)
+    plant = run.robot.robot  # type: ignore[union-attr]
+    least, contacts, touching = inf, 0, False
+
+    def look() -> None:
+        nonlocal least, contacts, touching
+        at = plant.body
+        far = clearance(outline, Pose(at.x, at.y, at.heading), world, within=max(least, 1e-9))
+        least = min(least, far)
+        contacts += far == 0.0 and not touching
+        touching = far == 0.0
+
+    run.engine.idle = look
+    result = run.go()
+    return Walk(least, contacts, result.truth.travel, result.truth.turned)
+
+
+def walks(seed: int, seeds: int, minutes: float) -> Iterator[Walk]:
+    """Every robot in its three worlds."""
+    for robot in range(seeds):
+        chance = Random(f"{seed} wander {robot}")
+        for _ in range(WORLDS):
+            yield walk(world_of(chance), chance.getrandbits(32), minutes)
+
+
+def rows(seed: int, seeds: int, minutes: float = MINUTES) -> Iterator[Row]:
+    """Contacts and the least distance, and that it did not just stand there."""
+    done = list(walks(seed, seeds, minutes))
+    runs = f"{seeds} seeds x {WORLDS} worlds x {minutes:g} min"
+    touched = sum(each.contacts for each in done)
+    yield Row(f"wander: contacts, {runs}", str(touched), "0", touched == 0)
+    least = min(each.least for each in done) * 1000
+    yield Row("wander: least distance to anything", f"{least:.1f} mm", "> 0 mm", least > 0.0)
+    ways = sorted(each.way / minutes for each in done)
+    figure = f"{ways[0]:.1f}, {ways[len(ways) // 2]:.1f} m/min"
+    yield Row("wander: way driven, least and median", figure, ">= 1 m/min", ways[0] >= 1.0)
+
+
+def main() -> int:
+    """Print the rows; exit 1 when one is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=MINUTES)
+    parser.add_argument("--each", action="store_true", help="print every run")
+    options = parser.parse_args()
+    if options.each:
+        for each in walks(options.seed, options.seeds, options.minutes):
+            print(each, flush=True)
+        return 0
+    made = list(rows(options.seed, options.seeds, options.minutes))
+    for row in made:
+        print(row.line(), flush=True)
+    return 0 if all(row.met for row in made) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,70 @@
+"""The robot's outline and its way, by hand."""
+
+from math import hypot, inf, pi, sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diffbotctl.blocks.footprint import Footprint, Track, moved, placed, points_of, seen_from
+
+OUTLINE = Footprint(0.1, 0.2, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "wanted"),
+    [
+        (0.0, 0.0, 0.0),  # inside
+        (0.1, 0.1, 0.0),  # its corner
+        (0.3, 0.0, 0.2),  # ahead of the front
+        (-0.5, 0.05, 0.3),  # behind
+        (0.0, -0.4, 0.3),  # to the right
+        (0.4, 0.5, 0.5),  # off a corner: 0.3 ahead and 0.4 aside
+    ],
+)
+def test_clearance(x, y, wanted):
+    assert OUTLINE.clearance(x, y) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_reach_is_that_of_the_farthest_corner():
+    assert OUTLINE.reach == pytest.approx(hypot(0.2, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("linear", "angular", "seconds", "wanted"),
+    [
+        (0.5, 0.0, 2.0, (1.0, 0.0, 0.0)),
+        (0.0, 1.0, 0.5, (0.0, 0.0, 0.5)),
+        # a quarter of a circle of radius 1 m, to the left
+        (1.0, 1.0, pi / 2, (1.0, 1.0, pi / 2)),
+        # and to the right, backwards
+        (-1.0, 1.0, pi / 2, (-1.0, -1.0, pi / 2)),
+    ],
+)
+def test_a_steady_velocity_leads_round_an_arc(linear, angular, seconds, wanted):
+    assert moved(linear, angular, seconds) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_a_track_adds_up_arcs():
+    track = Track()
+    for quarter in range(5):  # four quarters of a circle lead back
+        track.see(quarter * 10**9, 1.0, pi / 2)
+    assert (track.x, track.y) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert track.heading == pytest.approx(2 * pi)
+    # and a second later it would be on a quarter: radius 2 / pi
+    assert track.at(5 * 10**9)[:2] == pytest.approx((2 / pi, 2 / pi))
+
+
+@given(*[st.floats(-3, 3)] * 5)
+def test_placing_and_seeing_undo_each_other(px, py, x, y, heading):
+    (back,) = seen_from(placed([(px, py)], x, y, heading), x, y, heading)
+    assert back == pytest.approx((px, py), abs=1e-9)
+
+
+def test_points_of_a_scan():
+    # ahead 1 m; left too close, taken for 0.12 m; behind clear; right too far to matter
+    found = points_of(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
+    assert found[0] == pytest.approx((1.0, 0.0), abs=1e-12)
+    assert found[1] == pytest.approx((0.0, 0.12), abs=1e-12)
+    assert len(found) == 2
+    assert points_of(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0] == pytest.approx((1.0, 1.0))

@@ -1,0 +1,168 @@
+"""Scan stop: what it lets through, by hand; and that nothing is ever touched, whatever is asked."""
+
+from math import cos, inf, pi, sin
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from diffbotctl.blocks.footprint import Track
+from diffbotctl.blocks.scan_stop import OBSTACLE, STALE, ScanStop
+from diffbotctl.config.load import load_robot
+from diffbotctl.messages import Odometry, Scan, Twist
+from diffbotctl.plant.body import Pose
+from diffbotctl.plant.contact import Outline, clearance
+from diffbotctl.plant.world import Round, Wall, World
+
+MS = 1_000_000
+ROBOT = load_robot("turtlebot3_burger").robot
+# It reaches 38 mm ahead of its axle, 102 mm back and 89 mm to the sides; its scanner sits 32 mm
+# behind the axle. It reacts within 40 + 1 + 50 ms = 91 ms and brakes by 1 m/s2.
+FRONT, BACK, HALF, EYE = 0.038, 0.102, 0.089, -0.032
+MARGIN = 0.05
+
+
+def guard(**changes):
+    """The block as the shipped robot has it."""
+    known = {
+        "sensors": ROBOT.sensors, "front": FRONT, "back": BACK, "width": 2 * HALF,
+        "braking": 1.0, "speed": 0.22, "track": 0.16, "telemetry": 25.0, "command_delay": 0.001,
+        "lag": 0.05,
+    }  # fmt: skip
+    return ScanStop(**{**known, **changes})
+
+
+def scan_of(world, time=0, x=0.0, y=0.0, heading=0.0):
+    """What the scanner sees when base_link is at that pose."""
+    seen = world.scan(x + EYE * cos(heading), y + EYE * sin(heading), heading, 360)
+    return Scan(time, 0.0, 2 * pi / 360, tuple(seen))
+
+
+def still(time):
+    return Odometry(time, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 6)
+
+
+def asked(world, linear, angular, block=None):
+    """What the standing robot may do of that velocity, and the code of what holds it."""
+    block = block or guard()
+    twist, stop = block.react(MS, Twist(MS, linear, angular), scan_of(world), still(0))
+    return twist.linear, twist.angular, stop.code if stop else ""
+
+
+def across(x):
+    """A wall across the way, `x` ahead of the axle."""
+    return World([Wall(x, -1.0, x, 1.0)])
+
+
+# From 0.2 m/s: 91 ms of reaction and 100 ms of braking at half speed, as one at full: 38.2 mm.
+# 70 % of it: 0.14 x (0.091 + 0.07) = 22.5 mm.
+NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
+
+
+@pytest.mark.parametrize(
+    ("world", "linear", "angular", "wanted"),
+    [
+        (World(), 0.2, 0.5, (0.2, 0.5, "")),
+        (across(1.0), 0.2, 0.0, (0.2, 0.0, "")),
+        (across(FRONT + MARGIN + NEEDED + 0.002), 0.2, 0.0, (0.2, 0.0, "")),
+        (across(FRONT + MARGIN + NEEDED - 0.002), 0.2, 0.0, (0.14, 0.0, "")),
+        (across(FRONT + MARGIN + NEEDED_70 - 0.002), 0.2, 0.0, (0.1, 0.0, "")),
+        (across(FRONT + MARGIN - 0.001), 0.2, 0.0, (0.0, 0.0, OBSTACLE)),
+        # what leads away is allowed, and so is standing
+        (across(FRONT + MARGIN - 0.001), -0.2, 0.0, (-0.2, 0.0, "")),
+        (across(FRONT + 0.001), 0.0, 0.0, (0.0, 0.0, "")),
+        # a wall behind holds only who drives back
+        (across(-BACK - MARGIN + 0.001), -0.2, 0.0, (0.0, 0.0, OBSTACLE)),
+        (across(-BACK - MARGIN + 0.001), 0.2, 0.0, (0.2, 0.0, "")),
+        # a wall at the side: its points ahead come nearer only where that is within the margin
+        (World([Wall(-2, HALF + 0.051, 2, HALF + 0.051)]), 0.2, 0.0, (0.2, 0.0, "")),
+        (World([Wall(-2, HALF + 0.030, 2, HALF + 0.030)]), 0.2, 0.0, (0.0, 0.0, OBSTACLE)),
+        # a pole beside the tail is swept by it when it turns away from the pole
+        (World([], [Round(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
+    ],
+)  # fmt: skip
+def test_what_it_lets_through(world, linear, angular, wanted):
+    assert asked(world, linear, angular) == pytest.approx(wanted)
+
+
+def test_turning_on_is_allowed_where_driving_is_not():
+    # Its skin is 50.5 mm before the front. The slowest drive that is tried, 0.02 m/s for 0.101 s,
+    # takes 2 mm of it; the turn by 0.5 rad/s for 0.111 s takes 0.15 m (1 - cos 3.2 deg) = 0.2 mm.
+    found = asked(World([], [Round(0.15, 0.0, 0.0615)]), 0.2, 0.5)
+    assert found == pytest.approx((0.0, 0.5, OBSTACLE))
+
+
+def test_without_a_fresh_scan_it_stands_and_says_so():
+    block = guard()
+
+    def at(now, scan=None):
+        return block.react(now * MS, Twist(now * MS, 0.2, 0.0), scan, still(0))
+
+    for now in (1, 300, 600):  # a scanner has 0.6 s for its first turn
+        assert at(now) == (Twist(now * MS, 0.0, 0.0), None)
+    twist, stop = at(601)
+    assert (twist.linear, twist.angular, stop.code) == (0.0, 0.0, STALE)
+    again, more = at(602)
+    assert again.linear == 0.0
+    assert more is None  # said once
+    free, told = at(603, scan_of(World(), 603 * MS))
+    assert free.linear == 0.2
+    assert told.code == ""
+    held, stale = at(604)  # one that falls silent later is told at once: it was waited for already
+    assert held.linear == 0.0
+    assert stale.code == STALE
+
+
+def test_between_scans_the_points_come_nearer_as_it_drives():
+    block = guard()
+    scan = scan_of(across(FRONT + MARGIN + NEEDED + 0.02))
+    speeds = []
+    for frame in range(5):  # 0.2 m/s for 40 ms is 8 mm a frame
+        now = frame * 40 * MS
+        odometry = Odometry(now, 0.008 * frame, 0.0, 0.0, 0.2, 0.0, (0.0,) * 6)
+        twist, _ = block.react(now, Twist(now, 0.2, 0.0), scan, odometry)
+        speeds.append(twist.linear)
+    # 20 mm to spare are gone after two and a half frames
+    assert speeds == pytest.approx([0.2, 0.2, 0.2, 0.14, 0.14])
+
+
+def test_too_close_to_measure_counts_as_there():
+    distances = (0.0,) + (inf,) * 359  # straight ahead, nearer than 0.12 m to the scanner
+    block = guard()
+    scan = Scan(0, 0.0, 2 * pi / 360, distances)
+    twist, stop = block.react(MS, Twist(MS, 0.2, 0.0), scan, still(0))
+    assert (twist.linear, stop.code) == (0.0, OBSTACLE)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 1 << 30))
+def test_it_touches_nothing_whatever_is_asked(seed):
+    """A robot that obeys after one frame and ramps as its limits say, driven by chance."""
+    chance = Random(seed)
+    things = [
+        Round(chance.uniform(-1, 1), chance.uniform(-1, 1), chance.uniform(0.02, 0.2))
+        for _ in range(8)
+    ]
+    things = [each for each in things if each.x**2 + each.y**2 > (each.radius + 0.25) ** 2]
+    world = World(
+        [Wall(-1, -1, 1, -1), Wall(1, -1, 1, 1), Wall(1, 1, -1, 1), Wall(-1, 1, -1, -1)], things
+    )
+    outline, block = Outline(FRONT, BACK, HALF), guard()
+    body, scan = Track(), None
+    allowed = Twist(0, 0.0, 0.0)
+    linear = angular = 0.0
+    wish = (0.0, 0.0)
+    for frame in range(500):  # 20 s
+        now = frame * 40 * MS
+        x, y, heading = body.at(now)
+        assert clearance(outline, Pose(x, y, heading), world) > 0.0
+        linear += min(max(allowed.linear - linear, -0.04), 0.04)  # 1 m/s2
+        angular += min(max(allowed.angular - angular, -0.5), 0.5)  # 12.5 rad/s2 at the body
+        body.see(now, linear, angular)
+        if frame % 5 == 0:
+            scan = scan_of(world, now, x, y, heading)
+        if frame % 12 == 0:
+            wish = chance.uniform(-0.22, 0.22), chance.uniform(-2.84, 2.84)
+        odometry = Odometry(now, x, y, heading, linear, angular, (0.0,) * 6)
+        allowed = block.react(now, Twist(now, *wish), scan, odometry)[0]

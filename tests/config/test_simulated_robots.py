@@ -1,0 +1,95 @@
+"""Robots that live in the simulator alone, and pipelines on robots without a sensor."""
+
+import pytest
+
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.errors import ConfigurationError
+
+
+def codes(caught):
+    """The errors among the problems."""
+    return [each.code for each in caught.value.problems if each.severity == "error"]
+
+
+@pytest.mark.parametrize("name", ["turtle", "turtlebot3_burger"])
+def test_they_are_simulated_and_nothing_else(name):
+    assert load_robot(name).warnings == ()
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(name, real=True)
+    assert codes(caught) == ["E-BOARD-SIMULATED"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "words"),
+    [
+        ("drive: {left: {motor: {enable: none}}}", "E-BOARD-PIN", "does without this pin"),
+        ("drive: {right: {motor: {in2: none}}}", "E-BOARD-PIN", "does without this pin"),
+        ("drive: {left: {encoder: {pin: none}}}", "E-BOARD-PIN", "does without this pin"),
+        ("sensors: {front: {pin: none}}", "E-BOARD-PIN", "does without this pin"),
+        ("sensors: {top: {type: lds01, pin: none}}", "E-BOARD-SENSOR", "lds01"),
+        ("sensors: {eye: {type: overhead_camera, pin: none}}", "E-BOARD-SENSOR", "overhead"),
+    ],
+)
+def test_a_robot_with_a_board_needs_its_pins(tmp_path, changes, code, words):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{changes}\n")
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(str(file))
+    assert codes(caught) == [code]
+    (problem,) = [each for each in caught.value.problems if each.code == code]
+    assert words in problem.cause
+    assert problem.line == 4
+
+
+def wires(configuration):
+    return {use.name: use.wires for use in configuration.blocks}
+
+
+def test_every_sensor_there_keeps_its_guard_and_no_other():
+    two_wheels, burger, turtle = (
+        load("goal", robot) for robot in ("book_2wd", "turtlebot3_burger", "turtle")
+    )
+    assert "scan_guard" not in wires(two_wheels)
+    assert wires(two_wheels)["kinematics"] == {"twist": "guard.twist"}
+    assert "guard" not in wires(burger) and "range" not in wires(burger)
+    assert wires(burger)["scan_guard"]["twist"] == "limiter.twist"
+    assert wires(burger)["kinematics"] == {"twist": "scan_guard.twist"}
+    assert wires(turtle)["kinematics"] == {"twist": "limiter.twist"}
+
+
+@pytest.mark.parametrize(
+    ("robot", "warned"),
+    [("book_2wd", []), ("turtlebot3_burger", []), ("turtle", ["W-UNGUARDED"])],
+)
+def test_who_is_left_without_a_guard_is_told(robot, warned):
+    found = [problem.code for problem in load("goal", robot).warnings]
+    assert [code for code in found if code == "W-UNGUARDED"] == warned
+
+
+def test_a_sensor_by_another_name_is_no_missing_sensor(tmp_path):
+    # A guard must not vanish because of a name: its wire is wrong, and that is said.
+    file = tmp_path / "mine.yaml"
+    shipped = load_robot("book_2wd").file.read_text()
+    file.write_text(
+        shipped.replace("  front: {type", "  nose: {type").replace("{front: {n", "{nose: {n")
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load("goal", str(file))
+    assert "E-WIRE-OUTPUT" in codes(caught)
+    assert "W-UNGUARDED" not in codes(caught)
+
+
+def test_what_is_left_out_can_still_be_set():
+    changed = load("goal", "turtle", ["guard.margin=7 cm"])
+    assert "guard" not in wires(changed)
+
+
+def test_wires_that_nobody_passes_on_stay_wrong(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "format: 1\nkind: pipeline\ninclude: goal\n"
+        "blocks: {again: {block: obstacle_stop, in: {twist: mux.twist, range: range.range}}}\n"
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load(str(file), "turtle")
+    assert "E-WIRE-NODE" in codes(caught)

@@ -1,0 +1,118 @@
+"""Laser scanner, overhead camera, the start and the field of the simulated robot, by hand."""
+
+from itertools import pairwise
+from math import inf, pi
+from random import Random
+
+import pytest
+
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.messages import Odometry, Scan, Wheels
+from diffbotctl.plant.body import Pose
+from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.scanner import Part, Scanner
+from diffbotctl.plant.world import Round, Wall, World
+from diffbotctl.runs.simulation import machine, simulated
+
+MS = 1_000_000
+SECOND = 1000 * MS
+
+
+def robot_of(name, world=None, seed=1):
+    robot = load_robot(name).nominal
+    return SimulatedRobot("simulated", machine(robot), robot.simulation, Random(seed), world)
+
+
+def heard(plant, until, command=None, every=40 * MS):
+    """Everything that arrives until then, as (port, message), one command each frame."""
+    found = []
+    for now in range(plant.now + every, until + 1, every):
+        plant.advance(now)
+        found += plant.deliver()
+        if command is not None:
+            plant.command(now, Wheels(now, *command))
+    return found
+
+
+def test_a_scanner_tells_clear_near_and_measured():
+    # four rays: 2 m ahead, nothing left, 0.05 m behind, 5 m right
+    world = World([Wall(2, -1, 2, 1), Wall(-0.05, -1, -0.05, 1), Wall(-1, -5, 1, -5)])
+    scanner = Scanner(Part(4, 0.12, 3.5, SECOND), 0.0, Random(1))
+    assert scanner.measure(world, 0.0, 0.0, 0.0) == pytest.approx((2.0, inf, 0.0, inf))
+    assert scanner.due == 2 * SECOND
+
+
+def test_its_noise_is_as_wide_as_said():
+    world = World([], [Round(2.0, 0.0, 0.5)])  # 1.5 m ahead
+    scanner = Scanner(Part(1, 0.12, 3.5, SECOND), 0.01, Random(1))
+    told = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
+    mean = sum(told) / len(told)
+    spread = (sum((each - mean) ** 2 for each in told) / len(told)) ** 0.5
+    assert mean == pytest.approx(1.5, abs=4 * 0.01 / 2000**0.5)
+    assert spread == pytest.approx(0.01, rel=0.1)
+
+
+def test_scans_come_five_times_a_second_and_in_order():
+    plant = robot_of("turtlebot3_burger", World([], [Round(1.0, 0.0, 0.1)]))
+    said = heard(plant, 2 * SECOND)
+    scans = [message for _, message in said if isinstance(message, Scan)]
+    assert len(scans) == 9  # the tenth is still on its way
+    assert scans[0].time == 200 * MS
+    assert {after.time - before.time for before, after in pairwise(scans)} == {200 * MS}
+    times = [message.time for _, message in said]
+    assert times == sorted(times)
+
+
+def test_a_scan_is_seen_from_where_the_scanner_sits():
+    # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
+    plant = robot_of("turtlebot3_burger", World([], [Round(1.0, 0.0, 0.1)]))
+    plant._scanners[0][1]._spread = 0.0
+    (scan, *_) = [m for _, m in heard(plant, SECOND // 2) if isinstance(m, Scan)]
+    assert scan.distances[0] == pytest.approx(0.932)
+    assert scan.distances[180] == inf
+    assert scan.step == pytest.approx(2 * pi / 360)
+
+
+def test_the_camera_sees_the_true_pose_in_the_world():
+    plant = robot_of("turtle")
+    poses = [m for _, m in heard(plant, SECOND, (2.0, 2.0)) if isinstance(m, Odometry)]
+    first, last = poses[0], poses[-1]
+    assert (first.x, first.y, first.heading) == pytest.approx((5.544, 5.544, 0.0))
+    # 2 rad/s on wheels of 0.2 m: 0.4 m/s straight ahead
+    assert last.linear == pytest.approx(0.4, rel=0.02)
+    assert last.y == pytest.approx(5.544)
+    truth = plant.truth().pose
+    assert plant.place().x == pytest.approx(5.544 + truth.x)
+
+
+def test_the_start_is_where_odom_begins_in_the_world():
+    robot = load_robot("turtle").nominal
+    start = Pose(1.0, 2.0, pi / 2)
+    plant = SimulatedRobot("simulated", machine(robot), robot.simulation, Random(1), World(), start)
+    heard(plant, SECOND, (2.0, 2.0))
+    truth, place = plant.truth().pose, plant.truth_in_world()
+    # ahead in odom is up in this world
+    assert place == pytest.approx((1.0 - truth.y, 2.0 + truth.x, pi / 2 + truth.heading))
+    plant.teleport(4.0, 3.0, 0.0)
+    assert plant.truth_in_world() == pytest.approx((4.0, 3.0, 0.0))
+    assert plant.truth().pose == pytest.approx((1.0, -3.0, -pi / 2))
+    plant.home()
+    assert plant.truth_in_world() == pytest.approx(start)
+
+
+def test_no_robot_leaves_the_field():
+    setup = load("turtle")
+    driver = simulated(setup, 1)
+    plant = driver.robot
+    heard(plant, 20 * SECOND, (10.0, 10.0))  # 2 m/s would be 40 m
+    assert plant.truth_in_world().x == pytest.approx(11.09)
+    plant.teleport(-5.0, 99.0, 0.0)
+    assert plant.truth_in_world() == pytest.approx((0.0, 11.09, 0.0))
+
+
+def test_a_hop_goes_by_the_robot_s_own_bearings():
+    driver = simulated(load("turtle"), 1)
+    driver.hop(0, 1.0, pi / 2)  # turn left, then 1 m ahead
+    assert driver.robot.truth_in_world() == pytest.approx((5.544, 6.544, pi / 2))
+    driver.home(0)
+    assert driver.robot.truth_in_world() == pytest.approx((5.544, 5.544, 0.0))

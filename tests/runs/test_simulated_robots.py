@@ -1,0 +1,76 @@
+"""Whole runs of the robots that exist in the simulator alone."""
+
+import subprocess
+import sys
+from math import hypot
+
+import pytest
+
+from diffbotctl.config.load import load
+from diffbotctl.messages import Goal
+from diffbotctl.runs.run import Options, Run
+
+
+def go(pipeline, robot=None, sets=(), **options):
+    options = {"fast": True, "duration": 120.0, **options}
+    return Run(load(pipeline, robot, sets), Options(**options)).go()
+
+
+@pytest.mark.parametrize("robot", ["turtle", "turtlebot3_burger"])
+@pytest.mark.parametrize(("pipeline", "goals"), [("distance", 1), ("square", 4), ("goal", 1)])
+@pytest.mark.parametrize("seed", [0, 5])
+def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, goals, seed):
+    result = go(pipeline, robot, seed=seed)
+    assert (result.reached, result.ending.code) == (goals, 0)
+    assert result.ending.stopped is True
+    assert not result.stops
+    believed, true = result.odometry, result.truth.pose
+    assert hypot(believed.x - true.x, believed.y - true.y) < 0.03
+
+
+def test_the_turtle_is_sent_to_places_of_its_field():
+    result = go("turtle", goals=(Goal(0, 0, 8.0, 8.0, None), Goal(0, 0, 2.0, 9.0, 0.0)))
+    assert result.reached == 2
+    # goal, pose and truth are all in the frame of the field
+    for pose in (result.odometry, result.truth.pose):
+        assert (pose.x, pose.y) == pytest.approx((2.0, 9.0), abs=0.1)
+
+
+def test_a_wall_stops_the_burger_at_its_margin():
+    sets = ["world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s"]
+    result = go("goal", "turtlebot3_burger", sets, goals=(Goal(0, 0, 1.0, 0.0, None),), seed=3)
+    assert (result.reached, result.ending.code) == (0, 1)
+    assert "obstacle" in [stop.code for stop in result.stops]
+    # 38 mm of body before the axle and 50 mm of margin: it should stand near 0.512 m
+    assert 0.45 < result.truth.pose.x < 0.6 - 0.038
+
+
+def test_a_burger_keeps_to_its_limits():
+    run = Run(load("wander"), Options(fast=True, duration=20.0, seed=2))
+    fastest = [0.0, 0.0]
+    plant = run.robot.robot
+
+    def look():
+        radius, (left, right) = 0.033, plant.wheels
+        fastest[0] = max(fastest[0], abs(left.speed + right.speed) * radius / 2)
+        fastest[1] = max(fastest[1], abs(right.speed - left.speed) * radius / 0.160)
+
+    run.engine.idle = look
+    run.go()
+    assert 0.15 < fastest[0] < 0.22 * 1.05  # its loop may overshoot by a little
+    assert 0.8 < fastest[1] < 2.84
+
+
+@pytest.mark.parametrize(
+    "words", [("run", "wander", "--for", "6s"), ("run", "turtle", "--goal", "7 6")]
+)
+def test_what_they_did_is_replayed_bit_for_bit(words, tmp_path):
+    program = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
+    log = str(tmp_path / "log.mcap")
+    made = subprocess.run(
+        [*program, *words, "--fast", "--quiet", "--record", log], capture_output=True, text=True
+    )
+    assert made.returncode == 0, made.stderr
+    again = subprocess.run([*program, "replay", log, "--check"], capture_output=True, text=True)
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert "bit for bit" in again.stdout

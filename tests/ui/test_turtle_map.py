@@ -1,0 +1,131 @@
+"""What stands where on the map of the simulated robots: frames, colours, the turtle's line."""
+
+from io import StringIO
+from math import inf, pi
+
+import pytest
+from rich.console import Console
+
+from diffbotctl.config.load import load
+from diffbotctl.hub.latest import Snapshot
+from diffbotctl.messages import Canvas, Odometry, Scan
+from diffbotctl.runs.assembly import assemble
+from diffbotctl.runs.scene import scene
+from diffbotctl.ui import floor
+from diffbotctl.ui.camera import Camera
+from diffbotctl.ui.live import LiveView
+from diffbotctl.ui.map import Layer
+from diffbotctl.ui.scene import Scene, scene_of
+from diffbotctl.ui.sheet import MOST_LINES, Sheet
+from diffbotctl.ui.words import located
+
+EXACT = (0.0,) * 6
+
+
+def pose(x, y, heading=0.0, time=0):
+    return Odometry(time, x, y, heading, 0.0, 0.0, EXACT)
+
+
+def looks(sheet=0, pen="#ff0000", is_down=True, turtles=()):
+    return Canvas(0, sheet, "#0000ff", pen, is_down, turtles)
+
+
+def picture(**messages):
+    """The newest messages by wire, `__` for the dot."""
+    named = {wire.replace("__", "."): message for wire, message in messages.items()}
+    return Snapshot(0, named, 0, 0)
+
+
+def drawn(view, shown, width=60, height=40):
+    """The view as a terminal would get it, colours included."""
+    console = Console(record=True, width=width, file=StringIO(), color_system="truecolor")
+    console.print(view.render(shown, width, height))
+    return console.export_text(styles=True)
+
+
+def test_a_block_s_pose_goes_before_the_camera_s():
+    camera, reckoned = pose(5, 5, time=9), pose(1, 1, time=3)
+    assert located(picture(robot__pose=camera, odometry__odometry=reckoned)) == reckoned
+    assert located(picture(robot__pose=camera)) == camera
+    assert located(picture()) is None
+
+
+def test_the_pen_draws_in_its_colour_only_while_down():
+    sheet = Sheet()
+    way = [
+        (0.0, looks()),
+        (0.2, looks()),
+        (0.4, looks(is_down=False)),
+        (0.6, looks(pen="#00ff00")),
+        (5.0, looks()),  # it was put there
+    ]
+    for x, said in way:
+        sheet.see(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+    assert list(sheet.lines) == [
+        ((0.0, 0.0), (0.2, 0.0), "#ff0000"),
+        ((0.4, 0.0), (0.6, 0.0), "#00ff00"),
+    ]
+    sheet.see(picture(robot__pose=pose(5.0, 0.0), canvas__canvas=looks(sheet=1)))
+    assert not sheet.lines
+
+
+def test_a_run_without_a_canvas_has_no_sheet():
+    sheet = Sheet()
+    sheet.see(picture(robot__pose=pose(1.0, 0.0)))
+    assert sheet.looks is None and sheet.last is None
+
+
+def test_a_long_line_loses_its_beginning():
+    sheet = Sheet()
+    for step in range(MOST_LINES + 10):
+        sheet.see(picture(robot__pose=pose(0.1 * step, 0.0), canvas__canvas=looks()))
+    assert len(sheet.lines) == MOST_LINES
+
+
+def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
+    setup = load("turtle")
+    shown = scene_of(scene(setup, None, "sim"))
+    assert len(shown.walls) == 4
+    assert shown.field == ((0.0, 0.0), (11.09, 0.0), (11.09, 11.09), (0.0, 11.09))
+    text = drawn(
+        LiveView(shown),
+        picture(robot__pose=pose(5.5, 5.5), canvas__canvas=looks(turtles=(2, 9, 9, pi))),
+    )
+    assert "48;2;0;0;255" in text  # the sheet's blue behind every character
+    assert "→" in text and "←" in text
+
+
+@pytest.mark.parametrize(
+    ("robot", "wanted"),
+    [
+        # the wall of `goal` from (2.5, -1) to (2.5, 2), the robot's start being the world's
+        ("book_2wd", (2.5, -1.0, 2.5, 2.0)),
+        # this one begins at (5.544, 5.544), and its block reckons from there
+        ("turtle", (2.5 - 5.544, -1.0 - 5.544, 2.5 - 5.544, 2.0 - 5.544)),
+    ],
+)
+def test_walls_stand_in_the_frame_of_the_pose(robot, wanted):
+    (wall,) = scene_of(scene(load("goal", robot), None, "sim")).walls
+    assert wall == pytest.approx(wanted)
+
+
+def test_of_a_real_robot_s_world_nothing_is_drawn():
+    said = scene(load("goal"), None, "/dev/ttyUSB0")
+    assert (said["walls"], said["rounds"], said["field"]) == ([], [], [])
+
+
+def test_a_laser_scan_is_drawn_where_its_rays_met_something():
+    setup = load("wander")
+    shown = scene_of(scene(setup, assemble(setup, False).graph, "sim"))
+    (eye,) = shown.beams
+    assert (eye.topic, eye.x) == ("robot.scan", -0.032)
+    # ahead 1.032 m, clear to the left, too close behind, 0.5 m to the right of the eye
+    scan = Scan(0, 0.0, pi / 2, (1.032, inf, 0.0, 0.5))
+    camera = Camera(0.0, 0.0, 20.0)
+    made = floor.draw(
+        Scene("", "", beams=shown.beams), picture(o__o=pose(0, 0), robot__scan=scan), (), camera,
+        60, 40,
+    )  # fmt: skip
+    dots = {cell for cell, layer in made.layers.items() if layer is Layer.SCAN}
+    wanted = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
+    assert dots == {(column // 2, row // 4) for column, row in wanted}
