@@ -61,7 +61,7 @@ def test_a_stop_is_announced_in_one_line_with_the_file(tmp_path):
     ]
     seen = overview(flights[0])
     assert "obstacle" in seen.end["cause"] and seen.complete
-    assert {topic.origin for topic in seen.topics if topic.messages} == {"driver", "viewer"}
+    assert {topic.origin for topic in seen.topics if topic.messages} == {"driver"}
     assert "blocked" in overview(flights[-1]).end["cause"]
 
 
