@@ -13,10 +13,15 @@ from prove import (
     chain,
     faults,
     firmware,
+    first_goal,
     link_rosserial,
     model,
     motion,
+    operator,
+    ports,
+    radio,
     recordings,
+    slots,
     wander,
 )
 
@@ -44,11 +49,17 @@ def main() -> int:
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
+        first_goal.rows(),
         calibration.rows(options.optiodom),
+        ports.rows(),
+        radio.rows(options.seed, max(6, round(30 * options.board))),
         model.rows(),
         wander.rows(options.seed, options.wander),
+        operator.rows(options.seed, min(options.trials, 20), 2000),
         recordings.rows(options.seed, min(options.trials, 20)),
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        calibration.range_rows(options.seed),
+        slots.rows(options.seed, options.robots),
     )
     for row in joined.from_iterable(tables):
         print(row.line(), flush=True)

@@ -14,8 +14,8 @@ FLOORS = [
     ["config"],
     ["model"],
     ["engine"],
-    ["drivers", "hub"],
-    ["runs", "calibrate", "bags"],
+    ["drivers", "hub", "ports", "bluetooth"],
+    ["runs", "calibrate", "start", "bags"],
     ["ui", "cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 @click.argument("pipeline")
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
 @click.option(
-    "--port", default="sim", show_default=True, help="sim, emulated, auto, or a serial device."
+    "--port",
+    default="sim",
+    show_default=True,
+    help="sim, emulated, auto, a serial device, or bluetooth:ADDRESS.",
 )
 @click.option(
     "--goal",

@@ -69,15 +69,18 @@ def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
             for name, sensor in robot.sensors.items()
         ),
         disc=built.left.encoder.slots,
-        channels=_crossed(drive.left.motor.enable, built.right.motor.enable),
-        sockets=_crossed(drive.left.encoder.pin, built.right.encoder.pin),
+        divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
+        built_divider=(nominal or robot).battery.divider or 1.0,
+        low=robot.battery.low,
+        channels=_taken(*(side.motor.enable for side in (drive.left, built.left, built.right))),
+        sockets=_taken(*(side.encoder.pin for side in (drive.left, built.left, built.right))),
     )
 
 
-def _crossed(told: object, built: object) -> tuple[int, int]:
-    """Which stated side's pins each side of the board takes: exchanged when the left is told
-    what was stated for the right."""
-    return (1, 0) if str(told) == str(built) else (0, 1)
+def _taken(told: object, left: object, right: object) -> tuple[int, int]:
+    """Which stated side's pins each side of the board takes: exchanged when the left one is
+    `told` what was stated for the `right`."""
+    return (1, 0) if str(told) == str(right) != str(left) else (0, 1)
 
 
 def gains(side: Side) -> Gains:
