@@ -105,22 +105,22 @@ def _all_of(wire: str, kind: type) -> list[Column]:
 
 
 def _column(name: str, known: dict[str, type]) -> Column:
-    parts = name.split(".")
-    wire = ".".join(parts[:2])
-    if wire not in known or len(parts) < 3:
+    wire = next((each for each in known if name.startswith(f"{each}.")), "")
+    parts = [wire, *name.removeprefix(f"{wire}.").split(".")]
+    if not wire:
         near = nearest(name, [column.name for column in everything(known)])
-        near = near or nearest(wire, known)
+        near = near or nearest(".".join(name.split(".")[:2]), known)
         cause = f"the recording has no field '{name}'; it has the topics {listed(known, 'and')}"
         raise _unknown(name, cause, near)
     own = fields(known[wire])
-    if parts[2] not in own:
-        near = nearest(parts[2], own)
+    if parts[1] not in own:
+        near = nearest(parts[1], own)
         cause = f"{wire} carries {known[wire].__name__} with {listed(own, 'and')}"
         raise _unknown(name, cause, None if near is None else f"{wire}.{near}")
-    column = Column(name, wire, tuple(parts[2:]), own[parts[2]][1].unit)
-    if not _leads_somewhere(own[parts[2]][0], parts[3:]):
-        cause = f"'{'.'.join(parts[3:])}' leads nowhere in the field '{parts[2]}'"
-        raise _unknown(name, cause, ".".join(parts[:3]))
+    column = Column(name, wire, tuple(parts[1:]), own[parts[1]][1].unit)
+    if not _leads_somewhere(own[parts[1]][0], parts[2:]):
+        cause = f"'{'.'.join(parts[2:])}' leads nowhere in the field '{parts[1]}'"
+        raise _unknown(name, cause, ".".join(parts[:2]))
     return column
 
 

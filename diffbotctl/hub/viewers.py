@@ -13,9 +13,9 @@ from typing import Any
 from diffbotctl.config import resources
 from diffbotctl.links import foxglove
 from diffbotctl.links.foxglove import Mount
-from diffbotctl.messages import GoalState, Link, Odometry, Range, Setting, Stop, Text
+from diffbotctl.messages import LogLine, Odometry, Range
 
-TRANSFORMS, LOG = "tf", "log"  # topics, as ROS tools call the first of them
+TRANSFORMS = "tf"  # topic, as ROS tools call it
 MOUNTS_AGAIN = 5_000_000_000  # ns; viewers that begin in the middle learn where sensors sit
 
 Made = tuple[str, bytes]  # topic and message
@@ -34,9 +34,8 @@ class Viewers:
     def __init__(self, epoch: int, wires: dict[str, type], mounts: dict[str, Mount]) -> None:
         self.epoch = epoch
         self.mounts = {wire: mount for wire, mount in mounts.items() if wire in wires}
-        self.topics: dict[str, str] = {LOG: "Log"}
+        self.topics: dict[str, str] = {}
         self.makers: list[tuple[int, Maker]] = []
-        self.said: dict[str, str] = {}
         self.mounts_due = 0
         for place, (wire, kind) in enumerate(wires.items(), 1):
             maker = self._maker(wire, kind)
@@ -66,10 +65,10 @@ class Viewers:
             self.topics[TRANSFORMS] = "FrameTransform"
             self.topics[f"{wire}.scan"] = "LaserScan"
             return lambda time, message: self._scan(wire, message)
-        words = EVENTS.get(kind)
-        if words is None or wire == "operator.stop":  # the echo of what a block has said
-            return None
-        return lambda time, message: self._event(time, wire, words(message))
+        if kind is LogLine:
+            self.topics[f"{wire}.lines"] = "Log"
+            return lambda time, message: self._line(wire, message)
+        return None
 
     def _sensors(self, time: int) -> Iterator[Made]:
         for mount in set(self.mounts.values()):
@@ -89,43 +88,6 @@ class Viewers:
         frame = self.mounts[wire].frame
         yield f"{wire}.scan", foxglove.laser_scan(self.epoch, message, frame)
 
-    def _event(self, time: int, wire: str, event: tuple[int, str]) -> Iterator[Made]:
-        """A line where the words differ from the last ones of that wire: an event, no message."""
-        level, words = event
-        if self.said.get(wire) == words:
-            return
-        self.said[wire] = words
-        name = wire.partition(".")[0]
-        yield LOG, foxglove.log(self.epoch + time, level, name, words)
-
-
-def _stop(stop: Stop) -> tuple[int, str]:
-    if not stop.code:
-        return foxglove.INFO, "nothing holds the robot"
-    return (foxglove.ERROR if stop.latched else foxglove.WARNING), f"{stop.code}: {stop.cause}"
-
-
-def _goal(state: GoalState) -> tuple[int, str]:
-    words = f"goal {state.number}: {state.state.replace('_', ' ')}"
-    if not state.cause:
-        return foxglove.INFO, words
-    return foxglove.WARNING, f"{words}: {state.cause}"
-
-
-def _link(link: Link) -> tuple[int, str]:
-    level = foxglove.INFO if link.state == "up" else foxglove.WARNING
-    return level, f"link {link.state}" + (f": {link.cause}" if link.cause else "")
-
-
-def _setting(change: Setting) -> tuple[int, str]:
-    value = change.text if change.number is None else change.number
-    return foxglove.INFO, f"{change.block}.{change.name} is now {value}"
-
-
-EVENTS: dict[type, Callable[[Any], tuple[int, str]]] = {
-    Stop: _stop,
-    GoalState: _goal,
-    Link: _link,
-    Setting: _setting,
-    Text: lambda said: (foxglove.INFO, said.text),
-}
+    def _line(self, wire: str, line: LogLine) -> Iterator[Made]:
+        time = self.epoch + line.time
+        yield f"{wire}.lines", foxglove.log(time, line.level, line.source, line.text)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from diffbotctl.messages import Odometry, Range
 
 SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log")
-INFO, WARNING, ERROR = 2, 3, 4  # foxglove.LogLevel
+LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}  # foxglove.LogLevel
 SECOND = 1_000_000_000
 # Half the width of a Sharp sensor's beam, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F); and with
 # three rays no viewer divides by zero to find the angle between them.
@@ -71,11 +71,11 @@ def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
     return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, ranges)).encode()
 
 
-def log(time: int, level: int, name: str, text: str) -> bytes:
-    """foxglove.Log of one event."""
+def log(time: int, level: str, name: str, text: str) -> bytes:
+    """foxglove.Log of one line; a level it does not know becomes UNKNOWN."""
     said = {
         "timestamp": {"sec": time // SECOND, "nsec": time % SECOND},
-        "level": level,
+        "level": LEVELS.get(level, 0),
         "message": text,
         "name": name,
         "file": "",

@@ -180,7 +180,7 @@ def _begin_in(run: RecordedRun, engine: Engine, sets: tuple[str, ...]) -> None:
     assert run.state is not None
     chosen = _chosen(engine.graph, sets)
     try:
-        snapshot.restore(run.state[1], engine.graph, engine.compiled)
+        snapshot.restore(run.state[1], engine)
     except snapshot.StateError as error:
         cause = f"the state in which it begins cannot be read: {error}"
         raise RunError(Problem("E-RECORDING", str(run.path), cause)) from error

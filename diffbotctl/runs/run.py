@@ -316,7 +316,7 @@ class Run:
 
     def _snapshot(self) -> bytes | None:
         try:
-            return snapshot.take(self.assembly.graph, self.engine.compiled)
+            return snapshot.take(self.engine)
         except snapshot.StateError:
             return None  # the flight then begins in a state unknown, and says so
 

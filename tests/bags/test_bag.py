@@ -67,6 +67,12 @@ def test_a_topic_means_all_its_fields(goal):
     assert names == ["follower.twist.linear", "follower.twist.angular"]
 
 
+def test_lines_of_the_log_have_fields_too(goal):
+    lines = [row for _, row in rows(goal, chosen(["log.level", "log.text"], wires(goal)))]
+    assert lines and {level for level, _ in lines} <= {"info", "warning"}
+    assert any("goal 1" in text for _, text in lines)
+
+
 def test_rows_join_what_belongs_to_one_instant(goal):
     wanted = chosen(["robot.encoders.left", "gate.wheels.left"], wires(goal))
     both = [row for _, row in rows(goal, wanted)]

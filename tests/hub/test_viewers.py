@@ -12,7 +12,7 @@ from diffbotctl.config.load import load
 from diffbotctl.hub.viewers import Viewers, schema
 from diffbotctl.links import foxglove
 from diffbotctl.links.foxglove import Mount
-from diffbotctl.messages import GoalState, Link, Odometry, Range, Setting, Stop, Text, Twist
+from diffbotctl.messages import LogLine, Odometry, Range, Twist
 from diffbotctl.runs.run import Options, Run
 
 EPOCH = 1_700_000_000_000_000_000
@@ -60,7 +60,7 @@ def test_every_message_keeps_to_the_schema_in_the_file(views, name):
 
 def test_a_run_into_a_wall_is_told_in_the_log(views):
     lines = [message["message"] for kind, _, _, message in views if kind == "foxglove.Log"]
-    assert any(line.startswith("obstacle") for line in lines)
+    assert any("obstacle" in line for line in lines)
     assert any("blocked" in line for line in lines)
     assert len(lines) < 30  # events, not messages
 
@@ -116,32 +116,17 @@ def test_only_a_measured_distance_is_drawn(state, drawn):
 
 
 @pytest.mark.parametrize(
-    "said, lines",
-    [
-        ([Stop(1, "obstacle", "0.10 m", False)], [(3, "obstacle: 0.10 m")]),
-        ([Stop(1, "link_lost", "gone", True), Stop(2, "", "", False)],
-         [(4, "link_lost: gone"), (2, "nothing holds the robot")]),
-        ([Stop(1, "obstacle", "x", False)] * 3, [(3, "obstacle: x")]),  # an event once
-        ([GoalState(1, 2, "timed_out", 0.1, 0.0, "slow")], [(3, "goal 2: timed out: slow")]),
-        ([GoalState(t, 1, "driving", 1.0 / t, 0.0) for t in (1, 2)], [(2, "goal 1: driving")]),
-        ([Link(1, "up"), Link(2, "lost", cause="pulled")],
-         [(2, "link up"), (3, "link lost: pulled")]),
-        ([Setting(1, "follower", "tolerance", 0.02)], [(2, "follower.tolerance is now 0.02")]),
-        ([Text(1, 'the "board" says')], [(2, 'the "board" says')]),
-    ],
-)  # fmt: skip
-def test_events(said, lines):
-    viewers = Viewers(EPOCH, {"guard.said": type(said[0])}, {})
-    made = [each for message in said for each in viewers.made((message.time, message))]
-    assert {topic for topic, _ in made} == {"log"}
-    told = [json.loads(data) for _, data in made]
-    assert [(each["level"], each["message"]) for each in told] == lines
-    assert {each["name"] for each in told} == {"guard"}
-
-
-def test_the_operators_echo_of_a_stop_is_no_second_event():
-    viewers = Viewers(EPOCH, {"operator.stop": Stop, "mux.twist": Twist}, {})
-    assert viewers.makers == []
+    "level, number", [("debug", 1), ("info", 2), ("warning", 3), ("error", 4), ("loud", 0)]
+)
+def test_a_line_of_the_log(level, number):
+    viewers = Viewers(EPOCH, {"mux.twist": Twist, "log": LogLine}, {})
+    line = LogLine(2_000_000_001, level, "guard", 'the "wall" is near')
+    ((topic, data),) = viewers.made((2_000_000_001, None, line))
+    assert topic == "log.lines"
+    assert json.loads(data) == {
+        "timestamp": {"sec": 1_700_000_002, "nsec": 1}, "level": number, "name": "guard",
+        "message": 'the "wall" is near', "file": "", "line": 0,
+    }  # fmt: skip
 
 
 def test_two_odometries_do_not_fight_over_one_transform():

@@ -61,7 +61,7 @@ def test_a_stop_is_announced_in_one_line_with_the_file(tmp_path):
     ]
     seen = overview(flights[0])
     assert "obstacle" in seen.end["cause"] and seen.complete
-    assert {topic.origin for topic in seen.topics if topic.messages} == {"driver", "viewer"}
+    assert {topic.origin for topic in seen.topics if topic.messages} == {"driver"}
     assert "blocked" in overview(flights[-1]).end["cause"]
 
 
@@ -206,7 +206,7 @@ def test_a_state_can_do_nothing_but_be_a_state(tmp_path, evil):
     mark = tmp_path / "mark"
     graph = assemble(load("goal"), real=False).graph
     with pytest.raises(snapshot.StateError):
-        snapshot.restore(evil(mark), graph, graph.compile({}, None))
+        snapshot.restore(evil(mark), Engine(graph, [], VirtualClock()))
     assert not mark.exists()
 
 
@@ -235,8 +235,8 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     first, rest = [], []
     before, behind = engine(-1, first), engine(half, rest)
     before.run(half + 1)
-    data = snapshot.take(before.graph, before.compiled)
-    snapshot.restore(data, behind.graph, behind.compiled)
+    data = snapshot.take(before)
+    snapshot.restore(data, behind)
     behind.last = half
     behind.run(4_000_000_000)
     digest = Digest(before.graph.kinds)
