@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from math import floor, pi
+from math import floor, hypot, pi
 from typing import Any, NamedTuple
 
-from diffbotctl.calibrate import motor_fit, wheel_log
+from diffbotctl.calibrate import commanded, motor_fit, wheel_log
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.motor_fit import Lag, Line
 from diffbotctl.calibrate.rig import Heard, Rig
@@ -15,7 +15,8 @@ from diffbotctl.calibrate.step import Announce, Event, Outcome, Progress, Runnin
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.messages import Battery, Duty, Wheels
+from diffbotctl.messages import Battery, Duty
+from diffbotctl.runs.simulation import takes_duty
 
 LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # duty; above every usual dead band, below full
 SETTLING = 0.9  # s before a speed is measured: six lags of a slow motor
@@ -70,6 +71,8 @@ class Motors:
         levels = yield from _levels(rig)
         steps = yield from _steps(rig)
         motors = {side: _motor(rig.file.robot, side, starts, levels, steps) for side in SIDES}
+        if takes_duty(rig.file.robot):
+            motors = _alike(motors)
         findings = [*_findings(motors), *_limit(rig.file.robot, motors)]
         rig.attempt(findings)
         faults = [*_unlike(motors), *(yield from _accepted(rig))]
@@ -172,6 +175,19 @@ def _motor(
     return Motor({way: starts[f"{side} {way}"] for way in ways}, lines, both, lag)
 
 
+def _alike(motors: dict[str, Motor]) -> dict[str, Motor]:
+    """Both with the mean of their lags.
+
+    A board that does not tell when a command took hold takes it for each wheel at another moment:
+    what differs between its wheels is that, and the motors are of one kind.
+    """
+    left, right = (motors[side].lag for side in SIDES)
+    both = Lag(
+        (left.lag + right.lag) / 2, (left.dead + right.dead) / 2, hypot(left.sd, right.sd) / 2
+    )
+    return {side: motor._replace(lag=both) for side, motor in motors.items()}
+
+
 def _findings(motors: dict[str, Motor]) -> list[Finding]:
     slope = sum(motor.line.slope for motor in motors.values()) / len(motors)
     made = []
@@ -221,7 +237,7 @@ def _accepted(rig: Rig) -> Generator[Event, Any, list[str]]:
     drive = {"left": robot.drive.left, "right": robot.drive.right}
     wanted = {side: 2 * CREEP / drive[side].wheel.diameter for side in SIDES}
     yield Said(f"The loops as found must start both wheels at {CREEP * 100:g} cm/s.")
-    command = Wheels(0, wanted["left"], wanted["right"])
+    command = commanded.wheels(robot, wanted["left"], wanted["right"])
     rig.hold(command, CREEPING / 2)
     heard = rig.hold(command, CREEPING / 2).encoders
     rig.rest()

@@ -63,7 +63,8 @@ def fit(squares: Squares, used: Geometry, share: float = 1.0) -> Found:
     """The geometry that would have driven these squares right; `used` is what odometry took.
 
     `share` of what they say is believed: all of it by itself; a half when `used` comes from as many
-    squares already, so that the outcome is the mean of both. Raises ValueError when they are too far off, or nothing was read.
+    squares already, so that the outcome is the mean of both. Raises ValueError when they are too
+    far off, or nothing was read.
     """
     rules = []
     if squares.has_positions:
