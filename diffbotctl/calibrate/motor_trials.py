@@ -6,7 +6,8 @@ from collections.abc import Generator
 from typing import Any
 
 from diffbotctl.calibrate import commanded, motor_fit, wheel_log
-from diffbotctl.calibrate.rig import Heard, Rig
+from diffbotctl.calibrate.heard import Heard
+from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Event, Progress, Said
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
