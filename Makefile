@@ -19,7 +19,7 @@ demo: $(VENV)/installed
 
 # The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
 DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
-  netcat-openbsd openssh-client socat
+  netcat-openbsd openssh-client socat dbus-daemon
 
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \

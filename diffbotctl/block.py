@@ -21,6 +21,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from diffbotctl.log import QUIET, Log
 from diffbotctl.params import Declaration, FromRobot, RobotField, declared
 
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -93,12 +94,18 @@ def action(method: Method) -> Method:
 
 
 class Block:
-    """Common ground of all blocks: takes its parameters, knows its ports.
+    """Common ground of all blocks: takes its parameters, knows its ports, says what happens.
 
-    Raises TypeError at class creation when `react` does not name the inputs in declared order.
+    `log` takes a line an event: `self.log.warning("...")`; see `diffbotctl.log`.
+    Raises TypeError at class creation when `react` does not name the inputs in declared order,
+    or when something of the block's own is called `log`.
     """
 
+    log: Log = QUIET
+
     def __init_subclass__(cls) -> None:
+        if "log" in vars(cls):
+            raise TypeError(f"{cls.__name__}.log: `log` is where a block says what happens")
         wanted = ["self", "now", *inputs(cls)]
         given = list(inspect.signature(cls.react).parameters)
         if given != wanted:

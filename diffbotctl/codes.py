@@ -55,6 +55,11 @@ CODES: dict[str, Code] = {
         pressed a key, because the link to the board fell silent, because the board itself had
         stopped the motors, or because something turned further than had been announced. Steps that
         were finished before are in the robot file; begin again with the one that was stopped."""),
+    "E-CALIBRATE-RANGE": _code("a distance sensor that cannot be calibrated", """
+        The voltages at the rule's distances are not those of a Sharp infrared sensor: they must
+        fall from 4 to 30 cm, and stand still while the card does. Closer than 3 cm they fall too,
+        which looks like a greater distance. Measure from the sensor's front, use a white card
+        that stands upright, and look at the sensor's supply (5 V), ground and output wires."""),
     "E-CALIBRATE-ROBOT": _code("a robot that cannot be calibrated like this", """
         The robot does not do what this step measures: a wheel that does not turn, an encoder that
         does not answer, a scale that no tape would show. Calibrate in the order of the chain
@@ -104,12 +109,22 @@ CODES: dict[str, Code] = {
         A recording ends with a record that says it is whole. This one has none: the program was
         killed, the disk was full, or the recorder could not keep up. What is in the file is true,
         but nobody can say what is missing, so a comparison would prove nothing."""),
+    "E-FIELD": _code("a recording has no such field", """
+        A field is named as `topic echo` names it: the block, its port and the field of the message,
+        with dots between: `odometry.odometry.x`. `bag info FILE` lists the topics that are in a
+        recording; a topic that never spoke has no fields to show."""),
+    "E-PICTURE": _code("a picture cannot be written", """
+        `bag plot --output` writes SVG by itself. A PNG is drawn by the library Pillow, which is not
+        installed with diffbotctl: `pip install pillow`."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.
 
         Check the spelling and the folder you are in (`pwd`, `ls`). For a permission, `ls -l FILE`
         shows who may read it."""),
+    "E-FILE-WRITE": _code("a file cannot be written", """
+        The folder is not there, is not yours, or the disc is full; or there is a file of that name
+        already, and nothing of yours is ever written over."""),
     "E-FILE-NAME": _code("no file of that name", """
         A name such as `goal` is looked up as ./pipelines/goal.yaml, then among the pipelines that
         are shipped with diffbotctl; robots likewise in ./robots. Neither has it.
@@ -289,6 +304,43 @@ CODES: dict[str, Code] = {
         it would garble both. Pins 0 and 1 always belong to the USB port."""),
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
+    "E-START-ANSWER": _code("a question of the guided path without an answer", """
+        The answers file is a list of questions and answers, one a line, such as `lifted: yes`; or
+        nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, measure
+        and floor. Names that begin with a calibration's step, such as encoders.wheel, are asked by
+        `diffbotctl calibrate`."""),
+    "E-SERVICE-GOALS": _code("a service that would drive off by itself", """
+        What a service starts, it starts whenever the machine starts, or the board is plugged in
+        again: nobody stands beside the robot then. So it must wait for somebody's word.
+
+        `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
+        """),
+    "E-WIRING-NONE": _code("a robot without wires", """
+        It lives in the simulator alone (board: {type: simulated}): there is no board to connect
+        anything to. `diffbotctl wiring book_2wd` draws the wires of a robot that has one."""),
+    "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
+        An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
+        transmitting pin gives 5 V. It often works for a while, then the module grows deaf.
+
+        Two resistors divide the voltage: 1 kOhm in the wire, 2 kOhm from RXD to ground. Then leave
+        link.level at divider."""),
+    "W-WIRING-SHARED": _code("a radio on the USB port's pins", """
+        Pins 0 and 1 are also the USB port's. While a module is plugged in there, flashing fails and
+        each talks into the other's words.
+
+        On a Mega 2560 use another serial port (uart: 1, pins 18 and 19). On an ATmega328P, which
+        has only this one, unplug the module before flashing and before using the USB cable."""),
+    "W-WIRING-LIGHT": _code("a pin that the board's own light shares", """
+        The light L hangs on pin 13. The bootloader blinks it at each start, so a motor's enable
+        input there makes the wheel jerk, and an input there is pulled down by the light on many
+        boards, so that a button seems pressed for ever."""),
+    "W-WIRING-SUPPLY": _code("a battery that does not fit", """
+        A Mega's VIN, and the regulator on the L298N, take 7 to 12 V: below, their 5 V sink whenever
+        a motor starts and the board restarts; above, they get too hot. The L298N itself takes up to
+        35 V, of which it loses about 2 V.
+
+        board.supply says which of them feeds the board; battery.full is the full battery's voltage:
+        8.4 V for two lithium cells, 9 V for six alkaline ones."""),
     "E-LINK-UART": _code("a serial port that the board does not have", """
         A Mega 2560 has the ports 0 (USB) to 3, of which our firmware uses 0 and 1 (pins 18 and 19);
         an ATmega328P has only port 0, which it shares with the USB."""),
@@ -376,6 +428,94 @@ CODES: dict[str, Code] = {
     "E-PORT-RIGHTS": _code("you may not use the serial port", """
         On most systems serial ports belong to the group dialout (uucp on Arch). Join it with
         `sudo usermod -aG dialout $USER`, then log out and in again. Never chmod 777."""),
+    "E-PORT-SESSION": _code("the group was joined, this session began before", """
+        Groups are given out at login. Log out of the whole desktop session and in again, or
+        restart; `newgrp dialout` gives one window the new group at once. `id` shows the groups in
+        force."""),
+    "E-PORT-RULE": _code("the port belongs to nobody's group", """
+        The device file is root's alone, or its group may not write. A udev rule gives it to the
+        group dialout each time it is plugged in: `diffbotctl doctor --fix` prints the commands.
+        Never chmod 777: it lasts until the cable is pulled, and lets anyone in."""),
+    "E-PORT-RENAMED": _code("the port has another name now", """
+        Linux numbers USB ports in the order of their coming. A board that was unplugged while a
+        program held its port comes back under the next number. The names under
+        /dev/serial/by-id stay the same: use those."""),
+    "E-PORT-CONSOLE": _code("a login console runs on the port", """
+        A Raspberry Pi offers a login on its serial pins until told otherwise, and would take what
+        a board says for typing. raspi-config switches the login off and leaves the port on."""),
+    "E-PORT-BRLTTY": _code("brltty has taken the board's chip", """
+        The CH340 and some others are found in Braille displays too, and brltty, which reads the
+        screen to blind people, takes every one of them: the port appears and vanishes at once.
+        Remove brltty if nobody here needs it."""),
+    "E-PORT-DRIVER": _code("no driver serves the board's chip", """
+        The chip is seen on USB, but the kernel has loaded no driver for it. Mostly the kernel was
+        updated and the machine not restarted since: the modules of the running one are gone."""),
+    "E-PORT-DFU": _code("the board's USB chip is in its own bootloader", """
+        A Mega's USB port is made by a second small chip, which has a program and a bootloader of
+        its own. Touching the six pins beside the USB socket while it is plugged in starts the
+        latter, and the board has no port until the cable is plugged in anew."""),
+    "W-PORT-BRLTTY": _code("brltty may take the port", """
+        Its rules name this board's chip. It works now, and may vanish the next time it is plugged
+        in: remove brltty if nobody here needs a Braille display."""),
+    "W-PORT-MODEM": _code("ModemManager may talk to the board", """
+        It looks for modems on ports that were just plugged in, and sends some of them AT commands
+        for half a minute: flashing fails, and the bootloader is held up. A udev rule tells it to
+        leave a board alone: `diffbotctl doctor --fix` prints it."""),
+    "W-PORT-WORLD": _code("anyone may write to the port", """
+        Somebody has used chmod on it. That lasts until the cable is pulled, and meanwhile every
+        program of every user can drive the motors. Join the group that owns it instead."""),
+    "W-PORT-TWINS": _code("two boards that cannot be told apart", """
+        A CH340 has no serial number, so two boards with one get the same name under
+        /dev/serial/by-id, and it leads to whichever came last. The names under
+        /dev/serial/by-path tell the USB sockets apart."""),
+    "W-PORT-SEVERAL": _code("more than one port may be the board", """
+        `--port auto` cannot choose. Name one with --port; the names under /dev/serial/by-id stay
+        the same."""),
+    "W-PORT-NONE": _code("no board is plugged in", """
+        No serial port looks like a board. Many USB cables only charge and have no data wires. A
+        robot with a Bluetooth module needs no cable: --port bluetooth:ADDRESS."""),
+    "W-PORT-BOARD": _code("another kind of board", """
+        Our firmware runs on a Mega 2560. Other boards can be driven with the book's firmware, by a
+        robot file that says link: {protocol: rosserial}."""),
+    "W-PORT-OTHER": _code("the port leads to no board", """
+        Modems and satellite receivers have serial ports too. Asking them confuses them: leave them
+        alone."""),
+    "E-BLUETOOTH-ADAPTER": _code("no Bluetooth radio", """
+        This machine has none, or its driver did not find it. A stick for a few euros does; drive
+        over the USB cable meanwhile."""),
+    "E-BLUETOOTH-BLOCKED": _code("Bluetooth is switched off", """
+        `rfkill list` shows what keeps it silent: a switch or key of the machine (hard), or a
+        setting (soft), which `rfkill unblock bluetooth` undoes."""),
+    "E-BLUETOOTH-SERVICE": _code("the Bluetooth service cannot be asked", """
+        Scanning and pairing are done by the system's service bluetoothd, from the package bluez,
+        over the system's message bus. It must be installed and run: `systemctl status
+        bluetooth`. Driving needs it only to have paired once."""),
+    "E-BLUETOOTH-PYTHON": _code("this Python cannot do Bluetooth", """
+        Some builds of Python leave Bluetooth sockets out. The one that comes with the system has
+        them: make the virtual environment with /usr/bin/python3 -m venv."""),
+    "E-BLUETOOTH-LIBRARY": _code("the package jeepney is missing", """
+        `bluetooth scan` and `bluetooth pair` speak to the system's Bluetooth service with the
+        package jeepney, which is installed with: pip install 'diffbotctl[bluetooth]'."""),
+    "E-BLUETOOTH-ADDRESS": _code("no Bluetooth address", """
+        An address is six pairs of hexadecimal digits with colons, such as 98:D3:31:FC:12:34;
+        `diffbotctl bluetooth scan` lists those in reach. A number of a channel may follow a
+        slash; an HC-05 has only channel 1."""),
+    "E-BLUETOOTH-ABSENT": _code("the module was not found", """
+        It does not answer: no power (its light does not blink), too far, or connected to another
+        machine already, in which case its light blinks twice every two seconds. An HC-05 speaks
+        to one host at a time."""),
+    "E-BLUETOOTH-PAIR": _code("pairing failed", """
+        Host and module must agree on a number. An HC-05's is 1234 unless somebody changed it;
+        some modules use 0000. A module that was paired anew elsewhere, or whose number changed,
+        must first be forgotten here: `bluetoothctl remove ADDRESS`."""),
+    "E-BLUETOOTH-CONNECT": _code("no connection to the module", """
+        The radio link could not be made. Refused: the module is connected elsewhere, or not
+        paired. No answer: no power, or out of reach. An HC-05's light blinks fast while it waits
+        for a connection, and twice every two seconds while it has one."""),
+    "E-BLUETOOTH-AT": _code("the module does not answer AT commands", """
+        An HC-05 listens to AT commands only when its small button was held while its power came
+        on; its light then blinks slowly, once in two seconds, and it listens at 38400 baud
+        whatever rate it was set to. Its RX and TX must lead to the board as when driving."""),
     "E-PORT-KIND": _code("that is no serial port", """
         The device exists but is not a serial port, or there is none of that name. `ls /dev/ttyUSB*
         /dev/ttyACM* /dev/rfcomm*` lists the usual ones."""),
@@ -407,6 +547,9 @@ CODES: dict[str, Code] = {
     "E-OUTPUT": _code("a file cannot be written", """
         The folder may not exist, the disk may be full, or you may not write there. Nothing else was
         changed. `ls -ld FOLDER` shows who may write into it."""),
+    "E-LOG": _code("the file of the log cannot be written", """
+        `run --log FILE` adds to FILE. The folder may not exist, or the file belongs to someone
+        else. The run has not started."""),
     "E-SOCKET": _code("the control socket", """
         Other processes watch and command a run through a Unix socket that only its own user may
         open, or with `--group` the members of a group. It could not be made, or it does not obey

@@ -19,9 +19,13 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 
 from diffbotctl.block import Block, Every, In, inputs, outputs
+from diffbotctl.log import Logbook
+from diffbotctl.messages import LogLine
 
 NEVER = 2**62  # ns; 146 years, later than any run
 SECOND = 1_000_000_000
+
+LOG = "log"  # the wire of all lines; it comes last
 
 Sink = Callable[[int, Any], None]
 Instant = Callable[..., None]
@@ -48,16 +52,23 @@ class Graph:
 
     `sources` are the wires that drivers deliver on, by name with their message class. After
     construction `wires` lists all wires, sources first, then the blocks' outputs in the order in
-    which they are computed.
+    which they are computed. With a `book` the blocks are heard, on the last wire, `log`.
     """
 
-    def __init__(self, nodes: Sequence[Node], sources: dict[str, type]) -> None:
+    def __init__(
+        self, nodes: Sequence[Node], sources: dict[str, type], book: Logbook | None = None
+    ) -> None:
         self.nodes = in_order(nodes)
         self.sources = list(sources)
         self.kinds: dict[str, type] = dict(sources)
         for node in self.nodes:
             for port, out in outputs(type(node.block)).items():
                 self.kinds[f"{node.name}.{port}"] = out.kind
+        self.book = book
+        if book is not None:
+            self.kinds[LOG] = LogLine
+            for node in self.nodes:
+                node.block.log = book.of(node.name)
         self.wires = list(self.kinds)
 
     def block(self, name: str) -> Block:
@@ -65,34 +76,86 @@ class Graph:
         return {node.name: node.block for node in self.nodes}[name]
 
     def compile(
-        self, sinks: dict[str, Sink], record: Callable[[tuple[Any, ...]], object] | None
+        self,
+        sinks: dict[str, Sink],
+        record: Callable[[tuple[Any, ...]], object] | None,
+        listeners: dict[str, Sink] | None = None,
     ) -> Compiled:
         """Make the run's functions.
 
         `sinks` are called with (now, message) at the end of an instant for each new message on
         their wire. `record`, when given, then gets one tuple an instant: (now, message or None for
-        each of `wires`).
+        each of `wires`); and one more, with the same time, for each line of the log. `listeners`
+        are called like sinks, after them all and in the order of the wires: what they say must not
+        hang on which sinks there are.
         """
-        writer = _Writer(self, list(sinks), record is not None)
-        names: dict[str, Any] = {"NEVER": NEVER, "record": record}
+        sinks = dict(sinks)
+        publish = self._publisher(sinks.pop(LOG, None), record)
+        heard = {wire: listeners[wire] for wire in self.wires if listeners and wire in listeners}
+        writer = _Writer(self, list(sinks), record is not None, list(heard))
+        names: dict[str, Any] = {"NEVER": NEVER, "record": record, "publish": publish}
+        names["lines"] = [] if self.book is None else self.book.lines
         names.update({f"r{i}": node.block.react for i, node in enumerate(self.nodes)})
         names.update({f"s{i}": sink for i, sink in enumerate(sinks.values())})
+        names.update({f"h{i}": listener for i, listener in enumerate(heard.values())})
         exec(compile(writer.source(), GENERATED, "exec"), names)  # the graph's own source
-        instant, due = names["make"]()
-        return Compiled(instant, due, writer.source(), writer.line_owner)
+        instant, due, timers = names["make"]()
+        return Compiled(
+            instant, due, writer.source(), writer.line_owner, publish, names, timers, writer.timers
+        )
+
+    def _publisher(
+        self, sink: Sink | None, record: Callable[[tuple[Any, ...]], object] | None
+    ) -> Callable[[int], None]:
+        """What hands out the lines said in the instant at the time it is given."""
+        book, blank = self.book, [None] * (len(self.wires) - 1)
+
+        def publish(now: int) -> None:
+            if book is None:
+                return
+            for line in book.taken(now):
+                if sink is not None:
+                    sink(now, line)
+                if record is not None:
+                    record((now, *blank, line))
+
+        return publish
 
 
 class Compiled(NamedTuple):
     """A graph turned into functions.
 
     `instant(now, message or None for each source)` runs one instant; `due()` is the time at which
-    the graph wants an instant of its own accord.
+    the graph wants an instant of its own accord; `publish(now)` hands out the lines of the log that
+    an instant which raised has left. `timers()` are the timers' next times, `timer_owners` their
+    nodes and periods in ns.
     """
 
     instant: Instant
     due: Callable[[], int]
     source: str
     line_owner: dict[int, str]
+    publish: Callable[[int], None]
+    names: dict[str, Any]
+    timers: Callable[[], tuple[int, ...]]
+    timer_owners: list[tuple[str, int]]
+
+    def swap(self, place: int, react: Callable[..., Any]) -> None:
+        """From the next instant on call `react` for the node at `place` in `Graph.nodes`."""
+        self.names[f"r{place}"] = react
+
+    def state(self) -> dict[str, Any]:
+        """What wires and timers hold between two instants, by the names in `source`."""
+        return {name: cell.cell_contents for name, cell in self._cells().items()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Bring back a `state` of an equal graph. Raises KeyError when a name is missing."""
+        for name, cell in self._cells().items():
+            cell.cell_contents = state[name]
+
+    def _cells(self) -> dict[str, Any]:
+        closure: Any = self.instant
+        return dict(zip(closure.__code__.co_freevars, closure.__closure__ or (), strict=True))
 
     def culprit(self, error: BaseException) -> str | None:
         """The node whose reaction raised `error`, or None when no reaction did."""
@@ -137,23 +200,31 @@ class _Writer:
     """Writes the source. n = new on wire, v = held on wire, f = held while fresh, x = its deadline,
     q = a timer's next time, k = its firing."""
 
-    def __init__(self, graph: Graph, sinks: list[str], recording: bool) -> None:
+    def __init__(
+        self, graph: Graph, sinks: list[str], recording: bool, listeners: list[str]
+    ) -> None:
         self.number = {wire: i for i, wire in enumerate(graph.wires)}
         self.lines: list[str] = []
         self.state: dict[str, str] = {}
         self.deadlines: list[str] = []
         self.line_owner: dict[int, str] = {}
+        self.timers: list[tuple[str, int]] = []
         self.reactions: list[tuple[str, list[str]]] = [
             (node.name, self.reaction(i, node)) for i, node in enumerate(graph.nodes)
         ]
         self.arguments = [f"n{self.number[wire]}=None" for wire in graph.sources]
-        self.inner = [w for w in graph.wires if w not in graph.sources]
+        self.inner = [w for w in graph.wires if w not in graph.sources and w != LOG]
         self.sinks = [
             f"if n{self.number[w]} is not None: s{i}(now, n{self.number[w]})"
             for i, w in enumerate(sinks)
         ]
-        everything = ", ".join(f"n{i}" for i in range(len(graph.wires)))
-        self.record = [f"record((now, {everything}))"] if recording else []
+        self.sinks += [
+            f"if n{self.number[w]} is not None: h{i}(now, n{self.number[w]})"
+            for i, w in enumerate(listeners)
+        ]
+        everything = ", ".join("None" if w == LOG else f"n{i}" for w, i in self.number.items())
+        self.last = [f"record((now, {everything}))"] if recording else []
+        self.last += ["if lines: publish(now)"] if graph.book is not None else []
 
     def reaction(self, index: int, node: Node) -> list[str]:
         """The lines that decide whether the node is reached and let it react."""
@@ -163,7 +234,9 @@ class _Writer:
         for port, declaration in inputs(type(node.block)).items():
             key = f"{index}_{port}"
             if isinstance(declaration, Every):
-                lines += self.timer(key, nanoseconds(node.block, declaration.period))
+                period = nanoseconds(node.block, declaration.period)
+                lines += self.timer(key, period)
+                self.timers.append((node.name, period))
                 reached.append(f"k{key} is not None")
                 arguments.append(f"k{key}")
             elif port not in node.wires:
@@ -234,10 +307,12 @@ class _Writer:
                 for w in self.inner
                 if w.split(".")[0] == owner and f"v{self.number[w]}" in keep
             ]
-        lines += [f"        {line}" for line in [*self.sinks, *self.record] or ["pass"]]
+        lines += [f"        {line}" for line in [*self.sinks, *self.last] or ["pass"]]
         lines.append("    def due():")
         lines.append(f"        return {self.earliest()}")
-        lines.append("    return instant, due")
+        lines.append("    def timers():")
+        lines.append(f"        return ({''.join(f'{q}, ' for q in self.state if q[0] == 'q')})")
+        lines.append("    return instant, due, timers")
         return "\n".join(lines) + "\n"
 
     def earliest(self) -> str:

@@ -196,6 +196,18 @@ class Canvas(NamedTuple):
     ] = ()
 
 
+LOG_LEVELS = ("debug", "info", "warning", "error")  # the least grave first
+
+
+class LogLine(NamedTuple):
+    """One event, in words."""
+
+    time: Time
+    level: Annotated[str, Field("", "`debug`, `info`, `warning` or `error`.")]
+    source: Annotated[str, Field("", "The block that says it, `robot`, `operator` or `engine`.")]
+    text: Annotated[str, Field("", "The words.")]
+
+
 class Resume(NamedTuple):
     """A person's consent to move again after a latched stop."""
 
@@ -238,6 +250,7 @@ Message = (
     | Battery
     | Text
     | Canvas
+    | LogLine
     | Resume
     | Setting
     | Call
@@ -246,7 +259,7 @@ Message = (
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
     for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Canvas, Resume, Setting, Call)
+                 GoalState, Stop, Link, Battery, Text, Canvas, LogLine, Resume, Setting, Call)
 }  # fmt: skip
 
 

@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import os
+import tempfile
 from itertools import chain as joined
 from pathlib import Path
 
-from prove import calibration, chain, faults, firmware, link_rosserial, model, motion, wander
+from prove import (
+    calibration,
+    chain,
+    faults,
+    firmware,
+    first_goal,
+    link_rosserial,
+    model,
+    motion,
+    operator,
+    ports,
+    radio,
+    recordings,
+    slots,
+    wander,
+)
 
 
 def main() -> int:
@@ -24,20 +41,30 @@ def main() -> int:
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
     options = parser.parse_args()
+    state = tempfile.TemporaryDirectory()
+    os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
     missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
+        first_goal.rows(),
         calibration.rows(options.optiodom),
-        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        ports.rows(),
+        radio.rows(options.seed, max(6, round(30 * options.board))),
         model.rows(),
         wander.rows(options.seed, options.wander),
+        operator.rows(options.seed, min(options.trials, 20), 2000),
+        recordings.rows(options.seed, min(options.trials, 20)),
+        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        calibration.range_rows(options.seed),
+        slots.rows(options.seed, options.robots),
     )
     for row in joined.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
+    state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

@@ -9,13 +9,13 @@ import pytest
 ROOT = Path(__file__).parent.parent
 # Imports run from the top of this table to the bottom, never back.
 FLOORS = [
-    ["errors", "codes", "messages", "units", "params", "block"],
+    ["errors", "codes", "messages", "log", "units", "params", "block"],
     ["blocks", "links", "plant", "graph"],
     ["config"],
     ["model"],
     ["engine"],
-    ["drivers", "hub"],
-    ["runs", "calibrate"],
+    ["drivers", "hub", "ports", "bluetooth"],
+    ["runs", "calibrate", "start", "bags"],
     ["ui", "cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}

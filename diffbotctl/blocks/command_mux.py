@@ -31,6 +31,8 @@ class CommandMux(Block):
 
     def react(self, now: int, teleop: Twist | None, autonomous: Twist | None) -> Twist | None:
         driven, self.was_driven = self.was_driven, teleop is not None
+        if driven != self.was_driven:
+            self.log.debug("the pipeline's own command counts" if driven else "a person drives")
         if teleop is not None:
             return teleop._replace(time=now)
         if driven:

@@ -84,6 +84,7 @@ class ObstacleStop(Block):
         self.held = ("", "")  # code and cause; empty while nothing holds
         self.told = ""  # code of the last Stop that was sent
         self.is_latched = False
+        self.is_slowing = False  # for something that is still far enough away
         self.consent: Resume | None = None  # the last one that was heard
 
     def react(
@@ -102,7 +103,16 @@ class ObstacleStop(Block):
             return twist._replace(time=now), told
         if self.held[0] or self.is_latched:
             return Twist(now, 0.0, twist.angular), told
-        return slowed(twist, allowed(gap - self.margin, self.braking, self.react_within), now), told
+        limit = allowed(gap - self.margin, self.braking, self.react_within)
+        if (twist.linear > limit) != self.is_slowing:
+            self._tell_slowing(gap)
+        return slowed(twist, limit, now), told
+
+    def _tell_slowing(self, gap: float) -> None:
+        self.is_slowing = not self.is_slowing
+        if self.log.debugs:
+            does = "slows down for" if self.is_slowing else "drives at full speed again with"
+            self.log.debug(f"{does} what is {gap * 100:.0f} cm ahead")
 
     def _look(self, range: Range | None) -> float:
         """Take the newest reading into account; return the free distance before the front."""

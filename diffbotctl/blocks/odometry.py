@@ -11,6 +11,10 @@ from diffbotctl.messages import Odometry as Pose
 from diffbotctl.params import FromRobot, Param
 
 LEFT = 0.3  # of the scatter of frames' times, once they are followed
+# Without news for so long (ns) nobody knows what drove the motors: the host has stopped after a
+# quarter of a second, and the board's dead-man has after 0.1 to 0.5 s of its own.
+BLIND = 400_000_000
+BLIND_PITCHES = 0.5  # sd of a wheel's way meanwhile: where in a slot it began, and ended
 DOUBT = 1.0  # natural logarithm; dry friction is believed when it tells the rolling out better
 
 
@@ -63,6 +67,8 @@ class Odometry(Block):
             self.wheels = self._start(encoders)
             self.pose.start()
             return self.pose.message(encoders.time, *self.wheels)
+        if encoders.time - last.time > BLIND:
+            return self._count_on(encoders, self.wheels)
         left, right = self.wheels
         since = encoders.command_time
         if since is None:
@@ -83,6 +89,14 @@ class Odometry(Block):
             right.filter.prefer(dry)
         left.tell()
         right.tell()
+
+    def _count_on(self, encoders: Encoders, wheels: tuple[OdometryWheel, OdometryWheel]) -> Pose:
+        """After a silence: the counts tell the way, and nothing more is known of the wheels."""
+        left, right = wheels[0].counted(encoders.left), wheels[1].counted(encoders.right)
+        self.wheels = self._start(encoders)
+        self.pose.jump(left, right, BLIND_PITCHES * wheels[0].pitch)
+        self.pose.start()
+        return self.pose.message(encoders.time, *self.wheels)
 
     def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
         kind = OdometryWheel if self.method == "model" else CountedWheel

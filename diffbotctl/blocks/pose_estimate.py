@@ -58,6 +58,13 @@ class PoseEstimate:
             self.x, self.y, self.heading, left.rolled, right.rolled, self.track
         )
 
+    def jump(self, left: float, right: float, doubt: float) -> None:
+        """Roll on by what was counted unseen, each wheel with a standard deviation of `doubt` (m),
+        if any was."""
+        if left or right:
+            self._spread(left, right, doubt * doubt, doubt * doubt)
+        self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
+
     def _begin_again(self, left: float, right: float) -> None:
         """A wheel went further in its first stretch than was thought: all that came after lies
         turned about the start."""
@@ -73,8 +80,11 @@ class PoseEstimate:
         """Each wheel's slip grows with the root of its travel and shifts and turns the pose."""
         per_metre = self.slip * self.slip
         a, b = per_metre * abs(left), per_metre * abs(right)
-        if not a and not b:
-            return
+        if a or b:
+            self._spread(left, right, a, b)
+
+    def _spread(self, left: float, right: float, a: float, b: float) -> None:
+        """The covariance after ways of variances `a` and `b` (m2)."""
         xx, xy, xh, yy, yh, hh = self.slipped
         middle = self.heading + 0.5 * (right - left) / self.track
         c, s = cos(middle), sin(middle)

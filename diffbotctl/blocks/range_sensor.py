@@ -54,6 +54,7 @@ class RangeSensor(Block):
         self.since = 0
         self.zeros = 0
         self.consent: Resume | None = None  # the last one that was heard
+        self.state = ""  # of the last reading
 
     def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:
         if resume is not None and resume is not self.consent:
@@ -61,6 +62,22 @@ class RangeSensor(Block):
             self.fold.forget()
         if volts is None:
             return None
+        reading = self._reading(volts)
+        if reading.state != self.state:
+            self._tell(reading, volts.volts)
+        return reading
+
+    def _tell(self, reading: Range, volts: float) -> None:
+        """Put a change of the state into the log."""
+        if reading.state == "fault":
+            self.log.warning(f"{self.sensor}: {volts:.2f} V is not what a working sensor says")
+        elif self.state == "fault":
+            self.log.info(f"{self.sensor}: works again, {volts:.2f} V")
+        elif self.log.debugs:
+            self.log.debug(f"{self.sensor}: {reading.state}, {reading.distance:.3f} m")
+        self.state = reading.state
+
+    def _reading(self, volts: Volts) -> Range:
         if self._is_faulty(volts):
             return Range(volts.time, 0.0, "fault")
         if self.fold.is_too_close(volts.time, volts.volts):

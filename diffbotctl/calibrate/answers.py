@@ -44,6 +44,7 @@ class Instruments(Protocol):
     def mark(self) -> None: ...
     def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
     def roll(self, wheel: str, turns: float) -> None: ...
+    def place(self, sensor: str, distance: float) -> None: ...
 
 
 class AnswersFile:
@@ -66,9 +67,12 @@ class AnswersFile:
 
     def act(self, act: Act) -> None:
         """Only the hand of a simulated robot can do it. Raises RunError otherwise."""
-        if self.instruments is None or act.roll is None:
+        if self.instruments is None or (act.roll is None and act.place is None):
             raise self._trouble(act.name, f"needs a hand: {act.text}")
-        self.instruments.roll(*act.roll)
+        if act.roll is not None:
+            self.instruments.roll(*act.roll)
+        if act.place is not None:
+            self.instruments.place(*act.place)
 
     def answer(self, question: Question, trouble: str) -> Answer:
         """What the file says to `question`. Raises RunError where that is nothing, or was refused.

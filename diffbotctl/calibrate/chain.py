@@ -19,6 +19,7 @@ from diffbotctl.calibrate.step import (
     Announce,
     Drawing,
     Event,
+    Graph,
     Mark,
     Outcome,
     Progress,
@@ -37,7 +38,7 @@ class Screen(Protocol):
 
     def say(self, text: str) -> None: ...
     def progress(self, progress: Progress) -> None: ...
-    def draw(self, drawing: Drawing) -> None: ...
+    def draw(self, drawing: Drawing | Graph) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,14 @@ from diffbotctl.plant.robot import SimulatedRobot, Truth
 READS = {
     "tape": ("forward", "left", "distance"),
     "protractor": ("turned", "facing"),
+    "ruler": ("gap",),
+    "meter": ("battery",),
     "eye": ("wheel",),
 }
 SEEN = pi / 36  # rad; a wheel that turned less than 5 degrees did not visibly turn
 HAND_SPEED = 1.5 * pi  # rad/s; three quarters of a turn a second
 HAND_MISS = 0.03  # rad, standard deviation: a mark on the tyre is stopped within a millimetre
+PLACE_MISS = 0.001  # m, standard deviation: where a hand puts something beside a rule
 HAND_REST = 1.0  # s until whoever turned a wheel has let go of it
 
 
@@ -35,6 +38,7 @@ class Truths:
         """`wait` lets the robot's time pass, in s; `chance` makes instruments blunt."""
         self._plant, self._wait, self._chance = plant, wait, chance
         self._mark: Truth = plant.truth()
+        self._gap = 0.0
 
     @property
     def truth(self) -> Truth:
@@ -66,7 +70,17 @@ class Truths:
         end = self._plant.turn_by_hand(side, angle, HAND_SPEED)
         self._wait((end - self._plant.now) * 1e-9 + HAND_REST)
 
+    def place(self, sensor: str, distance: float) -> None:
+        """A hand puts a board across a sensor's axis, nearly at `distance` (m) from its front."""
+        self._gap = distance + self._chance.gauss(0.0, PLACE_MISS)
+        self._plant.put_before(sensor, self._gap)
+        self._wait(HAND_REST)
+
     def _value(self, quantity: str) -> float:
+        if quantity == "gap":
+            return self._gap
+        if quantity == "battery":
+            return self._plant.supply()
         begun, now = self._mark.pose, self._plant.truth().pose
         x, y = now.x - begun.x, now.y - begun.y
         if quantity == "forward":

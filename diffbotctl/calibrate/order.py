@@ -10,8 +10,11 @@ from diffbotctl.calibrate.step import Step
 STEPS = {
     "encoders": "diffbotctl.calibrate.encoders:Encoders",
     "motors": "diffbotctl.calibrate.motors:Motors",
+    "discs": "diffbotctl.calibrate.discs:Discs",
     "distance": "diffbotctl.calibrate.distance:Distance",
     "geometry": "diffbotctl.calibrate.geometry_step:Squares",
+    "range": "diffbotctl.calibrate.range_step:RangeCurve",
+    "battery": "diffbotctl.calibrate.battery:Divider",
 }
 
 GEOMETRY = {

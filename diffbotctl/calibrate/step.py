@@ -57,12 +57,14 @@ class Mark(NamedTuple):
 class Act(NamedTuple):
     """Something that only a hand can do, and that is waited for. Sent: nothing.
 
-    `roll` tells an answers file's hand which wheel to turn (`left`, `right`) and how many turns.
+    `roll` tells an answers file's hand which wheel to turn (`left`, `right`) and how many turns;
+    `place`, before which sensor to put something, and how many m away.
     """
 
     name: str
     text: str
     roll: tuple[str, float] | None = None
+    place: tuple[str, float] | None = None
 
 
 class Progress(NamedTuple):
@@ -80,7 +82,18 @@ class Drawing(NamedTuple):
     points: dict[str, list[tuple[float, float]]]
 
 
-Event = Said | Announce | Mark | Act | Progress | Drawing | Question
+class Graph(NamedTuple):
+    """A curve and points of it for the terminal, x to the right and y upwards."""
+
+    title: str
+    points: dict[str, list[tuple[float, float]]]
+    """by their kind, drawn one over the other"""
+    across: str
+    """what x is, with its unit"""
+    upwards: str
+
+
+Event = Said | Announce | Mark | Act | Progress | Drawing | Graph | Question
 Running = Generator[Event, Any, "Outcome"]
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import sys
+import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +14,12 @@ from diffbotctl.cli.attach import engine_option
 
 if TYPE_CHECKING:
     from diffbotctl.block import Block
+    from diffbotctl.hub.caller import Caller
     from diffbotctl.params import Declaration
 
 
 @click.group(invoke_without_command=True)
-@click.option("--live", is_flag=True, help="The blocks of a running engine, with their rates.")
+@click.option("--live", is_flag=True, help="Those of a running engine: rate, cost, last error.")
 @engine_option
 @click.pass_context
 def command(ctx: click.Context, live: bool, engine: str | None) -> int:
@@ -39,14 +43,45 @@ def command(ctx: click.Context, live: bool, engine: str | None) -> int:
 
 
 def _live(engine: str | None) -> int:
-    from diffbotctl.cli.attach import attached, paced
+    from diffbotctl.cli.attach import attached
 
     with attached(engine, "blocks") as caller:
-        for row in caller.ask("blocks")["blocks"]:
-            click.echo(
-                f"{row['block']:15} {row['class']:16} {paced(row):>16}  {row['messages']} messages"
-            )
+        rows = _measured(caller)
+    if not sys.stdout.isatty():
+        for row in rows:
+            click.echo(json.dumps(row))
+        return 0
+    click.echo(f"{'block':15} {'class':16} {'rate':>16} {'busy':>8} {'overruns':>9}  last error")
+    for row in rows:
+        click.echo(_row(row))
     return 0
+
+
+def _measured(caller: Caller) -> list[dict[str, Any]]:
+    """The rows once the engine has measured them; as they are when it does not in time."""
+    deadline = time.monotonic() + MEASURING
+    while True:
+        rows: list[dict[str, Any]] = caller.ask("blocks")["blocks"]
+        if all(row["busy"] is not None for row in rows) or time.monotonic() > deadline:
+            return rows
+        time.sleep(LOOK)
+
+
+MEASURING = 3.0  # s; a share is taken over one, and a robot that is away wakes nobody
+LOOK = 0.1  # s between two looks
+
+
+def _row(row: dict[str, Any]) -> str:
+    from diffbotctl.cli.attach import paced
+
+    busy = "-" if row["busy"] is None else f"{100 * row['busy']:.2f} %"
+    overruns = "-" if row["overruns"] is None else row["overruns"]
+    error = row["last_error"]
+    said = "" if error is None else f"at {error['time'] / 1e9:.1f} s: {error['text']}"
+    return (
+        f"{row['block']:15} {row['class']:16} {paced(row).strip():>16} {busy:>8} {overruns:>9}"
+        f"  {said}"
+    ).rstrip()
 
 
 @command.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.calibrate.order import STEPS
-from diffbotctl.cli import calibrate_steps
+from diffbotctl.cli import calibrate_parts, calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show, undo
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ A_FILE = click.Path(path_type=Path)
 def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) -> None:
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
-    encoders, motors (wheels off the ground), distance, geometry (on the floor). Each says what it
-    is going to do and waits; any key stops it.
+    encoders, motors, discs (wheels off the ground), distance, geometry (on the floor), range,
+    battery. Each says what it is going to do and waits; any key stops it.
     """
     if context.invoked_subcommand is not None:
         _refuse_lost_options(context)
@@ -53,6 +53,8 @@ command.add_command(calibrate_steps.encoders)
 command.add_command(calibrate_steps.motors)
 command.add_command(calibrate_steps.distance)
 command.add_command(calibrate_steps.geometry)
+for step in (calibrate_parts.discs, calibrate_parts.range_, calibrate_parts.battery):
+    command.add_command(step)
 command.add_command(show)
 command.add_command(undo)
 

@@ -15,6 +15,8 @@ COMMANDS = {
     "rqt_graph": "graph --live",
     "rqt_plot": "topic echo",
     "teleop_twist_keyboard": "drive",
+    "rqt_console": "log",
+    "rqt_logger_level": "log level",
     "roswtf": "check, and why",
 }
 # What `ros2 X` and `rosnode X` become, where the words differ.

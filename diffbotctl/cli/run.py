@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 @click.argument("pipeline")
 @click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
 @click.option(
-    "--port", default="sim", show_default=True, help="sim, emulated, auto, or a serial device."
+    "--port",
+    default="sim",
+    show_default=True,
+    help="sim, emulated, auto, a serial device, or bluetooth:ADDRESS.",
 )
 @click.option(
     "--goal",
@@ -43,6 +46,14 @@ if TYPE_CHECKING:
 @click.option(
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
 )
+@click.option(
+    "--log", type=click.Path(dir_okay=False, path_type=Path),
+    help="Add every event to a file, one JSON object a line.",
+)  # fmt: skip
+@click.option(
+    "--log-level", "levels", multiple=True, metavar="[BLOCK=]LEVEL",
+    help="Hear a block, or all, from debug, info, warning or error on. Repeatable.",
+)  # fmt: skip
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
 @click.option("--dash", is_flag=True, help="Show the dashboard; leaving it ends the run.")
@@ -54,12 +65,14 @@ def command(
     pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
     seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
     dash: bool, name: str | None, group: str | None, no_socket: bool, quiet: bool,
+    log: Path | None, levels: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
+    from diffbotctl.hub.flight_process import folder
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
@@ -75,14 +88,18 @@ def command(
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
+    heard = tuple(_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
     stay = stay or dash
-    options = Options(port, wanted, seed, fast, seconds, record, digest, socket, stay, dash)
+    flights = None if fast else folder()  # a fast run is the same again from its seed
+    options = Options(
+        port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard, flights
+    )
     if dash:
         return _with_dashboard(configuration, options)
     run = Run(
-        configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
+        configuration, options, None if quiet else screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
 
@@ -129,8 +146,8 @@ def _shout(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
-    """What the child process runs: it alone imports the drawing."""
+def screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
+    """What draws a run: in a child process, which alone imports the drawing."""
 
     def show(pictures: Iterator[Snapshot]) -> None:
         if not sys.stdout.isatty():
@@ -145,6 +162,23 @@ def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snaps
         live.show(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
+
+
+def _level(text: str, configuration: Configuration) -> tuple[str, str]:
+    """A source of the log and the level it is heard from: `guard=debug`, or `debug` for all."""
+    from diffbotctl.config.nodes import RESERVED
+    from diffbotctl.errors import nearest
+    from diffbotctl.log import ALL
+    from diffbotctl.messages import LOG_LEVELS
+
+    source, _, level = text.rpartition("=")
+    known = [use.name for use in configuration.blocks] + [n for n in RESERVED if n != "log"]
+    if level not in LOG_LEVELS:
+        raise click.UsageError(f"--log-level {text}: there are {', '.join(LOG_LEVELS)}")
+    if source and source not in known:
+        near = nearest(source, known) or ", ".join(known)
+        raise click.UsageError(f"--log-level: there is no block '{source}'; did you mean {near}?")
+    return source or ALL, level
 
 
 def _goal(text: str) -> Goal:

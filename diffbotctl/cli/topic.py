@@ -68,9 +68,11 @@ def _apart(caller: Caller, topic: str) -> tuple[str, list[str]]:
     """The topic and the path of a field in it."""
     wires = {row["topic"] for row in caller.ask("topics")["topics"]}
     steps = topic.split(".")
-    if topic in wires or ".".join(steps[:2]) not in wires:
-        return topic, []
-    return ".".join(steps[:2]), steps[2:]
+    for length in range(len(steps), 0, -1):
+        name = ".".join(steps[:length])
+        if name in wires:
+            return name, steps[length:]
+    return topic, []
 
 
 def _print(said: dict[str, Any], path: list[str], named: bool) -> None:

@@ -26,7 +26,10 @@ def key(schema: dict[str, Any], content: Any) -> str:
 
 def holds(name: str) -> bool:
     """True when `name` was remembered."""
-    return (folder() / name).exists()
+    try:
+        return (folder() / name).exists()
+    except OSError:  # a folder that this user may not enter, such as root's after `sudo -u`
+        return False
 
 
 def remember(name: str) -> None:

@@ -21,6 +21,7 @@ OPERATOR: dict[str, type] = {
     "halt": messages.Stop,
     "setting": messages.Setting,
     "call": messages.Call,
+    "log": messages.LogLine,
 }
 ROBOT: dict[str, type] = {
     "encoders": messages.Encoders,
@@ -29,7 +30,7 @@ ROBOT: dict[str, type] = {
     "text": messages.Text,
     "stop": messages.Stop,
 }
-RESERVED = ("robot", "operator", "gate", "wheel_speed")
+RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed")
 
 
 class Node(NamedTuple):

@@ -96,11 +96,13 @@ class EmulatedBoard:
         return due
 
     def _millivolts(self) -> dict[int, int]:
-        channel = self.settings.range_channel
-        if channel is None:
-            return {}
+        found = {}
+        if self.settings.battery_channel is not None:
+            found[self.settings.battery_channel] = round(self.plant.battery_pin() * MILLIVOLTS)
         volts = self.plant.volts().get(self.settings.range_name)
-        return {} if volts is None else {channel: round(volts * MILLIVOLTS)}
+        if self.settings.range_channel is not None and volts is not None:
+            found[self.settings.range_channel] = round(volts * MILLIVOLTS)
+        return found
 
 
 class Emulated:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import NEVER
-from diffbotctl.messages import Goal, GoalState, Message, Path, Resume, Stop
+from diffbotctl.log import LEVEL
+from diffbotctl.messages import Goal, GoalState, LogLine, Message, Path, Resume, Setting, Stop
 
 ENDED = {"reached", "blocked", "stuck", "timed_out"}
 
@@ -105,6 +106,14 @@ class Operator:
         if self.paused is not None:
             self.under_way, self.paused = self.paused, None
             self._say(now, "goal", self.under_way)
+
+    def note(self, now: int, level: str, source: str, text: str) -> None:
+        """Put a line into the log for what is no block."""
+        self._say(now, "log", LogLine(now, level, source, text))
+
+    def set_level(self, now: int, source: str, level: str) -> None:
+        """Hear `source` in the log from `level` on."""
+        self._say(now, "setting", Setting(now, source, LEVEL, None, level))
 
     def _gravest(self, now: int) -> Stop:
         ranked = sorted(self.holding.values(), key=lambda stop: not stop.latched)

@@ -14,6 +14,7 @@ from diffbotctl.drivers.operator import Operator
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Answer, Channel, Command
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.engine.meter import Meter
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
 
 LATER = "later"  # a verb that answers by itself
@@ -26,6 +27,7 @@ class Person:
     """A driver that follows the commands of one channel. `wakes`: a command wakes the loop.
 
     A paced simulation is not woken: it has its own exact times, and looks each instant.
+    `meter` measures the blocks when someone wants to see what they cost.
     """
 
     def __init__(self, channel: Channel, operator: Operator, changes: Changes, wakes: bool) -> None:
@@ -37,6 +39,7 @@ class Person:
         self.outbox: list[Delivery] = []
         self.at = 0
         self.driving = Driving()
+        self.meter: Meter | None = None
 
     def due(self) -> int:
         """At once when something waits to be delivered; when whoever drives has been silent."""
@@ -70,6 +73,8 @@ class Person:
                 self.channel.answer(Answer(command.number, code))
         if was_open and not self.channel.is_open and self.driving.is_on:
             self._lose(now, self.driving.gone)
+        if self.meter is not None and self.meter.is_on:
+            self.channel.loads = self.meter.idle() or self.channel.loads
         self.channel.flush()
 
     def _stop(self, now: int, command: Command) -> str:
@@ -105,6 +110,7 @@ class Person:
             if self.driving.is_on and not takes_over:
                 return "busy"
             self.operator.pause(now)
+            self.operator.note(now, "info", "operator", f"{command.who} drives by hand")
         self.driving.go_on(now, command)
         self._say(now, "twist", Twist(now, linear, angular))
         return ""
@@ -115,6 +121,7 @@ class Person:
             return "not_driving"
         self._say(now, "twist", Twist(now, 0.0, 0.0))
         self.driving.let_go()
+        self.operator.note(now, "info", "operator", f"{command.who} has let go")
         return ""
 
     def _lost(self, now: int, command: Command) -> str:
@@ -132,6 +139,12 @@ class Person:
         self._say(now, "call", Call(now, *command.values))
         self.calls.append(command.number)
         return LATER
+
+    def _measure(self, now: int, command: Command) -> str:
+        """Measure what the blocks cost, for some seconds."""
+        if self.meter is not None:
+            self.meter.want()
+        return ""
 
     def _leave(self, now: int, command: Command) -> str:
         """A client has gone: nothing happens unless it was driving."""
@@ -165,5 +178,6 @@ VERBS: dict[str, Verb] = {
     "lost": Person._lost,
     "set": Person._set,
     "call": Person._call,
+    "measure": Person._measure,
     "leave": Person._leave,
 }

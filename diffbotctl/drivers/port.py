@@ -9,8 +9,12 @@ import os
 import stat
 import termios
 from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
 
+from diffbotctl.drivers.socket_port import called, connected, is_socket, unreachable
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.ports.holders import UNSEEN, holder
 
 READ_SIZE = 4096  # bytes; more than any board sends between two looks
 
@@ -65,8 +69,38 @@ class Port:
             os.close(self.fd)
 
 
-def opened(device: str, baud: int) -> Port:
+class OpenPort(Protocol):
+    """What the loop needs of a port, whatever it is made of."""
+
+    device: str
+    baud: int
+    fd: int
+
+    def read(self) -> bytes:
+        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the kernel; returns how many it took. Raises OSError."""
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate. Raises OSError."""
+
+    def discard_unsent(self) -> None:
+        """Throw away what has not left, as far as that can be done."""
+
+    def close(self) -> None:
+        """Let the device go."""
+
+
+def reopened(device: str, baud: int) -> OpenPort:
+    """Open a port that was lost; a module is only called, without waiting. Raises OSError."""
+    return called(device, baud) if is_socket(device) else Port(device, baud)
+
+
+def opened(device: str, baud: int) -> OpenPort:
     """Open a port that must be there. Raises RunError."""
+    if is_socket(device):
+        return connected(device, baud)
     try:
         return Port(device, baud)
     except OSError as error:
@@ -75,6 +109,8 @@ def opened(device: str, baud: int) -> Port:
 
 def gone(device: str, error: OSError) -> RunError:
     """What to tell of a device that is not there, or no longer."""
+    if is_socket(device):
+        return unreachable(device, error)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
     return _trouble("E-PORT-OPEN", device, error.strerror or str(error), fix)
 
@@ -83,10 +119,7 @@ def _open(device: str) -> int:
     try:
         fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except PermissionError as error:
-        group = _group(device)
-        fix = f"join that group, then log out and in: sudo usermod -a -G {group} $USER"
-        cause = f"you have no right to open it; it belongs to the group {group}"
-        raise _trouble("E-PORT-RIGHTS", device, cause, fix) from error
+        raise _no_right(device) from error
     except OSError as error:
         if error.errno == errno.EBUSY:
             raise _busy(device) from error
@@ -113,9 +146,27 @@ def _lock(fd: int, device: str) -> None:
 
 
 def _busy(device: str) -> RunError:
-    fix = (f"end that program (sudo fuser -v {device} tells more); two writers on one port garble "
-           "each other's frames")  # fmt: skip
-    return _trouble("E-PORT-BUSY", device, f"it is in use by {holder(device)}", fix)
+    from diffbotctl.ports.judge import busy
+
+    return RunError(busy(device, holder(Path("/"), os.path.abspath(device)) or UNSEEN))
+
+
+def _no_right(device: str) -> RunError:
+    """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
+    from diffbotctl.ports.judge import OF_RIGHTS, Report, survey
+    from diffbotctl.ports.named import judge_name
+    from diffbotctl.ports.person import myself
+
+    root = Path("/")
+    found = judge_name(root, survey(root, myself()), os.path.abspath(device))
+    problems = found.problems if isinstance(found, Report) else ()
+    for problem in problems:
+        if problem.code in OF_RIGHTS:
+            return RunError(problem)
+    group = _group(device)
+    fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"
+    cause = f"you have no right to open it; it belongs to the group {group}"
+    return _trouble("E-PORT-RIGHTS", device, cause, fix)
 
 
 def _group(device: str) -> str:
@@ -142,36 +193,3 @@ def _make_raw(fd: int, baud: int) -> None:
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
     except termios.error as error:
         raise OSError(*error.args) from error
-
-
-def holder(device: str) -> str:
-    """The program that keeps `device` from us, as far as /proc lets us see."""
-    pid = _locker(device) or _opener(os.path.realpath(device))
-    with suppress(OSError), open(f"/proc/{pid}/comm") as name:
-        return f"{name.read().strip()} (process {pid})"
-    return "another program"
-
-
-def _locker(device: str) -> str | None:
-    """Who has locked the device: `number: FLOCK ADVISORY WRITE pid device:inode ...` a line."""
-    with suppress(OSError, ValueError):
-        about = os.stat(device)
-        wanted = (os.major(about.st_dev), os.minor(about.st_dev), about.st_ino)
-        with open("/proc/locks") as locks:
-            for words in map(str.split, locks):
-                major, minor, inode = words[5].split(":")
-                if (int(major, 16), int(minor, 16), int(inode)) == wanted:
-                    return words[4]
-    return None
-
-
-def _opener(real: str) -> str | None:
-    """Who else has the device open."""
-    for pid in filter(str.isdigit, os.listdir("/proc")):
-        if int(pid) == os.getpid():
-            continue
-        with suppress(OSError):
-            for fd in os.listdir(f"/proc/{pid}/fd"):
-                if os.path.realpath(f"/proc/{pid}/fd/{fd}") == real:
-                    return pid
-    return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from diffbotctl.drivers.guardian import Guardian
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.port import OpenPort
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER
@@ -27,13 +27,13 @@ class SerialRobot:
     def __init__(
         self,
         protocol: LinkProtocol,
-        open_port: Callable[[], Port],
+        open_port: Callable[[], OpenPort],
         guardian: Guardian | None = None,
     ) -> None:
         self.protocol = protocol
         self.open_port = open_port
         self.guardian = guardian
-        self.port: Port | None = None
+        self.port: OpenPort | None = None
         self.retry_at = 0
         self.retry_pause = FIRST_RETRY
         self.unsent = b""
@@ -95,7 +95,7 @@ class SerialRobot:
         if self.port is not None:
             self.port.close()
 
-    def _give_up(self, port: Port) -> None:
+    def _give_up(self, port: OpenPort) -> None:
         refusal = self.protocol.refusal
         if refusal is not None and not self.gave_up:
             self.gave_up = True
@@ -135,7 +135,7 @@ class SerialRobot:
         self.adopt(now, port)
         return []
 
-    def adopt(self, now: int, port: Port) -> None:
+    def adopt(self, now: int, port: OpenPort) -> None:
         """Use an open port: negotiate anew, and make a stop the first command on it."""
         self.port, self.unsent = port, b""
         self.protocol.opened(now)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from diffbotctl.graph import Graph, Sink
+from diffbotctl.log import LEVEL
 from diffbotctl.messages import Call, Setting
 from diffbotctl.params import declared
 
@@ -23,6 +24,7 @@ class Changes:
     def __init__(self, graph: Graph, drivers: dict[str, Any]) -> None:
         self.targets: dict[str, Any] = {node.name: node.block for node in graph.nodes}
         self.targets.update(drivers)
+        self.book = graph.book
         self.outcomes: list[str] = []
 
     def sinks(self) -> dict[str, Sink]:
@@ -30,7 +32,11 @@ class Changes:
         return {"operator.setting": self.set, "operator.call": self.call}
 
     def set(self, now: int, change: Setting) -> None:
-        """Give a block's parameter its new value."""
+        """Give a block's parameter its new value, or a source of the log its level."""
+        if change.name == LEVEL:
+            if self.book is not None and change.text is not None:
+                self.book.set_level(change.block, change.text)
+            return
         block = self.targets[change.block]
         kind = declared(type(block))[change.name].kind
         value: Any = change.text

@@ -26,6 +26,14 @@ class Command(NamedTuple):
     values: tuple[Any, ...] = ()
 
 
+class Load(NamedTuple):
+    """What a block cost: share of one core, reactions a second, timers fired too late so far."""
+
+    busy: float
+    reactions: float
+    overruns: int
+
+
 class Answer(NamedTuple):
     """What the engine says to command `number`: an empty code when it follows it."""
 
@@ -35,11 +43,15 @@ class Answer(NamedTuple):
 
 
 class News(NamedTuple):
-    """One datagram to the hub. `lost` counts the instants that were dropped before these."""
+    """One datagram to the hub. `lost` counts the instants that were dropped before these.
+
+    `loads` are what the blocks cost, by name, while somebody watches them.
+    """
 
     lost: int
     instants: list[tuple[Any, ...]]
     answers: list[Answer]
+    loads: dict[str, Load] | None = None
 
 
 class Channel:
@@ -49,6 +61,7 @@ class Channel:
         self.channel = channel
         self.pending: list[tuple[Any, ...]] = []
         self.answers: list[Answer] = []
+        self.loads: dict[str, Load] | None = None
         self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
         self.lost = 0
         self.is_open = True
@@ -68,9 +81,9 @@ class Channel:
         if not self.is_open:
             self.pending.clear()
             return
-        if not self.pending and not self.answers:
+        if not self.pending and not self.answers and self.loads is None:
             return
-        news = News(self.lost, self.pending, self.answers)
+        news = News(self.lost, self.pending, self.answers, self.loads)
         try:
             self.channel.send(pickle.dumps(tuple(news), pickle.HIGHEST_PROTOCOL))
         except BlockingIOError:
@@ -79,6 +92,7 @@ class Channel:
             self._close()
         else:
             self.lost = 0
+            self.loads = None
             self.answers.clear()
         self.pending.clear()
 

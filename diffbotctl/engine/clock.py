@@ -12,7 +12,12 @@ MILLISECOND = 1_000_000
 
 
 class Clock(Protocol):
-    """Waits for a logical time or for a file that can be read."""
+    """Waits for a logical time or for a file that can be read.
+
+    `late`: ns by which the last `wait` returned after the time it was asked for.
+    """
+
+    late: int
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Return (the logical time it is, files ready) at `until` or as soon as a file is ready."""
@@ -26,7 +31,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.poller = _Poller()
-        self.turns = 0
+        self.turns = self.late = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Jump to `until`; files are looked at only now and then, for they mean people."""
@@ -52,19 +57,44 @@ class PacedClock:
     def __init__(self, exact: bool) -> None:
         self.exact = exact
         self.poller = _Poller()
+        self.late = 0
         self.start = time.monotonic_ns()
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Sleep until `until` or until a file can be read."""
         left = until - (time.monotonic_ns() - self.start)
         ready = self.poller.ready(max(left, 0), files)
-        if self.exact and not ready:
-            return until, ready
-        return time.monotonic_ns() - self.start, ready
+        now = time.monotonic_ns() - self.start
+        self.late = now - until
+        return (until if self.exact and not ready else now), ready
 
     def close(self) -> None:
         """Nobody waits any longer."""
         self.poller.close()
+
+
+class ScaledClock:
+    """`speed` times the wall's time from the logical time `begin` on; before it, time jumps."""
+
+    def __init__(self, speed: float, begin: int) -> None:
+        self.speed = speed
+        self.begin = begin
+        self.start: int | None = None
+        self.late = 0
+
+    def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
+        """Sleep until the wall has come to `until`. No file is looked at."""
+        if until >= NEVER:
+            return until, []
+        if until > self.begin:
+            now = time.monotonic_ns()
+            self.start = now if self.start is None else self.start
+            left = (until - self.begin) / self.speed - (now - self.start)
+            time.sleep(max(left, 0.0) / 1e9)
+        return until, []
+
+    def close(self) -> None:
+        """Nobody waits any longer."""
 
 
 class _Poller:

@@ -11,6 +11,7 @@ import gc
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
+from diffbotctl.engine.chronicle import chronicle
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.errors import Problem, RunError
@@ -46,7 +47,8 @@ class Engine:
     """A graph, its drivers and a clock. `run` returns only after the robot was told to stop.
 
     `record` takes each instant as one tuple; `idle` is called after each turn, when whatever the
-    instant commanded has left.
+    instant commanded has left. `overruns` counts, by block, timers that fired late by more than
+    their period.
     """
 
     def __init__(
@@ -70,12 +72,15 @@ class Engine:
         self.place = {wire: i for i, wire in enumerate(graph.sources)}
         self.empty: list[Any] = [None] * len(graph.sources)
         self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
-        self.compiled = graph.compile(self.sinks, record)
+        self.compiled = graph.compile(self.sinks, record, chronicle(graph))
         self.last = -1
         self.over = 0
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None
         self.signals = signals
+        self.overruns: dict[str, int] = {}
+        periods = [period for _, period in self.compiled.timer_owners]
+        self.tolerance = min(periods, default=NEVER)
 
     def end(self, code: int, cause: str) -> None:
         """Ask the loop to end after this instant; the first cause stands."""
@@ -114,6 +119,8 @@ class Engine:
         dues = [driver.due() for driver in self.drivers]
         wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
+        if self.clock.late > self.tolerance:
+            self._count_overruns(now, wake + self.clock.late)
         if self.signals is not None and self.signals.cause:
             self.over = min(now, until)
             self.end(INTERRUPTED, self.signals.cause)
@@ -133,6 +140,14 @@ class Engine:
         if self.idle is not None:
             self.idle()
         return True
+
+    def _count_overruns(self, now: int, really: int) -> None:
+        """Count the timers due by `now` that are later than their period at the time `really`."""
+        due = self.compiled.timers()
+        for (name, period), at in zip(self.compiled.timer_owners, due, strict=True):
+            firings = range(at, min(now + 1, really - period), period)
+            if firings:
+                self.overruns[name] = self.overruns.get(name, 0) + len(firings)
 
     def deliver(self, now: int, deliveries: Iterable[Delivery]) -> None:
         """Run the instant at `now`, and as many more as the deliveries need."""
@@ -170,6 +185,8 @@ class Engine:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
         cause = f"it raised {type(error).__name__}: {error}"
+        self.graph.block(name).log.error(cause)
+        self.compiled.publish(now)
         fix = "the robot was stopped; run again with --debug to see where in the block"
         raise RunError(Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)) from error
 

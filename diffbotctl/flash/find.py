@@ -9,12 +9,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from diffbotctl.bluetooth.address import BLUETOOTH
 from diffbotctl.flash.trouble import NoBoardError, RadioPortError, SeveralBoardsError
+from diffbotctl.ports.chips import CHIP, KINDS, MEGA
 
-# Vendor and product of a Mega 2560: genuine ones, and the USB chips that clones carry.
-GENUINE = {(vendor, product) for vendor in (0x2341, 0x2A03) for product in (0x0010, 0x0042)}
-GENUINE |= {(0x2341, 0x0210), (0x2341, 0x0242)}
-CLONES = {(0x1A86, 0x7523), (0x1A86, 0x5523), (0x0403, 0x6001), (0x10C4, 0xEA60)}
+GENUINE = {identity for identity, kind in KINDS.items() if kind.role == MEGA}
+CLONES = {identity for identity, kind in KINDS.items() if kind.role == CHIP}
 
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
@@ -86,5 +86,6 @@ def is_usb(device: str) -> bool:
 
 def refuse_radio(device: str) -> None:
     """Raises RadioPortError for a port that leads over Bluetooth."""
-    if any(RADIO.search(name) for name in (device, os.path.realpath(device))):
+    bound = any(RADIO.search(name) for name in (device, os.path.realpath(device)))
+    if bound or device.startswith(BLUETOOTH):
         raise RadioPortError(device)

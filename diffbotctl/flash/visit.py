@@ -6,7 +6,7 @@ import select
 import time
 from collections.abc import Iterator
 
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.port import OpenPort
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.flash.events import Said
 from diffbotctl.links.diffbot import UP, DiffbotHost
@@ -19,7 +19,7 @@ LOOK = 0.05  # s between two looks at a silent port
 class Visit:
     """One board behind an open port, which stays its owner's to close."""
 
-    def __init__(self, port: Port, host: DiffbotHost) -> None:
+    def __init__(self, port: OpenPort, host: DiffbotHost) -> None:
         self.port, self.host = port, host
         self._start = time.monotonic_ns()
         self._unsent = b""

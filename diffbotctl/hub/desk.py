@@ -43,11 +43,12 @@ Fields = dict[str, Any]
 
 
 class Desk:
-    """What every verb is handed: the run, and what is known of it."""
+    """What every verb is handed: the run, what is known of it, and a word to the engine."""
 
-    def __init__(self, about: About, knowledge: Knowledge) -> None:
+    def __init__(self, about: About, knowledge: Knowledge, whisper: Callable[[str], None]) -> None:
         self.about = about
         self.knowledge = knowledge
+        self.whisper = whisper
         self.blocks = {node.name: node.block for node in about.graph.nodes}
         self.heard = {wire for node in about.graph.nodes for wire in node.wires.values()}
 

@@ -50,6 +50,13 @@ class EngineSide:
             client.expected += 1
         client.drives = client.drives or wanted.verb == "drive"
 
+    def whisper(self, verb: str) -> None:
+        """Send what no client waits for; it may be lost."""
+        self.number += 1
+        if not self.unsent and self.pace.allows(time.monotonic()):
+            self.pace.spend()
+            self._send(Command(self.number, 0, "the hub", verb))
+
     def retry(self) -> None:
         """Send what did not fit before."""
         while self.unsent and self._send(self.unsent[0]):

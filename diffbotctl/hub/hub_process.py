@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -28,6 +29,7 @@ def start(
     """Fork the hub, which serves `listener` at `path`. Returns the engine's end, and the pid."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, NEWS)
+    gc.freeze()  # a collection that walks what both share would make each a copy of its own
     pid = os.fork()
     if pid:
         theirs.close()

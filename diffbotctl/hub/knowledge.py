@@ -7,12 +7,13 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from diffbotctl.engine.changes import Changes
-from diffbotctl.engine.channel import News
+from diffbotctl.engine.channel import Load, News
 from diffbotctl.graph import SECOND, Graph
-from diffbotctl.messages import Message, Setting, Stop
+from diffbotctl.messages import LogLine, Message, Setting, Stop
 
 RATE_SPAN = 2 * SECOND  # ns over which a rate is taken: long enough for 1 Hz, short enough to show
 MOST_TIMES = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
+MOST_LINES = 500  # lines of the log remembered
 MOST_EPISODES = 20  # stops remembered
 
 
@@ -49,12 +50,17 @@ class Knowledge:
         self.counts = dict.fromkeys(wires, 0)
         self.times: dict[str, deque[int]] = {wire: deque(maxlen=MOST_TIMES) for wire in wires}
         self.episodes: deque[Episode] = deque(maxlen=MOST_EPISODES)
+        self.lines: deque[LogLine] = deque(maxlen=MOST_LINES)
+        self.errors: dict[str, LogLine] = {}
+        self.loads: dict[str, Load] = {}
         self.now = 0
         self.lost = 0
 
     def take(self, news: News) -> None:
         """Take what the engine sent."""
         self.lost += news.lost
+        if news.loads is not None:
+            self.loads = {name: Load(*load) for name, load in news.loads.items()}
         for instant in news.instants:
             self._instant(instant)
 
@@ -70,6 +76,13 @@ class Knowledge:
                 elif type(message) is Setting:
                     self.changes.set(now, message)
                     self.changed.add((message.block, message.name))
+        if type(instant[-1]) is LogLine:  # its wire is the last one
+            self._note(instant[-1])
+
+    def _note(self, line: LogLine) -> None:
+        self.lines.append(line)
+        if line.level == "error":
+            self.errors[line.source] = line
 
     def _remember(self, now: int, wire: str, stop: Stop) -> None:
         if wire.startswith("operator."):

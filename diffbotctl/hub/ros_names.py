@@ -26,6 +26,8 @@ TOPICS: dict[str, str | type] = {
     "joint_states": "robot.encoders",
     "twist": Twist,
     "current_goal": Goal,
+    "rosout": "log",
+    "rosout_agg": "log",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -24,6 +25,7 @@ def start(
     One that `drives` as well handles its signals itself, and gets its share of the processor.
     """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
         theirs.close()

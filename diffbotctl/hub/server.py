@@ -37,7 +37,8 @@ class Server:
         self.shared = shared
         self.log = log
         self.knowledge = Knowledge(about.graph)
-        self.conversation = Conversation(Desk(about, self.knowledge), self.engine, log)
+        desk = Desk(about, self.knowledge, self.engine.whisper)
+        self.conversation = Conversation(desk, self.engine, log)
         self.streams = Streams(about.graph.kinds)
         self.clients: dict[int, Client] = {}
         self.connected = 0

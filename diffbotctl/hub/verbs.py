@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from diffbotctl.errors import nearest
-from diffbotctl.hub import calling, driving, layout, looking, parameters
+from diffbotctl.hub import calling, driving, layout, looking, parameters, told
 from diffbotctl.hub.client import Client
 from diffbotctl.hub.desk import Desk, Fields, Verb, Wanted
 from diffbotctl.links.control import RefusalError, Request
@@ -16,6 +16,7 @@ VERBS: dict[str, Verb] = {
     **layout.VERBS,
     **parameters.VERBS,
     **calling.VERBS,
+    **told.VERBS,
 }
 
 

@@ -8,7 +8,16 @@ from math import cos, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.messages import Duty, Encoders, Message, Odometry, Scan, Volts, Wheels
+from diffbotctl.messages import (
+    Battery,
+    Duty,
+    Encoders,
+    Message,
+    Odometry,
+    Scan,
+    Volts,
+    Wheels,
+)
 from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
 from diffbotctl.plant.hum import Hum
@@ -17,10 +26,13 @@ from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
 from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
-from diffbotctl.plant.world import World
+from diffbotctl.plant.world import Wall, World
 
 CAMERA = "overhead_camera"
 EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known
+CONVERTER = 5.0  # V; the board's analog inputs read up to this
+BATTERY_PERIOD = 2_000_000_000  # ns between two readings of the battery that are told
+BOARD = 0.3  # m, width of what a hand puts before a sensor
 STEP = 20_000_000  # ns between two arcs of the body: 6 mm at 0.3 m/s, 0.08 rad at 4 rad/s
 
 
@@ -52,12 +64,15 @@ class Machine(NamedTuple):
     reversed: tuple[bool, bool] = (False, False)  # motor leads, as the robot file has them
     sensors: tuple[Mounting, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
+    period: int | None = None  # ns between two frames; None: that of the kind of board
     disc: int = 0  # slots that the file states; 0: as many as the board is told
     # Which of the driver's outputs (0, 1: stated for left, right) the board takes for each side,
     # and which of the encoders' sockets.
     channels: tuple[int, int] = (0, 1)
     sockets: tuple[int, int] = (0, 1)
-    period: int | None = None  # ns between two frames; None: that of the kind of board
+    divider: float | None = None  # that the board's readings are multiplied with; None: no pin
+    built_divider: float = 1.0  # that the file states
+    low: float = 0.0  # V
 
 
 class Truth(NamedTuple):
@@ -110,11 +125,12 @@ class SimulatedRobot:
             Wheel(motor, disc, Random(seed), falling=machine.falling)
             for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
         )
+        self._scanners = _draw_scanners(machine.sensors, simulation.sensors, chance)
+        self._cameras = [each.name for each in machine.sensors if each.kind == CAMERA]
         self._luck = Random(seeds[2])
         self._simulation = simulation
         self.board = self._new_board(0)
-        self._scanners = _draw_scanners(machine.sensors, simulation.sensors, chance)
-        self._cameras = [each.name for each in machine.sensors if each.kind == CAMERA]
+        self._battery_at = 0
         self._sag = simulation.battery.sag
         self._outputs = _outputs(machine, simulation)
         self._pins = _pins(machine, simulation)
@@ -244,6 +260,33 @@ class SimulatedRobot:
         self.body.y = (y - start.y) * ahead - (x - start.x) * aside
         self.body.heading = heading - start.heading
 
+    def supply(self) -> float:
+        """The battery's voltage now, in V."""
+        a, b = self.board.sides
+        load = 0.5 * (abs(a.duty) + abs(b.duty))
+        return self._simulation.battery.volts * (1.0 - self._sag * load)
+
+    def battery_pin(self) -> float:
+        """What the battery's divider makes of that, at the board's pin, in V."""
+        return self.supply() / (
+            self.machine.built_divider * (1.0 + self._simulation.battery.divider_error)
+        )
+
+    def put_before(self, name: str, distance: float) -> None:
+        """Put a wide board across a sensor's axis, `distance` (m) from it; take all else away."""
+        mounting = next(each for each, _ in self._sensors if each.name == name)
+        self._move(self.now)
+        self._roll()
+        x, y, bearing = self._eye(mounting)
+        ahead, aside = cos(bearing), sin(bearing)
+        x, y = x + distance * ahead, y + distance * aside
+        half = 0.5 * BOARD
+        self._world = World([Wall(x - half * aside, y + half * ahead,
+                                  x + half * aside, y - half * ahead)])  # fmt: skip
+        for _, sensor in self._sensors:
+            sensor.catch_up(self.now)
+        self._next_look = min(sensor.due for _, sensor in self._sensors)
+
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""
         self._move(self.now)
@@ -318,6 +361,18 @@ class SimulatedRobot:
             self._waiting.append((arrival, mounting.name, volts))
         for name in self._cameras:
             self._waiting.append((arrival, name, self._seen_from_above(now)))
+        if self._kind.regulates:  # the published firmware tells nothing of its battery
+            self._tell_battery(now, arrival)
+
+    def _tell_battery(self, now: int, arrival: int) -> None:
+        """The converter rounds; the host multiplies with the divider that it was told."""
+        divider = self.machine.divider
+        if divider is None or now < self._battery_at:
+            return
+        self._battery_at = now + BATTERY_PERIOD
+        steps = min(round(self.battery_pin() / CONVERTER * 1023), 1023)
+        volts = steps / 1023 * CONVERTER * divider
+        self._waiting.append((arrival, "battery", Battery(now, volts, volts < self.machine.low)))
 
     def _seen_from_above(self, now: int) -> Odometry:
         """The true pose and velocity, in the world."""

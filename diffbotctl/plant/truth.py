@@ -188,6 +188,15 @@ class WiringTruth(Section):
 class BatteryTruth(Section):
     """The motor supply of the simulated robot."""
 
+    volts = Param(float, default=7.6, unit="V", above=0.0, help="Voltage of the battery at rest.")
+    divider_error = Param(
+        float,
+        default=0.0,
+        unit="1",
+        least=-0.3,
+        most=0.3,
+        help="How far the divider before the board's pin is from the stated one.",
+    )
     sag = Param(
         float,
         default=0.04,

@@ -15,7 +15,9 @@ from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.engine.gate import Gate
 from diffbotctl.graph import Graph, Node
-from diffbotctl.messages import Resume, Stop
+from diffbotctl.links.foxglove import Mount
+from diffbotctl.log import Logbook
+from diffbotctl.messages import Range, Resume, Stop
 from diffbotctl.runs.simulation import takes_duty
 
 UNPROVEN_SPEED = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
@@ -43,7 +45,7 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
         if takes_duty(robot):
             nodes.append(wheel_speed(robot))
             command = f"{WHEEL_SPEED}.duty"
-    return Assembly(Graph(nodes, sources(robot)), command, unproven)
+    return Assembly(Graph(nodes, sources(robot), Logbook()), command, unproven)
 
 
 def sources(robot: Robot | None) -> dict[str, type]:
@@ -119,3 +121,18 @@ def wires_of(assembly: Assembly, kind: type) -> list[str]:
         for port, out in outputs(type(node.block)).items()
         if out.kind is kind
     ]
+
+
+def mounts(configuration: Configuration) -> dict[str, Mount]:
+    """Where the sensor behind each range sits, by the wire of the range."""
+    robot = configuration.robot
+    found: dict[str, Mount] = {}
+    for use in configuration.blocks:
+        name = use.values.get("sensor")
+        if robot is None or name not in robot.sensors:
+            continue
+        at = robot.sensors[name].at
+        for port, out in outputs(use.cls).items():
+            if out.kind is Range:
+                found[f"{use.name}.{port}"] = Mount(name, at.x, at.y, at.heading)
+    return found

@@ -31,6 +31,7 @@ def settings_of(robot: Robot) -> Settings:
         fix = f"take a Mega 2560 (board: {{type: {FIRMWARE_FOR}}}), or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     drive, left = robot.drive, gains(robot.drive.left)
+    battery = robot.battery
     name, sensor = next(iter(robot.sensors.items()), ("range", None))
     return Settings(
         _side(drive.left),
@@ -46,6 +47,9 @@ def settings_of(robot: Robot) -> Settings:
         brake=drive.left.motor.idle == "brake",
         range_channel=None if sensor is None else number(sensor.pin) - FIRST_ANALOG,
         range_name=name,
+        battery_channel=None if battery.pin is None else number(battery.pin) - FIRST_ANALOG,
+        battery_divider=battery.divider or 1.0,
+        battery_low=battery.low,
         button=None if robot.board.stop_button is None else number(robot.board.stop_button),
         uart=robot.link.uart,
         baud=robot.link.baud,

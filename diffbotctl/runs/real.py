@@ -9,7 +9,7 @@ from math import pi
 
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.guardian import Guardian
-from diffbotctl.drivers.port import Port, opened
+from diffbotctl.drivers.port import opened, reopened
 from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.errors import RunError
 from diffbotctl.flash.find import is_usb
@@ -31,7 +31,7 @@ def serial_robot(
     if robot.link.protocol == "rosserial":
         return _stock(robot, device, tell, now)
     host = diffbot_host(robot, device)
-    driver = SerialRobot(host, lambda: Port(device, host.baud))
+    driver = SerialRobot(host, lambda: reopened(device, host.baud))
     driver.adopt(now, opened(device, host.baud))
     return driver
 
@@ -45,7 +45,9 @@ def _stock(robot: Robot, device: str, tell: Callable[[str], None], now: int) -> 
         guardian.dismiss()
         raise
     tell(NO_DEADMAN)
-    driver = SerialRobot(rosserial_host(robot), partial(Port, device, robot.link.baud), guardian)
+    driver = SerialRobot(
+        rosserial_host(robot), partial(reopened, device, robot.link.baud), guardian
+    )
     driver.adopt(now, port)
     return driver
 

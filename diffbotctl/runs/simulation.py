@@ -69,6 +69,9 @@ def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
             for name, sensor in robot.sensors.items()
         ),
         disc=built.left.encoder.slots,
+        divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
+        built_divider=(nominal or robot).battery.divider or 1.0,
+        low=robot.battery.low,
         channels=_taken(*(side.motor.enable for side in (drive.left, built.left, built.right))),
         sockets=_taken(*(side.encoder.pin for side in (drive.left, built.left, built.right))),
     )

@@ -94,9 +94,13 @@ def facts(picture: Snapshot) -> Table:
 
 
 def show(scene: Scene, pictures: Iterator[Snapshot]) -> None:
-    """Draw pictures on the terminal until they end; the last one stays."""
+    """Draw pictures on the terminal until they end; the lines of the log stay above them."""
     console = Console(file=sys.stdout)
     view = LiveView(scene)
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for picture in pictures:
+            for line in picture.lines:
+                live.console.print(
+                    words.line(line), style=words.STYLES.get(line.level), markup=False
+                )
             live.update(view.render(picture, console.width, console.height), refresh=True)

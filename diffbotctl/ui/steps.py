@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.step import Drawing
+    from diffbotctl.calibrate.step import Drawing, Graph
     from diffbotctl.calibrate.step import Progress as Done
 
 
@@ -38,13 +38,18 @@ class StepScreen:
             task, description=progress.what, completed=progress.done, total=progress.total
         )
 
-    def draw(self, drawing: Drawing) -> None:
-        """Points around the origin, each kind by its own sign."""
+    def draw(self, drawing: Drawing | Graph) -> None:
+        """Points around the origin, or along a curve, each kind by its own sign."""
+        from diffbotctl.calibrate.step import Graph
+        from diffbotctl.ui.curve import curve
         from diffbotctl.ui.scatter import scatter
 
         self.rest()
         self.console.print(drawing.title, markup=False)
-        self.console.print(scatter(drawing.points))
+        if isinstance(drawing, Graph):
+            self.console.print(curve(drawing.points, drawing.across, drawing.upwards))
+        else:
+            self.console.print(scatter(drawing.points))
 
     def rest(self) -> None:
         """Take the bar away."""

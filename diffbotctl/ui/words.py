@@ -9,6 +9,7 @@ from diffbotctl.messages import (
     Goal,
     GoalState,
     Link,
+    LogLine,
     Message,
     Odometry,
     Range,
@@ -71,6 +72,17 @@ def link(said: Link) -> str:
     counts = f"{said.received} frames, {said.damaged} damaged, {said.lost} lost"
     why = f" ({said.cause})" if said.cause else ""
     return f"{said.state}{why}, {counts}"
+
+
+def line(said: LogLine) -> str:
+    """`    2.78 s  WARNING  guard: STOP obstacle: ...`; the level stands there when it matters."""
+    level = f"{said.level.upper()}  " if said.level in LOUD else ""
+    text = "".join(each if each.isprintable() else " " for each in said.text)
+    return f"{said.time / 1e9:8.2f} s  {level}{said.source}: {text}"
+
+
+LOUD = ("warning", "error")
+STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
 
 
 def stop(said: Stop | None) -> str:

@@ -141,3 +141,31 @@ def test_every_covariance_is_one(kind):
         assert min(xx, yy, hh) >= 0.0
         for both, one, other in ((xy, xx, yy), (xh, xx, hh), (yh, yy, hh)):
             assert both * both <= one * other * (1 + 1e-9) + 1e-18
+
+
+@pytest.mark.parametrize("kind", ["edges", "counts"])
+@pytest.mark.parametrize("silent", [0.5, 5.0])
+def test_after_a_silence_the_counts_tell_the_way(kind, silent):
+    """The link fails at speed; the board stops the motors 300 ms later, and counts on meanwhile."""
+    setup, odometry = block(kind)
+    setup.robot.simulation.slip = 0.0
+    for seed in range(4):
+        odometry.reset()
+        robot = SimulatedRobot(kind, machine(setup.robot), setup.robot.simulation, Random(seed))
+        now, pose = 0, None
+        while now < (1.5 + silent + 0.3) * 1e9:
+            if now <= 1.5e9 and now % (100 * MS) == 0:
+                robot.command(now, Wheels(now, 8.0, 8.0))
+            now += 5 * MS
+            robot.advance(now)
+            heard = not 1.5e9 < now < (1.5 + silent) * 1e9
+            for port, message in robot.deliver():
+                if port == "encoders" and heard:
+                    pose = odometry.react(now, message)
+        truth = robot.truth().pose
+        # Half a pitch of each wheel is not known: 5 mm along the way, and 0.08 rad.
+        assert truth.x > 0.35 + 0.05
+        assert abs(pose.x - truth.x) < 1.5 * PITCH
+        assert abs(pose.heading - truth.heading) < 2.0 * PITCH / odometry.track
+        sd = pose.covariance[5] ** 0.5
+        assert abs(pose.heading - truth.heading) < 4.0 * sd

@@ -51,6 +51,7 @@ def test_warnings_do_not_fail_a_check():
     assert code == 0
     assert "W-TOLERANCE" in output
     assert "W-POLARITY" in output
+    assert "W-UNCALIBRATED" in output
     assert "goal: fine, 3 warnings" in output
 
 

@@ -144,7 +144,7 @@ def test_a_port_without_the_right_to_it():
         os.close(slave)
     problem = raised.value.problems[0]
     assert problem.code == "E-PORT-RIGHTS"
-    assert re.search(r"usermod -a -G \w+ \$USER", problem.fix)
+    assert re.search(r"usermod -aG \w+ \$USER", problem.fix)
 
 
 def test_a_port_that_another_program_keeps_for_itself():

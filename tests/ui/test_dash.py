@@ -27,6 +27,12 @@ def state(client):
     return client.ask("look")["messages"].get("follower.state", {}).get("state")
 
 
+def reached(client):
+    """The number of the goal that was reached last; the log shows those before it too."""
+    said = client.ask("look")["messages"].get("follower.state", {})
+    return said["number"] if said.get("state") == "reached" else None
+
+
 def dash(folder, *words, columns=80, lines=24, **more):
     # pyte draws no more than a few full screens a second on a busy machine.
     line, environment = command(folder, "dash", "--hz", "2", *words)
@@ -65,10 +71,13 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
     client, _ = engine
     with dash(tmp_path, columns=columns, lines=lines) as terminal:
         column, row = robot_at(terminal)
+        before = client.ask("status")["operator.goal"]["number"]
         terminal.click(column - 6, row - 4)
+        status = client.until(lambda status: status["operator.goal"]["number"] > before)
+        goal = status["operator.goal"]
         terminal.until(lambda text: "driving" in text or "turning" in text, "the way there")
-        goal = client.ask("status")["operator.goal"]
         assert goal["x"] < 0.3 and goal["y"] > 0.0 and goal["heading"] is None
+        client.until(lambda status: reached(client) == goal["number"])
         terminal.until(lambda text: "reached" in text, "the arrival")
         pose = client.ask("type", topic="odometry")["last"]
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
@@ -103,7 +112,12 @@ def test_keys_drive_stop_resume_and_choose(engine, tmp_path):
         terminal.until(lambda text: "DRIVING" in text, "driving")
         terminal.until(lambda text: "DRIVING" not in text, "the end of the press")
         assert client.ask("status")["held"] is None  # let go in good order
-        for key, sign in (("2", "━ "), ("3", "guard.margin"), ("4", "follower"), ("5", " s | ")):
+        for key, sign in (
+            ("2", "━ "),
+            ("3", "guard.margin"),
+            ("4", "follower"),
+            ("5", "robot: link up"),
+        ):
             terminal.type(key)
             terminal.until(lambda text, sign=sign: sign in text, f"the view of {key}")
         terminal.type("t")

@@ -19,7 +19,7 @@ from diffbotctl.ui.dash.facts import facts
 from diffbotctl.ui.dash.keys import HELP, VIEWS, help_page, press
 from diffbotctl.ui.dash.map_box import MapBox
 from diffbotctl.ui.dash.prompt import Asked, Prompt
-from diffbotctl.ui.dash.sight import Sight
+from diffbotctl.ui.dash.sight import MOST_LINES, Sight
 from diffbotctl.ui.wishes import Wishes
 
 SIDE, WIDE_SIDE = 32, 44  # characters of the facts
@@ -79,6 +79,7 @@ class Dashboard(Cockpit):
         """Rates, blocks, parameters."""
         await super().look_slowly()
         self.sight.blocks = (await self.caller.ask("blocks"))["blocks"]
+        self.sight.take_log(await self.caller.ask("log", last=MOST_LINES))
         self.sight.parameters = (await self.caller.ask("parameters"))["parameters"]
         if not self.fields:
             self.fields = first_fields(self.sight)

@@ -10,7 +10,7 @@ from diffbotctl.hub.place import Engine
 from diffbotctl.ui import floor
 from diffbotctl.ui.dash import panels
 from diffbotctl.ui.dash.facts import facts
-from diffbotctl.ui.dash.sight import Sight
+from diffbotctl.ui.dash.sight import MOST_LINES, Sight
 from diffbotctl.ui.wishes import Wishes
 
 HEIGHT = 16  # lines of the map
@@ -25,6 +25,7 @@ def print_once(engine: Engine, wishes: Wishes, fields: list[str]) -> None:
         sight.take_topics(caller.ask("topics"))
         sight.take_look(caller.ask("look"))
         sight.blocks = caller.ask("blocks")["blocks"]
+        sight.take_log(caller.ask("log", last=MOST_LINES))
         sight.parameters = caller.ask("parameters")["parameters"]
     finally:
         caller.close()

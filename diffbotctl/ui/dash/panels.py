@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import islice
+from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from diffbotctl.ui import floor
+from diffbotctl.ui import floor, words
 from diffbotctl.ui.camera import Camera
 from diffbotctl.ui.chart import chart
 from diffbotctl.ui.dash.sight import Fields, Sight
@@ -78,17 +79,25 @@ def blocks(sight: Sight, height: int) -> Table:
                if any(row.get(name) is not None for row in sight.blocks)]  # fmt: skip
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for name in ("block", "rate", "age", *columns):
-        table.add_column(name.replace("_", " "), no_wrap=True)
+        rest = 1 if name == "last_error" else None  # it takes what the figures leave
+        table.add_column(name.replace("_", " "), no_wrap=True, overflow="ellipsis", ratio=rest)
     for row in islice(sight.blocks, max(height - 1, 1)):
         age = "" if row["age"] is None else f"{row['age']:.1f} s"
         table.add_row(
-            row["block"], f"{row['rate']:.0f} Hz", age, *(_cell(row.get(name)) for name in columns)
+            row["block"],
+            f"{row['rate']:.0f} Hz",
+            age,
+            *(_cell(name, row.get(name)) for name in columns),
         )
     return table
 
 
-def _cell(value: object) -> str:
-    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
+def _cell(name: str, value: Any) -> str:
+    if value is None:
+        return ""
+    if name == "last_error":
+        return f"{value['time'] / 1e9:.1f} s: {value['text']}"
+    return f"{100 * value:.2f} %" if name == "busy" else str(value)
 
 
 def parameters(sight: Sight, at: int, height: int) -> Table:
@@ -117,5 +126,7 @@ def live(sight: Sight) -> list[Fields]:
 
 def log(sight: Sight, height: int) -> Text:
     """The newest lines that fit."""
-    newest = list(sight.log)[-height:]
-    return Text("\n".join(newest), no_wrap=True, overflow="ellipsis")
+    lines = [
+        Text(words.line(line), words.STYLES.get(line.level, "")) for line in sight.log[-height:]
+    ]
+    return Text("\n", no_wrap=True, overflow="ellipsis").join(lines)

@@ -8,8 +8,7 @@ from typing import Any
 
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.links.json_messages import reader
-from diffbotctl.messages import BUILT_IN
-from diffbotctl.ui import plain
+from diffbotctl.messages import BUILT_IN, LogLine
 from diffbotctl.ui.camera import Point
 from diffbotctl.ui.scene import Scene, scene_of
 from diffbotctl.ui.sheet import Sheet
@@ -18,7 +17,7 @@ from diffbotctl.ui.words import located
 TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 MOST_TRAIL = 3000  # dots; then the oldest goes
 MOST_KEPT = 1200  # numbers kept of each field: two minutes at ten a second
-MOST_LINES = 500  # of the log
+MOST_LINES = 100  # of the log: more than the highest terminal shows
 JUMP = 0.5  # m in one picture: the pose was set anew, the trail begins again
 
 Fields = dict[str, Any]
@@ -34,14 +33,13 @@ class Sight:
         self.sheet = Sheet()
         self.trail: deque[Point] = deque(maxlen=MOST_TRAIL)
         self.numbers: dict[str, deque[tuple[float, float]]] = {}
-        self.log: deque[str] = deque(maxlen=MOST_LINES)
+        self.log: list[LogLine] = []
         self.rates: dict[str, Fields] = {}
         self.blocks: list[Fields] = []
         self.parameters: list[Fields] = []
         self.held: Fields | None = None
         self.readers: dict[str, Any] = {}
         self.ended = False
-        self._news = plain.News()
 
     def take_scene(self, said: Fields) -> None:
         """Take the answer of `scene`."""
@@ -69,7 +67,10 @@ class Sight:
         odometry = located(self.picture)
         if odometry is not None:
             self._extend((odometry.x, odometry.y))
-        self.log.extend(self._news.lines(self.picture))
+
+    def take_log(self, said: Fields) -> None:
+        """Take the answer of `log`."""
+        self.log = [LogLine(**line) for line in said["lines"]]
 
     @property
     def fields(self) -> list[str]:

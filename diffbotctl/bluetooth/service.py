@@ -1,0 +1,165 @@
+"""The system's Bluetooth service, BlueZ: modules in reach, and pairing with a module's number.
+
+Interfaces of BlueZ 5: org.bluez.Adapter1, Device1, AgentManager1, Agent1.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+from diffbotctl.bluetooth.bus import Bus, BusError, Question
+from diffbotctl.bluetooth.trouble import no_radio, not_found, not_paired, refused
+
+ADAPTER, DEVICE = "org.bluez.Adapter1", "org.bluez.Device1"
+MANAGER, AGENT = "org.bluez.AgentManager1", "/org/diffbotctl/agent"
+SERIAL_PORT = "00001101-0000-1000-8000-00805f9b34fb"  # the profile of a serial port
+KNOWN_NAMES = ("HC-05", "HC-06", "HC05", "HC06", "linvor", "JDY-31", "SPP-C", "BT04", "H-C-2010")
+PIN = "1234"  # of an HC-05 as it is sold
+PAIR_WAIT = 60.0  # s; the service gives up by itself before
+LOOK = 0.5  # s between two looks at what was found
+
+
+class Found(NamedTuple):
+    """A Bluetooth device that answered, or is known from before."""
+
+    address: str
+    name: str
+    strength: int | None  # dBm; None for one that did not answer now
+    paired: bool
+    serial: bool  # it is a serial port, by its profile or its name
+    path: str
+
+
+class Service:
+    """BlueZ, through the first radio there is."""
+
+    def __init__(self) -> None:
+        """Raises RunError: no library, no bus, no service, no radio."""
+        self.pin = PIN
+        self.asked = False  # whether the module's number was wanted
+        self._bus = Bus(self._answer)
+        try:
+            self._radio = self._find_radio()
+        except BaseException:
+            self._bus.close()
+            raise
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.close()
+
+    def __enter__(self) -> Service:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def scan(self, seconds: float) -> Iterator[Found]:
+        """Each device once, as soon as it answers within so many seconds. Raises RunError."""
+        seen = set()
+        with self._discovering():
+            until = time.monotonic() + seconds
+            while True:
+                for found in self.known():
+                    if found.strength is not None and found.address not in seen:
+                        seen.add(found.address)
+                        yield found
+                left = until - time.monotonic()
+                if left <= 0:
+                    return
+                time.sleep(min(LOOK, left))
+
+    def known(self) -> list[Found]:
+        """What the service knows of, in reach or not. Raises RunError."""
+        with _words():
+            objects = self._bus.objects()
+        return [_found(path, device) for path, interfaces in objects.items()
+                if (device := interfaces.get(DEVICE)) and path.startswith(self._radio)]  # fmt: skip
+
+    def find(self, address: str, seconds: float) -> Found:
+        """One device, looked for if need be. Raises RunError."""
+        for found in self.known():
+            if found.address == address:
+                return found
+        for found in self.scan(seconds):
+            if found.address == address:
+                return found
+        raise not_found(address)
+
+    def pair(self, found: Found, pin: str, wait: float = PAIR_WAIT) -> None:
+        """Pair with the module's number, and trust it. Raises RunError."""
+        self.pin, self.asked = pin, False
+        with _words():
+            self._bus.call("/org/bluez", MANAGER, "RegisterAgent", "os", (AGENT, "KeyboardOnly"))
+            self._bus.call("/org/bluez", MANAGER, "RequestDefaultAgent", "o", (AGENT,))
+            try:
+                self._bus.call(found.path, DEVICE, "Pair", wait=wait)
+            except BusError as error:
+                if not error.name.endswith(".AlreadyExists"):
+                    raise not_paired(found.address, error, self.asked) from error
+            self._bus.set(found.path, DEVICE, "Trusted", "b", True)
+            self._bus.call("/org/bluez", MANAGER, "UnregisterAgent", "o", (AGENT,))
+
+    def forget(self, found: Found) -> None:
+        """Remove a device with its pairing. Raises RunError."""
+        with _words():
+            self._bus.call(self._radio, ADAPTER, "RemoveDevice", "o", (found.path,))
+
+    def _find_radio(self) -> str:
+        with _words():
+            objects = self._bus.objects()
+            radios = [path for path, interfaces in objects.items() if ADAPTER in interfaces]
+            if not radios:
+                raise no_radio()
+            radio = min(radios)
+            if not objects[radio][ADAPTER].get("Powered"):
+                self._bus.set(radio, ADAPTER, "Powered", "b", True)
+            return radio
+
+    @contextmanager
+    def _discovering(self) -> Iterator[None]:
+        with _words():
+            with suppress(BusError):  # a radio too old for filters finds more, that is all
+                self._bus.call(self._radio, ADAPTER, "SetDiscoveryFilter", "a{sv}",
+                               ({"Transport": ("s", "bredr")},))  # fmt: skip
+            self._bus.call(self._radio, ADAPTER, "StartDiscovery")
+        try:
+            yield
+        finally:
+            with suppress(BusError):
+                self._bus.call(self._radio, ADAPTER, "StopDiscovery")
+
+    def _answer(self, question: Question) -> tuple[str, tuple[Any, ...]]:
+        """What the service asks while it pairs."""
+        if question.method == "RequestPinCode":
+            self.asked = True
+            return "s", (self.pin,)
+        if question.method == "RequestPasskey" and self.pin.isdigit():
+            self.asked = True
+            return "u", (int(self.pin),)
+        if question.method in ("Release", "Cancel", "DisplayPinCode", "DisplayPasskey"):
+            return "", ()
+        if question.method in ("RequestConfirmation", "RequestAuthorization", "AuthorizeService"):
+            return "", ()  # the person has just asked for this pairing
+        raise BusError("org.bluez.Error.Rejected", question.method)
+
+
+@contextmanager
+def _words() -> Iterator[None]:
+    """Errors of the service as words for a person."""
+    try:
+        yield
+    except BusError as error:
+        raise refused(error) from error
+
+
+def _found(path: str, device: dict[str, Any]) -> Found:
+    name = str(device.get("Alias") or device.get("Name") or "")
+    profiles = [str(each).lower() for each in device.get("UUIDs", ())]
+    serial = SERIAL_PORT in profiles or name.upper().startswith(tuple(map(str.upper, KNOWN_NAMES)))
+    strength = device.get("RSSI")
+    return Found(str(device.get("Address", "")), name, strength, bool(device.get("Paired")),
+                 serial, path)  # fmt: skip

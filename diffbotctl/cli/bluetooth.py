@@ -1,0 +1,209 @@
+"""`diffbotctl bluetooth`: a robot's radio module, from finding it to knowing its link."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.bluetooth.measure import Figures
+    from diffbotctl.bluetooth.propose import Proposal
+    from diffbotctl.bluetooth.service import Found
+    from diffbotctl.config.robot import Robot
+
+SCAN = 10.0  # s; a module answers within one or two rounds of 5.12 s each
+LINKED = """\
+To drive over it:
+    diffbotctl run goal --port {port}"""
+
+
+@click.group()
+def command() -> None:
+    """Find and pair a Bluetooth module, test its link, change its rate."""
+
+
+@command.command()
+@click.option("--for", "seconds", default=SCAN, show_default=True, type=click.FloatRange(1, 120))
+@click.option("--all", "everything", is_flag=True, help="Phones, headphones and the like too.")
+def scan(seconds: float, everything: bool) -> int:
+    """List the modules in reach. Exit code: 1 when there is none."""
+    from diffbotctl.bluetooth.service import Service
+
+    count = others = 0
+    with Service() as service:
+        click.echo(f"Looking for {seconds:g} s. A module that waits blinks fast.")
+        for found in service.scan(seconds):
+            if everything or found.serial or not found.name:
+                count += 1
+                click.echo(_line(found))
+            else:
+                others += 1
+    if not count:
+        more = f"; {others} other devices, which --all lists" if others else ""
+        click.echo(f"No serial module answered{more}. Is it powered, and not connected elsewhere?")
+    return 0 if count else 1
+
+
+def _line(found: Found) -> str:
+    strength = "" if found.strength is None else f"{found.strength} dBm"
+    kind = "serial port" if found.serial else ""
+    paired = "paired" if found.paired else "not paired"
+    return f"{found.address}  {found.name:<16}  {strength:<8}  {kind:<11}  {paired}".rstrip()
+
+
+@command.command()
+@click.argument("address")
+@click.option("--pin", default="1234", show_default=True, help="The module's number.")
+@click.option("--again", is_flag=True, help="Forget an old pairing first.")
+@click.option("--for", "seconds", default=SCAN, show_default=True, help="s to look for it.")
+def pair(address: str, pin: str, again: bool, seconds: float) -> None:
+    """Pair with the module of ADDRESS, once and for all."""
+    from diffbotctl.bluetooth.address import module
+    from diffbotctl.bluetooth.service import Service
+
+    wanted = module(address)
+    with Service() as service:
+        found = service.find(wanted.address, seconds)
+        if again and found.paired:
+            service.forget(found)
+            click.echo("the old pairing is forgotten")
+            found = service.find(wanted.address, seconds)
+        if found.paired:
+            click.echo(f"{found.name or wanted.address} is paired already")
+        else:
+            service.pair(found, pin)
+            click.echo(f"paired with {found.name or wanted.address}")
+    click.echo(LINKED.format(port=wanted))
+
+
+@command.command()
+@click.argument("port")
+@click.option("--robot", help="Robot file; the rules of `run` for none.")
+@click.option("--for", "seconds", default=20.0, show_default=True, type=click.FloatRange(2, 600))
+def test(port: str, robot: str | None, seconds: float) -> None:
+    """Measure latency, jitter and loss of the link on PORT: an address, or any serial port.
+
+    Meets the board, asks it questions, looks at its telemetry, and proposes rates for the robot
+    file. No motor moves.
+    """
+    from diffbotctl.bluetooth.measure import Figures
+    from diffbotctl.bluetooth.propose import propose
+    from diffbotctl.config import wire
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.flash.find import is_usb
+    from diffbotctl.runs.link_test import measure
+    from diffbotctl.runs.real import diffbot_host
+
+    device = _device(port)
+    file = load_robot(robot)
+    click.echo(f"robot {file.file}, port {device}, {seconds:g} s")
+    for said in measure(device, diffbot_host(file.robot, device), seconds):
+        if not isinstance(said, Figures):
+            click.echo(said.text)
+            continue
+        for line in _figures(said):
+            click.echo(line)
+        link, board = file.robot.link, file.robot.board
+        frame = wire.frame_bytes(link.protocol, board.edge_times, len(file.robot.sensors))
+        baud = wire.USB_BAUD if is_usb(device) else wire.baud_of(link)
+        for line in _proposal(propose(said, baud, frame), file.robot, baud):
+            click.echo(line)
+
+
+def _device(port: str) -> str:
+    """A bare address is a module's."""
+    from diffbotctl.bluetooth.address import module
+    from diffbotctl.drivers.socket_port import is_socket
+
+    return port if "/" in port or is_socket(port) or port.startswith("tty") else str(module(port))
+
+
+def _figures(found: Figures) -> list[str]:
+    """The link in lines."""
+    return [
+        f"telemetry  {found.rate:.1f} frames a second, {found.lost:.1%} lost, "
+        f"{found.damaged} damaged",
+        f"answer     after {found.latency * 1000:.0f} ms, at worst "
+        f"{found.latency_worst * 1000:.0f} ms",
+        f"jitter     95 of 100 frames within {found.jitter * 1000:.0f} ms, at worst "
+        f"{found.jitter_worst * 1000:.0f} ms",
+        f"silence    {found.silence * 1000:.0f} ms at most",
+    ]
+
+
+def _proposal(proposal: Proposal, robot: Robot, measured_at: int) -> list[str]:
+    """What to write into the robot file, where it differs from what is there."""
+    lines = [f"note       {reason}" for reason in proposal.reasons]
+    changes = []
+    if proposal.telemetry != robot.board.telemetry:
+        changes.append(f"board: {{telemetry: {proposal.telemetry} Hz}}")
+    if proposal.deadman != robot.board.deadman:
+        changes.append(f"board: {{deadman: {proposal.deadman * 1000:.0f} ms}}")
+    if proposal.baud != measured_at:
+        changes.append(f"link: {{baud: {proposal.baud}}}")
+    if not changes:
+        return [*lines, "The robot file's rates suit this link."]
+    return [*lines, "Write into the robot file:", *(f"    {change}" for change in changes)]
+
+
+FLOATS = """\
+The board is flashed twice. After each reset its pins float for 0.83 s, and a motor driver whose
+inputs float may turn the wheels: lift them, or switch the motors' supply off."""
+WRITE = """\
+The module went from {before} to {now} baud, and the board expects it so. Write into {file}:
+    link: {{baud: {now}}}"""
+
+
+@command.command()
+@click.argument("rate", type=click.Choice(["9600", "19200", "38400", "57600", "115200"]))
+@click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
+@click.option("--robot", help="Robot file whose settings the board gets; the rules of `run`.")
+@click.option("--yes", is_flag=True, help="Ask nothing: wheels lifted, module in AT mode.")
+def baud(rate: str, port: str, robot: str | None, yes: bool) -> None:
+    """Set an HC-05, wired to the board as the book has it, to RATE, and the board with it.
+
+    Leads through the module's AT mode: its button must be held while its power comes on.
+    """
+    from diffbotctl.cli.port import choose_port
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.flash.find import refuse_radio
+    from diffbotctl.runs.emulation import settings_of
+    from diffbotctl.runs.module_rate import change_rate
+
+    device = choose_port() if port == "auto" else port
+    refuse_radio(device)
+    file = load_robot(robot)
+    click.echo(f"robot {file.file}, port {device}")
+    click.echo(FLOATS)
+    _wait(yes)
+    # Closed at once when the person gives up: the firmware goes back onto the board then.
+    with closing(change_rate(device, settings_of(file.robot), int(rate))) as events:
+        for event in events:
+            _show(event, str(file.file), yes)
+
+
+def _show(event: object, file: str, yes: bool) -> None:
+    from diffbotctl.bluetooth.at import Rate
+    from diffbotctl.flash.events import Said
+    from diffbotctl.runs.module_rate import Ask
+
+    if isinstance(event, Said):
+        click.echo(event.text)
+    elif isinstance(event, Ask):
+        click.echo(event.text)
+        _wait(yes)
+    elif isinstance(event, Rate):
+        click.echo(WRITE.format(before=event.before, now=event.now, file=file))
+
+
+def _wait(yes: bool) -> None:
+    """Until the person says that it is so."""
+    import sys
+
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise click.UsageError("Nobody is there to lift wheels and hold buttons: add --yes.")
+    click.prompt("Enter when it is so", default="", show_default=False, prompt_suffix=". ")

@@ -1,0 +1,38 @@
+"""`diffbotctl doctor`: is this machine ready for a robot?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.option("--fix", is_flag=True, help="Print the commands that mend it; nothing is changed.")
+@click.option(
+    "--root", default="/", type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A folder that stands for /, such as a copy of another machine's.",
+)  # fmt: skip
+def command(fix: bool, root: Path) -> int:
+    """Look over the machine: versions, groups, ports, Bluetooth, optional packages.
+
+    Each line begins with ok, -- (worth knowing) or !! (in the way). Exit code: 1 with any !!.
+    """
+    from diffbotctl.ports.judge import survey
+    from diffbotctl.ports.person import myself
+    from diffbotctl.ports.remedy import commands
+    from diffbotctl.runs.checkup import BAD, findings
+
+    person = myself()
+    seen = survey(root, person)
+    if fix:
+        for line in commands(root, seen, person):
+            click.echo(line)
+        return 0
+    bad = False
+    for found in findings(root, person, seen):
+        click.echo(f"{found.verdict}  {found.topic:<14}  {found.words}")
+        if found.fix:
+            click.echo(f"    {'':<14}  -> {found.fix}")
+        bad |= found.verdict == BAD
+    return 1 if bad else 0

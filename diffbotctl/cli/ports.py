@@ -1,0 +1,101 @@
+"""`diffbotctl ports`: the serial ports, who may use them, and what stands in the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.errors import Problem
+    from diffbotctl.ports.judge import Report, Survey
+
+RESETS = "Asking. A board on a USB port is reset by it: lift the wheels."
+
+
+@click.command()
+@click.argument("port", required=False)
+@click.option("--ask", is_flag=True, help="Ask who is behind each port; resets boards on USB.")
+@click.option("--robot", help="Robot file whose baud rates --ask tries; the rules of `run`.")
+@click.option(
+    "--root", default="/", type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A folder that stands for /, such as a copy of another machine's.",
+)  # fmt: skip
+def command(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
+    """List the serial ports, or look at one PORT: chip, board, name that stays, rights, users.
+
+    Exit code: 0 when a port could be used (or PORT can), 1 when not.
+    """
+    from diffbotctl.ports.judge import survey
+    from diffbotctl.ports.person import myself
+
+    seen = survey(root, myself())
+    if port is not None:
+        usable = _one(root, seen, port)
+        names = [port] if usable else []
+    else:
+        usable = _all(seen)
+        names = [report.port.device for report in seen.reports if report.usable]
+    if ask and names:
+        usable = _ask(names, robot)
+    return 0 if usable else 1
+
+
+def _all(seen: Survey) -> bool:
+    for report in seen.reports:
+        _show(report)
+    _tell(seen.problems)
+    return any(report.usable for report in seen.reports)
+
+
+def _one(root: Path, seen: Survey, name: str) -> bool:
+    from diffbotctl.ports.judge import Report
+    from diffbotctl.ports.named import judge_name
+
+    found = judge_name(root, seen, name)
+    if found is None:
+        click.echo(f"{name}  a pseudo-terminal, such as an emulated board's")
+        return True
+    if isinstance(found, Report):
+        _show(found)
+        return found.usable
+    _tell((found,))
+    return False
+
+
+def _show(report: Report) -> None:
+    port = report.port
+    click.echo(f"{port.device}  {report.title}")
+    if port.usb is not None:
+        chip = f"USB {port.usb.identity}  {port.usb.title}".rstrip()
+        click.echo(f"  {chip}  on {port.usb.place}")
+    if port.stable:
+        click.echo(f"  always called {port.stable}")
+    if report.usable:
+        click.echo("  free, and you may use it")
+    _tell(report.problems)
+
+
+def _tell(problems: tuple[Problem, ...]) -> None:
+    for problem in problems:
+        click.echo(problem.render())
+
+
+def _ask(names: list[str], robot: str | None) -> bool:
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.errors import RunError
+    from diffbotctl.flash.ask import ask
+    from diffbotctl.runs.real import diffbot_host
+
+    file = load_robot(robot)
+    click.echo(RESETS)
+    answered = False
+    for name in names:
+        try:
+            for said in ask(name, diffbot_host(file.robot, name)):
+                click.echo(f"{name}  {said.text}")
+            answered = True
+        except RunError as error:
+            click.echo(str(error))
+    return answered

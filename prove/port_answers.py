@@ -1,0 +1,127 @@
+"""Who answers behind a port: somebody on a pseudo-terminal, and what is said of them."""
+
+from __future__ import annotations
+
+import os
+import select
+import tempfile
+import threading
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import RunError
+from diffbotctl.flash.ask import ask
+from diffbotctl.links import bootloader
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import encode
+from diffbotctl.runs.real import diffbot_host
+from tests.book_board import Device
+
+Say = Callable[[bytes], bytes]  # what was heard in, what is said out
+
+
+class Answer(NamedTuple):
+    """A port's name, who is behind it, and what must be said of them."""
+
+    name: str
+    device: str
+    make: Callable[[], Say]
+    code: str
+    fix: str
+
+
+def silent() -> Say:
+    """Nobody."""
+    return lambda _: b""
+
+
+def noise() -> Say:
+    """A module at another rate: bytes without sense, some at every look."""
+    chance = Random(3)
+    return lambda _: chance.randbytes(12)
+
+
+def blank() -> Say:
+    """A bootloader without a program behind it: it answers its own language alone."""
+    return lambda heard: bootloader.message(1, HELLO_ANSWER) if b"\x1b" in heard else b""
+
+
+HELLO_ANSWER = bytes([bootloader.SIGN_ON, 0, len(bootloader.NAME)]) + bootloader.NAME
+
+
+def book() -> Say:
+    """The book's firmware."""
+    device = Device()
+
+    def say(heard: bytes) -> bytes:
+        device.take(heard)
+        device.run(device.now + LOOK)
+        sent = b"".join(data for at, data, _ in device.out if at <= device.now)
+        device.out = [each for each in device.out if each[0] > device.now]
+        return sent
+
+    return say
+
+
+def newer() -> Say:
+    """Our firmware of a later version."""
+    hello = frames.Hello(*(0 for _ in frames.Hello._fields))._replace(version=frames.VERSION + 1)
+    return lambda heard: encode(hello) if heard else b""
+
+
+LOOK = 0.02  # s between two answers
+ANSWERS = [
+    Answer("silent board", "ttyUSB0", silent, "E-PORT-SILENT", "reset button"),
+    Answer("silent module", "rfcomm0", silent, "E-PORT-SILENT", "RX wired to the board's TX"),
+    Answer("garbage: wrong baud rate", "rfcomm0", noise, "E-BOARD-UNKNOWN", "baud rate"),
+    Answer("bootloader, no program", "ttyACM0", blank, "E-BOARD-BLANK", "flash firmware"),
+    Answer("the book's rosserial", "rfcomm0", book, "E-BOARD-ROSSERIAL", "book_2wd_stock"),
+    Answer("a later firmware", "rfcomm0", newer, "E-BOARD-VERSION", "upgrade diffbotctl"),
+]
+
+
+def problem_of(answer: Answer) -> tuple[str, str]:
+    """Code and fix of what is said; ("", "") when the board could be driven."""
+    with tempfile.TemporaryDirectory() as folder:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        port = Path(folder) / answer.device
+        port.symlink_to(os.ttyname(slave))
+        over = threading.Event()
+        talker = threading.Thread(target=_talk, args=(master, answer.make(), over))
+        talker.start()
+        try:
+            robot = load_robot("book_2wd").robot
+            for _ in ask(str(port), diffbot_host(robot, str(port))):
+                pass
+        except RunError as error:
+            return error.problems[0].code, error.problems[0].fix
+        finally:
+            over.set()
+            talker.join()
+            os.close(master)
+            os.close(slave)
+    return "", ""
+
+
+def _talk(end: int, say: Say, over: threading.Event) -> None:
+    os.set_blocking(end, False)
+    while not over.wait(LOOK):
+        ready = select.select([end], [], [], 0)[0]
+        heard = os.read(end, 4096) if ready else b""
+        answer = say(heard)
+        if answer:
+            try:
+                os.write(end, answer)
+            except BlockingIOError:
+                continue  # nobody reads: lost, as on a line
+
+
+def is_right(answer: Answer) -> bool:
+    """Whether it is named rightly, with its fix."""
+    code, fix = problem_of(answer)
+    return code == answer.code and answer.fix in fix

@@ -1,0 +1,110 @@
+"""Figures of a link, worked out by hand, and measured on a link whose delays are known."""
+
+import pytest
+
+from diffbotctl.bluetooth.measure import Figures, Heard, figures, lateness, share
+from diffbotctl.bluetooth.propose import most_telemetry, propose
+from tests.radio import Radio
+from tests.virtual_board import board, diffbotctl, flat
+
+MS = 1_000_000
+# Four frames, taken each 25 ms by a clock that is 700 ms behind; number 2 never came.
+FRAMES = [
+    Heard(1000 * MS, 290 * MS, 62),  # 10 ms on the way
+    Heard(1040 * MS, 315 * MS, 63),  # 25 ms: 15 later than the fastest
+    Heard(1050 * MS, 340 * MS, 0),  # 10 ms; the numbers go round at 64
+    Heard(1130 * MS, 390 * MS, 2),  # 40 ms: 30 later; after 80 ms of silence
+]
+
+
+def test_figures_by_hand():
+    found = figures(FRAMES, [0.030, 0.050, 0.040], damaged=1, sequences=64)
+    assert found.frames == 4 and found.damaged == 1
+    assert found.rate == pytest.approx(3 / 0.130)
+    assert found.lost == pytest.approx(1 / 5)
+    assert (found.latency, found.latency_worst) == (0.040, 0.050)
+    assert found.jitter_worst == pytest.approx(0.030)
+    assert found.silence == pytest.approx(0.080)
+
+
+def test_too_little_is_refused():
+    with pytest.raises(ValueError):
+        figures(FRAMES[:1], [0.1], 0, 64)
+    with pytest.raises(ValueError):
+        figures(FRAMES, [], 0, 64)
+
+
+def test_clocks_that_drift_apart_are_no_jitter():
+    # 200 parts in a million, a bad crystal: 12 ms in the minute that this takes.
+    heard = [Heard(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
+    assert max(lateness(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
+
+
+@pytest.mark.parametrize(
+    ("part", "value"), [(0.5, 2.0), (0.95, 4.0), (0.75, 3.0), (0.01, 1.0), (1.0, 4.0)]
+)
+def test_share(part, value):
+    assert share([4.0, 1.0, 3.0, 2.0], part) == value
+
+
+GOOD = Figures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
+
+
+@pytest.mark.parametrize(
+    ("baud", "frame", "most"),
+    [
+        (9600, 21, 40),  # 962 bytes a second, nine tenths of them: 41.2 frames
+        (9600, 17, 50),  # 50.9
+        (115200, 21, 100),  # the firmware's most
+        (9600, 36, 20),  # 24.0
+    ],
+)
+def test_most_telemetry(baud, frame, most):
+    assert most_telemetry(baud, frame) == most
+
+
+@pytest.mark.parametrize(
+    ("figures", "baud", "frame", "expected"),
+    [
+        (GOOD, 9600, 21, (40, 9600, 0.3)),
+        (GOOD, 115200, 21, (100, 115200, 0.3)),
+        # 200 ms of two repeats, 150 of lateness, 50 in hand: 400.
+        (GOOD._replace(jitter_worst=0.15), 9600, 21, (40, 9600, 0.4)),
+        # Beyond the longest dead-man.
+        (GOOD._replace(jitter_worst=0.9), 9600, 21, (40, 9600, 0.5)),
+        # Frames of 27 bytes: 30 a second at 9600 baud, too few; 19200 baud carry 60.
+        (GOOD, 9600, 27, (60, 19200, 0.3)),
+    ],
+)
+def test_proposals(figures, baud, frame, expected):
+    assert propose(figures, baud, frame)[:3] == pytest.approx(expected)
+
+
+def test_every_change_has_a_reason():
+    assert propose(GOOD, 9600, 21).reasons == ()
+    assert "bluetooth baud 19200" in propose(GOOD, 9600, 27).reasons[0]
+    (late,) = propose(GOOD._replace(jitter_worst=0.15), 9600, 21).reasons
+    assert "150 ms late" in late
+    assert any("lost" in reason for reason in propose(GOOD._replace(lost=0.2), 9600, 21).reasons)
+
+
+def test_a_link_of_known_delays_is_measured(tmp_path):
+    with board() as virtual:
+        with Radio(virtual.radio, tmp_path / "radio", delay=(0.030, 0.060), loss=0.1) as radio:
+            code, said = diffbotctl("bluetooth", "test", radio.device, "--robot", "book_2wd",
+                                    "--for", 6)  # fmt: skip
+        duty = virtual.board.duty
+    assert code == 0, said
+    said = flat(said)
+    words = said.split()
+    lost = float(words[words.index("lost,") - 1].rstrip("%"))
+    answer = float(words[words.index("answer") + 2])
+    assert 3.0 < lost < 25.0  # of some 240 frames a tenth; four standard deviations
+    assert answer > 60  # twice the least delay, and the time on the wire
+    assert duty == [0.0, 0.0]
+    assert "%" in said and "jitter" in said and "silence" in said
+
+
+def test_a_bad_port_is_told_before_anything_is_measured():
+    code, said = diffbotctl("bluetooth", "test", "98:D3:31:FC:12", "--robot", "book_2wd")
+    assert code == 2 and "E-BLUETOOTH-ADDRESS" in said

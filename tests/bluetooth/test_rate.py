@@ -1,0 +1,130 @@
+"""An HC-05's rate, changed through the board: the conversation, and the whole of it as a command.
+
+The board is the real bridge and the real firmware, one after the other, flashed through the real
+bootloader; the module is a double on the board's radio port.
+"""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.bluetooth.at import Lines, NoAnswerError, Rate, set_rate
+from diffbotctl.flash.image import read_hex
+from tests.hc05 import Hc05
+from tests.virtual_board import board, diffbotctl, flat
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+
+
+def talk(baud, answers):
+    """(what was said, how it ended) with these answers in order."""
+    said, conversation = [], set_rate(baud)
+    command = next(conversation)
+    for answer in answers:
+        said.append(command)
+        try:
+            command = conversation.send(answer)
+        except StopIteration as end:
+            return said, end.value
+        except NoAnswerError as error:
+            return said, str(error)
+    return said, None
+
+
+OK = ["OK"]
+OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
+
+
+@pytest.mark.parametrize(
+    ("answers", "said", "end"),
+    [
+        # All well.
+        ([OK, OLD, OK, NEW, OK],
+         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"], Rate(9600, 115200)),
+        # The first command after power-on is answered with an error, as many modules do.
+        ([["ERROR:(0)"], OK, OLD, OK, NEW, OK],
+         ["AT", "AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+         Rate(9600, 115200)),
+        # It has the rate already: nothing is changed.
+        ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], Rate(115200, 115200)),
+        # In data mode nothing answers.
+        ([[], [], []], ["AT"] * 3, "nothing answers to AT"),
+        # It takes the command and does not do it.
+        ([OK, OLD, OK, OLD], ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?"],
+         "it took the command, but its rate is still 9600 baud"),
+        # No answer to the last command is fine: it has restarted.
+        ([OK, OLD, OK, NEW, []],
+         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"], Rate(9600, 115200)),
+        # An HC-06 does not know the question.
+        ([OK, *[["ERROR:(0)"]] * 3], ["AT", *["AT+UART?"] * 3],
+         "AT+UART? fails: it does not know the command"),
+        ([OK, ["OK"]], ["AT", "AT+UART?"], "it does not tell its rate"),
+    ],
+)  # fmt: skip
+def test_conversations(answers, said, end):
+    assert talk(115200, answers) == (said, end)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "complete", "lines"),
+    [
+        ([b"OK\r\n"], True, ["OK"]),
+        ([b"+UART:96", b"00,0,0\r\nO", b"K\r\n"], True, ["+UART:9600,0,0", "OK"]),
+        ([b"\r\n\r\n"], False, []),
+        ([b"OK"], False, []),  # its line has not ended
+        ([b"ERROR:(1D)\r\n"], True, ["ERROR:(1D)"]),
+        ([b"\xff\xfe\r\nOK\r\n"], True, ["\N{REPLACEMENT CHARACTER}" * 2, "OK"]),
+    ],
+)
+def test_lines(pieces, complete, lines):
+    reader = Lines()
+    ended = [reader.feed(piece) for piece in pieces]
+    assert ended[-1] is complete and not any(ended[:-1])
+    assert reader.lines == lines
+
+
+def test_the_whole_of_it():
+    with board() as virtual, Hc05(virtual.radio, first_errors=1) as module:
+        code, said = diffbotctl(
+            "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
+        )
+        assert code == 0, said
+        assert module.rate == 115200 and module.restarted
+        assert module.heard[-4:] == ["AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"]
+        said = flat(said)
+        assert "went from 9600 to 115200 baud" in said
+        assert "link: {baud: 115200}" in said
+        assert "ready" in said  # our firmware is back, with its settings
+        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", "book_2wd", "--times", 1)
+        assert code == 0, said
+
+
+def test_a_module_in_data_mode_leaves_the_firmware_on_the_board():
+    with board() as virtual, Hc05(virtual.radio, at_mode=False) as module:
+        code, said = diffbotctl(
+            "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
+        )
+        assert code == 1
+        assert "E-BLUETOOTH-AT" in said and "blink slowly" in flat(said)
+        assert module.rate == 9600 and module.heard == []
+        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", "book_2wd", "--times", 1)
+        assert code == 0, said
+
+
+def test_nobody_to_hold_the_button():
+    code, said = diffbotctl(
+        "bluetooth", "baud", 9600, "--port", "/dev/ttyACM9", "--robot", "book_2wd"
+    )
+    assert code == 2 and "--yes" in said
+
+
+def test_the_bridge_is_what_its_source_gives(tmp_path):
+    fresh = tmp_path / "firmware"
+    fresh.mkdir()
+    for name in ("Makefile", "bridge.c"):
+        (fresh / name).write_bytes((FIRMWARE / name).read_bytes())
+    subprocess.run(["make", "-C", fresh, "bridge_mega2560.hex"], check=True, capture_output=True)
+    shipped = FIRMWARE / "bridge_mega2560.hex"
+    assert (fresh / shipped.name).read_bytes() == shipped.read_bytes()
+    assert len(read_hex(shipped.read_text(), shipped.name)) == 768

@@ -1,0 +1,128 @@
+"""Scanning and pairing, against a double of BlueZ on a real message bus; as commands and calls."""
+
+import os
+
+import pytest
+
+from diffbotctl.bluetooth.service import Service
+from diffbotctl.errors import RunError
+from tests.bluez_double import ERROR, Module, bluez, bus
+from tests.virtual_board import diffbotctl, flat
+
+ROBOT = "98:D3:31:FC:12:34"
+
+
+@pytest.fixture
+def own_bus(tmp_path):
+    with bus(tmp_path):
+        yield
+
+
+def code_of(error):
+    return error.value.problems[0].code
+
+
+def test_scan_lists_modules_and_leaves_out_phones(own_bus):
+    phone = Module("40:4E:36:00:00:01", "a phone", serial=False)
+    with bluez(Module(ROBOT), phone) as service:
+        code, said = diffbotctl("bluetooth", "scan", "--for", 1)
+    assert code == 0
+    assert f"{ROBOT} HC-05 -55 dBm serial port not paired" in flat(said)
+    assert "a phone" not in said
+    assert service.calls[-1] == "StopDiscovery"
+
+
+def test_scan_all_lists_phones_too(own_bus):
+    with bluez(Module("40:4E:36:00:00:01", "a phone", serial=False)):
+        code, said = diffbotctl("bluetooth", "scan", "--for", 1, "--all")
+    assert code == 0 and "a phone" in said
+
+
+def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
+    """Profiles are read at pairing; till then an HC-05 is only a name."""
+    with bluez(Module(ROBOT, serial=False)), Service() as service:
+        (found,) = service.scan(0.1)
+    assert found.serial
+
+
+def test_scan_of_nothing_says_what_to_look_at(own_bus):
+    with bluez():
+        code, said = diffbotctl("bluetooth", "scan", "--for", 1)
+    assert code == 1 and "Is it powered" in said
+
+
+def test_pair_with_the_number_of_an_hc05(own_bus):
+    with bluez(Module(ROBOT)) as service:
+        code, said = diffbotctl("bluetooth", "pair", ROBOT.lower())
+        assert code == 0, said
+        assert f"diffbotctl run goal --port bluetooth:{ROBOT}" in said
+        assert service.modules[0].paired and service.trusted == [service.modules[0].path]
+        assert service.agent is None  # the desktop's own agent is asked again from now on
+        code, said = diffbotctl("bluetooth", "pair", f"bluetooth:{ROBOT}")
+        assert code == 0 and "paired already" in said
+
+
+def test_pair_with_another_number(own_bus):
+    with bluez(Module(ROBOT, pin="0000")):
+        code, said = diffbotctl("bluetooth", "pair", ROBOT)
+        assert code == 1
+        assert "E-BLUETOOTH-PAIR" in said and "--pin 0000" in said
+        code, said = diffbotctl("bluetooth", "pair", ROBOT, "--pin", "0000")
+        assert code == 0, said
+
+
+def test_pair_again_forgets_first(own_bus):
+    with bluez(Module(ROBOT, paired=True, found=True)) as service:
+        code, said = diffbotctl("bluetooth", "pair", ROBOT, "--again")
+        assert code == 0, said
+        assert "forgotten" in said and service.modules[0].paired
+        assert service.calls.index("RemoveDevice") < service.calls.index("Pair")
+
+
+def test_a_module_that_is_off_is_told_from_a_wrong_number(own_bus):
+    # Known from before, but nobody answers its page.
+    with bluez(Module(ROBOT, answers=False, found=True)):
+        code, said = diffbotctl("bluetooth", "pair", ROBOT)
+    assert code == 1 and "E-BLUETOOTH-ABSENT" in said
+
+
+def test_an_unknown_module_that_never_answers(own_bus):
+    with bluez(), Service() as service, pytest.raises(RunError) as error:
+        service.find(ROBOT, 0.1)
+    assert code_of(error) == "E-BLUETOOTH-ABSENT"
+
+
+def test_a_radio_that_is_off_is_switched_on(own_bus):
+    with bluez(Module(ROBOT), powered=False) as service, Service() as ours:
+        assert [each.address for each in ours.scan(0.1)] == [ROBOT]
+        assert service.powered
+
+
+@pytest.mark.parametrize(
+    ("how", "code"),
+    [
+        ({"radio": False}, "E-BLUETOOTH-ADAPTER"),
+        # What rfkill leads to: the radio may not be switched on.
+        ({"powered": False, "refuses": {"Set": ERROR + "Blocked"}}, "E-BLUETOOTH-BLOCKED"),
+        ({"refuses": {"GetManagedObjects": "org.freedesktop.DBus.Error.AccessDenied"}},
+         "E-BLUETOOTH-SERVICE"),
+        ({"refuses": {"StartDiscovery": ERROR + "NotReady"}}, "E-BLUETOOTH-BLOCKED"),
+    ],
+)  # fmt: skip
+def test_what_can_be_wrong_with_the_radio(own_bus, how, code):
+    with bluez(**how), pytest.raises(RunError) as error, Service() as service:
+        list(service.scan(0.1))
+    assert code_of(error) == code
+
+
+def test_without_the_service_its_package_is_named(own_bus):
+    code, said = diffbotctl("bluetooth", "scan", "--for", 1)
+    assert code == 1
+    assert "E-BLUETOOTH-SERVICE" in said and "apt-get install bluez" in flat(said)
+
+
+def test_without_a_bus(tmp_path, monkeypatch):
+    monkeypatch.setitem(os.environ, "DBUS_SYSTEM_BUS_ADDRESS", f"unix:path={tmp_path}/none")
+    with pytest.raises(RunError) as error:
+        Service()
+    assert code_of(error) == "E-BLUETOOTH-SERVICE"

@@ -1,0 +1,85 @@
+"""The book's firmware over a socket: its board cannot stop by itself, so the guardian must."""
+
+import os
+import select
+import socket
+import threading
+from contextlib import suppress
+
+from tests.book_board import Device, OnPort
+from tests.virtual_board import run, start
+
+
+class Relay:
+    """A radio without any delay: a socket joined to a board's port."""
+
+    def __init__(self, port, path):
+        self.device = f"socket:{path}"
+        self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self.server = socket.socket(socket.AF_UNIX)
+        self.server.bind(str(path))
+        self.server.listen(1)
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self._carry)
+        self.thread.start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.over.set()
+        self.thread.join()
+        self.server.close()
+        os.close(self.board)
+
+    def _carry(self):
+        host = None
+        while not self.over.is_set():
+            ends = [self.board, host or self.server]
+            for end in select.select(ends, [], [], 0.02)[0]:
+                if end is self.server:
+                    host, _ = self.server.accept()
+                elif end is host:
+                    said = b""
+                    with suppress(ConnectionResetError):  # who was killed leaves so
+                        said = host.recv(4096)
+                    os.write(self.board, said)
+                    if not said:
+                        host.close()
+                        host = None
+                else:
+                    data = os.read(self.board, 4096)
+                    with suppress(OSError):
+                        if host is not None:
+                            host.send(data)
+        if host is not None:
+            host.close()
+
+
+def drive(relay):
+    words = run(relay.device, "--goal", "9 0", "--set", "robot.drive.polarity=by_hand")
+    return start(*(word if word != "book_2wd" else "book_2wd_stock" for word in words))
+
+
+def test_the_guardian_stops_a_board_whose_host_was_killed(tmp_path):
+    stock = OnPort(Device(distance=25.0))
+    with Relay(stock.name, tmp_path / "radio") as relay:
+        driver = drive(relay)
+        stock.wait_for(lambda board: board.speed["left"] > 3, 30)
+        driver.kill()
+        driver.communicate()
+        stock.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 10)
+    stock.close()
+
+
+def test_an_ended_run_hangs_up_and_the_next_one_drives(tmp_path):
+    stock = OnPort(Device(distance=25.0))
+    with Relay(stock.name, tmp_path / "radio") as relay:
+        for _ in range(2):
+            driver = drive(relay)
+            stock.wait_for(lambda board: board.speed["left"] > 3, 30)
+            driver.terminate()
+            said, _ = driver.communicate(timeout=30)
+            assert "final stop confirmed" in said
+            assert stock.board.pwm == {"left": 0, "right": 0}
+    stock.close()

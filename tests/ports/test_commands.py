@@ -1,0 +1,208 @@
+"""`ports` and `doctor` as processes, as the one who runs this and as a user without rights."""
+
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.bluetooth.adapter import adapter
+from diffbotctl.cli.main import program
+from diffbotctl.drivers.port import opened
+from diffbotctl.errors import RunError
+from diffbotctl.ports.judge import survey
+from diffbotctl.ports.person import Person
+from diffbotctl.runs.checkup import BAD, NOTE, OK, findings
+from tests.book_board import OnPort
+from tests.fake_machine import CH340, MEGA, FakeMachine
+
+MAIN = "from diffbotctl.cli.main import main; main()"
+NOBODY = 65534
+
+
+def run(*words):
+    """(exit code, what was said, line breaks folded)."""
+    command = [sys.executable, "-c", MAIN, *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert "Traceback" not in done.stderr
+    return done.returncode, " ".join((done.stdout + done.stderr).split())
+
+
+def run_without_rights(*words):
+    """The same by a process that may do nothing special. Root gives its rights up for it.
+
+    It forks rather than starts an interpreter, which may lie where nobody but root can read; what
+    the command imports is imported by a first run, with rights.
+    """
+    if os.geteuid() != 0:
+        return run(*words)
+    _main(words)
+    code, said = without_rights(lambda: _main(words))
+    assert "Traceback" not in said
+    return code, " ".join(said.split())
+
+
+def without_rights(act):
+    """What `act` returns, an exit code and a text, in a process without rights."""
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:
+        if os.geteuid() == 0:
+            os.setgroups([])
+            os.setgid(NOBODY)
+            os.setuid(NOBODY)
+        code, said = act()
+        os.write(theirs, said.encode())
+        os._exit(code)
+    os.close(theirs)
+    with open(ours) as pipe:
+        said = pipe.read()
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said
+
+
+def _main(words):
+    """The command in this process: its exit code, and what it said."""
+    caught = CliRunner().invoke(program, list(map(str, words)), standalone_mode=False)
+    if caught.exception:
+        return 1, caught.output + str(caught.exception)
+    return caught.return_value, caught.output
+
+
+@pytest.fixture
+def machine(tmp_path):
+    for folder in (tmp_path, *tmp_path.parents):  # pytest keeps its folders from other users
+        if folder.is_relative_to(tempfile.gettempdir()) and folder != Path(tempfile.gettempdir()):
+            folder.chmod(0o755)
+    return FakeMachine(tmp_path / "machine")
+
+
+def test_a_free_board_is_listed(machine):
+    machine.port("ttyACM0", MEGA, product="Mega 2560", by_id="usb-Arduino-if00")
+    code, said = run("ports", "--root", machine.root)
+    assert code == 0
+    assert "/dev/ttyACM0 Arduino Mega 2560" in said
+    assert "always called /dev/serial/by-id/usb-Arduino-if00" in said
+    assert "free, and you may use it" in said
+
+
+def test_one_without_rights_is_told_which_group(machine):
+    # Mode 000 keeps out an owner who is not root; root becomes nobody, whose group owns nothing.
+    device = machine.port("ttyUSB0", CH340, mode=0o060 if os.geteuid() == 0 else 0)
+    code, said = run_without_rights("ports", device, "--root", machine.root)
+    assert code == 1
+    assert "E-PORT-R" in said and "may not open it" in said
+    assert "Never chmod 777" in said
+    assert "free" not in said
+
+
+def test_one_with_rights_is_told_so(machine):
+    device = machine.port("ttyUSB0", CH340, mode=0o666)
+    code, said = run_without_rights("ports", device, "--root", machine.root)
+    assert code == 0
+    assert "free, and you may use it" in said
+
+
+def test_the_real_port_refuses_whom_the_verdict_refuses():
+    """A pseudo-terminal of this machine, and the very function with which a run opens ports."""
+    master, slave = os.openpty()
+    os.fchmod(slave, 0)
+
+    def act():
+        try:
+            opened(os.ttyname(slave), 9600).close()
+        except RunError as error:
+            return 1, error.problems[0].code
+        return 0, ""
+
+    assert without_rights(act) == (1, "E-PORT-RIGHTS")
+    os.fchmod(slave, 0o666)
+    assert without_rights(act) == (0, "")
+    os.close(master)
+    os.close(slave)
+
+
+def test_what_fix_prints_are_whole_commands(machine):
+    machine.port("ttyUSB0", CH340, mode=0o600 if os.geteuid() == 0 else 0)
+    code, said = run_without_rights("doctor", "--fix", "--root", machine.root)
+    assert code == 0
+    assert 'ATTRS{idVendor}=="1a86", ATTRS{idProduct}=="7523"' in said
+    assert said.endswith("sudo udevadm control --reload && sudo udevadm trigger")
+    words = shlex.split(said)
+    assert words[0] == "echo" and words[1].startswith('SUBSYSTEM=="tty"')
+
+
+def doctor(machine, user=NOBODY, groups=frozenset()):
+    """Its findings about a machine, for a user."""
+    person = Person("ana", user, groups)
+    return list(findings(machine.root, person, survey(machine.root, person)))
+
+
+def about(found, topic):
+    return [(each.verdict, each.words, each.fix) for each in found if each.topic == topic]
+
+
+def test_doctor_names_the_group_to_join(machine):
+    found = doctor(machine)
+    assert about(found, "groups") == [
+        (NOTE, "ana is in no group that owns serial ports",
+         "sudo usermod -aG dialout ana, then log out and in again"),
+    ]  # fmt: skip
+
+
+def test_doctor_knows_a_session_older_than_the_group(machine):
+    machine.group("dialout", "ana")
+    assert about(doctor(machine), "groups")[0][0] == BAD
+    assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == OK
+
+
+def test_doctor_says_which_optional_packages_are_there(machine):
+    machine.write("usr/bin/avrdude", "")
+    found = doctor(machine)
+    assert about(found, "avrdude") == [(OK, "installed", "")]
+    (verdict, words, fix) = about(found, "gcc-avr")[0]
+    assert verdict == NOTE and "only for building the firmware" in words
+    assert fix == "sudo apt-get install gcc-avr"
+
+
+def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
+    machine.port("ttyAMA0", None)
+    machine.write("proc/cmdline", "console=ttyAMA0,115200")
+    found = doctor(machine, groups={os.getgid()})
+    assert [each.verdict for each in found if each.topic == "E-PORT-CONSOLE"] == [NOTE]
+
+
+@pytest.mark.parametrize(
+    ("files", "code"),
+    [
+        ({}, "E-BLUETOOTH-ADAPTER"),
+        ({"sys/class/bluetooth/hci0/x": ""}, "E-BLUETOOTH-SERVICE"),
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd"}, None),
+        # hci0:1 is a connection, no radio.
+        ({"sys/class/bluetooth/hci0:1/x": ""}, "E-BLUETOOTH-ADAPTER"),
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
+          "sys/class/rfkill/rfkill0/type": "bluetooth", "sys/class/rfkill/rfkill0/soft": "1"},
+         "E-BLUETOOTH-BLOCKED"),
+        # Only the wireless network is off.
+        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
+          "sys/class/rfkill/rfkill0/type": "wlan", "sys/class/rfkill/rfkill0/soft": "1"}, None),
+    ],
+)  # fmt: skip
+def test_the_state_of_the_radio(machine, files, code):
+    for path, content in files.items():
+        machine.write(path, content)
+    trouble = adapter(machine.root).trouble
+    assert (trouble.code if trouble else None) == code
+
+
+def test_ask_tells_who_answers(tmp_path):
+    stock = OnPort()
+    port = tmp_path / "rfcomm0"
+    port.symlink_to(stock.name)
+    code, said = run("ports", str(port), "--ask", "--robot", "book_2wd")
+    stock.close()
+    assert code == 1
+    assert "a pseudo-terminal" in said and "E-BOARD-ROSSERIAL" in said

@@ -1,0 +1,197 @@
+"""A radio module between a board's serial port and a host's socket: late, lossy, sometimes away.
+
+It stands for an HC-05 seen through an RFCOMM socket. What the board's UART says is handed on 10 to
+50 ms later, in order; now and then a frame is lost; in an outage nothing passes, and of what either
+side says meanwhile the module keeps what its buffer holds and delivers it afterwards, for a radio
+delivers late rather than never.
+"""
+
+import heapq
+import os
+import select
+import socket
+import threading
+import time
+import tty
+from contextlib import suppress
+from itertools import pairwise
+from random import Random
+from typing import NamedTuple
+
+BUFFER = 1024  # bytes that the module keeps of each direction; it has no flow control
+LOOK = 0.002  # s between two looks at both ends
+END = b"\0"  # of a frame
+
+
+class Passed(NamedTuple):
+    """A frame that was delivered."""
+
+    at: float  # s, time.monotonic
+    to_host: bool
+    data: bytes
+
+
+class Way:
+    """One direction: what is on its way, in order."""
+
+    def __init__(self, chance, delay, loss):
+        self.chance, self.delay, self.loss = chance, delay, loss
+        self.part = b""
+        self.queue = []  # (due, number, frame)
+        self.last = 0.0
+        self.count = self.lost = 0
+
+    def take(self, now, data, full):
+        """Bytes have come; `full`: nothing more fits while the radio is away."""
+        *whole, self.part = (self.part + data).split(END)
+        if whole:
+            due = max(self.last, now + self.chance.uniform(*self.delay))
+        for frame in whole:
+            if not frame:
+                continue
+            self.count += 1
+            if full(self.size) or self.chance.random() < self.loss:
+                self.lost += 1
+                continue
+            self.last = due
+            heapq.heappush(self.queue, (due, self.count, frame + END))
+
+    @property
+    def size(self):
+        """Bytes on their way."""
+        return sum(len(frame) for _, _, frame in self.queue)
+
+    def due(self, now):
+        """What is to be delivered."""
+        while self.queue and self.queue[0][0] <= now:
+            yield heapq.heappop(self.queue)[2]
+
+
+class Radio:
+    """`device` is its name for --port. Listens until closed."""
+
+    def __init__(self, port, path, seed=1, delay=(0.010, 0.050), loss=0.01):
+        chance = Random(seed)
+        self.device = f"socket:{path}"
+        self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        tty.setraw(self.board)
+        self.server = socket.socket(socket.AF_UNIX)
+        self.server.bind(str(path))
+        self.server.listen(1)
+        self.server.setblocking(False)
+        self.host = None
+        self.up, self.down = (Way(chance, delay, loss) for _ in range(2))
+        self.away_until = 0.0
+        self.refusing = False
+        self.passed = []
+        self.outages = []  # (begin, end)
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self._carry, daemon=True)
+        self.thread.start()
+
+    def go_away(self, seconds):
+        """Out of reach for so long; the connection stays."""
+        now = time.monotonic()
+        self.outages.append((now, now + seconds))
+        self.away_until = now + seconds
+
+    def hang_up(self):
+        """The connection breaks, and the module takes no other."""
+        self.refusing = True
+
+    def come_back(self):
+        """The module may be called again."""
+        self.refusing = False
+
+    def silences(self, to_host):
+        """(begin, end) of each time without a frame in one direction."""
+        times = [each.at for each in self.passed if each.to_host == to_host]
+        return list(pairwise(times))
+
+    def close(self):
+        """End it."""
+        self.over.set()
+        self.thread.join()
+        for end in (self.server, self.host):
+            if end is not None:
+                end.close()
+        os.close(self.board)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _carry(self):
+        while not self.over.is_set():
+            files = [self.board, self.server, *([self.host] if self.host else [])]
+            select.select(files, [], [], LOOK)
+            if self.refusing:
+                self._drop()
+            else:
+                self._answer()
+            self._once(time.monotonic())
+
+    def _answer(self):
+        with suppress(BlockingIOError):
+            caller, _ = self.server.accept()
+            if self.host is not None:
+                caller.close()  # one at a time
+                return
+            caller.setblocking(False)
+            self.host = caller
+
+    def _drop(self):
+        if self.host is not None:
+            self.host.close()
+            self.host = None
+        with suppress(BlockingIOError):
+            self.server.accept()[0].close()
+
+    def _once(self, now):
+        away = now < self.away_until
+        said = self._heard()
+
+        def full(size):
+            return (away and size > BUFFER) or self.host is None
+
+        self.up.take(now, _read(self.board), full)
+        self.down.take(now, said, full)
+        if away:
+            return
+        for frame in self.up.due(now):
+            self._deliver(now, True, frame)
+        for frame in self.down.due(now):
+            self._deliver(now, False, frame)
+
+    def _heard(self):
+        if self.host is None:
+            return b""
+        try:
+            said = self.host.recv(4096)
+        except BlockingIOError:
+            return b""
+        except ConnectionResetError:
+            said = b""
+        if not said:
+            self.host.close()
+            self.host = None
+        return said
+
+    def _deliver(self, now, to_host, frame):
+        with suppress(BlockingIOError, BrokenPipeError):
+            if not to_host:
+                os.write(self.board, frame)
+            elif self.host is not None:
+                self.host.send(frame)
+            else:
+                return
+            self.passed.append(Passed(now, to_host, frame))
+
+
+def _read(file):
+    try:
+        return os.read(file, 4096)
+    except BlockingIOError:
+        return b""
