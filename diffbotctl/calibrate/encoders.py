@@ -56,7 +56,9 @@ class Encoders:
             yield Said(f"found: {fault}. Settings make up for it, the wires may stay.")
         if rig.noisy:
             # The board takes settings only at rest, which it cannot see now.
-            return Outcome("encoders", [], found.mended, found.faults)
+            counted = yield from self._slots(rig, found)
+            report = [*found.mended, *counted.report]
+            return Outcome("encoders", [], report, [*found.faults, *counted.faults])
         findings = wires.findings(found, rig.file.robot)
         if findings:
             rig.attempt(findings)

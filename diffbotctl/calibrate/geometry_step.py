@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from math import degrees, isnan, nan, pi, sqrt
+from math import degrees, hypot, isnan, nan, pi, sqrt
 from typing import Any
 
 from diffbotctl.calibrate import outing, picture, squares, umbmark
@@ -28,8 +28,10 @@ from diffbotctl.calibrate.step import (
     Said,
 )
 from diffbotctl.calibrate.umbmark import EndError
+from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
+from diffbotctl.units import quantity
 
 RUNS = 5  # squares each way round
 CORNER = sqrt(2.0)  # of the side: how far the far corner is
@@ -66,7 +68,7 @@ class Squares:
                 found = squares.fit(ends, used, share=1 / (number + 1))
             except ValueError as error:
                 raise _useless(str(error)) from error
-            findings = of_geometry(found.geometry, found, side)
+            findings = of_geometry(rig.file.robot, found, side)
             report += _report(side, used, found)
             drawing = _drawing(side, ends)
             pictures[f"ends-{number + 1}.svg"] = picture.ends(drawing.title, drawing.points)
@@ -149,16 +151,30 @@ def geometry_of(rig: Rig) -> Geometry:
     return Geometry(drive.right.wheel.diameter, drive.left.wheel.diameter, drive.track)
 
 
-def of_geometry(geometry: Geometry, found: Found, side: float) -> list[Finding]:
-    """Both diameters and the track; what the squares leave open of them."""
+def of_geometry(robot: Robot, found: Found, side: float) -> list[Finding]:
+    """Both diameters and the track; what the squares leave open of them.
+
+    The mean diameter is as unsure as it was: squares say nothing of it.
+    """
+    geometry = found.geometry
     # A quarter turn misses alpha of pi/2; along a side beta turns it by b/L of the ratio.
     track_sd = geometry.track * found.sd.alpha / (pi / 2)
     ratio_sd = geometry.track / side * found.sd.beta
+    right, left = (
+        hypot(diameter * ratio_sd / 2, known_sd(robot, path))
+        for diameter, path in ((geometry.right, RIGHT), (geometry.left, LEFT))
+    )
     return [
-        Finding(RIGHT, geometry.right, geometry.right * ratio_sd / 2),
-        Finding(LEFT, geometry.left, geometry.left * ratio_sd / 2),
+        Finding(RIGHT, geometry.right, right),
+        Finding(LEFT, geometry.left, left),
         Finding(TRACK, geometry.track, track_sd),
     ]
+
+
+def known_sd(robot: Robot, path: str) -> float:
+    """Standard deviation (m) that an earlier step gave to a length; 0 when none did."""
+    entry = robot.calibration.get(path)
+    return 0.0 if entry is None or entry.sd is None else quantity(str(entry.sd), "m")
 
 
 PLACES = {

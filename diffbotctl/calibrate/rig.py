@@ -8,14 +8,16 @@ by itself, or a wheel beyond what was announced end the step and the movement.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TypeVar
 
+from diffbotctl.calibrate.bound import Bound, stopped
 from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.heard import Heard, Keys
 from diffbotctl.calibrate.robot_file import tried
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, RobotDriver
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import RunError
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
@@ -34,34 +36,6 @@ HUM = 5  # counts in that time; a wheel that rolls out gives fewer
 Wanted = Duty | Wheels
 Make = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 Kind = TypeVar("Kind", bound=Message)
-
-
-class Keys(Protocol):
-    """Ends a movement when a person wants it: `file` is readable, `cause` says why."""
-
-    file: int
-
-    @property
-    def cause(self) -> str | None: ...
-
-
-class Heard(NamedTuple):
-    """What arrived while something was done."""
-
-    deliveries: list[Delivery]
-
-    def of(self, kind: type[Kind], wire: str = "") -> list[Kind]:
-        """The messages of one class, in order; of one wire, when it is named."""
-        return [
-            each.message
-            for each in self.deliveries
-            if isinstance(each.message, kind) and wire in ("", each.wire)
-        ]
-
-    @property
-    def encoders(self) -> list[Encoders]:
-        """All frames."""
-        return self.of(Encoders)
 
 
 class Rig:
@@ -87,15 +61,14 @@ class Rig:
         self.link: Link | None = None
         self.recording: list[Encoders] = []
         """all frames since it was last emptied"""
-        self.turns: float | None = None
-        """of either wheel since the last announcement, at most; None: not limited"""
+        self.bound: Bound | None = None
+        """what was announced last; None: nothing that could be watched"""
         self.found: dict[str, Finding] = {}
         """what this calibration has found so far, whether it was written or not"""
         self.noisy = False
         """whether an encoder counts while nothing turns, so that counts do not show a stop"""
         self.still = (0, 0)
         """what the left and right input counted in QUIET, with nothing turning"""
-        self._from: tuple[int, int] | None = None
         self._make = make
         self.driver = make(file, None, 0)
 
@@ -103,7 +76,9 @@ class Rig:
         """Go on with what the robot file says now. The robot must be at rest."""
         self.file = file
         self.driver = self._make(file, self.driver, self.now)
-        self.encoders = self._from = self.link = None  # a board that takes settings counts anew
+        self.encoders = self.link = None
+        if self.bound is not None:
+            self.bound.begin()  # a board that takes settings counts anew
 
     def attempt(self, findings: Sequence[Finding]) -> None:
         """Go on with a robot file that has these findings in it, though nothing is written yet.
@@ -115,8 +90,7 @@ class Rig:
 
     def allow(self, turns: float | None) -> None:
         """What was announced: from here on either wheel may turn so far."""
-        self.turns = turns
-        self._from = None
+        self.bound = None if turns is None else Bound(turns)
 
     def meet(self) -> None:
         """Wait until frames come and a stop has shown: from then on commands are taken.
@@ -129,7 +103,7 @@ class Rig:
             if self.now - begun > MEETING:
                 cause = self._link_trouble() or "no frames came"
                 fix = "is it switched on, and does `diffbotctl blink` work?"
-                raise self._stopped(f"the board was not ready within 20 s: {cause}", fix)
+                raise stopped(f"the board was not ready within 20 s: {cause}", fix)
             self._turn(self.now + STALE)
         self.driver.stop(self.now)
         self.still = self._counts_in(self.listen(QUIET).encoders)
@@ -191,7 +165,7 @@ class Rig:
         while not self._rests(begun, still):
             if self.now - begun > STOPPING:
                 fix = "switch the motors' battery off before you look for the cause"
-                raise self._stopped("the board did not confirm that it has stopped", fix)
+                raise stopped("the board did not confirm that it has stopped", fix)
             self._take(heard, self._turn(self.now + REPEAT), moving=False)
             last = self.encoders
             if last is not None and counts != (last.left, last.right):
@@ -250,28 +224,13 @@ class Rig:
         for _, message in deliveries:
             if isinstance(message, Stop) and message.code:
                 fix = f"`diffbotctl explain {message.code}` tells more"
-                raise self._stopped(f"the board stopped the motors: {message.cause}", fix)
+                raise stopped(f"the board stopped the motors: {message.cause}", fix)
             if isinstance(message, Link) and message.state == "lost":
-                raise self._stopped("the link to the board was lost", "")
+                raise stopped("the link to the board was lost", "")
         if moving and self.now - self.heard_at > STALE:
-            raise self._stopped("no frames from the board for half a second", "")
-        if moving:
-            self._stay_within()
-
-    def _stay_within(self) -> None:
-        last = self.encoders
-        if self.turns is None or last is None:
-            return
-        if self._from is None:
-            self._from = (last.left, last.right)
-        drive = self.file.robot.drive
-        for side, count, begun in zip(
-            (drive.left, drive.right), (last.left, last.right), self._from, strict=True
-        ):
-            if abs(count - begun) > self.turns * side.encoder.slots + 1:
-                self.driver.stop(self.now)
-                cause = f"a wheel turned more than the {self.turns:g} turns that were announced"
-                raise self._stopped(cause, "noise on its encoder, or a wrong count of slots?")
+            raise stopped("no frames from the board for half a second", "")
+        if moving and self.bound is not None and self.encoders is not None:
+            self.bound.check(self.encoders, self.file.robot)
 
     def _turn(self, until: int) -> list[Delivery]:
         """Wait for the next thing, not after `until`, and hear it."""
@@ -282,7 +241,7 @@ class Rig:
         self.now = max(self.now, now)
         if self.keys is not None and self.keys.file in ready and self.keys.cause:
             self.driver.stop(self.now)
-            raise self._stopped(self.keys.cause, "")
+            raise stopped(self.keys.cause, "")
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)
@@ -292,6 +251,3 @@ class Rig:
             elif isinstance(message, Link):
                 self.link = message
         return deliveries
-
-    def _stopped(self, cause: str, fix: str) -> RunError:
-        return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
+from diffbotctl.calibrate.heard import Keys
 from diffbotctl.calibrate.instruments import Truths
-from diffbotctl.calibrate.rig import Keys, Make, Rig
+from diffbotctl.calibrate.rig import Make, Rig
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.drivers.emulated import Emulated, EmulatedBoard
 from diffbotctl.drivers.simulated import Simulated

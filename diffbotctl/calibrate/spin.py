@@ -8,6 +8,7 @@ from math import pi
 from typing import Any
 
 from diffbotctl.blocks.odometry import Odometry as OdometryBlock
+from diffbotctl.calibrate import commanded
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.outcome import TRACK
 from diffbotctl.calibrate.question import Question
@@ -15,7 +16,7 @@ from diffbotctl.calibrate.repeats import mean
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Announce, Event, Mark, Outcome, Progress, Running
 from diffbotctl.config.robot import Robot
-from diffbotctl.messages import Encoders, Odometry, Wheels
+from diffbotctl.messages import Encoders, Odometry
 from diffbotctl.runs.assembly import made
 
 TURNS = 10
@@ -60,8 +61,9 @@ class Spin:
         yield Mark("Mark the floor beside both tyres.")
         robot = rig.file.robot
         rim = way * RATE * robot.drive.track
-        command = Wheels(
-            0, -rim / robot.drive.left.wheel.diameter, rim / robot.drive.right.wheel.diameter
+        drive = robot.drive
+        command = commanded.wheels(
+            robot, -rim / drive.left.wheel.diameter, rim / drive.right.wheel.diameter
         )
         frames = rig.listen(0.1).encoders
         frames += rig.hold(command, 2 * pi * self.turns / RATE).encoders
