@@ -51,13 +51,16 @@ def without_rights(act):
     ours, theirs = os.pipe()
     child = os.fork()
     if child == 0:
-        if os.geteuid() == 0:
-            os.setgroups([])
-            os.setgid(NOBODY)
-            os.setuid(NOBODY)
-        code, said = act()
-        os.write(theirs, said.encode())
-        os._exit(code)
+        code, said = 99, "the act itself failed"
+        try:
+            if os.geteuid() == 0:
+                os.setgroups([])
+                os.setgid(NOBODY)
+                os.setuid(NOBODY)
+            code, said = act()
+        finally:
+            os.write(theirs, said.encode())
+            os._exit(code)
     os.close(theirs)
     with open(ours) as pipe:
         said = pipe.read()
