@@ -63,7 +63,7 @@ class Squares:
             ends = yield from self._round(rig, side)
             used = geometry_of(rig)
             try:
-                found = squares.fit(ends, used)
+                found = squares.fit(ends, used, share=1 / (number + 1))
             except ValueError as error:
                 raise _useless(str(error)) from error
             findings = of_geometry(found.geometry, found, side)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import hypot, isnan, nan, sqrt
 from statistics import stdev
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from diffbotctl.calibrate.umbmark import SIDES, Angles, EndError
 
 LEAST_SPREAD = 0.001  # m: what a tape can tell
 LEAST_HEADING = 0.005  # rad: what a set square can tell
+REFINEMENTS = 6  # each leaves a tenth of what the one before has left, or less
 SIGNIFICANT = 5.0  # standard deviations of the means, from which on swapped directions are named
 LARGEST = 8.0  # side over track, beyond which the errors are no longer small (sensing, UMBmark)
 
@@ -58,16 +59,17 @@ def advised_side(track: float, longest: float = 1.0) -> float:
     return min(longest, LARGEST * track)
 
 
-def fit(squares: Squares, used: Geometry) -> Found:
+def fit(squares: Squares, used: Geometry, share: float = 1.0) -> Found:
     """The geometry that would have driven these squares right; `used` is what odometry took.
 
-    Raises ValueError when they are too far off, or nothing was read.
+    `share` of what they say is believed: all of it by itself; a half when `used` comes from as many
+    squares already, so that the outcome is the mean of both. Raises ValueError when they are too far off, or nothing was read.
     """
     rules = []
     if squares.has_positions:
-        rules.append(_by_positions(squares))
+        rules.append((_solved(squares, used, _by_positions), _position_sd(squares)))
     if squares.has_headings:
-        rules.append(_by_headings(squares))
+        rules.append((_solved(squares, used, _by_headings), _heading_sd(squares)))
     if not rules:
         raise ValueError("neither places nor headings were read of every square")
     weights = [1.0 / sd**2 for _, sd in rules]
@@ -76,12 +78,13 @@ def fit(squares: Squares, used: Geometry) -> Found:
         / sum(weights)
         for which in (0, 1)
     )
-    sd = 1.0 / sqrt(sum(weights))
+    alpha, beta = share * alpha, share * beta
+    sd = sqrt(share / sum(weights))
     found = umbmark.corrected(used, squares.side, Angles(alpha, beta))
     before = after = nan
     if squares.has_positions:
         before = umbmark.systematic_error(squares.clockwise, squares.counter)
-        after = _predicted(squares, used, found)
+        after = max(hypot(end.x, end.y) for end in _unexplained(squares, used, found))
     return Found(found, Angles(alpha, beta), Angles(sd, sd), before, after)
 
 
@@ -96,21 +99,53 @@ def look_swapped(squares: Squares) -> bool:
     return size > SIGNIFICANT * noise and umbmark.look_swapped(squares.side, *means)
 
 
-def _by_positions(squares: Squares) -> tuple[Angles, float]:
-    means = [umbmark.mean(ends) for ends in (squares.clockwise, squares.counter)]
+Rule = Callable[[float, EndError, EndError], Angles]
+
+
+def _solved(squares: Squares, used: Geometry, rule: Rule) -> Angles:
+    """The angles by which squares would end exactly there.
+
+    A rule is of first order; applied again to what the geometry found so far does not explain, it
+    converges on the exact solution, as a second round on the floor would.
+    """
+    angles, found = Angles(0.0, 0.0), used
+    for _ in range(REFINEMENTS):
+        more = rule(squares.side, *_unexplained(squares, used, found))
+        angles = Angles(angles.alpha + more.alpha, angles.beta + more.beta)
+        found = umbmark.corrected(used, squares.side, angles)
+    return angles
+
+
+def _unexplained(squares: Squares, used: Geometry, found: Geometry) -> tuple[EndError, EndError]:
+    """What is left of the mean ends, clockwise and counter, if `found` is the true geometry."""
+    rest = []
+    for ends, clockwise in ((squares.clockwise, True), (squares.counter, False)):
+        middle = umbmark.mean(ends)
+        explained = umbmark.square_end(squares.side, used, found, clockwise)
+        rest.append(EndError(*(a - b for a, b in zip(middle, explained, strict=True))))
+    return rest[0], rest[1]
+
+
+def _by_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
+    return umbmark.from_positions(side, clockwise, counter)
+
+
+def _by_headings(side: float, clockwise: EndError, counter: EndError) -> Angles:
+    return umbmark.from_headings(clockwise, counter)
+
+
+def _position_sd(squares: Squares) -> float:
     scatter = sum(_spread(ends) ** 2 / len(ends) for ends in (squares.clockwise, squares.counter))
     # Each angle is the mean of two rules, each the sum of two means over four sides.
-    sd = sqrt(scatter) / (SIDES * squares.side * sqrt(2.0))
-    return umbmark.from_positions(squares.side, *means), sd
+    return sqrt(scatter) / (SIDES * squares.side * sqrt(2.0))
 
 
-def _by_headings(squares: Squares) -> tuple[Angles, float]:
-    means = [umbmark.mean(ends) for ends in (squares.clockwise, squares.counter)]
+def _heading_sd(squares: Squares) -> float:
     scatter = 0.0
     for ends in (squares.clockwise, squares.counter):
         spread = stdev(end.heading for end in ends) if len(ends) > 1 else LEAST_HEADING
         scatter += max(spread, LEAST_HEADING) ** 2 / len(ends)
-    return umbmark.from_headings(*means), sqrt(scatter) / (2 * SIDES)
+    return sqrt(scatter) / (2 * SIDES)
 
 
 def _spread(ends: Sequence[EndError]) -> float:
@@ -119,13 +154,3 @@ def _spread(ends: Sequence[EndError]) -> float:
         return LEAST_SPREAD
     along, across = stdev(end.x for end in ends), stdev(end.y for end in ends)
     return max(sqrt((along**2 + across**2) / 2), LEAST_SPREAD)
-
-
-def _predicted(squares: Squares, used: Geometry, found: Geometry) -> float:
-    """E_max,syst that is left when what the new geometry explains is taken away."""
-    rest = []
-    for ends, clockwise in ((squares.clockwise, True), (squares.counter, False)):
-        middle = umbmark.mean(ends)
-        explained = umbmark.square_end(squares.side, used, found, clockwise)
-        rest.append(hypot(middle.x - explained.x, middle.y - explained.y))
-    return max(rest)
