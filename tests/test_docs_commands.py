@@ -31,6 +31,7 @@ PREPARED = {
         "diffbotctl run goal --fast --quiet --record monday.mcap",
         "diffbotctl run goal --fast --quiet --seed 2 --record tuesday.mcap",
         "head -c 20000 monday.mcap > cut.mcap",
+        "cp monday.mcap drive.mcap",
     )
 }
 # These say by their exit code what they found: no board on this machine, two files that differ.
@@ -160,8 +161,12 @@ def test_commands_for_a_running_robot(page, reader):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_on_a_terminal(page, reader):
     shown = [line for line in lines(page) if on_a_terminal(line)]
+    for line in PREPARED.get(page.name, ()) if shown else ():
+        assert reader.types(line)[0] == 0, line
     for line in shown:
-        with Terminal(["bash", "-c", f"exec {line}"], reader.environment) as terminal:
+        with Terminal(
+            ["bash", "-c", f"cd {reader.work}; exec {line}"], reader.environment
+        ) as terminal:
             terminal.until(lambda text: "pose" in text, f"the picture of {line}, on {page.name},")
             terminal.type("\x03")
             assert terminal.ended() in (0, 130)

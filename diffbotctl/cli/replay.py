@@ -21,6 +21,7 @@ SECOND = 1_000_000_000  # ns
     "--speed", type=click.FloatRange(0.01, 1000.0), metavar="X",
     help="X times real time, with a view; without it as fast as it goes.",
 )  # fmt: skip
+@click.option("--dash", is_flag=True, help="Show it in the dashboard, at real time or --speed.")
 @click.option("--from", "begin", metavar="TIME", help="Show and measure from there, such as 3s.")
 @click.option("--until", metavar="TIME", help="End there.")
 @click.option(
@@ -32,7 +33,7 @@ SECOND = 1_000_000_000  # ns
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write what came of it."
 )
 def command(
-    file: Path, check: bool, speed: float | None, begin: str | None, until: str | None,
+    file: Path, check: bool, speed: float | None, dash: bool, begin: str | None, until: str | None,
     sets: tuple[str, ...], same_motion: bool, record: Path | None,
 ) -> int:  # fmt: skip
     """Replay the recording FILE: the drivers' messages come from it, the blocks react anew.
@@ -51,9 +52,14 @@ def command(
     if record is not None and record.exists() and record.samefile(file):
         raise click.UsageError("--record must not write over the recording that is replayed")
     run = recorded.read(file)
+    if dash:
+        from diffbotctl.cli.own_dash import check_terminal
+
+        check_terminal(has_socket=True)
+        speed = speed or 1.0
     wanted = Wanted(
         check, speed, _time(begin, "--from", 0), _time(until, "--until", NEVER), sets, record,
-        None if speed is None else _view(run),
+        None if speed is None else _view(run, dash), dash,
     )  # fmt: skip
     _say_where_it_begins(run)
     if not sets:
@@ -132,8 +138,12 @@ def _time(text: str | None, option: str, default: int) -> int:
     return default if text is None else round(quantity_of(text, "s", option) * SECOND)
 
 
-def _view(run: RecordedRun) -> Show:
-    """What `run` draws: a map on a terminal, else one line an event."""
+def _view(run: RecordedRun, dash: bool) -> Show:
+    """What `run` draws: a map on a terminal, else one line an event; or the dashboard."""
+    if dash:
+        from diffbotctl.cli.own_dash import show
+
+        return show
     from diffbotctl.cli.run import screen
     from diffbotctl.runs import recorded
 

@@ -25,6 +25,7 @@ from diffbotctl.params import declared
 from diffbotctl.runs import recorded, records
 from diffbotctl.runs.assembly import Assembly, assemble
 from diffbotctl.runs.recorded import RecordedRun
+from diffbotctl.runs.station import Socket, Station
 
 Show = Callable[[Iterator[Snapshot]], None]
 Record = Callable[[tuple[Any, ...]], object]
@@ -35,7 +36,8 @@ class Wanted(NamedTuple):
 
     `speed` is times real time, None as fast as it goes. Before `begin` it always goes as fast as it
     can, so that all is known that was known then; the metrics count from there. `sets` change the
-    recorded configuration. `record` writes the replay out as a recording. `show` draws it.
+    recorded configuration. `record` writes the replay out as a recording. `show` draws it; with
+    `dash` it is the dashboard, at a control socket of the replay's own.
     """
 
     check: bool = False
@@ -45,6 +47,7 @@ class Wanted(NamedTuple):
     sets: tuple[str, ...] = ()
     record: Path | None = None
     show: Show | None = None
+    dash: bool = False
 
 
 class Replayed(NamedTuple):
@@ -91,7 +94,7 @@ class _Again:
         self.latest: Latest | None = None
         self.children: list[int] = []
         if wanted.show is not None:
-            channel, pid = screen_process.start(wanted.show)
+            channel, pid = screen_process.start(wanted.show, wanted.dash)
             self.children.append(pid)
             self.latest = Latest(channel, lambda: (len(self.measure.reached), len(run.goals())))
         self.recorder = None
@@ -102,6 +105,10 @@ class _Again:
                 wanted.record, configuration, self.assembly, facts, True, _loud
             )
             self.children.append(pid)
+        self.station: Station | None = None
+        if wanted.dash:
+            port = run.about["port"]
+            self.station = Station(Socket(), configuration, self.assembly, port, is_replay=True)
         self.engine = Engine(
             graph, [Replay(_after(run))], self._clock(), sinks=self._sinks(),
             record=self._record, idle=self._idle,
@@ -145,6 +152,8 @@ class _Again:
             self.checker.record(instant)
         if self.recorder is not None:
             self.recorder.record(instant)
+        if self.station is not None:
+            self.station.channel.record(instant)
         for wire, message in zip(self.graph.wires, instant[1:], strict=True):
             if message is not None:
                 self.measure.take(instant[0], wire, message)
@@ -154,6 +163,8 @@ class _Again:
     def _idle(self) -> None:
         if self.recorder is not None:
             self.recorder.drain()
+        if self.station is not None:
+            self.station.channel.flush()
         if self.latest is not None and self.engine.last >= self.wanted.begin:
             self.latest.idle(self.engine.last)
 
@@ -165,6 +176,9 @@ class _Again:
             end.update({"code": str(ending.code), "digest": self.digest.text()})
             self.recorder.close(end)
         self.engine.clock.close()
+        if self.station is not None:
+            self.station.channel.close()
+            self.station.end()
         for pid in self.children:
             os.waitpid(pid, 0)
 

@@ -12,6 +12,7 @@ from diffbotctl.runs import recorded
 from diffbotctl.runs.again import Replayed, Wanted
 from diffbotctl.runs.recorded import RecordedRun
 from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.station import Socket
 
 PATIENCE = 10  # times the recorded run's length; one that never comes to an end is ended then
 
@@ -40,6 +41,7 @@ def drive_once_more(run: RecordedRun, wanted: Wanted) -> Replayed:
             options = Options(
                 goals=recorded.goals_given(run), seed=int(run.about["seed"]),
                 fast=wanted.speed is None, duration=_limit(run, wanted), record=path, digest=True,
+                socket=Socket() if wanted.dash else None, dash=wanted.dash,
             )  # fmt: skip
             result = Run(configuration, options, wanted.show).go()
         if result.failure is not None:

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import subprocess
 import termios
 
 import pytest
@@ -202,7 +203,6 @@ def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
 
 
 def test_once_and_a_pipe_print_the_panels(engine, tmp_path):
-    import subprocess
 
     line, environment = command(tmp_path, "dash")
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
@@ -252,3 +252,21 @@ def child_with_terminal(parent):
             if int(fields[1]) == parent and int(fields[17]) > 1:
                 return int(name)
     raise AssertionError("no dashboard")
+
+
+def test_a_replay_is_watched_and_cannot_be_commanded(tmp_path):
+    path = tmp_path / "drive.mcap"
+    line, environment = command(
+        tmp_path, "run", "goal", "--fast", "--quiet", "--record", str(path), "--goal", "3 0",
+        "--set", "world.walls=[]",
+    )  # fmt: skip
+    subprocess.run(line, env=environment, check=True, capture_output=True, timeout=60)
+    line, environment = command(tmp_path, "replay", str(path), "--dash", "--from", "3s")
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "REPLAY" in text and "driving" in text, "the replay")
+        terminal.type(" ")
+        terminal.until(lambda text: "this is a replay" in text, "the refusal")
+        terminal.type("4")
+        terminal.until(lambda text: "kinematics" in text, "the blocks")
+        terminal.type("\x03")
+        assert terminal.ended() == 130
