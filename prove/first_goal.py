@@ -44,11 +44,11 @@ class Newcomer:
         self.environment.pop("PYTHONPATH", None)
 
     def types(self, *words: str | Path, at: Path | None = None) -> str:
-        """What a command said. Raises CalledProcessError when it failed."""
+        """What a command said, failed or not: the figures tell."""
         done = subprocess.run(
             [str(word) for word in words], cwd=at or self.folder, env=self.environment,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            timeout=LONGEST, check=True,
+            timeout=LONGEST,
         )  # fmt: skip
         return done.stdout
 
