@@ -377,6 +377,10 @@ CODES: dict[str, Code] = {
     "W-TOLERANCE": _code("a goal about as fine as the robot can tell", """
         The tolerance is less than twice the standard deviation of what the robot knows of its own
         place. Goals will be reached, some of them in several tries."""),
+    "W-EDGES": _code("more edges than frames", """
+        A frame tells how many edges each encoder has counted, and when the last one came. With
+        more than one edge a frame, the ones in between have no time, and odometry may take one slot
+        for another. Let the board send more often, drive slower, or leave out the edge times."""),
     "W-POLARITY": _code("nobody has seen the wheels turn the right way", """
         A one-channel encoder counts alike in both directions. With a motor's wires exchanged the
         robot would drive backwards and believe to drive forwards. Until it is proven that each

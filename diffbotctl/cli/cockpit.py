@@ -52,9 +52,9 @@ def wishes_of(
 
 def launch(cockpit: Cockpit) -> int:
     """Run it to its end. Raises RunError when the engine did not answer."""
-    code = cockpit.run()
+    code = cockpit.run_to_end()
     if cockpit.problem is not None:
         raise cockpit.problem
     if cockpit.sight.ended:
         click.echo("the run has ended")
-    return code or 0
+    return code

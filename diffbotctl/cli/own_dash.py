@@ -58,7 +58,7 @@ def show(pictures: Iterator[Snapshot]) -> None:
     parent = os.getppid()
     try:
         dashboard = Dashboard(_engine_of(parent), "diffbotctl run --dash", Wishes(), [])
-        dashboard.run()
+        dashboard.run_to_end()
         if dashboard.problem is not None:
             print(dashboard.problem, file=sys.stderr)
         ended = dashboard.sight.ended

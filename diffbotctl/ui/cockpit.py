@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import threading
 import time
 from contextlib import suppress
 from typing import Any, ClassVar
@@ -27,6 +28,7 @@ from diffbotctl.ui.teleop.pulse import QUESTION, multiplexer
 from diffbotctl.ui.teleop.reins import PERIOD_OF_WORDS, Reins
 from diffbotctl.ui.wishes import Wishes
 
+LAST = 3.0  # s for the terminal to take what restores it
 SLOW_LOOK = 1.0  # s between two looks at rates and blocks
 
 
@@ -49,6 +51,7 @@ class Cockpit(App[int]):
         self.said = ""  # the last thing that the engine refused, or that was done
         self.looks: asyncio.Task[None] | None = None
         self.slow_look = 0.0
+        self.leaving: threading.Timer | None = None
 
     # What programs fill in.
 
@@ -229,12 +232,29 @@ class Cockpit(App[int]):
         self.exit(0)
 
     def _signalled(self, number: int) -> None:
-        if self.reins is not None and number == signal.SIGHUP:
-            self.reins.lose("its terminal was closed")
-        elif self.reins is not None:
+        if number == signal.SIGHUP:
+            if self.reins is not None:
+                self.reins.lose("its terminal was closed")
+            os._exit(128 + number)  # there is no terminal to restore, and none to write to
+        if self.reins is not None:
             self.reins.release()
         self.caller.close()
         self.exit(128 + number)
+
+    def exit(self, *arguments: Any, **named: Any) -> None:
+        """Leave, whatever happens: textual waits for ever to write to a terminal that is gone."""
+        if self.leaving is None:
+            self.leaving = threading.Timer(LAST, os._exit, [1])
+            self.leaving.daemon = True
+            self.leaving.start()
+        super().exit(*arguments, **named)
+
+    def run_to_end(self) -> int:
+        """Run; the exit code."""
+        code = self.run()
+        if self.leaving is not None:
+            self.leaving.cancel()
+        return code or 0
 
 
 def key_of(event: events.Key) -> str:

@@ -100,6 +100,8 @@ def test_the_robot_stands_and_the_goal_waits(tmp_path, mode, how, way):
             stood = watcher.until(stands)
             assert stood["operator.goal"]["number"] == 0
             terminal.process.send_signal(signal.SIGCONT)
+            if how == "closed" and way == "here":
+                terminal.process.wait(timeout=PATIENCE)  # nothing is left behind a closed window
         assert watcher.ask("resume")["ok"]
         assert watcher.until(moves)["operator.goal"]["x"] == 3.0
         process.terminate()
