@@ -44,6 +44,27 @@ CODES: dict[str, Code] = {
         a name that ends in the fingerprint of what was written. `calibrate undo` puts it back when
         the robot file is still what was written then; if you have changed it since, undoing would
         lose your changes, so it is left to you: compare the two files and copy what you want."""),
+    "E-CALIBRATE-ANSWER": _code("an answers file that cannot answer", """
+        `calibrate --answers FILE` reads what you would have typed: one question's name a line, and
+        the answer behind it; a list holds one answer for each repeat. A name answers every question
+        that begins with it, and the longest one counts. On a simulated or emulated robot
+        `{measure: tape, noise: 1 mm}` reads what the robot truly did: with a tape (lengths), a
+        protractor (headings), the eye (which wheel turned, and which way), a meter (voltages)."""),
+    "E-CALIBRATE-STOPPED": _code("a calibration that was stopped", """
+        The robot was told to stand still, and nothing of this step was written: because somebody
+        pressed a key, because the link to the board fell silent, because the board itself had
+        stopped the motors, or because something turned further than had been announced. Steps that
+        were finished before are in the robot file; begin again with the one that was stopped."""),
+    "E-CALIBRATE-RANGE": _code("a distance sensor that cannot be calibrated", """
+        The voltages at the rule's distances are not those of a Sharp infrared sensor: they must
+        fall from 4 to 30 cm, and stand still while the card does. Closer than 3 cm they fall too,
+        which looks like a greater distance. Measure from the sensor's front, use a white card
+        that stands upright, and look at the sensor's supply (5 V), ground and output wires."""),
+    "E-CALIBRATE-ROBOT": _code("a robot that cannot be calibrated like this", """
+        The robot does not do what this step measures: a wheel that does not turn, an encoder that
+        does not answer, a scale that no tape would show. Calibrate in the order of the chain
+        (encoders, motors, distance, geometry), each of which finds the faults that would spoil the
+        next, and mend first what `calibrate encoders` names."""),
     "E-FLASH": _code("flashing failed", """
         Writing the firmware to the board did not work. The bootloader sits in a part of the
         chip that flashing never touches, so the board can be flashed again."""),
@@ -88,12 +109,22 @@ CODES: dict[str, Code] = {
         A recording ends with a record that says it is whole. This one has none: the program was
         killed, the disk was full, or the recorder could not keep up. What is in the file is true,
         but nobody can say what is missing, so a comparison would prove nothing."""),
+    "E-FIELD": _code("a recording has no such field", """
+        A field is named as `topic echo` names it: the block, its port and the field of the message,
+        with dots between: `odometry.odometry.x`. `bag info FILE` lists the topics that are in a
+        recording; a topic that never spoke has no fields to show."""),
+    "E-PICTURE": _code("a picture cannot be written", """
+        `bag plot --output` writes SVG by itself. A PNG is drawn by the library Pillow, which is not
+        installed with diffbotctl: `pip install pillow`."""),
     "E-FILE-READ": _code("a file cannot be read", """
         The file does not exist, is a directory or a device, or you may not read it. Names without
         a slash are looked up in ./pipelines or ./robots first, then among the shipped files.
 
         Check the spelling and the folder you are in (`pwd`, `ls`). For a permission, `ls -l FILE`
         shows who may read it."""),
+    "E-FILE-WRITE": _code("a file cannot be written", """
+        The folder is not there, is not yours, or the disc is full; or there is a file of that name
+        already, and nothing of yours is ever written over."""),
     "E-FILE-NAME": _code("no file of that name", """
         A name such as `goal` is looked up as ./pipelines/goal.yaml, then among the pipelines that
         are shipped with diffbotctl; robots likewise in ./robots. Neither has it.
@@ -273,6 +304,43 @@ CODES: dict[str, Code] = {
         it would garble both. Pins 0 and 1 always belong to the USB port."""),
     "E-PIN-TAKEN": _code("two things on one pin", """
         Two wires cannot share a pin: whatever one of them does, happens to the other too."""),
+    "E-START-ANSWER": _code("a question of the guided path without an answer", """
+        The answers file is a list of questions and answers, one a line, such as `lifted: yes`; or
+        nobody is at the terminal to be asked. `diffbotctl start` asks: lifted, measure
+        and floor. Names that begin with a calibration's step, such as encoders.wheel, are asked by
+        `diffbotctl calibrate`."""),
+    "E-SERVICE-GOALS": _code("a service that would drive off by itself", """
+        What a service starts, it starts whenever the machine starts, or the board is plugged in
+        again: nobody stands beside the robot then. So it must wait for somebody's word.
+
+        `diffbotctl service` takes the pipeline `standby`, which waits; your own needs goals: [].
+        """),
+    "E-WIRING-NONE": _code("a robot without wires", """
+        It lives in the simulator alone (board: {type: simulated}): there is no board to connect
+        anything to. `diffbotctl wiring book_2wd` draws the wires of a robot that has one."""),
+    "W-WIRING-LEVEL": _code("5 volts into a 3.3 volt input", """
+        An HC-05 runs on 5 V, but its receiving input RXD is made for 3.3 V; a Mega's or an Uno's
+        transmitting pin gives 5 V. It often works for a while, then the module grows deaf.
+
+        Two resistors divide the voltage: 1 kOhm in the wire, 2 kOhm from RXD to ground. Then leave
+        link.level at divider."""),
+    "W-WIRING-SHARED": _code("a radio on the USB port's pins", """
+        Pins 0 and 1 are also the USB port's. While a module is plugged in there, flashing fails and
+        each talks into the other's words.
+
+        On a Mega 2560 use another serial port (uart: 1, pins 18 and 19). On an ATmega328P, which
+        has only this one, unplug the module before flashing and before using the USB cable."""),
+    "W-WIRING-LIGHT": _code("a pin that the board's own light shares", """
+        The light L hangs on pin 13. The bootloader blinks it at each start, so a motor's enable
+        input there makes the wheel jerk, and an input there is pulled down by the light on many
+        boards, so that a button seems pressed for ever."""),
+    "W-WIRING-SUPPLY": _code("a battery that does not fit", """
+        A Mega's VIN, and the regulator on the L298N, take 7 to 12 V: below, their 5 V sink whenever
+        a motor starts and the board restarts; above, they get too hot. The L298N itself takes up to
+        35 V, of which it loses about 2 V.
+
+        board.supply says which of them feeds the board; battery.full is the full battery's voltage:
+        8.4 V for two lithium cells, 9 V for six alkaline ones."""),
     "E-LINK-UART": _code("a serial port that the board does not have", """
         A Mega 2560 has the ports 0 (USB) to 3, of which our firmware uses 0 and 1 (pins 18 and 19);
         an ATmega328P has only port 0, which it shares with the USB."""),

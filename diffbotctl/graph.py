@@ -144,6 +144,19 @@ class Compiled(NamedTuple):
         """From the next instant on call `react` for the node at `place` in `Graph.nodes`."""
         self.names[f"r{place}"] = react
 
+    def state(self) -> dict[str, Any]:
+        """What wires and timers hold between two instants, by the names in `source`."""
+        return {name: cell.cell_contents for name, cell in self._cells().items()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Bring back a `state` of an equal graph. Raises KeyError when a name is missing."""
+        for name, cell in self._cells().items():
+            cell.cell_contents = state[name]
+
+    def _cells(self) -> dict[str, Any]:
+        closure: Any = self.instant
+        return dict(zip(closure.__code__.co_freevars, closure.__closure__ or (), strict=True))
+
     def culprit(self, error: BaseException) -> str | None:
         """The node whose reaction raised `error`, or None when no reaction did."""
         trace = error.__traceback__

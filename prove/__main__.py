@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import argparse
-from itertools import chain
+import os
+import tempfile
+from itertools import chain as joined
 from pathlib import Path
 
 from prove import (
     calibration,
+    chain,
     faults,
     firmware,
+    first_goal,
     link_rosserial,
     model,
     motion,
+    operator,
     ports,
     radio,
+    recordings,
+    slots,
     wander,
-)  # fmt: skip
+)
 
 
 def main() -> int:
@@ -25,6 +32,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
+    parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
     parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
@@ -32,21 +41,30 @@ def main() -> int:
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
     options = parser.parse_args()
+    state = tempfile.TemporaryDirectory()
+    os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
     missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         link_rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
+        first_goal.rows(),
         calibration.rows(options.optiodom),
         ports.rows(),
         radio.rows(options.seed, max(6, round(30 * options.board))),
         model.rows(),
         wander.rows(options.seed, options.wander),
+        operator.rows(options.seed, min(options.trials, 20), 2000),
+        recordings.rows(options.seed, min(options.trials, 20)),
+        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+        calibration.range_rows(options.seed),
+        slots.rows(options.seed, options.robots),
     )
-    for row in chain.from_iterable(tables):
+    for row in joined.from_iterable(tables):
         print(row.line(), flush=True)
         missed += not row.met
+    state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from random import Random
+from statistics import fmean, stdev
 
+from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.ends import end_error, mean_distance
 from diffbotctl.calibrate.fit import fit
 from diffbotctl.calibrate.geometry import Geometry
 from diffbotctl.calibrate.optiodom import Session, is_session, read_session
+from diffbotctl.calibrate.range_fit import DISTANCES, FAR_FROM, RulerPoint, fit_curve
+from diffbotctl.calibrate.range_step import LISTENING
+from diffbotctl.plant.sharp import CURVE
 from prove.row import NoData, Row
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
@@ -91,3 +97,44 @@ def _share(session: Session, nominal: Geometry, found: Geometry) -> Row:
     figure = f"{before:.1f} -> {after:.1f} mm"
     target = f"{after / before:.2f} of the nominal end error, <= {SHARE_MOST:g}"
     return Row(f"from-log: paths {session.name}", figure, target, after <= SHARE_MOST * before)
+
+
+TELEMETRY = 40  # readings a second
+OFFSET, NOISE = 0.15, 0.010  # V, of parts, and of one reading
+PARTS = 300
+NEAR_MOST, FAR_MOST = 3.0, 2.0  # mm to 20 cm, % beyond
+
+
+def range_rows(seed: int) -> Iterator[Row]:
+    """A distance sensor's curve through six ruler points, judged on all points of the data sheet
+    from 4 to 30 cm: exact, on parts with an offset, and with noise averaged as the step does."""
+    chance = Random(f"{seed} range")
+    offsets = [chance.uniform(-OFFSET, OFFSET) for _ in range(PARTS)]
+    noisy = [_range_errors(offset, NOISE, chance) for offset in offsets]
+    for what, errors in (
+        ("exact", [_range_errors(0.0, 0.0, chance)]),
+        ("parts off by 0.15 V, exact", [_range_errors(s * OFFSET, 0.0, chance) for s in (-1, 1)]),
+        (f"{PARTS} parts, 10 mV of noise", noisy),
+    ):
+        near, far = (max(each[place] for each in errors) for place in (0, 1))
+        figure = f"{near:.1f} mm, {far:.1f} %"
+        target = f"<= {NEAR_MOST:g} mm to 20 cm, <= {FAR_MOST:g} % beyond"
+        yield Row(f"range fit, {what}", figure, target, near <= NEAR_MOST and far <= FAR_MOST)
+
+
+def _range_errors(offset: float, noise: float, chance: Random) -> tuple[float, float]:
+    """The largest errors, in mm to 20 cm and in % beyond."""
+    sheet = {place: volts + offset for place, volts in CURVE if 0.04 <= place <= 0.30}
+    readings = round(LISTENING * TELEMETRY)
+    points = []
+    for place in DISTANCES:
+        heard = [sheet[place] + chance.gauss(0.0, noise) for _ in range(readings)]
+        points.append(RulerPoint(place, fmean(heard), stdev(heard), readings))
+    found = fit_curve(points)
+    wrong = {
+        place: abs(distance_at(volts, found.a, found.b, found.c) - place)
+        for place, volts in sheet.items()
+    }
+    near = max(error for place, error in wrong.items() if place <= FAR_FROM) * MM
+    far = max(error / place for place, error in wrong.items() if place > FAR_FROM) * 100
+    return near, far

@@ -1,4 +1,4 @@
-"""The control socket's rows: `python -m prove.operator --seed N`."""
+"""The operator's rows: `python -m prove.operator --seed N`."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import argparse
 from collections.abc import Iterator
 from itertools import chain
 
-from prove import operator_load, operator_people
+from prove import dashboard, operator_load, operator_people
 from prove.row import Row
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
     """`trials` of each loss of an operator, `lines` of nonsense; then the loads."""
-    return chain(operator_people.rows(seed, trials, lines), operator_load.rows())
+    return chain(
+        operator_people.rows(seed, trials, lines),
+        dashboard.rows(seed, max(trials // 4, 1)),
+        operator_load.rows(),
+    )
 
 
 def main() -> int:

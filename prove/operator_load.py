@@ -113,6 +113,9 @@ def rows() -> Iterator[Row]:
             socket = str(Path(folder) / "diffbotctl" / "load.socket")
             loads = [
                 Load("none", [], 0, environment),
+                Load("a dashboard",
+                     [sys.executable, "-m", "prove.screen", "120", "40", sys.executable, "-c",
+                      ECHO, "dash"], 1, environment),
                 Load("ten `topic echo`", [sys.executable, "-c", ECHO, "topic", "echo", "/odom"],
                      10, environment),
                 Load("a client that never reads", [sys.executable, "-c", DEAF, socket],

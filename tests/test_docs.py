@@ -73,30 +73,36 @@ def test_files_named_in_the_overview_exist():
         assert inside.exists() or (ROOT / name).exists(), f"the overview names {name}: not there"
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/kinematics.md", "docs/robots.md"])
-def test_commands_that_are_shown_run(page):
+def test_the_drawing_in_the_hardware_page_is_what_wiring_draws(tmp_path):
     from click.testing import CliRunner
 
-    from diffbotctl.cli.main import COMMANDS, program
+    from diffbotctl.cli import wiring
 
-    text = (ROOT / page).read_text()
-    commands = re.findall(r"^    diffbotctl (.*?)(?:\s+#.*)?$", text, re.M)
-    assert commands
-    for line in commands:
-        import shlex
+    words = ["book_2wd", "--output", str(tmp_path / "wiring.svg")]
+    assert CliRunner().invoke(wiring.command, words).exit_code == 0
+    assert (tmp_path / "wiring.svg").read_text() == (ROOT / "docs/wiring.svg").read_text(), (
+        "run `diffbotctl wiring book_2wd --output docs/wiring.svg`"
+    )
 
-        words = shlex.split(line)
-        assert words[0] in COMMANDS
-        if "--port" in words or words[0] == "emulate":
-            continue  # tests/runs and tests/links run these, on boards behind pseudo-terminals
-        if words[0] in ("drive", "goto", "call", "param", "topic", "stop"):
-            continue  # tests/hub runs these, on an engine that is running
-        if words[0] == "run" and "--fast" not in words:
-            words += ["--fast"]
-        if words[0] == "run":
-            words += ["--quiet"]
-        result = CliRunner().invoke(program, words, standalone_mode=False)
-        assert result.exception is None, f"diffbotctl {line}: {result.exception!r}"
+
+def test_the_wires_in_the_hardware_page_are_those_of_the_book_s_robot():
+    from diffbotctl.config.load import load_robot
+
+    drive = load_robot("book_2wd").robot.drive
+    text = (ROOT / "docs" / "hardware.md").read_text()
+    for side, half in ((drive.left, "ENA, IN1, IN2"), (drive.right, "ENB, IN3, IN4")):
+        motor = side.motor
+        assert f"| Mega {motor.enable}, {motor.in1}, {motor.in2} | L298N {half} |" in text
+    pins = f"{drive.left.encoder.pin} and {drive.right.encoder.pin}"
+    assert f"| Mega {pins} | OUT of the left and right encoder |" in text
+
+
+def test_codes_in_the_pages_are_explained():
+    from diffbotctl.codes import CODES
+
+    for page in PAGES:
+        for code in re.findall(r"\b[EW](?:-[A-Z]+)+\b", page.read_text()):
+            assert code in CODES, f"{page.name} names {code}, which `explain` does not know"
 
 
 def test_the_reference_is_what_the_declarations_say():

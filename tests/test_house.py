@@ -15,7 +15,7 @@ FLOORS = [
     ["model"],
     ["engine"],
     ["drivers", "hub", "ports", "bluetooth"],
-    ["runs", "calibrate"],
+    ["runs", "calibrate", "start", "bags"],
     ["ui", "cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}

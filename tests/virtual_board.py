@@ -20,10 +20,10 @@ LONGEST = 60  # s; everything that is waited for takes a few
 
 
 @contextmanager
-def board(image=IMAGE):
-    """A board with this program on it; with None, nothing but its bootloader."""
+def board(image=IMAGE, robot="book_2wd"):
+    """A board with this program on it, in this robot; with None, nothing but its bootloader."""
     ends, end = os.pipe()
-    with virtual_board(load_robot("book_2wd").robot, seed=3, image=image) as virtual:
+    with virtual_board(load_robot(str(robot)).robot, seed=3, image=image) as virtual:
         pace = threading.Thread(target=virtual.serve, args=(ends,))
         pace.start()
         try:

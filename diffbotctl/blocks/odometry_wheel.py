@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import copysign, pi
 from typing import Protocol
 
+from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
 from diffbotctl.blocks.wheel_filter import WheelFilter
 from diffbotctl.blocks.wheel_motion import Spread
+
+UNKNOWN = 0.5  # open share of a disc that nobody has measured
 
 
 class Motor(Protocol):
@@ -25,9 +29,12 @@ class Wheel(Protocol):
 
 
 class Encoder(Protocol):
-    """The encoder of a side."""
+    """The encoder of a side; pitches."""
 
     slots: int
+    slot_errors: Sequence[float]
+    back_errors: Sequence[float]
+    open_share: float
 
 
 class Side(Protocol):
@@ -59,7 +66,7 @@ class OdometryWheel:
         static = motor.loop.static
         friction = static / (1.0 - static) * motor.rated
         spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
-        self.filter = WheelFilter(spread, time, count, slots)
+        self.filter = WheelFilter(spread, time, count, slots, known_flanks(side.encoder, spread))
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
         self.rolled = self.begun = 0.0
         self.gone = 0.0
@@ -117,6 +124,14 @@ class CountedWheel(OdometryWheel):
         told = self.gone
         self.gone = float(self.count - self.first)
         self.rolled = (self.gone - told) * self.pitch
+
+
+def known_flanks(encoder: Encoder, spread: Spread) -> Flanks | None:
+    """The disc as it was measured, or None."""
+    if len(encoder.slot_errors) != encoder.slots:
+        return None
+    share = None if encoder.open_share == UNKNOWN else encoder.open_share
+    return Flanks(encoder.slot_errors, encoder.back_errors, share, spread.slot)
 
 
 def driven_speed(duty: float, static: float, rated: float) -> float:

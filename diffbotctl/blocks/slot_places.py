@@ -9,6 +9,8 @@ The open share of the disc, which places the flanks that are seen going backward
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from diffbotctl.blocks.transition import Transition
 
 MOST = 64  # slots; a finer disc has errors too small to be worth the reckoning
@@ -18,26 +20,47 @@ Row = tuple[float, float, float, float, float, float]
 """What something has in common with (z, speed, gain, offset, log lag, phase)."""
 
 
+class Told(NamedTuple):
+    """What is known of a flank's place."""
+
+    error: float
+    """pitches, true place minus nominal"""
+    variance: float
+
+
 class SlotPlaces:
     """The slots' errors (pitches, true place minus nominal) and what they share with the motion.
 
-    The last entry is the error of the open share. `shared` holds six lists, the covariances of each
-    state of the motion with every error; `own` the errors' covariances with each other.
+    The last entry is the error of the open share; where `both` flanks are learnt, each slot has an
+    entry for the flank that is seen going backward instead. `shared` holds six lists, the
+    covariances of each state of the motion with every error; `own` the errors' covariances with
+    each other.
     """
 
-    __slots__ = ("begun", "error", "learnt", "own", "shared", "slots", "waiting")
+    __slots__ = (
+        "back", "back_variance", "begun", "both", "error", "learnt", "own", "shared", "slots",
+        "tolerance", "waiting",
+    )  # fmt: skip
 
-    def __init__(self, slots: int, slot: float, share: float) -> None:
+    def __init__(self, slots: int, slot: float, share: float, both: bool = False) -> None:
         """`slots` of the disc, 0 when they are not to be learnt; standard deviations of a `slot`'s
-        place and of the open `share`, in pitches."""
+        place and of the open `share`, in pitches. `both`: learn each slot's other flank too, and
+        never leave off: for a calibration, as it takes four times the reckoning."""
         self.slots = slots if slots <= MOST else 0
-        entries = self.slots + 1
+        self.both = both
+        self.tolerance = self.back_variance = slot * slot
+        self.back = [0.0] * self.slots  # what each flank seen backward lies off beyond the share
+        entries = 2 * self.slots if both else self.slots + 1
         self.error = [0.0] * entries
         self.shared = [[0.0] * entries for _ in range(6)]
         self.own = [[0.0] * entries for _ in range(entries)]
         for entry in range(entries):
-            self.own[entry][entry] = slot * slot
-        self.own[-1][-1] = share * share
+            self.own[entry][entry] = self.tolerance
+        if not both:
+            self.own[-1][-1] = 0.0
+        for one in range(self.slots, entries):  # the share is in all flanks seen backward
+            for other in range(self.slots, entries):
+                self.own[one][other] += share * share
         self.waiting = Transition()
         self.begun = not self.slots
         self.learnt = True
@@ -51,6 +74,8 @@ class SlotPlaces:
         """The same, to go its own way from now on."""
         twin = object.__new__(SlotPlaces)
         twin.slots, twin.begun, twin.learnt = self.slots, self.begun, self.learnt
+        twin.both, twin.tolerance = self.both, self.tolerance
+        twin.back, twin.back_variance = self.back, self.back_variance
         twin.error = self.error[:]
         twin.shared = [row[:] for row in self.shared]
         twin.own = [row[:] for row in self.own]
@@ -60,7 +85,23 @@ class SlotPlaces:
 
     def entry(self, slot: int, forward: bool) -> int:
         """Which error shows when the flank of `slot`, counted from the start, is seen."""
-        return slot % self.slots if forward else -1
+        if forward:
+            return slot % self.slots
+        return self.slots + slot % self.slots if self.both else -1
+
+    def told(self, slot: int, forward: bool) -> Told:
+        """What is known of the flank of `slot`, once nothing more is learnt."""
+        if not self.slots:
+            return Told(0.0, self.tolerance)
+        entry = self.entry(slot, forward)
+        alone = self.alone(slot, forward)
+        return Told(self.error[entry] + alone.error, self.own[entry][entry] + alone.variance)
+
+    def alone(self, slot: int, forward: bool) -> Told:
+        """What of a flank's error is its own, and in no entry."""
+        if forward or self.both:
+            return Told(0.0, 0.0)
+        return Told(self.back[slot % self.slots] if self.slots else 0.0, self.back_variance)
 
     def carry(self) -> None:
         """Let what the slots share with the motion follow it to now."""
@@ -83,7 +124,7 @@ class SlotPlaces:
         """The wheel stands: its speed is known, and has nothing in common with anything."""
         if not self.learnt:
             self.carry()
-            self.shared[1] = [0.0] * (self.slots + 1)
+            self.shared[1] = [0.0] * len(self.error)
 
     def with_entry(self, entry: int) -> tuple[Row, list[float]]:
         """What an error shares with the motion and with the other errors."""
@@ -111,4 +152,6 @@ class SlotPlaces:
     def settle(self) -> None:
         """Take the errors as they are once those of all slots are known well enough."""
         limit = LEARNT * LEARNT
-        self.learnt = all(self.own[slot][slot] < limit for slot in range(self.slots))
+        self.learnt = not self.both and all(
+            self.own[slot][slot] < limit for slot in range(self.slots)
+        )

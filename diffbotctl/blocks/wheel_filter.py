@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from diffbotctl.blocks.disc_search import DiscSearch
+from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.wheel_motion import Spread, WheelMotion
 from diffbotctl.blocks.wheel_track import WheelTrack
 
@@ -12,11 +14,16 @@ UNLIKELY = 9.0  # an account so far below the best (natural logarithm, about 1 :
 class WheelFilter:
     """One wheel, with all accounts of its edges that are still likely; the best first."""
 
-    __slots__ = ("tracks",)
+    __slots__ = ("flanks", "search", "tracks")
 
-    def __init__(self, spread: Spread, time: int, count: int, slots: int) -> None:
-        """`slots` of the disc, whose errors are learnt when the board tells edges' times."""
+    def __init__(
+        self, spread: Spread, time: int, count: int, slots: int, flanks: Flanks | None = None
+    ) -> None:
+        """`slots` of the disc, whose errors are learnt when the board tells edges' times; its
+        `flanks` when they are known."""
         self.tracks = [WheelTrack(spread, time, count, slots)]
+        self.flanks = flanks
+        self.search: DiscSearch | None = None
 
     @property
     def motion(self) -> WheelMotion:
@@ -27,6 +34,9 @@ class WheelFilter:
         self, time: int, count: int, edge: int | None, drive: float, since: int | None
     ) -> None:
         """Take one frame, as `WheelTrack.frame` does."""
+        if self.flanks is not None and edge is not None and count != self.tracks[0].count:
+            self.search = DiscSearch(self.flanks, self.tracks)
+            self.flanks = None
         if self.tracks[0].motion.dry is None:
             self.tracks = [twin for track in self.tracks for twin in track.rolling_out(drive)]
         self.tracks = [
@@ -36,6 +46,9 @@ class WheelFilter:
         ]
         if len(self.tracks) > 1:
             self._prune()
+        if self.search is not None:
+            self.search.frame(time, count, edge, drive, since)
+            self._look_for_the_disc(self.search)
 
     def likely_edge(self, time: int, steps: int) -> int:
         """When the last of `steps` edges came that a frame at `time` counts (ns)."""
@@ -59,6 +72,23 @@ class WheelFilter:
             if track.motion.dry is dry:
                 self.tracks.insert(0, self.tracks.pop(place))
                 return
+
+    def _look_for_the_disc(self, search: DiscSearch) -> None:
+        """Take the pattern as it stands, once that is known."""
+        plain = max(self.tracks, key=lambda track: track.motion.evidence)
+        if search.is_vain(plain):
+            self.search = None
+            return
+        found = search.found(plain)
+        if found is None:
+            return
+        agree = [track for track in self.tracks if track.where == found.where]
+        if not agree:
+            return
+        for track in agree:
+            track.motion.know(found.motion.disc)
+        self.tracks = agree
+        self.search = None
 
     def _prune(self) -> None:
         """Keep what is likely; of two accounts that agree, the better."""

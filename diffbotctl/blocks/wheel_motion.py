@@ -17,6 +17,7 @@ from __future__ import annotations
 from math import erf, exp, inf, log, pi, sqrt
 from typing import NamedTuple
 
+from diffbotctl.blocks.known_slots import TAKEN, KnownSlots, Slots
 from diffbotctl.blocks.slot_places import Row, SlotPlaces
 from diffbotctl.blocks.transition import Factors
 
@@ -67,17 +68,18 @@ class WheelMotion:
     """The state of one wheel, its covariance, and what is known of its disc."""
 
     __slots__ = (
-        "covariance", "disc", "dry", "evidence", "gain", "log_lag", "offset", "phase", "shifted",
-        "speed", "spread", "z",
+        "ahead", "covariance", "disc", "dry", "evidence", "gain", "log_lag", "offset", "phase",
+        "shifted", "speed", "spread", "z",
     )  # fmt: skip
 
     def __init__(self, spread: Spread, slots: int) -> None:
         """`slots`: of the disc."""
         self.spread = spread = spread.in_pitches(slots)
-        self.disc = SlotPlaces(slots, spread.slot, spread.open)
+        self.disc: Slots = SlotPlaces(slots, spread.slot, spread.open)
         self.z = self.phase = 0.5
         self.speed = self.offset = self.shifted = 0.0
         self.gain = 1.0
+        self.ahead: bool | None = None  # direction in which the last edge was passed
         self.dry: bool | None = None  # braked by dry friction when undriven; none: not yet seen
         self.evidence = 0.0  # logarithm of how likely all was that has been seen
         self.log_lag = log(spread.lag)
@@ -239,28 +241,63 @@ class WheelMotion:
         disc, row = self.disc, self._row()
         disc.begin()
         if disc.learnt:
-            noise, error = self.spread.slot**2, 0.0
-            if disc.slots:
-                entry = disc.entry(slot, forward)
-                noise, error = disc.own[entry][entry], disc.error[entry]
-            whole = row[0] + noise
+            if isinstance(disc, KnownSlots) and self.ahead is not None and forward != self.ahead:
+                self._loosen(disc.flanks.beyond.variance)
+            self.ahead = forward
+            row = self._row()
+            error, variance = disc.told(slot, forward)
+            whole = row[0] + variance
             self._note(place + error - self.z, whole)
             self._absorb(row, (place + error - self.z) / whole, 1.0 / whole)
             return
+        assert isinstance(disc, SlotPlaces)
         disc.carry()
         entry = disc.entry(slot, forward)
         shared, own = disc.with_entry(entry)
         # What is seen is z less the flank's error.
         slots = [p - q for p, q in zip(disc.shared[0], own, strict=True)]
         motion = _less(row, shared)
-        noise = EDGE * EDGE + (self.speed * LATE) ** 2 if forward else self.spread.slot**2
+        alone = disc.alone(slot, forward)
+        noise = alone.variance or EDGE * EDGE + (self.speed * LATE) ** 2
         whole = motion[0] - slots[entry] + noise
-        pull = (place + disc.error[entry] - self.z) / whole
+        pull = (place + disc.error[entry] + alone.error - self.z) / whole
         self._note(pull * whole, whole)
         self._absorb(motion, pull, 1.0 / whole)
         disc.absorb(motion, slots, pull, 1.0 / whole)
         if entry == 0:
             disc.settle()
+
+    def _loosen(self, variance: float) -> None:
+        """Where the flanks of the other direction lie against those before is known so badly: all
+        that is counted in slots may be shifted, which leaves the travel as it is."""
+        covariance = list(self.covariance)
+        for entry in (0, 5, 20):  # z and phase, and both together
+            covariance[entry] += variance
+        self.covariance = tuple(covariance)  # type: ignore[assignment]
+
+    def know(self, known: Slots) -> None:
+        """The disc turns out to be a `known` one: take in where its slots lie."""
+        disc = self.disc
+        assert isinstance(disc, SlotPlaces) and isinstance(known, KnownSlots)
+        disc.back, disc.back_variance = known.beyond()
+        if disc.learnt:
+            return
+        disc.carry()
+        for slot in range(disc.slots):
+            self._see_slot(slot, known.told(slot, True).error, TAKEN * TAKEN)
+        share = known.flanks.share
+        if share is not None:
+            self._see_slot(-1, share.error, share.variance)
+
+    def _see_slot(self, entry: int, error: float, variance: float) -> None:
+        """The slots' error of number `entry` is known from elsewhere."""
+        disc = self.disc
+        assert isinstance(disc, SlotPlaces)
+        shared, own = disc.with_entry(entry)
+        whole = own[entry] + variance
+        pull = (error - disc.error[entry]) / whole
+        self._absorb(shared, pull, 1.0 / whole)
+        disc.absorb(shared, own, pull, 1.0 / whole)
 
     def see_bounds(self, low: float, high: float, least: float) -> None:
         """z lies between `low` and `high`; believed when more than `least` of it lay outside."""
@@ -288,6 +325,7 @@ class WheelMotion:
         row, disc = self._row(), self.disc
         self._absorb(row, pull, cut)
         if not disc.learnt:
+            assert isinstance(disc, SlotPlaces)
             disc.carry()
             disc.absorb(row, disc.shared[0], pull, cut)
 

@@ -38,9 +38,14 @@ class WheelTrack:
         self.turned_back = False  # driven the other way since then
 
     @property
-    def account(self) -> tuple[int, int, bool, bool | None]:
+    def where(self) -> tuple[int, int, bool]:
+        """The flank that was passed last, and how."""
+        return self.slot, self.passed, self.turned_back
+
+    @property
+    def account(self) -> tuple[tuple[int, int, bool], bool | None]:
         """What tells this account from another."""
-        return self.slot, self.passed, self.turned_back, self.motion.dry
+        return self.where, self.motion.dry
 
     def copy(self) -> WheelTrack:
         """The same account, to go its own way from now on."""

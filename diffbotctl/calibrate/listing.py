@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import NamedTuple
 
-from diffbotctl.config.checks.calibrated import FOUND_BY
+from diffbotctl.config.checks.calibrated import found_by
 from diffbotctl.config.configuration import RobotFile
 
 DATE = "%Y-%m-%dT%H:%MZ"
@@ -47,7 +47,9 @@ def listing(file: RobotFile, now: datetime) -> list[Listed]:
 
 def missing(file: RobotFile) -> dict[str, str]:
     """What was never calibrated though most pipelines rely on it -> the command that finds it."""
-    return {path: by for path, by in FOUND_BY.items() if path not in file.robot.calibration}
+    return {
+        path: by for path, by in found_by(file.robot).items() if path not in file.robot.calibration
+    }
 
 
 def age(date: str | None, now: datetime) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from difflib import unified_diff
 from hashlib import sha256
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import NamedTuple
 from diffbotctl.calibrate.findings import Finding, Origin, written
 from diffbotctl.calibrate.section import with_entries
 from diffbotctl.config import lookup
+from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
 
@@ -71,7 +73,7 @@ def change(path: Path, findings: Sequence[Finding], origin: Origin) -> Change:
         after = with_entries(before.decode(), entries).encode()
     except ValueError as error:
         raise _unwritten(path, str(error), "write the entries by hand") from error
-    _refuse_nonsense(path, after)
+    _read(path, after)
     return Change(path, before, after)
 
 
@@ -125,11 +127,26 @@ def _kept(path: Path, after: bytes) -> Path:
     return path.with_name(f"{path.name}{KEPT}{sha256(after).hexdigest()[:FINGERPRINT]}")
 
 
-def _refuse_nonsense(path: Path, after: bytes) -> None:
+def tried(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
+    """The robot as `findings` would make it; nothing is written.
+
+    Raises ConfigurationError with the reasons when a value is not plausible, or UsageError.
+    """
+    now = Origin("trial", "", None, None)
+    entries = {each.field: written(each, now) for each in findings}
+    try:
+        after = with_entries(file.file.read_bytes().decode(), entries).encode()
+    except ValueError as error:
+        raise _unwritten(file.file, str(error), "write the entries by hand") from error
+    return replace(_read(file.file, after), file=file.file, files=file.files)
+
+
+def _read(path: Path, after: bytes) -> RobotFile:
+    """The robot file at `path`, had it the text `after`. Raises ConfigurationError."""
     trial = path.with_name(f".{path.name}.trial.yaml")
     try:
         trial.write_bytes(after)
-        load_robot(str(trial.absolute()))
+        return load_robot(str(trial.absolute()))
     except ConfigurationError as error:
         raise ConfigurationError(
             Problem(each.code, str(path), each.cause, each.fix, each.severity)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.calibrate.order import STEPS
+from diffbotctl.cli import calibrate_parts, calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show, undo
 
 if TYPE_CHECKING:
@@ -18,11 +20,41 @@ if TYPE_CHECKING:
 A_FILE = click.Path(path_type=Path)
 
 
-@click.group()
-def command() -> None:
-    """Find out what the robot's dimensions really are."""
+@click.group(invoke_without_command=True)
+@calibrate_steps.common
+@click.option("--skip", multiple=True, type=click.Choice(list(STEPS)), help="Leave a step out.")
+@click.pass_context
+def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) -> None:
+    """Find out what the robot's dimensions really are: all steps in order, or one of them.
+
+    encoders, motors, discs (wheels off the ground), distance, geometry (on the floor), range,
+    battery. Each says what it is going to do and waits; any key stops it.
+    """
+    if context.invoked_subcommand is not None:
+        _refuse_lost_options(context)
+    else:
+        names = [name for name in STEPS if name not in skip]
+        calibrate_steps.run(names, calibrate_steps.Wanted(**options))
 
 
+def _refuse_lost_options(context: click.Context) -> None:
+    """Options in front of a step's name would be those of the whole chain, and be lost."""
+    given = [
+        name
+        for name in context.params
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
+    ]
+    if given:
+        step = context.invoked_subcommand
+        raise click.UsageError(f"Put --{given[0].replace('_', '-')} behind `{step}`.")
+
+
+command.add_command(calibrate_steps.encoders)
+command.add_command(calibrate_steps.motors)
+command.add_command(calibrate_steps.distance)
+command.add_command(calibrate_steps.geometry)
+for step in (calibrate_parts.discs, calibrate_parts.range_, calibrate_parts.battery):
+    command.add_command(step)
 command.add_command(show)
 command.add_command(undo)
 

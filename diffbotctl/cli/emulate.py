@@ -49,7 +49,7 @@ def command(
         load(image)
     walls = None if world is None else _walls(world, robot)
     signals = Signals()
-    with virtual_board(file.robot, seed, walls, image) as board:
+    with virtual_board(file.nominal, seed, walls, image) as board:
         what = "nothing but its bootloader" if image is None else image.name
         click.echo(f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})")
         click.echo(f"USB port    {board.usb}")

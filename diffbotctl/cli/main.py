@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+COMPLETING = "_DIFFBOTCTL_COMPLETE"  # set by the shell's completion, see completion.py
+
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {
+    "start": "Be guided from nothing to the first goal: simulated at once, then your robot.",
     "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
     "show": "Draw a robot from above and from the side.",
     "frames": "Print the frames of a robot as a tree.",
@@ -17,6 +24,8 @@ COMMANDS = {
     "check": "Check robot and pipeline files; print every problem with its place.",
     "explain": "Explain an error code at length.",
     "graph": "Draw a pipeline's blocks and wires.",
+    "new": "Write a new robot, pipeline or block to start from.",
+    "wiring": "Show every wire of a robot: a picture, a table, and what to mind.",
     "blocks": "List the blocks there are, or show one.",
     "stop": "Stop the robot of a running engine, whatever else is broken.",
     "resume": "Let a stopped robot move again.",
@@ -29,13 +38,16 @@ COMMANDS = {
     "param": "List and change the parameters of running blocks.",
     "call": "Call an action of a running block.",
     "log": "Follow the log of a running engine, or change what a block says.",
-    "replay": "Run a recording again, and compare every message.",
+    "replay": "Run a recording again, as it was or with something changed.",
+    "bag": "Look into recordings: info, plot, export, diff, recover.",
     "calibrate": "Find out what the robot's dimensions really are.",
     "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
     "blink": "Check board, cable and port: blink the board's light.",
     "ports": "List the serial ports: board, rights, who holds them, and what to do.",
     "doctor": "Check this machine: versions, rights, ports, Bluetooth, optional packages.",
     "bluetooth": "Find and pair a Bluetooth module, test its link, change its rate.",
+    "service": "Print a systemd unit that starts the robot's engine with the machine.",
+    "completion": "Print what bash, zsh or fish needs to complete these words.",
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 
@@ -52,7 +64,21 @@ class Lazy(click.Group):
         if name not in COMMANDS:
             return None
         command: click.Command = import_module(f"diffbotctl.cli.{name}").command
+        if COMPLETING in os.environ:
+            from diffbotctl.cli.completion import teach
+
+            return teach(command)
         return command
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """The commands that begin so, without importing any."""
+        from click.shell_completion import CompletionItem
+
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        named = COMMANDS.items()
+        return options + [
+            CompletionItem(name, help=about) for name, about in named if name.startswith(incomplete)
+        ]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The table, without importing anything."""

@@ -1,35 +1,151 @@
-"""`diffbotctl replay`: run a recording again."""
+"""`diffbotctl replay`: run a recording again, as it was or with something changed."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from diffbotctl.runs.again import Replayed, Show, Wanted
+    from diffbotctl.runs.recorded import RecordedRun
+
+SECOND = 1_000_000_000  # ns
 
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--check", is_flag=True, help="Compare every message with the recorded one.")
-def command(file: Path, check: bool) -> int:
+@click.option(
+    "--speed", type=click.FloatRange(0.01, 1000.0), metavar="X",
+    help="X times real time, with a view; without it as fast as it goes.",
+)  # fmt: skip
+@click.option("--dash", is_flag=True, help="Show it in the dashboard, at real time or --speed.")
+@click.option("--from", "begin", metavar="TIME", help="Show and measure from there, such as 3s.")
+@click.option("--until", metavar="TIME", help="End there.")
+@click.option(
+    "--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE",
+    help="Change one value of the recorded files. Repeatable.",
+)  # fmt: skip
+@click.option("--same-motion", is_flag=True, help="With --set: the recorded motion, in any case.")
+@click.option(
+    "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write what came of it."
+)
+def command(
+    file: Path, check: bool, speed: float | None, dash: bool, begin: str | None, until: str | None,
+    sets: tuple[str, ...], same_motion: bool, record: Path | None,
+) -> int:  # fmt: skip
     """Replay the recording FILE: the drivers' messages come from it, the blocks react anew.
+
+    With --set, a simulated robot drives once more and answers to what was changed; any other robot
+    moves as recorded. What changed is printed beside the recording.
 
     Exit code: 0 the same, 1 different or unreadable.
     """
-    from diffbotctl import __version__
-    from diffbotctl.runs.again import replay
+    from diffbotctl.graph import NEVER
+    from diffbotctl.runs import recorded
+    from diffbotctl.runs.again import Wanted, replay_as
 
-    done = replay(file, check)
+    if check and (sets or begin or until):
+        raise click.UsageError("--check compares the whole recording as it is: nothing else fits")
+    if record is not None and record.exists() and record.samefile(file):
+        raise click.UsageError("--record must not write over the recording that is replayed")
+    run = recorded.read(file)
+    if dash:
+        from diffbotctl.cli.own_dash import check_terminal
+
+        check_terminal(has_socket=True)
+        speed = speed or 1.0
+    wanted = Wanted(
+        check, speed, _time(begin, "--from", 0), _time(until, "--until", NEVER), sets, record,
+        None if speed is None else _view(run, dash), dash,
+    )  # fmt: skip
+    _say_where_it_begins(run)
+    if not sets:
+        done = replay_as(run, wanted)
+        return _told(done) or _measured(run, wanted, done)
+    return _measured(run, wanted, _changed(run, wanted, same_motion))
+
+
+def _changed(run: RecordedRun, wanted: Wanted, same_motion: bool) -> Replayed:
+    from diffbotctl.runs.again import replay_as
+    from diffbotctl.runs.once_more import drive_once_more, obstacle_to
+
+    reason = "asked for" if same_motion else obstacle_to(run)
+    if reason is None:
+        click.echo("the simulated robot drives once more, and answers to what was changed")
+        done = drive_once_more(run, wanted)
+    else:
+        click.echo(f"the recorded motion ({reason})")
+        done = replay_as(run, wanted)
+    _told(done)
+    return done
+
+
+def _told(done: Replayed) -> int:
+    """Say how the replay went; 1 when it differs from what it was compared with."""
+    from diffbotctl import __version__
+
     if done.version != __version__:
         click.echo(f"recorded with version {done.version}, replayed with {__version__}")
     click.echo(f"replayed {done.ending.time / 1e9:.2f} s")
     click.echo(f"digest {done.digest}")
-    if not check:
-        return 0
-    if done.difference is None:
+    if done.difference is not None:
+        first = done.difference
+        click.echo(f"DIFFERENT at {first.time / 1e9:.6f} s on {first.wire}")
+        click.echo(f"  recorded {first.recorded}")
+        click.echo(f"  replayed {first.replayed}")
+        return 1
+    if done.compared:
         click.echo(f"same: {done.compared} messages compared, bit for bit")
+    return 0
+
+
+def _measured(run: RecordedRun, wanted: Wanted, done: Replayed) -> int:
+    """The metrics of the replay beside those of the recording, where they can differ."""
+    from diffbotctl.bags.measured import measured
+    from diffbotctl.graph import NEVER
+    from diffbotctl.runs.again import replay_as
+    from diffbotctl.ui import bag
+
+    if not wanted.sets and not wanted.begin and wanted.until == NEVER:
         return 0
-    first = done.difference
-    click.echo(f"DIFFERENT at {first.time / 1e9:.6f} s on {first.wire}")
-    click.echo(f"  recorded {first.recorded}")
-    click.echo(f"  replayed {first.replayed}")
-    return 1
+    if run.is_flight:  # it holds no poses: they are made anew, without the changes
+        before = replay_as(
+            run, wanted._replace(sets=(), record=None, speed=None, show=None)
+        ).metrics
+    else:
+        until = wanted.until if wanted.until < NEVER else None
+        before = measured(run.path, wanted.begin, until)
+    click.echo()
+    for line in bag.metrics(before, done.metrics, ("recorded", "replayed")):
+        click.echo(line)
+    return 0
+
+
+def _say_where_it_begins(run: RecordedRun) -> None:
+    if run.begins == "state" and run.state is not None:
+        click.echo(f"begins {run.state[0] / SECOND:.2f} s after the start, in a known state")
+    elif run.begins != "run":
+        click.echo("begins in a state unknown: the recorder had lost the run's beginning, so that")
+        click.echo("poses count from there and nothing is known of goals and stops before it")
+
+
+def _time(text: str | None, option: str, default: int) -> int:
+    from diffbotctl.cli.attach import quantity_of
+
+    return default if text is None else round(quantity_of(text, "s", option) * SECOND)
+
+
+def _view(run: RecordedRun, dash: bool) -> Show:
+    """What `run` draws: a map on a terminal, else one line an event; or the dashboard."""
+    if dash:
+        from diffbotctl.cli.own_dash import show
+
+        return show
+    from diffbotctl.cli.run import screen
+    from diffbotctl.runs import recorded
+
+    with recorded.configuration(run) as configuration:
+        return screen(configuration, run.about["port"])

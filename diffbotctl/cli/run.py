@@ -72,6 +72,7 @@ def command(
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
+    from diffbotctl.hub.flight_process import folder
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
@@ -91,13 +92,14 @@ def command(
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
     stay = stay or dash
+    flights = None if fast else folder()  # a fast run is the same again from its seed
     options = Options(
-        port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard
+        port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard, flights
     )
     if dash:
         return _with_dashboard(configuration, options)
     run = Run(
-        configuration, options, None if quiet else _screen(configuration, port), _shout, Signals()
+        configuration, options, None if quiet else screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
 
@@ -144,8 +146,8 @@ def _shout(text: str) -> None:
     click.echo(text, err=True)
 
 
-def _screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
-    """What the child process runs: it alone imports the drawing."""
+def screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
+    """What draws a run: in a child process, which alone imports the drawing."""
 
     def show(pictures: Iterator[Snapshot]) -> None:
         if not sys.stdout.isatty():

@@ -34,6 +34,10 @@ class Board(Section):
     stop_button = Param(
         Pin, none=True, default=None, help="Pin of an emergency stop button, or none."
     )
+    supply = Param(
+        str, choices=("vin", "regulator", "usb"), default="vin",
+        help="What feeds it: the battery at VIN, the motor driver's 5 V regulator, or USB alone.",
+    )  # fmt: skip
 
 
 class Link(Section):
@@ -47,6 +51,14 @@ class Link(Section):
     baud = Param(
         int, default=9600, choices=(9600, 19200, 38400, 57600, 115200),
         help="Baud rate of that port. A USB port always means 115200.",
+    )  # fmt: skip
+    radio = Param(
+        str, choices=("hc05", "cable"), none=True, default=None,
+        help="What is on that port; left out: an HC-05, or on port 0 the USB cable.",
+    )  # fmt: skip
+    level = Param(
+        str, choices=("divider", "direct"), default="divider",
+        help="How the board's 5 V signal reaches the module's 3.3 V input.",
     )  # fmt: skip
     command_delay = Param(
         float, unit="s", default=0.015, least=0.0, most=1.0,
@@ -150,6 +162,11 @@ class Encoder(Section):
         list[float], unit="1", default=[], least=-0.4, most=0.4,
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
         "turning forward; empty: not known.",
+    )  # fmt: skip
+    back_errors = Param(
+        list[float], unit="1", default=[], least=-0.4, most=0.4,
+        help="The same of the flanks seen backward, beyond their place by open_share; empty: not "
+        "known.",
     )  # fmt: skip
     open_share = Param(
         float, unit="1", default=0.5, least=0.1, most=0.9,
@@ -260,6 +277,18 @@ class Limits(Section):
 class Battery(Section):
     """The motor supply."""
 
+    full = Param(
+        float, unit="V", none=True, default=None, above=0.0, most=60.0,
+        help="Voltage of the full battery, for the wiring checks; none: not checked.",
+    )  # fmt: skip
+    pin = Param(
+        Pin, none=True, default=None,
+        help="Analog pin that reads it through a divider, or none.",
+    )  # fmt: skip
+    divider = Param(
+        float, unit="1", none=True, default=None, least=1.0, most=20.0,
+        help="Battery volts per volt at that pin; none: not known.",
+    )  # fmt: skip
     low = Param(
         float, unit="V", least=0.0, default=0.0,
         help="Below this voltage the battery counts as low.",

@@ -44,6 +44,7 @@ class EmulatedBoard:
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
         self._after = 0 if settings.edge == "falling" else 1  # level behind an edge that counts
+        self._rose = [-PULSE, -PULSE]
         self._levels = [Transition(plant.now, pin, 1 - self._after) for pin in self.pins]
 
     @property
@@ -78,19 +79,30 @@ class EmulatedBoard:
         """The plant tells the edges that count; each pin changes back one PULSE later."""
         after = self._after
         for time, side in rises:
-            self._levels += [Transition(time, self.pins[side], after),
-                             Transition(time + PULSE, self.pins[side], 1 - after)]  # fmt: skip
+            pin, last = self.pins[side], self._rose[side]
+            if time - last < PULSE:  # it bounces: the pin went back in between
+                self._levels = [
+                    each for each in self._levels if each.pin != pin or each.level == after
+                ]
+                self._levels.append(Transition((last + time) // 2, pin, 1 - after))
+            self._levels += [
+                Transition(time, pin, after),
+                Transition(time + PULSE, pin, 1 - after),
+            ]
+            self._rose[side] = time
         self._levels.sort()
         due = [level for level in self._levels if level.time <= until]
         del self._levels[: len(due)]
         return due
 
     def _millivolts(self) -> dict[int, int]:
-        channel = self.settings.range_channel
-        if channel is None:
-            return {}
+        found = {}
+        if self.settings.battery_channel is not None:
+            found[self.settings.battery_channel] = round(self.plant.battery_pin() * MILLIVOLTS)
         volts = self.plant.volts().get(self.settings.range_name)
-        return {} if volts is None else {channel: round(volts * MILLIVOLTS)}
+        if self.settings.range_channel is not None and volts is not None:
+            found[self.settings.range_channel] = round(volts * MILLIVOLTS)
+        return found
 
 
 class Emulated:

@@ -7,6 +7,7 @@ lasts is said when it begins.
 from __future__ import annotations
 
 from math import degrees
+from typing import Any
 
 from diffbotctl.block import outputs
 from diffbotctl.graph import Graph, Sink
@@ -39,6 +40,14 @@ class Chronicle:
         self.stops: dict[str, str] = {}
         self.link = ""
         self.restarts = 0
+
+    def state(self) -> tuple[Any, ...]:
+        """What it remembers between two instants."""
+        return self.goals, self.stops, self.link, self.restarts
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Remember what another one, of an equal graph, gave as its `state`."""
+        self.goals, self.stops, self.link, self.restarts = state
 
     def sinks(self) -> dict[str, Sink]:
         """What must hear which wire."""

@@ -11,7 +11,7 @@ import gc
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
-from diffbotctl.engine.chronicle import chronicle
+from diffbotctl.engine.chronicle import Chronicle
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.errors import Problem, RunError
@@ -25,7 +25,10 @@ class Signals(Protocol):
     """Something that hears of signals: `file` is readable when `cause` has been set."""
 
     file: int
-    cause: str | None
+
+    @property
+    def cause(self) -> str | None:
+        """Why to end, once there is a reason."""
 
 
 class Ending(NamedTuple):
@@ -69,7 +72,9 @@ class Engine:
         self.place = {wire: i for i, wire in enumerate(graph.sources)}
         self.empty: list[Any] = [None] * len(graph.sources)
         self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
-        self.compiled = graph.compile(self.sinks, record, chronicle(graph))
+        self.chronicle = None if graph.book is None else Chronicle(graph, graph.book)
+        told = {} if self.chronicle is None else self.chronicle.sinks()
+        self.compiled = graph.compile(self.sinks, record, told)
         self.last = -1
         self.over = 0
         self.ending: tuple[int, str] | None = None

@@ -5,87 +5,75 @@ The other end lives in a child process. Nothing here formats text or touches a d
 
 from __future__ import annotations
 
-import pickle
 import socket
-import struct
 from collections.abc import Callable
 from typing import Any
 
+from diffbotctl.engine.outlet import Outlet
+
 BATCH = 256  # instants an unpaced run gathers before it hands them on
-BACKLOG = 16 << 20  # bytes that may wait for the child; then the recording is given up
-LENGTH = struct.Struct("<I")
+GATHERED = 100_000_000  # ns that a paced run gathers: waking the child costs more than what it does
 
 
 class Recorder:
-    """Gathers instants, or lines, and sends them as length-prefixed pickles of lists of tuples.
+    """Gathers instants, or lines, and sends them as lists of tuples.
 
     `waits`: an unpaced run waits for the child; a paced one never does, and on overflow the
     recording is given up while the run goes on. `tell` is called once, with the reason, when the
-    recording has become incomplete.
+    recording has become incomplete. `at_once`: what a person follows is not gathered.
     """
 
-    def __init__(self, channel: socket.socket, waits: bool, tell: Callable[[str], None]) -> None:
-        self.channel = channel
+    def __init__(
+        self,
+        channel: socket.socket,
+        waits: bool,
+        tell: Callable[[str], None],
+        at_once: bool = False,
+    ) -> None:
+        self.outlet = Outlet(channel, waits, tell)
         self.waits = waits
-        self.tell = tell
+        self.at_once = at_once and not waits
         self.pending: list[tuple[Any, ...]] = []
-        self.backlog = bytearray()
         self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
-        self.lost: str | None = None
-        channel.setblocking(waits)
+
+    @property
+    def lost(self) -> str | None:
+        """Why the recording is incomplete; None while it is not."""
+        return self.outlet.lost
 
     def drain(self) -> None:
         """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
-        if not self.pending or (self.waits and len(self.pending) < BATCH):
+        pending = self.pending
+        if not pending or not (self.at_once or self._is_enough(pending)):
             return
-        self._send(self.pending)
+        self.outlet.send(self.pending)
         self.pending.clear()
         self._listen()
+
+    def _is_enough(self, pending: list[tuple[Any, ...]]) -> bool:
+        return len(pending) >= BATCH or (not self.waits and gathered(pending))
 
     def close(self, summary: dict[str, str] | None = None) -> None:
         """Hand on the rest, waiting for the child; then say that this was all.
 
         Without loss a recording ends complete, with `summary` in it.
         """
-        self.channel.setblocking(True)
+        self.outlet.channel.setblocking(True)
         self._listen()
-        self._send(self.pending)
-        if self.lost is None and summary is not None:
-            self._send(summary)
-        self.channel.shutdown(socket.SHUT_WR)
-        if self.lost is None:
-            said = self.channel.recv(1 << 10)  # nothing but the end when all was written
-            if said:
-                self._give_up(said.decode())
-        self.channel.close()
-
-    def _send(self, item: Any) -> None:
-        if self.lost is not None:
-            return
-        body = pickle.dumps(item, pickle.HIGHEST_PROTOCOL)
-        self.backlog += LENGTH.pack(len(body)) + body
-        try:
-            while self.backlog:
-                del self.backlog[: self.channel.send(self.backlog)]
-        except BlockingIOError:
-            if len(self.backlog) > BACKLOG:
-                self._give_up("its writer could not keep up")
-        except (BrokenPipeError, ConnectionResetError):
-            self._give_up("its writer has ended")
+        self.outlet.send(self.pending)
+        if summary is not None:
+            self.outlet.send(summary)
+        trouble = self.outlet.close()
+        if trouble:
+            self.outlet.give_up(trouble)
 
     def _listen(self) -> None:
-        """Hear whether the child is in trouble."""
-        if self.lost is not None:
-            return
-        try:
-            said = self.channel.recv(1 << 10, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return
-        except ConnectionResetError:
-            said = b""
-        self._give_up(said.decode() or "its writer has ended")
+        """Hear whether the child is in trouble: it speaks of nothing else."""
+        trouble = self.outlet.hear()
+        if trouble is not None:
+            self.outlet.give_up(trouble)
 
-    def _give_up(self, cause: str) -> None:
-        self.lost = cause
-        self.backlog.clear()
-        self.tell(cause)
+
+def gathered(instants: list[tuple[Any, ...]]) -> bool:
+    """Whether they are worth waking a child for."""
+    return bool(instants[-1][0] - instants[0][0] >= GATHERED)

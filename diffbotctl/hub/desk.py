@@ -29,6 +29,7 @@ class About(NamedTuple):
     drivers: dict[str, type]
     speed: float | None  # m/s
     turn_rate: float | None  # rad/s
+    is_replay: bool  # nothing that is commanded can reach anything
     scene: dict[str, Any]  # what a map draws that does not change, as the verb `scene` answers
 
 

@@ -13,49 +13,66 @@ import select
 import signal
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from diffbotctl.engine.recorder import LENGTH
+from diffbotctl.engine.outlet import LENGTH
+from diffbotctl.links.foxglove import Mount
 
 BUFFER = 4 << 20  # bytes of socket buffer: seconds of a fast run
-FLUSH_PERIOD = 1.0  # s; what a power cut may cost
+FLUSH_PERIOD = 0.7  # s; with what the engine gathers, a power cut costs less than a second
 
 
 def start(
-    path: Path, wires: dict[str, type], sources: int, about: dict[str, str]
+    path: Path,
+    wires: dict[str, type],
+    sources: int,
+    about: dict[str, str],
+    mounts: dict[str, Mount] | None = None,
 ) -> tuple[socket.socket, int]:
     """Open `path` and fork the recorder. Returns the engine's end of the channel, and the pid.
 
-    Raises OSError when the file cannot be opened: in the engine, before anything has started.
+    `wires` are all wires, the `sources` of the drivers first; `mounts` says where sensors sit, by
+    the wire of their range. Raises OSError when the file cannot be opened: in the engine, before
+    anything has started.
     """
     file = open(path, "wb")  # noqa: SIM115 - the child closes it
+    channel, pid = fork(lambda ours: _record(ours, file, (wires, sources, about, mounts or {})))
+    file.close()
+    return channel, pid
+
+
+def fork(serve: Callable[[socket.socket], int]) -> tuple[socket.socket, int]:
+    """Fork a child that runs `serve` on its end of a channel, deaf to signals, until it returns.
+
+    Returns the other end, and the child's pid; what `serve` returns is its exit code.
+    """
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
     gc.freeze()  # as for the hub: what is not walked stays shared
     pid = os.fork()
     if pid:
-        file.close()
         theirs.close()
         return ours, pid
     ours.close()
     code = 1
     try:
-        code = _record(theirs, file, wires, sources, about)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
+        signal.set_wakeup_fd(-1)
+        code = serve(theirs)
     finally:
         os._exit(code)
 
 
-def _record(
-    channel: socket.socket, file: Any, wires: dict[str, type], sources: int, about: dict[str, str]
-) -> int:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
-    signal.set_wakeup_fd(-1)
+Subject = tuple[dict[str, type], int, dict[str, str], dict[str, Mount]]
+
+
+def _record(channel: socket.socket, file: Any, subject: Subject) -> int:
     try:
-        _write_all(channel, file, wires, sources, about)
+        _write_all(channel, file, subject)
     except OSError as error:
         report(channel, f"{os.strerror(error.errno or 0)}")
         for _ in items(channel):
@@ -64,12 +81,10 @@ def _record(
     return 0
 
 
-def _write_all(
-    channel: socket.socket, file: Any, wires: dict[str, type], sources: int, about: dict[str, str]
-) -> None:
+def _write_all(channel: socket.socket, file: Any, subject: Subject) -> None:
     from diffbotctl.hub.recording import Recording
 
-    recording = Recording(file, wires, sources, about)
+    recording = Recording(file, *subject)
     flushed = time.monotonic()
     summary: dict[str, str] | None = None
     for item in items(channel):
@@ -88,6 +103,12 @@ def _write_all(
 
 def items(channel: socket.socket) -> Iterator[Any]:
     """Everything that comes over the channel, and None each second of silence, until its end."""
+    for data in pieces(channel):
+        yield None if data is None else pickle.loads(data)
+
+
+def pieces(channel: socket.socket) -> Iterator[bytes | None]:
+    """The same, still pickled."""
     buffer = bytearray()
     while True:
         if not select.select([channel], [], [], FLUSH_PERIOD)[0]:
@@ -104,11 +125,11 @@ def items(channel: socket.socket) -> Iterator[Any]:
             (length,) = LENGTH.unpack_from(buffer)
             if len(buffer) < LENGTH.size + length:
                 break
-            yield pickle.loads(buffer[LENGTH.size : LENGTH.size + length])
+            yield bytes(buffer[LENGTH.size : LENGTH.size + length])
             del buffer[: LENGTH.size + length]
 
 
 def report(channel: socket.socket, trouble: str) -> None:
-    """Tell the engine why nothing is written any longer."""
+    """Say something to the engine; one that has gone does not hear it."""
     with suppress(OSError):
         channel.send(trouble.encode())

@@ -28,7 +28,10 @@ def follow(desk: Desk, client: Client, request: Request) -> Fields | Wanted:
         near = nearest(name, VERBS)
         fix = f"did you mean {near}?" if near else f"there are {', '.join(VERBS)}"
         raise RefusalError("E-REQUEST", f"there is no verb '{name}'", fix)
-    return verb(desk, client, request)
+    found = verb(desk, client, request)
+    if desk.about.is_replay and isinstance(found, Wanted):
+        raise RefusalError("E-REQUEST", "this is a replay: what has happened cannot be commanded")
+    return found
 
 
 # What the engine may say to a command: code, cause, fix.

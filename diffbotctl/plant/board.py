@@ -46,7 +46,7 @@ MOST_JITTER = 2  # standard deviations; keeps frames in order
 class Side:
     """What a board keeps for one wheel."""
 
-    __slots__ = ("coming", "count", "duty", "edge", "hold", "loop", "sign", "since")
+    __slots__ = ("coming", "count", "duty", "edge", "hold", "loop", "raw", "sign", "since")
 
     def __init__(self, loop: SpeedLoop | None) -> None:
         self.loop = loop
@@ -56,7 +56,8 @@ class Side:
         self.duty = 0.0
         self.hold = 0.0  # the command in force
         self.since: int | None = None
-        self.coming: deque[tuple[int, float]] = deque()
+        self.raw = loop is None  # whether the command in force is a duty
+        self.coming: deque[tuple[int, float, bool]] = deque()
 
 
 class Board:
@@ -73,22 +74,28 @@ class Board:
         glitch: int,
         deadman: int,
         chance: Random,
+        boot: int = 0,
+        now: int = 0,
     ) -> None:
-        """`glitch`, `deadman` in ns; `gains` left and right."""
+        """`glitch`, `deadman` in ns; `gains` left and right; started at `now`."""
+        self.boot = boot
         self.kind = kind
         self._glitch, self._deadman, self._chance = glitch, deadman, chance
         self.sides = tuple(
             Side(SpeedLoop(gain, slots) if kind.regulates else None) for gain in gains
         )
         self._silent = NEVER
-        self._tick = TICK if kind.regulates else NEVER
+        self._tick = (now // TICK + 1) * TICK if kind.regulates else NEVER
         self._sent: deque[tuple[int, float, float]] = deque([(-NEVER, 0.0, 0.0)])
         self.due = self._tick
 
     def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """The host sends `wanted` at `now`; it takes hold later. Raises TypeError for Wheels or
-        Duty where the board takes the other."""
-        if isinstance(wanted, Wheels) is not self.kind.regulates:
+        """The host sends `wanted` at `now`; it takes hold later.
+
+        Raises TypeError for Wheels where the board has no speed loop.
+        """
+        raw = isinstance(wanted, Duty)
+        if not raw and not self.kind.regulates:
             raise TypeError(f"this board does not take {type(wanted).__name__}")
         self._sent.append((now + self.kind.command_delay, wanted.left, wanted.right))
         for side, value in zip(self.sides, (wanted.left, wanted.right), strict=True):
@@ -97,7 +104,7 @@ class Board:
             time = now + self.kind.command_delay + late
             if side.coming:
                 time = max(time, side.coming[-1][0])
-            side.coming.append((time, value))
+            side.coming.append((time, value, raw))
         self._look_ahead()
 
     def serve(self, now: int) -> None:
@@ -110,7 +117,7 @@ class Board:
             self._silent = NEVER
             for side in self.sides:
                 if side.hold:
-                    self._hold(side, now, 0.0)
+                    self._hold(side, now, 0.0, side.raw)
         if now >= self._tick:
             self._run_loops(now)
         self._look_ahead()
@@ -120,7 +127,12 @@ class Board:
         at_rest = True
         for side in self.sides:
             loop = side.loop
-            if loop is not None:
+            if loop is None:
+                continue
+            if side.raw:
+                at_rest = at_rest and not loop.watch(now, side.duty)
+                side.duty = loop.duty
+            else:
                 side.duty = loop.tick(now)
                 at_rest = at_rest and loop.resting
         self._tick = NEVER if at_rest else now + TICK
@@ -149,8 +161,9 @@ class Board:
             right.edge if times else None,
             left.hold,
             right.hold,
-            "wheels",
+            "duty" if left.raw else "wheels",
             max(since) if since and times else None,
+            self.boot,
         )
 
     def clear(self) -> None:
@@ -167,25 +180,32 @@ class Board:
         a, b = self.sides
         return Encoders(
             now, a.count, b.count, None, None, left, right, "duty",
-            since if since > -NEVER else None,
+            since if since > -NEVER else None, self.boot,
         )  # fmt: skip
 
-    def _take(self, side: Side, time: int, value: float) -> None:
+    def _take(self, side: Side, time: int, value: float, raw: bool) -> None:
         self._silent = time + self._deadman if self.kind.regulates else NEVER
-        if value != side.hold or side.since is None:
-            self._hold(side, time, value)
+        if value != side.hold or raw is not side.raw or side.since is None:
+            self._hold(side, time, value, raw)
 
-    def _hold(self, side: Side, time: int, value: float) -> None:
+    def _hold(self, side: Side, time: int, value: float, raw: bool) -> None:
         side.hold, side.since = value, time
-        if side.loop is None:
+        loop = side.loop
+        if loop is None:
             side.duty = value
             side.sign = -1 if value < 0.0 else 1  # the published code counts forward at zero
+            return
+        if raw is not side.raw:
+            side.raw = raw
+            loop.command(time, 0.0)  # another kind of command begins from rest
+        if raw:
+            loop.power(time, value)
         else:
-            side.loop.command(time, value)
-            if self._tick == NEVER:
-                self._tick = -(-time // TICK) * TICK  # the timer has gone on; this is its next
-            side.sign = side.loop.direction
-            side.duty = side.loop.duty
+            loop.command(time, value)
+        if self._tick == NEVER:
+            self._tick = -(-time // TICK) * TICK  # the timer has gone on; this is its next
+        side.sign = loop.direction
+        side.duty = loop.duty
 
     def _look_ahead(self) -> None:
         due = self._tick if self._tick < self._silent else self._silent

@@ -8,18 +8,31 @@ from math import cos, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.messages import Duty, Encoders, Message, Odometry, Scan, Volts, Wheels
-from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind, Side
+from diffbotctl.messages import (
+    Battery,
+    Duty,
+    Encoders,
+    Message,
+    Odometry,
+    Scan,
+    Volts,
+    Wheels,
+)
+from diffbotctl.plant.board import KINDS, MOST_JITTER, NEVER, Board, Kind
 from diffbotctl.plant.body import Body, Pose
+from diffbotctl.plant.hum import Hum
 from diffbotctl.plant.scanner import PARTS, Scanner
 from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
 from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
-from diffbotctl.plant.world import World
+from diffbotctl.plant.world import Wall, World
 
 CAMERA = "overhead_camera"
 EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known
+CONVERTER = 5.0  # V; the board's analog inputs read up to this
+BATTERY_PERIOD = 2_000_000_000  # ns between two readings of the battery that are told
+BOARD = 0.3  # m, width of what a hand puts before a sensor
 STEP = 20_000_000  # ns between two arcs of the body: 6 mm at 0.3 m/s, 0.08 rad at 4 rad/s
 
 
@@ -34,7 +47,11 @@ class Mounting(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """What the robot file says of the robot, as the plant needs it."""
+    """What the robot file says of the robot, as the plant needs it.
+
+    What is bolted and soldered (lengths, `rated`, `disc`) is what the file states; what the board
+    is told (`slots`, `gains`, `reversed`, `channels`, `sockets`) may have been calibrated.
+    """
 
     track: float  # m
     left_diameter: float  # m
@@ -48,6 +65,14 @@ class Machine(NamedTuple):
     sensors: tuple[Mounting, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
     period: int | None = None  # ns between two frames; None: that of the kind of board
+    disc: int = 0  # slots that the file states; 0: as many as the board is told
+    # Which of the driver's outputs (0, 1: stated for left, right) the board takes for each side,
+    # and which of the encoders' sockets.
+    channels: tuple[int, int] = (0, 1)
+    sockets: tuple[int, int] = (0, 1)
+    divider: float | None = None  # that the board's readings are multiplied with; None: no pin
+    built_divider: float = 1.0  # that the file states
+    low: float = 0.0  # V
 
 
 class Truth(NamedTuple):
@@ -86,7 +111,8 @@ class SimulatedRobot:
         self._chance = chance
         self.machine = machine
         self.motors = _draw_motors(machine, simulation, chance)
-        self.discs = tuple(draw_disc(simulation.encoder, machine.slots, chance) for _ in range(2))
+        slots = simulation.encoder.slots or machine.disc or machine.slots
+        self.discs = tuple(draw_disc(simulation.encoder, slots, chance) for _ in range(2))
         self.body = _draw_body(machine, simulation, chance)
         where = simulation.start
         self._start = start or Pose(where.x, where.y, where.heading)
@@ -99,17 +125,16 @@ class SimulatedRobot:
             Wheel(motor, disc, Random(seed), falling=machine.falling)
             for motor, disc, seed in zip(self.motors, self.discs, seeds, strict=False)
         )
-        self.board = Board(
-            self._kind, machine.gains, machine.slots, machine.glitch, machine.deadman,
-            Random(seeds[2]),
-        )  # fmt: skip
         self._scanners = _draw_scanners(machine.sensors, simulation.sensors, chance)
         self._cameras = [each.name for each in machine.sensors if each.kind == CAMERA]
+        self._luck = Random(seeds[2])
+        self._simulation = simulation
+        self.board = self._new_board(0)
+        self._battery_at = 0
         self._sag = simulation.battery.sag
         self._outputs = _outputs(machine, simulation)
-        self._floating = tuple(
-            getattr(simulation.wiring, side) == "floating" for side in ("left", "right")
-        )
+        self._pins = _pins(machine, simulation)
+        self._hums = _hums(simulation, chance)
         self.now = 0
         self._next_step = STEP
         self._next_frame = self._kind.period
@@ -118,6 +143,24 @@ class SimulatedRobot:
         sees = not self._world.empty
         self._next_look = min([s.due for _, s in self._sensors], default=NEVER) if sees else NEVER
         self._next_scan = min([s.due for _, s in self._scanners], default=NEVER)
+
+    def rewire(self, machine: Machine) -> None:
+        """Restart the board with other settings: what it is told of `machine` counts, no more."""
+        self._move(self.now)
+        self.machine = machine
+        self.board = self._new_board(self.board.boot + 1)
+        self._outputs = _outputs(machine, self._simulation)
+        self._pins = _pins(machine, self._simulation)
+        self._waiting.clear()
+        self._push()
+
+    def turn_by_hand(self, wheel: int, angle: float, speed: float) -> int:
+        """A hand turns a wheel (0 left, 1 right) by `angle` rad from now on, at `speed` rad/s.
+
+        Returns when it will be done, ns.
+        """
+        self._move(self.now)
+        return self.wheels[wheel].turn_by_hand(angle, speed)
 
     def due(self) -> int:
         """When the next message arrives at the host, as far as it is known; never in the past."""
@@ -173,8 +216,7 @@ class SimulatedRobot:
         rises: list[tuple[int, int]] = []
         for number, wheel in enumerate(self.wheels):
             found = wheel.advance(until, self._pushes[number])
-            if not self._floating[number]:
-                rises += [(time, number) for time in found]
+            rises += [(time, self._socket(number)) for time in self._seen(number, found, until)]
         self._roll()
         if until >= self._next_look:
             self._look(until)
@@ -218,6 +260,33 @@ class SimulatedRobot:
         self.body.y = (y - start.y) * ahead - (x - start.x) * aside
         self.body.heading = heading - start.heading
 
+    def supply(self) -> float:
+        """The battery's voltage now, in V."""
+        a, b = self.board.sides
+        load = 0.5 * (abs(a.duty) + abs(b.duty))
+        return self._simulation.battery.volts * (1.0 - self._sag * load)
+
+    def battery_pin(self) -> float:
+        """What the battery's divider makes of that, at the board's pin, in V."""
+        return self.supply() / (
+            self.machine.built_divider * (1.0 + self._simulation.battery.divider_error)
+        )
+
+    def put_before(self, name: str, distance: float) -> None:
+        """Put a wide board across a sensor's axis, `distance` (m) from it; take all else away."""
+        mounting = next(each for each, _ in self._sensors if each.name == name)
+        self._move(self.now)
+        self._roll()
+        x, y, bearing = self._eye(mounting)
+        ahead, aside = cos(bearing), sin(bearing)
+        x, y = x + distance * ahead, y + distance * aside
+        half = 0.5 * BOARD
+        self._world = World([Wall(x - half * aside, y + half * ahead,
+                                  x + half * aside, y - half * ahead)])  # fmt: skip
+        for _, sensor in self._sensors:
+            sensor.catch_up(self.now)
+        self._next_look = min(sensor.due for _, sensor in self._sensors)
+
     def truth(self) -> Truth:
         """Where the robot truly is now, in the frame `odom`."""
         self._move(self.now)
@@ -231,13 +300,13 @@ class SimulatedRobot:
 
     def _move(self, until: int) -> None:
         """Turn the wheels until `until`; the board hears of the edges, the body is not rolled."""
-        left, right = self.wheels
-        a, b = self.board.sides
-        to_left, to_right = self._pushes
-        for time in left.advance(until, to_left):
-            self._pin(a, 0, time)
-        for time in right.advance(until, to_right):
-            self._pin(b, 1, time)
+        for number, wheel in enumerate(self.wheels):
+            found = wheel.advance(until, self._pushes[number])
+            if found or self._hums:
+                side = self._pins[number]
+                for time in self._seen(number, found, until):
+                    if side is not None:
+                        self.board.edge(self.board.sides[side], time)
 
     def _roll(self) -> None:
         left, right = self.wheels
@@ -250,7 +319,7 @@ class SimulatedRobot:
 
     def _push(self) -> None:
         """Find the share of the battery's rest voltage at each motor, forward positive."""
-        a, b = self.board.sides
+        a, b = (self.board.sides[side] for side in self.machine.channels)
         self._pushes = self._shares(a.duty, b.duty)
 
     def _shares(self, left: float, right: float) -> tuple[float, float]:
@@ -260,9 +329,21 @@ class SimulatedRobot:
         (ll, lr), (rl, rr) = self._outputs
         return (supply * (ll * left + lr * right), supply * (rl * left + rr * right))
 
-    def _pin(self, side: Side, number: int, time: int) -> None:
-        if not self._floating[number]:
-            self.board.edge(side, time)
+    def _socket(self, wheel: int) -> int:
+        """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
+        return 1 - wheel if self._simulation.wiring.encoders == "swapped" else wheel
+
+    def _seen(self, wheel: int, edges: Sequence[int], until: int) -> Sequence[int]:
+        """The edges at the wire of a wheel's encoder, of which the wheel truly made `edges`."""
+        hum = self._hums.get(wheel)
+        return edges if hum is None else hum.edges(until)
+
+    def _new_board(self, boot: int) -> Board:
+        machine = self.machine
+        return Board(
+            self._kind, machine.gains, machine.slots, machine.glitch, machine.deadman,
+            self._luck, boot, getattr(self, "now", 0),
+        )  # fmt: skip
 
     def _sample(self, now: int) -> None:
         kind = self._kind
@@ -280,6 +361,18 @@ class SimulatedRobot:
             self._waiting.append((arrival, mounting.name, volts))
         for name in self._cameras:
             self._waiting.append((arrival, name, self._seen_from_above(now)))
+        if self._kind.regulates:  # the published firmware tells nothing of its battery
+            self._tell_battery(now, arrival)
+
+    def _tell_battery(self, now: int, arrival: int) -> None:
+        """The converter rounds; the host multiplies with the divider that it was told."""
+        divider = self.machine.divider
+        if divider is None or now < self._battery_at:
+            return
+        self._battery_at = now + BATTERY_PERIOD
+        steps = min(round(self.battery_pin() / CONVERTER * 1023), 1023)
+        volts = steps / 1023 * CONVERTER * divider
+        self._waiting.append((arrival, "battery", Battery(now, volts, volts < self.machine.low)))
 
     def _seen_from_above(self, now: int) -> Odometry:
         """The true pose and velocity, in the world."""
@@ -378,7 +471,7 @@ def _outputs(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """How each motor (row) follows each driver output (column): 1, -1, or 0 for not at all.
 
-    The robot file's `reversed` undoes leads that are soldered the other way round.
+    What the board is told as `reversed` undoes leads that are soldered the other way round.
     """
     wiring = (simulation.wiring.left, simulation.wiring.right)
     table = [[0.0, 0.0], [0.0, 0.0]]
@@ -387,9 +480,34 @@ def _outputs(
             continue
         output = 1 - motor if wiring[motor] == "swapped" else motor
         leads = -1.0 if wiring[motor] == "reversed" else 1.0
-        undone = -1.0 if machine.reversed[output] else 1.0
-        table[motor][output] = leads * undone
+        side = machine.channels[output]
+        table[motor][output] = -leads if machine.reversed[side] else leads
     return (table[0][0], table[0][1]), (table[1][0], table[1][1])
+
+
+def _pins(machine: Machine, simulation: Simulation) -> tuple[int | None, int | None]:
+    """Which side of the board hears the encoder of each wheel, None for neither."""
+    crossed = simulation.wiring.encoders == "swapped"
+    found: list[int | None] = []
+    for wheel in (0, 1):
+        socket = 1 - wheel if crossed else wheel
+        sides = [side for side in (0, 1) if machine.sockets[side] == socket]
+        found.append(sides[0] if sides else None)
+    return found[0], found[1]
+
+
+def _hums(simulation: Simulation, chance: Random) -> dict[int, Hum]:
+    """What the wires of encoders carry that tell nothing of their wheel."""
+    wiring = simulation.wiring
+    found = {}
+    for wheel, (motor, encoder) in enumerate(
+        ((wiring.left, wiring.left_encoder), (wiring.right, wiring.right_encoder))
+    ):
+        if encoder == "dead":
+            found[wheel] = Hum(None)
+        elif "floating" in (motor, encoder):
+            found[wheel] = Hum(Random(chance.getrandbits(64)))
+    return found
 
 
 __all__ = ["NEVER", "Disc", "Machine", "Mounting", "SimulatedRobot", "Truth"]

@@ -56,6 +56,11 @@ class Sharp:
         self._valid = self.due + SETTLE
         self.due += CYCLE
 
+    def catch_up(self, now: int) -> None:
+        """Leave out what was due before `now`: there was nothing to see."""
+        if self.due < now:
+            self.due += -(-(now - self.due) // CYCLE) * CYCLE
+
     def output(self, now: int) -> float:
         """Voltage at the pin at `now`, with noise; never below 0."""
         held = self._after if now >= self._valid else self._before

@@ -67,6 +67,23 @@ class SpeedLoop:
         """True when `tick` would change nothing: no motion is wanted, none is driven."""
         return self.target == 0.0 and self.duty == 0.0
 
+    def power(self, now: int, duty: float) -> None:
+        """Take a raw duty in place of a target; `watch` it each TICK."""
+        if abs(self.duty) <= STALL_DUTY:
+            self._moved = now
+        self.duty = 0.0 if self.fault else duty
+        if duty:
+            self.direction = 1 if duty > 0.0 else -1
+
+    def watch(self, now: int, duty: float) -> bool:
+        """Look for a stall at a raw duty; False when there is nothing to look for."""
+        if abs(duty) <= STALL_DUTY:
+            self._moved = now
+        elif now - self._moved > STALL_TIME:
+            self.fault = True
+            self.duty = 0.0
+        return self.duty != 0.0
+
     def tick(self, now: int) -> float:
         """Run the loop once, each TICK; returns the duty."""
         if self.target == 0.0 or self.fault:

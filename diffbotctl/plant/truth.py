@@ -92,6 +92,22 @@ class EncoderTruth(Section):
         most=2e-3,
         help="Standard deviation of the delay of an edge.",
     )
+    slots = Param(
+        int,
+        none=True,
+        default=None,
+        least=1,
+        most=4096,
+        help="Slots that the discs truly have; none: as many as the robot file states.",
+    )
+    bounce = Param(
+        float,
+        default=0.0,
+        unit="s",
+        least=0.0,
+        most=0.01,
+        help="How long a flank chatters before it settles, at most; 0: not at all.",
+    )
 
 
 class GeometryTruth(Section):
@@ -149,11 +165,38 @@ class WiringTruth(Section):
         choices=("plain", "reversed", "swapped", "dead", "floating"),
         help="Right side: motor leads, motors exchanged, motor dead, encoder pin floating.",
     )
+    encoders = Param(
+        str,
+        default="plain",
+        choices=("plain", "swapped"),
+        help="Whether the plugs of the two encoders were exchanged.",
+    )
+    left_encoder = Param(
+        str,
+        default="plain",
+        choices=("plain", "dead", "floating"),
+        help="The encoder at the left wheel: its light barrier dead, or its wire off.",
+    )
+    right_encoder = Param(
+        str,
+        default="plain",
+        choices=("plain", "dead", "floating"),
+        help="The encoder at the right wheel: its light barrier dead, or its wire off.",
+    )
 
 
 class BatteryTruth(Section):
     """The motor supply of the simulated robot."""
 
+    volts = Param(float, default=7.6, unit="V", above=0.0, help="Voltage of the battery at rest.")
+    divider_error = Param(
+        float,
+        default=0.0,
+        unit="1",
+        least=-0.3,
+        most=0.3,
+        help="How far the divider before the board's pin is from the stated one.",
+    )
     sag = Param(
         float,
         default=0.04,

@@ -20,6 +20,7 @@ SECOND = 1_000_000_000  # ns
 GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
+CHATTER = 3  # more edges that a bouncing one brings with it
 NEVER = 1 << 62  # ns
 CLOSE = 1e-10  # s; an edge's time is found to this, a tenth of the clock's nanosecond
 
@@ -47,6 +48,7 @@ class Disc(NamedTuple):
     flanks: tuple[float, ...]
     start: float  # rad; the disc's angle under the light barrier at the start
     jitter: float  # s; standard deviation of an edge's delay
+    bounce: float = 0.0  # s; how long an edge chatters at most
 
 
 def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
@@ -60,7 +62,7 @@ def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
         end = slot + duty + _within(chance.gauss(0.0, truth.slot_spread), -0.12, 0.12)
         flanks += [place * pitch, end * pitch]
     start = chance.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
-    return Disc(tuple(flanks), start, truth.jitter)
+    return Disc(tuple(flanks), start, truth.jitter, truth.bounce)
 
 
 class Wheel:
@@ -71,8 +73,8 @@ class Wheel:
 
     __slots__ = (
         "_ahead", "_angle", "_begun", "_behind", "_chance", "_counted", "_disc", "_end", "_fade",
-        "_flank", "_halts", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple", "_scale",
-        "_settled",
+        "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple",
+        "_scale", "_settled",
         "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
@@ -94,6 +96,7 @@ class Wheel:
         self._flank = bisect_right(disc.flanks, disc.start)
         self._behind: float
         self._ahead: float
+        self._hand = (0, 0.0)  # until when (ns) a hand turns it, and at which rad/s
         self._bracket()
         while self._ahead <= 0.0:  # the first flank of a disc may lie a little before its zero
             self._flank += 1
@@ -104,6 +107,13 @@ class Wheel:
     def level(self) -> int:
         """Level of the pin: 1 while a slot lies open, which it does after an odd flank."""
         return self._flank % 2
+
+    def turn_by_hand(self, angle: float, speed: float) -> int:
+        """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
+        until = self.now + round(abs(angle) / speed * SECOND)
+        self._hand = (until, speed if angle > 0.0 else -speed)
+        self._begin()
+        return until
 
     def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
@@ -127,6 +137,11 @@ class Wheel:
         now, angle, speed, push = self.now, self.angle, self.speed, self.duty
         self._begun, self._angle = now, angle
         self._halts = False
+        if now < self._hand[0]:
+            self._settled, self._over = self._hand[1], 0.0
+            self._end = min(self._hand[0], (now // GRID + 1) * GRID)
+            self._halts = self._end == self._hand[0]
+            return
         start = self.motor.start
         if speed == 0.0 and -start <= push <= start:
             self._settled = self._over = 0.0
@@ -192,6 +207,10 @@ class Wheel:
         if self._pending:
             time = max(time, self._pending[-1])
         self._pending.append(time)
+        if self._disc.bounce:
+            window = self._disc.bounce * SECOND
+            again = [time + int(self._chance.random() * window) for _ in range(CHATTER)]
+            self._pending.extend(sorted(again))
 
     def _time_of(self, place: float, past: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).

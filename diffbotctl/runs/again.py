@@ -2,22 +2,52 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
+import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from diffbotctl.bags.measured import truth_of
+from diffbotctl.bags.metrics import Measure, Metrics
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.config.load import load
+from diffbotctl.engine import snapshot
 from diffbotctl.engine.changes import Changes
-from diffbotctl.engine.clock import VirtualClock
+from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.loop import Ending, Engine
 from diffbotctl.engine.replay import Checker, Difference, Replay
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.graph import NEVER
+from diffbotctl.graph import NEVER, Graph, Sink
+from diffbotctl.hub import screen_process
+from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.hub.recording import RecordingReader
-from diffbotctl.runs.assembly import assemble
+from diffbotctl.params import declared
+from diffbotctl.runs import recorded, records
+from diffbotctl.runs.assembly import Assembly, assemble
+from diffbotctl.runs.recorded import RecordedRun
+from diffbotctl.runs.station import Socket, Station
+
+Show = Callable[[Iterator[Snapshot]], None]
+Record = Callable[[tuple[Any, ...]], object]
+
+
+class Wanted(NamedTuple):
+    """How to replay. Times are ns of the recorded run.
+
+    `speed` is times real time, None as fast as it goes. Before `begin` it always goes as fast as it
+    can, so that all is known that was known then; the metrics count from there. `sets` change the
+    recorded configuration. `record` writes the replay out as a recording. `show` draws it; with
+    `dash` it is the dashboard, at a control socket of the replay's own.
+    """
+
+    check: bool = False
+    speed: float | None = None
+    begin: int = 0
+    until: int = NEVER
+    sets: tuple[str, ...] = ()
+    record: Path | None = None
+    show: Show | None = None
+    dash: bool = False
 
 
 class Replayed(NamedTuple):
@@ -28,74 +58,185 @@ class Replayed(NamedTuple):
     compared: int
     difference: Difference | None
     version: str
+    metrics: Metrics
+    begins: str
 
 
-def replay(path: Path, check: bool) -> Replayed:
-    """Replay the recording at `path`; with `check`, compare every message with the recorded one.
+def replay(path: Path, check: bool = False) -> Replayed:
+    """Replay the recording at `path`; `check` compares every message with the recorded one.
 
     Raises RunError for a file that is no recording, or one that is incomplete and to be checked.
     """
-    about, end = _read_ends(path)
-    if check and end is None:
+    return replay_as(recorded.read(path), Wanted(check=check))
+
+
+def replay_as(run: RecordedRun, wanted: Wanted) -> Replayed:
+    """Replay with the recorded motion: the drivers deliver what they did, the blocks react anew.
+
+    Raises RunError when it cannot be checked or begun, ConfigurationError for a wrong `sets`.
+    """
+    if wanted.check:
+        _refuse_check(run)
+    with recorded.configuration(run, wanted.sets) as configuration:
+        return _Again(run, wanted, configuration).go()
+
+
+class _Again:
+    """One replay, wired."""
+
+    def __init__(self, run: RecordedRun, wanted: Wanted, configuration: Configuration) -> None:
+        self.run, self.wanted = run, wanted
+        self.assembly: Assembly = assemble(configuration, run.real)
+        graph = self.graph = self.assembly.graph
+        self.digest = Digest(graph.kinds)
+        self.checker = Checker(graph.kinds, RecordingReader(run.path).messages())
+        self.measure = Measure()
+        self.latest: Latest | None = None
+        self.children: list[int] = []
+        if wanted.show is not None:
+            channel, pid = screen_process.start(wanted.show, wanted.dash)
+            self.children.append(pid)
+            self.latest = Latest(channel, lambda: (len(self.measure.reached), len(run.goals())))
+        self.recorder = None
+        if wanted.record is not None:
+            facts = {**run.about, "replayed": str(run.path), **_sets(configuration)}
+            facts.pop("flight", None)  # what is written now holds the blocks' messages too
+            self.recorder, pid = records.recorder(
+                wanted.record, configuration, self.assembly, facts, True, _loud
+            )
+            self.children.append(pid)
+        self.station: Station | None = None
+        if wanted.dash:
+            port = run.about["port"]
+            self.station = Station(Socket(), configuration, self.assembly, port, is_replay=True)
+        self.engine = Engine(
+            graph, [Replay(_after(run))], self._clock(), sinks=self._sinks(),
+            record=self._record, idle=self._idle,
+        )  # fmt: skip
+        if run.state is not None:
+            _begin_in(run, self.engine, wanted.sets)
+
+    def go(self) -> Replayed:
+        """Replay to the end."""
+        until = min(self.run.last + 1, self.wanted.until, NEVER)
+        ending = self.engine.run(until)
+        if self.wanted.check:
+            self.checker.finish()
+        self._close(ending)
+        whole = self.wanted.until > self.run.last
+        return Replayed(
+            ending, self.digest.text(), self.checker.compared, self.checker.difference,
+            self.run.about.get("version", ""),
+            self.measure.metrics(truth_of(self.run.end) if whole else None),
+            self.run.begins,
+        )  # fmt: skip
+
+    def _clock(self) -> Clock:
+        if self.wanted.speed is None:
+            return VirtualClock()
+        return ScaledClock(self.wanted.speed, max(self.wanted.begin, self._first()))
+
+    def _first(self) -> int:
+        return 0 if self.run.state is None else self.run.state[0]
+
+    def _sinks(self) -> dict[str, list[Sink]]:
+        sinks = {wire: [sink] for wire, sink in Changes(self.graph, {}).sinks().items()}
+        if self.latest is not None:
+            for wire in self.graph.wires:
+                sinks.setdefault(wire, []).append(self.latest.sink(wire))
+        return sinks
+
+    def _record(self, instant: tuple[Any, ...]) -> None:
+        self.digest.record(instant)
+        if self.wanted.check:
+            self.checker.record(instant)
+        if self.recorder is not None:
+            self.recorder.record(instant)
+        if self.station is not None:
+            self.station.channel.record(instant)
+        for wire, message in zip(self.graph.wires, instant[1:], strict=True):
+            if message is not None:
+                self.measure.take(instant[0], wire, message)
+        if instant[0] < self.wanted.begin:
+            self.measure.forget()
+
+    def _idle(self) -> None:
+        if self.recorder is not None:
+            self.recorder.drain()
+        if self.station is not None:
+            self.station.channel.flush()
+        if self.latest is not None and self.engine.last >= self.wanted.begin:
+            self.latest.idle(self.engine.last)
+
+    def _close(self, ending: Ending) -> None:
+        if self.latest is not None:
+            self.latest.finish(max(self.engine.last, 0))
+        if self.recorder is not None:
+            end = {**(self.run.end or {}), "last": str(self.engine.last)}
+            end.update({"code": str(ending.code), "digest": self.digest.text()})
+            self.recorder.close(end)
+        self.engine.clock.close()
+        if self.station is not None:
+            self.station.channel.close()
+            self.station.end()
+        for pid in self.children:
+            os.waitpid(pid, 0)
+
+
+def _after(run: RecordedRun) -> Iterator[Any]:
+    """What was recorded after the state in which the replay begins."""
+    first = -1 if run.state is None else run.state[0]
+    return (item for item in RecordingReader(run.path).messages() if item.time > first)
+
+
+def _begin_in(run: RecordedRun, engine: Engine, sets: tuple[str, ...]) -> None:
+    """Begin with the state in the recording; what was set stays set."""
+    assert run.state is not None
+    chosen = _chosen(engine.graph, sets)
+    try:
+        snapshot.restore(run.state[1], engine)
+    except snapshot.StateError as error:
+        cause = f"the state in which it begins cannot be read: {error}"
+        raise RunError(Problem("E-RECORDING", str(run.path), cause)) from error
+    for block, name, value in chosen:
+        if not declared(type(block))[name].live:
+            cause = f"{name} of {type(block).__name__} shapes a run from its start, and this "
+            cause += "recording begins in the midst of one"
+            raise RunError(Problem("E-RECORDING", str(run.path), cause, "set a live parameter"))
+        setattr(block, name, value)
+        block.changed(name)
+    engine.last = run.state[0]
+
+
+def _chosen(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, str, Any]]:
+    """(block, parameter, value) for each of `sets` that names a block's."""
+    blocks = {node.name: node.block for node in graph.nodes}
+    found = []
+    for text in sets:
+        first, _, rest = text.partition("=")[0].strip().partition(".")
+        block = blocks.get(first)
+        for name, about in declared(type(block)).items() if block is not None else ():
+            if rest == (about.key or name):
+                found.append((block, name, getattr(block, name)))
+    return found
+
+
+def _refuse_check(run: RecordedRun) -> None:
+    if run.is_flight:
+        cause = "a flight holds what came in, and nothing that the blocks made of it to compare"
+        raise RunError(Problem("E-RECORDING", str(run.path), cause, "replay it without --check"))
+    if run.end is None:
         cause = "the recording is incomplete: it was cut, or the disk was full"
         fix = "replay it without --check, up to where it ends"
-        raise RunError(Problem("E-RECORDING-CUT", str(path), cause, fix))
-    with tempfile.TemporaryDirectory() as folder:
-        configuration = _configuration(about, Path(folder))
-    graph = assemble(configuration, about["port"] not in ("sim", "emulated")).graph
-    digest = Digest(graph.kinds)
-    checker = Checker(graph.kinds, RecordingReader(path).messages())
-
-    def record(instant: tuple[Any, ...]) -> None:
-        digest.record(instant)
-        if check:
-            checker.record(instant)
-
-    driver = Replay(RecordingReader(path).messages())
-    sinks = {wire: [sink] for wire, sink in Changes(graph, {}).sinks().items()}
-    engine = Engine(graph, [driver], VirtualClock(), sinks=sinks, record=record)
-    until = int(end["last"]) + 1 if end is not None else _last_delivery(path) + 1
-    ending = engine.run(min(until, NEVER))
-    if check:
-        checker.finish()
-    return Replayed(
-        ending, digest.text(), checker.compared, checker.difference, about.get("version", "")
-    )
+        raise RunError(Problem("E-RECORDING-CUT", str(run.path), cause, fix))
 
 
-def _read_ends(path: Path) -> tuple[dict[str, str], dict[str, str] | None]:
-    reader = RecordingReader(path)
-    try:
-        for _ in reader.messages():
-            pass
-    except OSError as error:
-        problem = Problem("E-RECORDING", str(path), f"cannot read it: {error.strerror}", "")
-        raise RunError(problem) from error
-    if not reader.about:
-        cause = "this is no recording of diffbotctl"
-        raise RunError(Problem("E-RECORDING", str(path), cause, "make one: run goal --record FILE"))
-    return reader.about, reader.end
+def _sets(configuration: Configuration) -> dict[str, str]:
+    import json
+
+    return {"sets": json.dumps(configuration.settings)}
 
 
-def _last_delivery(path: Path) -> int:
-    return max((item.time for item in RecordingReader(path).messages()), default=0)
-
-
-def _configuration(about: dict[str, str], folder: Path) -> Configuration:
-    """The configuration that the recording carries, written out and read as files are."""
-    places: dict[str, Path] = {}
-    for number, (name, text) in enumerate(json.loads(about["files"]).items()):
-        parent = folder / str(number)
-        parent.mkdir()
-        places[name] = parent / Path(name).name
-        places[name].write_text(text)
-    for place in places.values():  # what a file includes stands beside it
-        for other in places.values():
-            beside = place.parent / other.name
-            if not beside.exists():
-                beside.write_text(other.read_text())
-    robot = places.get(about["robot"])
-    return load(
-        str(places[about["pipeline"]]), None if robot is None else str(robot),
-        json.loads(about["sets"]), real=False,
-    )  # fmt: skip
+def _loud(text: str) -> None:
+    """A recorder that fails ends the replay: nothing drives that would have to go on."""
+    raise RunError(Problem("E-RECORD", "replay", text))

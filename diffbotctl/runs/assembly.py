@@ -6,7 +6,7 @@ that takes only PWM, `wheel_speed`; the echo of what holds the robot, to blocks 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
 from diffbotctl.config import nodes as ends
@@ -15,11 +15,13 @@ from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.engine.gate import Gate
 from diffbotctl.graph import Graph, Node
+from diffbotctl.links.foxglove import Mount
 from diffbotctl.log import Logbook
-from diffbotctl.messages import Resume, Stop
+from diffbotctl.messages import Range, Resume, Stop
 from diffbotctl.runs.simulation import takes_duty
 
 UNPROVEN_SPEED = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
+Made = TypeVar("Made", bound=Block)
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
 
 
@@ -35,15 +37,15 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
     """Build the graph. `real`: a real robot moves, so that unproven wiring slows it down."""
     robot = configuration.robot
     unproven = real and robot is not None and robot.drive.polarity == "unproven"
-    made = [_node(use, robot, unproven) for use in configuration.blocks]
+    nodes = [_node(use, robot, unproven) for use in configuration.blocks]
     command = None
     if robot is not None and "wheels" in configuration.robot_wires:
-        made.append(_gate(robot, configuration.robot_wires["wheels"]))
+        nodes.append(gate(robot, configuration.robot_wires["wheels"]))
         command = f"{GATE}.wheels"
         if takes_duty(robot):
-            made.append(_wheel_speed(robot))
+            nodes.append(wheel_speed(robot))
             command = f"{WHEEL_SPEED}.duty"
-    return Assembly(Graph(made, sources(robot), Logbook()), command, unproven)
+    return Assembly(Graph(nodes, sources(robot), Logbook()), command, unproven)
 
 
 def sources(robot: Robot | None) -> dict[str, type]:
@@ -73,9 +75,10 @@ def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
 ECHOES: dict[type, str] = {Stop: "operator.stop", Resume: "operator.resume"}
 
 
-def _gate(robot: Robot, command: str) -> Node:
+def gate(robot: Robot, command: str) -> Node:
+    """The last gate behind the wire `command`."""
     period = 1.0 / robot.board.telemetry
-    gate = _made(Gate, robot, telemetry_timeout=min(0.5, max(0.25, FRAMES_MISSED * period)))
+    block = made(Gate, robot, telemetry_timeout=min(0.5, max(0.25, FRAMES_MISSED * period)))
     wires = {
         "command": command,
         "encoders": "robot.encoders",
@@ -84,21 +87,23 @@ def _gate(robot: Robot, command: str) -> Node:
         "operator": "operator.halt",
         "resume": "operator.resume",
     }
-    return Node(GATE, gate, wires)
+    return Node(GATE, block, wires)
 
 
 FRAMES_MISSED = 4  # telemetry frames that noise may swallow before the robot is stopped
 
 
-def _wheel_speed(robot: Robot) -> Node:
+def wheel_speed(robot: Robot) -> Node:
+    """The speed loops on the host, behind the gate."""
     kind = registry.block(WHEEL_SPEED)
     wires = {"wheels": f"{GATE}.wheels", "encoders": "robot.encoders"}
-    return Node(WHEEL_SPEED, _made(kind, robot), wires)
+    return Node(WHEEL_SPEED, made(kind, robot), wires)
 
 
-def _made(kind: type[Block], robot: Robot, **values: Any) -> Block:
+def made(kind: type[Made], robot: Robot, **values: Any) -> Made:
+    """A block with the robot's fields that it asks for; `values` go before them."""
     fields = {name: _field(robot, path) for name, path in robot_fields(kind).items()}
-    return kind(**values, **fields)
+    return kind(**{**fields, **values})
 
 
 def _field(robot: Robot, path: str) -> Any:
@@ -116,3 +121,18 @@ def wires_of(assembly: Assembly, kind: type) -> list[str]:
         for port, out in outputs(type(node.block)).items()
         if out.kind is kind
     ]
+
+
+def mounts(configuration: Configuration) -> dict[str, Mount]:
+    """Where the sensor behind each range sits, by the wire of the range."""
+    robot = configuration.robot
+    found: dict[str, Mount] = {}
+    for use in configuration.blocks:
+        name = use.values.get("sensor")
+        if robot is None or name not in robot.sensors:
+            continue
+        at = robot.sensors[name].at
+        for port, out in outputs(use.cls).items():
+            if out.kind is Range:
+                found[f"{use.name}.{port}"] = Mount(name, at.x, at.y, at.heading)
+    return found

@@ -13,6 +13,7 @@ from diffbotctl.links import diffbot_settings
 from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.world import World
 from diffbotctl.runs.simulation import board_kind, gains, machine, world
 
 SECOND = 1_000_000_000
@@ -30,6 +31,7 @@ def settings_of(robot: Robot) -> Settings:
         fix = f"take a Mega 2560 (board: {{type: {FIRMWARE_FOR}}}), or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     drive, left = robot.drive, gains(robot.drive.left)
+    battery = robot.battery
     name, sensor = next(iter(robot.sensors.items()), ("range", None))
     return Settings(
         _side(drive.left),
@@ -45,6 +47,9 @@ def settings_of(robot: Robot) -> Settings:
         brake=drive.left.motor.idle == "brake",
         range_channel=None if sensor is None else number(sensor.pin) - FIRST_ANALOG,
         range_name=name,
+        battery_channel=None if battery.pin is None else number(battery.pin) - FIRST_ANALOG,
+        battery_divider=battery.divider or 1.0,
+        battery_low=battery.low,
         button=None if robot.board.stop_button is None else number(robot.board.stop_button),
         uart=robot.link.uart,
         baud=robot.link.baud,
@@ -76,11 +81,17 @@ def emulated(configuration: Configuration, seed: int) -> Emulated:
 
     Raises EmulatorError naming the Debian packages when the emulator cannot be built.
     """
-    robot = configuration.nominal
-    assert robot is not None
+    robot, nominal = configuration.robot, configuration.nominal
+    assert robot is not None and nominal is not None
+    board = emulated_board(nominal, seed, world(configuration))
+    return Emulated(board, DiffbotHost(settings_of(robot)))
+
+
+def emulated_board(nominal: Robot, seed: int, around: World | None = None) -> EmulatedBoard:
+    """A board wired to its plant as the robot file states. Raises EmulatorError."""
     plant = SimulatedRobot(
-        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
+        board_kind(nominal), machine(nominal), nominal.simulation, Random(seed), around
     )
-    settings = settings_of(robot)
-    motors = [(s.enable, s.in1, s.in2) for s in (settings.left, settings.right)]
-    return Emulated(EmulatedBoard(plant, settings, Emulator(motors)), DiffbotHost(settings))
+    settings = settings_of(nominal)
+    motors = [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
+    return EmulatedBoard(plant, settings, Emulator(motors))

@@ -19,11 +19,11 @@ PROOF = {None: "", True: "; final stop confirmed", False: "; final stop NOT CONF
 
 
 def opened(
-    configuration: Configuration, path: Path, waits: bool, lost: Callable[[str], None]
+    configuration: Configuration, path: Path, waits: bool, tell: Callable[[str], None]
 ) -> tuple[Recorder, int]:
     """The engine's end of the file, with its first line, and its writer's pid. Raises RunError.
 
-    `waits` and `lost` are the Recorder's.
+    `waits` is the Recorder's; `tell` is called once, when no more can be written.
     """
     from diffbotctl.hub import log_process  # only when asked: it costs memory
 
@@ -32,7 +32,11 @@ def opened(
     except OSError as error:
         cause = f"cannot write there: {error.strerror}"
         raise RunError(Problem("E-LOG", str(path), cause, "give another file")) from error
-    made = Recorder(channel, waits, lost)
+
+    def lost(cause: str) -> None:
+        tell(f"LOG STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+
+    made = Recorder(channel, waits, lost, at_once=True)
     robot = configuration.robot_file
     on = "" if robot is None else f" on robot {robot}"
     made.record(LogLine(0, "info", "engine", f"started: {configuration.file}{on}"))

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from math import pi
 
-from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.guardian import Guardian
 from diffbotctl.drivers.port import opened, reopened
@@ -26,20 +25,18 @@ does it if diffbotctl dies; nothing can if the cable or the radio fails."""
 
 
 def serial_robot(
-    configuration: Configuration, device: str, tell: Callable[[str], None]
+    robot: Robot, device: str, tell: Callable[[str], None], now: int = 0
 ) -> SerialRobot:
-    """Open `device` and drive the configuration's robot through it. Raises RunError."""
-    robot = configuration.robot
-    assert robot is not None
+    """Open `device` at `now` (ns) and drive `robot` through it. Raises RunError."""
     if robot.link.protocol == "rosserial":
-        return _stock(robot, device, tell)
+        return _stock(robot, device, tell, now)
     host = diffbot_host(robot, device)
     driver = SerialRobot(host, lambda: reopened(device, host.baud))
-    driver.adopt(0, opened(device, host.baud))
+    driver.adopt(now, opened(device, host.baud))
     return driver
 
 
-def _stock(robot: Robot, device: str, tell: Callable[[str], None]) -> SerialRobot:
+def _stock(robot: Robot, device: str, tell: Callable[[str], None], now: int) -> SerialRobot:
     """A board with the book's firmware: a guardian stands in for the dead-man's stop it lacks."""
     guardian = Guardian()
     try:
@@ -51,7 +48,7 @@ def _stock(robot: Robot, device: str, tell: Callable[[str], None]) -> SerialRobo
     driver = SerialRobot(
         rosserial_host(robot), partial(reopened, device, robot.link.baud), guardian
     )
-    driver.adopt(0, port)
+    driver.adopt(now, port)
     return driver
 
 

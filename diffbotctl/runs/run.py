@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
+import gc
+import json
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
 from diffbotctl.drivers.person import Person
+from diffbotctl.engine import snapshot
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
+from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.loop import Ending, Engine
 from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
-from diffbotctl.errors import Problem, RunError, UserError
+from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, NEVER, Sink
-from diffbotctl.hub import recorder_process, screen_process
+from diffbotctl.hub import screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.plant.robot import CAMERA
-from diffbotctl.runs import log_file
+from diffbotctl.runs import log_file, records
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
@@ -52,6 +54,7 @@ class Options(NamedTuple):
     dash: bool = False  # the screen drives as well
     log: Path | None = None
     levels: tuple[tuple[str, str], ...] = ()  # of the log: source and level
+    flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
 
 
 class Result(NamedTuple):
@@ -91,18 +94,17 @@ class Run:
         self.recorder: Recorder | None = None
         self.tell = tell
         graph = self.assembly.graph
-        # Children are forked before a port is open, so that none of them holds it.
+        # Children are forked before a port is open, so that none of them holds it; and after the
+        # last collection that walks all objects, which writes to the memory that they share.
+        gc.collect()
+        gc.freeze()
         if show is not None:
             channel, pid = screen_process.start(show, options.dash)
             self.children.append(pid)
             self.latest = Latest(channel, self._progress, gone)
-        if options.record is not None:
-            self.recorder = self._recorder(options.record)
         self.log: Recorder | None = None
-        if options.log is not None:
-            lost = self._loss(f"LOG STOPPED: {options.log}")
-            self.log, pid = log_file.opened(configuration, options.log, options.fast, lost)
-            self.children.append(pid)
+        self.flight: Flight | None = None
+        self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station: Station | None = None
         if options.socket is not None:
@@ -196,7 +198,7 @@ class Run:
             from diffbotctl.runs.emulation import emulated  # needs a compiler: only when asked
 
             return emulated(self.configuration, self.options.seed)
-        return serial_robot(self.configuration, self.options.port, self.tell)
+        return serial_robot(self.configuration.robot, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks: dict[str, list[Sink]] = {}
@@ -212,18 +214,24 @@ class Run:
             add(wire, self.operator.hear_path)
         for wire in wires_of(self.assembly, Stop):
             add(wire, self.operator.hear_stop(wire))
+            if self.flight is not None:
+                add(wire, self.flight.stop)
         for wire in self.reckoned or self._seen_from_above():
             add(wire, self._note_odometry)
         for wire, sink in self.changes.sinks().items():
             add(wire, sink)
         if self.configuration.robot is not None:
             add("robot.link", self._note_link)
+        self._watchers(add)
+        return sinks
+
+    def _watchers(self, add: Callable[[str, Sink], None]) -> None:
+        """The sinks of what only looks: the screen, and the log's file."""
         if self.latest is not None:
             for wire in self.assembly.graph.wires:
                 add(wire, self.latest.sink(wire) if wire != LOG else self.latest.hear)
         if self.log is not None:
             add(LOG, log_file.sink(self.log))
-        return sinks
 
     def _command(self, robot: RobotDriver) -> Sink:
         duty = self.configuration.robot is not None and takes_duty(self.configuration.robot)
@@ -251,7 +259,12 @@ class Run:
     def _record(self) -> Callable[[tuple[Any, ...]], object] | None:
         takers: list[Callable[[tuple[Any, ...]], object]] = [
             each.record
-            for each in (self.recorder, self.digest, self.station.channel if self.station else None)
+            for each in (
+                self.recorder,
+                self.flight,
+                self.digest,
+                self.station.channel if self.station else None,
+            )
             if each is not None
         ]
         if len(takers) < 2:
@@ -264,7 +277,8 @@ class Run:
         return all_of_them
 
     def _idle(self) -> Callable[[], None] | None:
-        recorder, latest, person, log = self.recorder, self.latest, self.person, self.log
+        recorder = self.recorder or self.flight
+        latest, person, log = self.latest, self.person, self.log
         if latest is None and person is None and log is None:
             return None if recorder is None else recorder.drain
 
@@ -280,29 +294,36 @@ class Run:
 
         return idle
 
-    def _recorder(self, path: Path) -> Recorder:
-        graph = self.assembly.graph
-        try:
-            channel, pid = recorder_process.start(
-                path, graph.kinds, len(graph.sources), self._about()
+    def _write_down(self) -> None:
+        """Start the recording that was asked for, or else the flight recorder; and the log."""
+        options, tell = self.options, self._tell_loss
+        facts = records.about(
+            self.configuration, options.port, options.seed, self._goals(), options.duration
+        )
+        if options.record is not None:
+            self.recorder, pid = records.recorder(
+                options.record, self.configuration, self.assembly, facts, options.fast, tell
             )
-        except OSError as error:
-            cause = f"cannot record there: {error.strerror}"
-            raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
-        self.children.append(pid)
+            self.children.append(pid)
+        elif options.flights is not None and self.configuration.robot is not None:
+            self.flight, self.flight_pid = records.flight(
+                options.flights, self.configuration, self.assembly, facts, self._snapshot,
+                self.tell, tell,
+            )  # fmt: skip
+        if options.log is not None:
+            self.log, pid = log_file.opened(self.configuration, options.log, options.fast, tell)
+            self.children.append(pid)
 
-        lost = self._loss(f"RECORDING STOPPED: {path}")
-        return Recorder(channel, waits=self.options.fast, tell=lost)
+    def _snapshot(self) -> bytes | None:
+        try:
+            return snapshot.take(self.engine)
+        except snapshot.StateError:
+            return None  # the flight then begins in a state unknown, and says so
 
-    def _loss(self, what: str) -> Callable[[str], None]:
-        """How a file that cannot be written any longer is told: once, and in the log."""
-
-        def lost(cause: str) -> None:
-            text = f"{what}: {cause}; the run goes on, the file is incomplete"
-            self.tell(text)
-            self.operator.note(self.engine.last, "error", "engine", text)
-
-        return lost
+    def _tell_loss(self, text: str) -> None:
+        """Tell that a file cannot be written any longer: once, and in the log."""
+        self.tell(text)
+        self.operator.note(self.engine.last, "error", "engine", text)
 
     def _say_the_end(self, ending: Ending) -> None:
         """The last line: for files and watchers; a recording has its own record of the end."""
@@ -315,34 +336,24 @@ class Run:
             blank = [None] * (len(self.assembly.graph.wires) - 1)
             self.station.channel.record((ending.time, *blank, line))
 
-    def _about(self) -> dict[str, str]:
-        """What explains a recording by itself: version, files, options."""
-        files = {str(file): file.read_text() for file in self.configuration.files}
-        import json
-
-        return {
-            "version": __version__,
-            "epoch": str(time.time_ns()),
-            "pipeline": str(self.configuration.file),
-            "robot": str(self.configuration.robot_file or ""),
-            "sets": json.dumps(self.configuration.settings),
-            "port": self.options.port,
-            "seed": str(self.options.seed),
-            "files": json.dumps(files),
-        }
+    def _truth_text(self) -> str:
+        """The simulated robot's true place as JSON [x, y, heading]; empty on a real one."""
+        plant = getattr(self.robot, "robot", None)
+        return "" if plant is None else json.dumps(list(plant.truth().pose))
 
     def _close(self, ending: Ending) -> str | None:
         incomplete = None
         self._say_the_end(ending)
         if self.log is not None:
             self.log.close()
+        summary = {
+            "code": str(ending.code),
+            "cause": ending.cause,
+            "last": str(self.engine.last),
+            "digest": self.digest.text() if self.digest else "",
+            "truth": self._truth_text(),
+        }
         if self.recorder is not None:
-            summary = {
-                "code": str(ending.code),
-                "cause": ending.cause,
-                "last": str(self.engine.last),
-                "digest": self.digest.text() if self.digest else "",
-            }
             self.recorder.close(summary)
             incomplete = self.recorder.lost
         if self.latest is not None:
@@ -355,4 +366,8 @@ class Run:
         for pid in self.children:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)
+        if self.flight is not None:  # when no screen draws any more over what it announces
+            self.flight.close(summary)
+            with suppress(ChildProcessError):
+                os.waitpid(self.flight_pid, 0)
         return incomplete

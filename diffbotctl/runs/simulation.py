@@ -17,12 +17,17 @@ SECOND = 1_000_000_000
 
 def simulated(configuration: Configuration, seed: int) -> Simulated:
     """The simulated robot of a configuration, drawn by `seed` from its `simulation` section."""
-    robot = configuration.nominal
-    assert robot is not None
-    plant = SimulatedRobot(
-        board_kind(robot), machine(robot), robot.simulation, Random(seed), world(configuration)
-    )
+    robot, nominal = configuration.robot, configuration.nominal
+    assert robot is not None and nominal is not None
+    plant = drawn(robot, nominal, seed, world(configuration))
     return Simulated(plant, takes_duty(robot))
+
+
+def drawn(robot: Robot, nominal: Robot, seed: int, around: World | None = None) -> SimulatedRobot:
+    """The plant of a robot: it is what the file states, its board is told what was calibrated."""
+    return SimulatedRobot(
+        board_kind(robot), machine(robot, nominal), nominal.simulation, Random(seed), around
+    )
 
 
 def board_kind(robot: Robot) -> str:
@@ -39,14 +44,18 @@ def takes_duty(robot: Robot) -> bool:
     return robot.link.protocol == "rosserial"
 
 
-def machine(robot: Robot) -> Machine:
-    """What the plant must know of the robot file."""
+def machine(robot: Robot, nominal: Robot | None = None) -> Machine:
+    """What the plant must know: `nominal` is how the robot was built, `robot` what is told of it.
+
+    Without `nominal` nothing was calibrated.
+    """
+    built = (nominal or robot).drive
     drive = robot.drive
     return Machine(
-        track=drive.track,
-        left_diameter=drive.left.wheel.diameter,
-        right_diameter=drive.right.wheel.diameter,
-        rated=drive.left.motor.rated,
+        track=built.track,
+        left_diameter=built.left.wheel.diameter,
+        right_diameter=built.right.wheel.diameter,
+        rated=built.left.motor.rated,
         slots=drive.left.encoder.slots,
         glitch=round(drive.left.encoder.glitch * SECOND),
         deadman=round(robot.board.deadman * SECOND),
@@ -59,7 +68,19 @@ def machine(robot: Robot) -> Machine:
             Mounting(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
             for name, sensor in robot.sensors.items()
         ),
+        disc=built.left.encoder.slots,
+        divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
+        built_divider=(nominal or robot).battery.divider or 1.0,
+        low=robot.battery.low,
+        channels=_taken(*(side.motor.enable for side in (drive.left, built.left, built.right))),
+        sockets=_taken(*(side.encoder.pin for side in (drive.left, built.left, built.right))),
     )
+
+
+def _taken(told: object, left: object, right: object) -> tuple[int, int]:
+    """Which stated side's pins each side of the board takes: exchanged when the left one is
+    `told` what was stated for the `right`."""
+    return (1, 0) if str(told) == str(right) != str(left) else (0, 1)
 
 
 def gains(side: Side) -> Gains:

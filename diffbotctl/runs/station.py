@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
@@ -35,7 +35,12 @@ class Station:
     """The engine's side of the control socket. Raises RunError when it cannot be made."""
 
     def __init__(
-        self, wanted: Socket, configuration: Configuration, assembly: Assembly, port: str
+        self,
+        wanted: Socket,
+        configuration: Configuration,
+        assembly: Assembly,
+        port: str,
+        is_replay: bool = False,
     ) -> None:
         listener, path = listen(wanted.name, configuration.name, wanted.group)
         robot = configuration.robot
@@ -51,7 +56,8 @@ class Station:
             drivers={"robot": Simulated} if robot is not None and port == "sim" else {},
             speed=None if robot is None else robot.limits.speed,
             turn_rate=None if robot is None else robot.limits.turn_rate,
-            scene=scene(configuration, assembly.graph, port),
+            is_replay=is_replay,
+            scene=_scene(configuration, assembly, port, is_replay),
         )
         end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
         self.path = path
@@ -71,3 +77,10 @@ class Station:
                 os.waitpid(self.pid, 0)
                 return
             time.sleep(LOOK)
+
+
+def _scene(
+    configuration: Configuration, assembly: Assembly, port: str, is_replay: bool
+) -> dict[str, Any]:
+    told = scene(configuration, assembly.graph, port)
+    return {**told, "simulated": "REPLAY"} if is_replay else told

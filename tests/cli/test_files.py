@@ -51,7 +51,8 @@ def test_warnings_do_not_fail_a_check():
     assert code == 0
     assert "W-TOLERANCE" in output
     assert "W-POLARITY" in output
-    assert "goal: fine, 2 warnings" in output
+    assert "W-UNCALIBRATED" in output
+    assert "goal: fine, 3 warnings" in output
 
 
 @pytest.mark.parametrize("name", ["nothing", "./nothing.yaml", "/", "..", "/dev/null"])

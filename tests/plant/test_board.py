@@ -83,10 +83,26 @@ def test_the_published_firmwares_commands_come_late_and_apart():
     assert sum(apart) / len(apart) == pytest.approx(50 * MS / 3, rel=0.25)
 
 
-@pytest.mark.parametrize("kind, wrong", [("edges", Duty(0, 0.1, 0.1)), ("stock", Wheels(0, 1, 1))])
-def test_a_command_of_the_wrong_kind_is_refused(kind, wrong):
-    with pytest.raises(TypeError, match=type(wrong).__name__):
-        board(kind).command(0, wrong)
+def test_a_board_without_a_speed_loop_refuses_speeds():
+    with pytest.raises(TypeError, match="Wheels"):
+        board("stock").command(0, Wheels(0, 1, 1))
+
+
+def test_raw_duty_holds_until_the_dead_man_and_is_told():
+    made = board()
+    made.command(0, Duty(0, 0.5, -0.25))
+    changes = serve_until(made, 500 * MS)
+    assert changes[1] == (HELD, (0.5, -0.25)) and changes[-1] == (HELD + 300 * MS, (0.0, 0.0))
+    assert made.sample(500 * MS).command_kind == "duty"
+
+
+def test_raw_duty_without_edges_is_a_stall():
+    made = board(deadman=2000 * MS)
+    made.command(0, Duty(0, 0.4, 0.2))
+    serve_until(made, 1000 * MS)
+    # above 0.3 a wheel must give edges within half a second
+    assert [side.loop.fault for side in made.sides] == [True, False]
+    assert [side.duty for side in made.sides] == [0.0, 0.2]
 
 
 @pytest.mark.parametrize(

@@ -81,10 +81,73 @@ def test_wiring(wiring, reverse, command, turns):
     assert [(a > 0) - (a < 0) for a in (truth.left_angle, truth.right_angle)] == list(turns)
 
 
-def test_a_floating_encoder_never_counts():
-    heard = driven(robot(wiring={"left": "floating"}), 0.4, 5.0, 5.0)
+def counted(made, seconds, left, right, kind=Wheels):
+    """Counts of the left and right socket, without their signs."""
+    last = [m for port, m in driven(made, seconds, left, right, kind) if port == "encoders"][-1]
+    return abs(last.left), abs(last.right)
+
+
+def test_a_floating_wire_picks_up_the_mains_whatever_the_wheel_does():
+    resting = counted(robot(wiring={"left": "floating"}), 1.0, 0.0, 0.0)
+    # 50 Hz for 0.95 s, the time of the last frame that has arrived; its trembling adds up
+    assert resting == (pytest.approx(47, abs=3), 0)
+
+
+@pytest.mark.parametrize(
+    "wiring, command, counting",
+    [
+        ({"left_encoder": "dead"}, (5.0, 5.0), (False, True)),
+        ({"right_encoder": "dead"}, (5.0, 5.0), (True, False)),
+        ({"encoders": "swapped"}, (5.0, 0.0), (False, True)),
+        ({"encoders": "swapped"}, (0.0, 5.0), (True, False)),
+        # the left wheel's encoder is dead, and sits in the right one's socket
+        ({"encoders": "swapped", "left_encoder": "dead"}, (5.0, 5.0), (True, False)),
+    ],
+)
+def test_wiring_of_the_encoders(wiring, command, counting):
+    counts = counted(robot(wiring=wiring), 0.4, *command)
+    assert tuple(count > 2 for count in counts) == counting
+
+
+def test_pins_that_were_exchanged_in_the_settings_undo_exchanged_wires():
+    wiring = {"left": "swapped", "right": "swapped", "encoders": "swapped"}
+    told = {"channels": (1, 0), "sockets": (1, 0)}
+    made = robot(wiring=wiring, machine=told)
+    counts = counted(made, 0.4, 5.0, 0.0)
+    truth = made.truth()
+    assert counts[0] > 2 and counts[1] == 0
+    assert truth.left_angle > 0.0 and truth.right_angle == 0.0
+
+
+def test_a_hand_turns_a_wheel_through_the_angle_it_wants():
+    made = robot()
+    end = made.turn_by_hand(0, 4 * pi, 2 * pi)
+    assert end == 2 * SECOND  # two turns at one a second
+    made.advance(3 * SECOND)
+    assert made.truth().left_angle == pytest.approx(4 * pi) and made.truth().right_angle == 0.0
+    assert made.truth().left_speed == 0.0
+    assert made.board.sample(3 * SECOND).left == 40
+
+
+def test_a_board_of_ours_drives_with_raw_duty_too():
+    made = robot()
+    heard = driven(made, 3.0, 0.5, -0.5, Duty)
+    motor, truth = made.motors[0], made.truth()
+    # At half duty the battery sags by 2 %; the ripple moves the speed by its 2 %.
+    settled = motor.speed * (0.49 - motor.keep) / (1 - motor.keep)
+    assert truth.left_speed == pytest.approx(settled, rel=0.05) and truth.right_speed < -4.0
     last = [m for port, m in heard if port == "encoders"][-1]
-    assert last.left == 0 and last.right > 2
+    assert last.command_kind == "duty" and last.left > 0 > last.right
+
+
+def test_a_restarted_board_counts_anew_and_says_so():
+    made = robot()
+    driven(made, 1.0, 5.0, 5.0)
+    made.rewire(made.machine._replace(slots=30))
+    made.advance(2 * SECOND)
+    last = made.deliver()[-1][1]
+    assert last.boot == 1
+    assert abs(last.left) < 3 and abs(last.right) < 3  # 15 each before; the wheels roll out
 
 
 def test_counts_agree_with_the_angle_turned():

@@ -3,6 +3,7 @@
 import os
 import re
 import signal
+import subprocess
 import termios
 
 import pytest
@@ -25,6 +26,12 @@ def engine(tmp_path):
 def state(client):
     """How the goal is doing."""
     return client.ask("look")["messages"].get("follower.state", {}).get("state")
+
+
+def reached(client):
+    """The number of the goal that was reached last; the log shows those before it too."""
+    said = client.ask("look")["messages"].get("follower.state", {})
+    return said["number"] if said.get("state") == "reached" else None
 
 
 def dash(folder, *words, columns=80, lines=24, **more):
@@ -65,10 +72,13 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
     client, _ = engine
     with dash(tmp_path, columns=columns, lines=lines) as terminal:
         column, row = robot_at(terminal)
+        before = client.ask("status")["operator.goal"]["number"]
         terminal.click(column - 6, row - 4)
+        status = client.until(lambda status: status["operator.goal"]["number"] > before)
+        goal = status["operator.goal"]
         terminal.until(lambda text: "driving" in text or "turning" in text, "the way there")
-        goal = client.ask("status")["operator.goal"]
         assert goal["x"] < 0.3 and goal["y"] > 0.0 and goal["heading"] is None
+        client.until(lambda status: reached(client) == goal["number"])
         terminal.until(lambda text: "reached" in text, "the arrival")
         pose = client.ask("type", topic="odometry")["last"]
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
@@ -103,7 +113,12 @@ def test_keys_drive_stop_resume_and_choose(engine, tmp_path):
         terminal.until(lambda text: "DRIVING" in text, "driving")
         terminal.until(lambda text: "DRIVING" not in text, "the end of the press")
         assert client.ask("status")["held"] is None  # let go in good order
-        for key, sign in (("2", "━ "), ("3", "guard.margin"), ("4", "follower"), ("5", " s | ")):
+        for key, sign in (
+            ("2", "━ "),
+            ("3", "guard.margin"),
+            ("4", "follower"),
+            ("5", "robot: link up"),
+        ):
             terminal.type(key)
             terminal.until(lambda text, sign=sign: sign in text, f"the view of {key}")
         terminal.type("t")
@@ -188,7 +203,6 @@ def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
 
 
 def test_once_and_a_pipe_print_the_panels(engine, tmp_path):
-    import subprocess
 
     line, environment = command(tmp_path, "dash")
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
@@ -238,3 +252,21 @@ def child_with_terminal(parent):
             if int(fields[1]) == parent and int(fields[17]) > 1:
                 return int(name)
     raise AssertionError("no dashboard")
+
+
+def test_a_replay_is_watched_and_cannot_be_commanded(tmp_path):
+    path = tmp_path / "drive.mcap"
+    line, environment = command(
+        tmp_path, "run", "goal", "--fast", "--quiet", "--record", str(path), "--goal", "3 0",
+        "--set", "world.walls=[]",
+    )  # fmt: skip
+    subprocess.run(line, env=environment, check=True, capture_output=True, timeout=60)
+    line, environment = command(tmp_path, "replay", str(path), "--dash", "--from", "3s")
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "REPLAY" in text and "driving" in text, "the replay")
+        terminal.type(" ")
+        terminal.until(lambda text: "this is a replay" in text, "the refusal")
+        terminal.type("4")
+        terminal.until(lambda text: "kinematics" in text, "the blocks")
+        terminal.type("\x03")
+        assert terminal.ended() == 130

@@ -49,6 +49,12 @@ FOUND_BY = {
 }
 
 
+def found_by(robot: Any) -> dict[str, str]:
+    """What blocks read of `robot` -> the command that finds it."""
+    sensors = {f"sensors.{name}.curve.a": "range" for name in robot.sensors or {}}
+    return FOUND_BY | sensors
+
+
 def check(case: Case) -> None:
     """Refuse implausible entries; before a real robot moves, name what was never calibrated."""
     robot, nominal = case.robot, case.nominal
@@ -84,7 +90,7 @@ def _implausible(path: str, value: Any, stated: Any) -> str | None:
 def _unlike(case: Case, path: str) -> str | None:
     """Why a value does not go with its neighbours, or None."""
     side = next((each for each in SIDES if path.startswith(f"drive.{each}.encoder.")), None)
-    if side and path.endswith(".slot_errors"):
+    if side and path.endswith((".slot_errors", ".back_errors")):
         known = case.known(path, f"drive.{side}.encoder.slots")
         if known and len(known[0]) != known[1]:
             return f"{len(known[0])} errors for a disc with {known[1]} slots"
@@ -97,21 +103,22 @@ def _unlike(case: Case, path: str) -> str | None:
 
 def _name_uncalibrated(case: Case) -> None:
     assert case.robot is not None
-    done = set(case.robot.calibration or {})
-    missing = [path for path in FOUND_BY if path not in done and path in set(_needed(case))]
+    done, by = set(case.robot.calibration or {}), found_by(case.robot)
+    needed = set(_needed(case, by))
+    missing = [path for path in by if path not in done and path in needed]
     if not missing:
         return
-    commands = dict.fromkeys(FOUND_BY[path] for path in missing)
+    commands = dict.fromkeys(by[path] for path in missing)
     cause = f"never calibrated, and this pipeline relies on it: {listed(missing, 'and')}"
     fix = f"run {listed((f'`diffbotctl calibrate {each}`' for each in commands), 'and')}"
     case.warn("W-UNCALIBRATED", case.robot_place("calibration"), cause, fix)
 
 
-def _needed(case: Case) -> Iterator[str]:
-    """Fields of FOUND_BY that some block of the pipeline reads."""
+def _needed(case: Case, by: dict[str, str]) -> Iterator[str]:
+    """Which of these fields some block of the pipeline reads."""
     for kind in case.kinds.values():
         for wanted in robot_fields(kind).values():
-            for path in FOUND_BY:
+            for path in by:
                 if path == wanted or path.startswith(f"{wanted}."):
                     yield path
 

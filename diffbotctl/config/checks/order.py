@@ -18,6 +18,7 @@ from diffbotctl.config.checks import (
     speed,
     tolerance,
     wires,
+    wiring,
 )
 
 CHECKS: tuple[Callable[[Case], None], ...] = (
@@ -32,5 +33,6 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     reach.check,
     tolerance.check,
     polarity.check,
+    wiring.check,
     calibrated.check,
 )

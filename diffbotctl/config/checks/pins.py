@@ -114,6 +114,7 @@ def pins_in_use(case: Case, board: Board) -> Iterator[Use]:
     paths += [("interrupt", "encoder", ("drive", side, "encoder", "pin"), side) for side in SIDES]
     for name in (case.robot.sensors or {}) if case.robot else ():
         paths.append(("analog", "sensor", ("sensors", name, "pin"), name))
+    paths.append(("analog", "battery", ("battery", "pin"), ""))
     paths.append(("digital", "stop button", ("board", "stop_button"), ""))
     for role, label, steps, owner in paths:
         found = case.known(".".join(steps))

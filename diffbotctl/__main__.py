@@ -1,0 +1,5 @@
+"""`python -m diffbotctl`."""
+
+from diffbotctl.cli.main import main
+
+main()

@@ -1,0 +1,89 @@
+"""A disc that was measured once: where its slots lie is known, but not which one comes first.
+
+At power-on nobody knows how the disc stands under the light barrier. So each turn of the pattern is
+an account of its own until the edges have told them apart, which takes a few: two neighbouring
+slots are about 4 % of a pitch off each other, and a rolling wheel is foreseen to a tenth of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from diffbotctl.blocks.slot_places import SlotPlaces, Told
+from diffbotctl.blocks.transition import Transition
+
+KNOWN = 0.008  # pitches; sd of a learnt place
+# What is left after learning goes with the motor's ripple: it does not scatter from slot to slot,
+# and taken for scatter it would be trusted too much.
+TAKEN = 0.015  # pitches
+SHARE = 0.02  # pitches; sd of a learnt open share
+OPEN = 0.05  # pitches; the same of a disc whose share was not learnt
+
+
+class KnownSlots:
+    """The slots' errors (pitches, true place minus nominal) of one turn of the disc.
+
+    It learns nothing more, so all that `SlotPlaces` shares with the motion is nothing here.
+    """
+
+    __slots__ = ("first", "flanks", "slots", "waiting")
+
+    learnt = True
+
+    def __init__(self, flanks: Flanks, first: int) -> None:
+        """`first`: which slot of the pattern is slot 0 of the count."""
+        self.flanks = flanks
+        self.slots = len(flanks.forward)
+        self.first = first
+        self.waiting = Transition()  # never filled
+
+    def begin(self) -> None:
+        """Nothing is left to begin with."""
+
+    def copy(self) -> KnownSlots:
+        """Itself: it never changes."""
+        return self
+
+    def told(self, slot: int, forward: bool) -> Told:
+        """Error of the flank of `slot`, and the error's variance."""
+        place = (slot + self.first) % self.slots
+        if forward:
+            return Told(self.flanks.forward[place], self.flanks.variance)
+        flanks = self.flanks
+        error = flanks.backward[place] + flanks.beyond.error
+        return Told(error, flanks.beyond_variance)
+
+    def beyond(self) -> tuple[list[float], float]:
+        """By slot, what each flank seen backward lies off beyond the open share; the variance."""
+        flanks = self.flanks
+        turned = [flanks.backward[(slot + self.first) % self.slots] for slot in range(self.slots)]
+        return turned, flanks.beyond_variance
+
+    def halt(self) -> None:
+        """Nothing is shared with a speed."""
+
+
+class Flanks:
+    """Both flanks of each slot as they are seen going forward and backward, in pitches."""
+
+    __slots__ = ("backward", "beyond", "beyond_variance", "forward", "share", "variance")
+
+    def __init__(
+        self, forward: Sequence[float], backward: Sequence[float], share: float | None, slot: float
+    ) -> None:
+        """Errors of the flanks seen `forward`; of those seen `backward` beyond the open `share` of
+        a pitch, none if not known: then they scatter by `slot` (sd)."""
+        self.forward = tuple(forward)
+        self.backward = tuple(backward) or (0.0,) * len(self.forward)
+        self.variance = KNOWN * KNOWN
+        self.beyond_variance = self.variance if backward else slot * slot
+        self.share = None if share is None else Told(share - 0.5, SHARE * SHARE)
+        self.beyond = self.share or Told(0.0, OPEN * OPEN)
+
+    def turns(self) -> Iterator[KnownSlots]:
+        """The disc as it may stand at power-on."""
+        for first in range(len(self.forward)):
+            yield KnownSlots(self, first)
+
+
+Slots = SlotPlaces | KnownSlots

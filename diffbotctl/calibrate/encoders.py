@@ -1,0 +1,161 @@
+"""`calibrate encoders`: which wire is which, which way is forward, how many slots, how much bounce.
+
+Pulses are short and go to one motor at a time, without any closed loop: a loop whose motor turns
+the wrong way only pushes harder. What the pulses prove lifts the speed cap of unproven robots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+from diffbotctl.calibrate import bounce, slots, wires
+from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.rig import Rig
+from diffbotctl.calibrate.step import Act, Announce, Event, Mark, Outcome, Progress, Running, Said
+from diffbotctl.config.sides import SIDES
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.messages import Duty
+
+# The board takes a wheel without edges for stalled after 0.5 s above 0.3 of duty.
+PULSE = 0.4  # s
+GENTLE, STRONG = 0.45, 0.8  # duty: three times a usual dead band; what a stiff gear needs
+FASTEST = 1.6  # times the rated speed: what the robot file may understate it by
+LISTEN = 0.5  # s after a pulse, until the last edge has been told
+WHICH = (
+    "none", "left forward", "left backward", "right forward", "right backward",
+    "both forward", "both backward", "opposite ways",
+)  # fmt: skip
+TURNS = 10  # by hand; a miss of 5 degrees at the end is a seventh of a per cent
+ROLLS = 3  # repeats, so that one that was miscounted shows
+
+
+@dataclass(frozen=True, slots=True)
+class Encoders:
+    """The step. `rolls` of `turns` turns by hand for each wheel; 0: the slots are not counted."""
+
+    turns: int = TURNS
+    rolls: int = ROLLS
+    name: str = "encoders"
+    title: str = "which wire is which, which way is forward, how many slots"
+    lifted: bool = True
+
+    def run(self, rig: Rig) -> Running:
+        """Pulses, what they show, a proof of it, then turns by hand."""
+        rig.meet()
+        resting = dict(zip(SIDES, rig.still, strict=True))
+        yield _announced(rig, "first the left, then the right motor")
+        pulses = {}
+        for channel in SIDES:
+            pulses[channel] = yield from _pulse(rig, channel)
+        found = wires.read(pulses, resting)
+        for fault in found.mended:
+            yield Said(f"found: {fault}. Settings make up for it, the wires may stay.")
+        if rig.noisy:
+            # The board takes settings only at rest, which it cannot see now.
+            counted = yield from self._slots(rig, found)
+            report = [*found.mended, *counted.report]
+            return Outcome("encoders", [], report, [*found.faults, *counted.faults])
+        findings = wires.findings(found, rig.file.robot)
+        if findings:
+            rig.attempt(findings)
+        if found.proven:
+            findings += yield from _proof(rig)
+        gathers = rig.capture(True) is not None
+        counted = yield from self._slots(rig, found)
+        chatter = bounce.read(rig.capture(False) or [], rig.file.robot) if gathers else None
+        findings += counted.findings
+        faults = [*found.faults, *counted.faults]
+        report = [*found.mended, *_lines(found), *counted.report]
+        if chatter is not None and self.rolls:
+            findings += chatter.findings
+            faults += chatter.faults
+            report += chatter.report
+        return Outcome("encoders", findings, report, faults)
+
+    def _slots(self, rig: Rig, found: wires.Wires) -> Generator[Event, Any, slots.Counted]:
+        rolls: dict[str, list[int]] = {}
+        for side in SIDES:
+            if found.socket[side] is None or not self.rolls:
+                continue
+            rolls[side] = []
+            for number in range(self.rolls):
+                yield Progress(f"{side} wheel by hand", number, self.rolls)
+                rolls[side].append((yield from self._roll(rig, side)))
+        return slots.read(rolls, self.turns, rig.file.robot)
+
+    def _roll(self, rig: Rig, side: str) -> Generator[Event, Any, int]:
+        """Counts of a wheel that is turned by hand."""
+        before = _counts(rig)
+        text = (f"turn the {side} wheel by hand, forward, through exactly {self.turns} turns, "
+                "no faster than a turn a second; a mark on the tyre helps")  # fmt: skip
+        yield Act(f"encoders.{side}_turns", text, (side, float(self.turns)))
+        rig.listen(LISTEN)
+        return abs(_counts(rig)[side] - before[side])
+
+
+def _announced(rig: Rig, which: str) -> Announce:
+    most = _most_turns(rig)
+    text = ("The wheels must be off the ground. Each motor gets short pulses, "
+            f"{which}: no wheel turns more than {most:.1f} turns.")  # fmt: skip
+    # The pulses are short enough by themselves; the counts are what is to be found out.
+    return Announce(text, most, watched=False)
+
+
+def _most_turns(rig: Rig) -> float:
+    """What the pulses of one announcement can turn a wheel by, at worst."""
+    drive = rig.file.robot.drive
+    rated = max(drive.left.motor.rated, drive.right.motor.rated)
+    return (GENTLE + STRONG) * FASTEST * rated * PULSE / (2 * pi)
+
+
+def _pulse(rig: Rig, channel: str) -> Generator[Event, Any, wires.Pulse]:
+    """Push one motor; more strongly when nothing has moved."""
+    seen, counts = "none", dict.fromkeys(SIDES, 0)
+    for duty in (GENTLE, STRONG):
+        yield Mark(f"Look at both wheels: the {channel} motor's pins are driven now.")
+        before = _counts(rig)
+        rig.hold(_one(channel, duty), PULSE)
+        rig.rest()
+        counts = {side: abs(now - before[side]) for side, now in _counts(rig).items()}
+        seen = yield _which("encoders.wheel", "Which wheel turned, and which way?")
+        if seen != "none":
+            break
+    return wires.Pulse(channel, seen, counts)
+
+
+def _proof(rig: Rig) -> Generator[Event, Any, list[Finding]]:
+    """Both motors forward with what was found: only the eye can tell that it is true."""
+    rig.meet()
+    yield _announced(rig, "both at once and forward")
+    yield Mark("Look at both wheels: both motors are driven forward now.")
+    rig.hold(Duty(0, GENTLE, GENTLE), PULSE)
+    rig.rest()
+    seen = yield _which("encoders.proof", "Which wheels turned, and which way?")
+    if seen == "both forward":
+        return [Finding("drive.polarity", "calibrated")]
+    cause = f"both motors were driven forward, and what turned was: {seen}"
+    fix = "was a wheel taken for the other, or its front for its back? Run this step again"
+    raise RunError(Problem("E-CALIBRATE-ROBOT", "encoders", cause, fix))
+
+
+def _which(name: str, text: str) -> Question:
+    return Question(name, text, choices=WHICH, quantity="wheel")
+
+
+def _one(channel: str, duty: float) -> Duty:
+    return Duty(0, duty, 0.0) if channel == "left" else Duty(0, 0.0, duty)
+
+
+def _counts(rig: Rig) -> dict[str, int]:
+    last = rig.latest()
+    return {"left": last.left, "right": last.right}
+
+
+def _lines(found: wires.Wires) -> list[str]:
+    if found.mended or found.faults:
+        return []
+    return ["wires, directions and encoders are as the robot file states"]

@@ -1,0 +1,90 @@
+"""`calibrate geometry --how spin`: the track alone, from ten turns on the spot each way."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+from diffbotctl.blocks.odometry import Odometry as OdometryBlock
+from diffbotctl.calibrate import commanded
+from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.outcome import TRACK
+from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.repeats import mean
+from diffbotctl.calibrate.rig import Rig
+from diffbotctl.calibrate.step import Announce, Event, Mark, Outcome, Progress, Running
+from diffbotctl.config.robot import Robot
+from diffbotctl.messages import Encoders, Odometry
+from diffbotctl.runs.assembly import made
+
+TURNS = 10
+RATE = 1.5  # rad/s; ten turns in 42 s
+FINEST = 0.0003  # of the track: one degree of ten turns
+REACH = 0.1  # m; a robot that turns on the spot wanders a little
+MM = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spin:
+    """The step: `turns` each way, `repeats` times."""
+
+    turns: int = TURNS
+    repeats: int = 2
+    name: str = "geometry"
+    title: str = "the track, by turning on the spot"
+    lifted: bool = False
+
+    def run(self, rig: Rig) -> Running:
+        """Turn, have it read how far it really came, the other way; as often as wanted."""
+        rig.meet()
+        yield Announce(
+            f"The robot turns on the spot, {self.turns} times round and back again, "
+            f"{self.repeats} times. It stays within {REACH:g} m of where it stands.",
+            reach=REACH,
+        )
+        ratios = []
+        for number in range(self.repeats):
+            for way in (1, -1):
+                yield Progress("turning on the spot", 2 * number + (way < 0), 2 * self.repeats)
+                ratios.append((yield from self._once(rig, way)))
+        found = mean(ratios, FINEST)
+        track = rig.file.robot.drive.track
+        finding = Finding(TRACK, track * found.value, track * found.sd)
+        line = (f"track: {track * MM:.3f} mm before, {track * found.value * MM:.3f} mm found, "
+                f"+- {track * found.half * MM:.3f} mm (95 %)")  # fmt: skip
+        return Outcome("spin", [finding], [line])
+
+    def _once(self, rig: Rig, way: int) -> Generator[Event, Any, float]:
+        """What the track must be multiplied by, by one spin."""
+        yield Mark("Mark the floor beside both tyres.")
+        robot = rig.file.robot
+        rim = way * RATE * robot.drive.track
+        drive = robot.drive
+        command = commanded.wheels(
+            robot, -rim / drive.left.wheel.diameter, rim / drive.right.wheel.diameter
+        )
+        frames = rig.listen(0.1).encoders
+        frames += rig.hold(command, 2 * pi * self.turns / RATE).encoders
+        frames += rig.rest().encoders
+        told = reckoned(robot, frames).heading
+        facing = yield Question(
+            "geometry.facing",
+            "How far is it turned from how it stood at the start, counter-clockwise?",
+            unit="rad", written="deg", least=-pi, most=pi,
+            why="more than half a turn is less the other way round", quantity="facing",
+        )  # fmt: skip
+        true = float(facing) + 2 * pi * round((told - float(facing)) / (2 * pi))
+        return told / true
+
+
+def reckoned(robot: Robot, frames: Sequence[Encoders]) -> Odometry:
+    """Where odometry says that these frames have led, from the origin."""
+    block = made(OdometryBlock, robot)
+    block.reset()
+    pose = None
+    for frame in frames:
+        pose = block.react(frame.time, frame) or pose
+    assert pose is not None
+    return pose

@@ -1,0 +1,126 @@
+"""One step of the calibration: it asks, moves the robot, and comes to findings.
+
+A step is a generator. It yields what is to be drawn, asked or done, and is sent the answer of what
+it asked; so the same step serves a person at a terminal, an answers file and a test. Whoever runs
+it (chain.py) draws the events, asks the questions and writes down the findings.
+
+    def run(self, rig):
+        yield Announce("turns each wheel for half a second", turns=2.0)
+        frames = rig.hold(Duty(0, 0.5, 0.0), 0.5)
+        reading = yield Question("distance.reading", "What does the tape say?", "m", "mm")
+        return Outcome("distance", [Finding(...)], ["what a person should know of it"])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.question import Question
+
+if TYPE_CHECKING:
+    from diffbotctl.calibrate.rig import Rig
+
+
+class Said(NamedTuple):
+    """A line for the person who waits."""
+
+    text: str
+
+
+class Announce(NamedTuple):
+    """What will move next and how far; nothing moves before it is agreed to. Sent: nothing.
+
+    The rig is held to `turns` and `reach` afterwards: going beyond is an error that stops it.
+    """
+
+    text: str
+    turns: float | None = None
+    """of either wheel at most, with the wheels lifted"""
+    reach: float | None = None
+    """m that the middle of the axle moves away from where it stands, at most"""
+    watched: bool = True
+    """whether the encoders can be believed already, so that the rig may stop by their counts"""
+
+
+class Mark(NamedTuple):
+    """A mark to be made on the floor at both wheels and the front: readings are taken from it.
+
+    Sent: nothing. For the eye, the mark is on the wheels.
+    """
+
+    text: str
+
+
+class Act(NamedTuple):
+    """Something that only a hand can do, and that is waited for. Sent: nothing.
+
+    `roll` tells an answers file's hand which wheel to turn (`left`, `right`) and how many turns;
+    `place`, before which sensor to put something, and how many m away.
+    """
+
+    name: str
+    text: str
+    roll: tuple[str, float] | None = None
+    place: tuple[str, float] | None = None
+
+
+class Progress(NamedTuple):
+    """How far the step is."""
+
+    what: str
+    done: float
+    total: float
+
+
+class Drawing(NamedTuple):
+    """A picture for the terminal: points by their kind, m, x to the right and y upwards."""
+
+    title: str
+    points: dict[str, list[tuple[float, float]]]
+
+
+class Graph(NamedTuple):
+    """A curve and points of it for the terminal, x to the right and y upwards."""
+
+    title: str
+    points: dict[str, list[tuple[float, float]]]
+    """by their kind, drawn one over the other"""
+    across: str
+    """what x is, with its unit"""
+    upwards: str
+
+
+Event = Said | Announce | Mark | Act | Progress | Drawing | Graph | Question
+Running = Generator[Event, Any, "Outcome"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a step came to."""
+
+    method: str
+    findings: Sequence[Finding]
+    report: Sequence[str] = ()
+    """lines for a person, in order"""
+    faults: Sequence[str] = ()
+    """what is wrong with the robot, in words of wires and screws; not what was found and mended"""
+    pictures: dict[str, str] = field(default_factory=dict)
+    """SVG texts by the end of their file's name"""
+    volts: float | None = None
+    """of the battery, when it was measured"""
+
+
+class Step(Protocol):
+    """One step of the chain, by the name that its command has."""
+
+    name: str
+    title: str
+    """what it finds, in a few words"""
+    lifted: bool
+    """whether the wheels must be off the ground"""
+
+    def run(self, rig: Rig) -> Running:
+        """Do it. Raises RunError when it cannot be done, or was stopped."""

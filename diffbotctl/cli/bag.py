@@ -1,0 +1,169 @@
+"""`diffbotctl bag`: look into recordings."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+recording = click.argument("file", type=click.Path(path_type=Path))
+
+
+@click.group()
+def command() -> None:
+    """Look into recordings: what is in them, as pictures and tables, side by side, mended."""
+
+
+@command.command()
+@recording
+def info(file: Path) -> int:
+    """What is in the recording FILE, why its run ended, and whether it is complete."""
+    from diffbotctl.bags.overview import overview
+    from diffbotctl.ui import bag
+
+    for line in bag.overview(overview(file)):
+        click.echo(line)
+    return 0
+
+
+@command.command()
+@recording
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="The mended file.")
+def recover(file: Path, output: Path | None) -> int:
+    """Write what can be read of the damaged or unfinished recording FILE as a whole file.
+
+    Without --output it stands beside FILE, named FILE-recovered.
+    """
+    from diffbotctl.bags.recover import recover
+
+    target = output or file.with_stem(f"{file.stem}-recovered")
+    done = recover(file, target)
+    click.echo(f"{target}: {done.messages} messages")
+    if done.damaged:
+        click.echo(f"{done.damaged} damaged chunks could not be read; what was in them is missing")
+    if done.cut is not None:
+        click.echo(f"the recording was cut ({done.cut})")
+    return 0
+
+
+@command.command()
+@recording
+@click.argument("fields", nargs=-1, metavar="[FIELD]...")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="A CSV file.")
+def export(file: Path, fields: tuple[str, ...], output: Path | None) -> int:
+    """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a topic for all of it.
+
+    One line an instant at which one of them spoke; a field that was silent then is left empty.
+    Times are seconds since the start of the run. Without FIELD everything is written.
+    """
+    from diffbotctl.bags import columns
+
+    known = columns.wires(file)
+    wanted = columns.chosen(fields, known) if fields else columns.everything(known)
+    if output is None:
+        _table(sys.stdout, file, wanted)
+        return 0
+    try:
+        with output.open("w", newline="") as target:
+            _table(target, file, wanted)
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from error
+    return 0
+
+
+def _table(target: Any, file: Path, wanted: list[Any]) -> None:
+    import csv
+
+    from diffbotctl.bags.columns import rows
+
+    writer = csv.writer(target, lineterminator="\n")
+    writer.writerow(["time", *(column.name for column in wanted)])
+    for time, row in rows(file, wanted):
+        seconds = f"{time // SECOND}.{time % SECOND:09d}"
+        writer.writerow([seconds, *(_cell(value) for value in row)])
+
+
+SECOND = 1_000_000_000  # ns
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, float):
+        return repr(value)  # reads back as the same number
+    return "" if value is None else value
+
+
+@command.command()
+@click.argument("fields", nargs=-1, required=True, metavar="FIELD...")
+@recording
+@click.option("--from", "begin", metavar="TIME", help="Begin there, such as 3s.")
+@click.option("--until", metavar="TIME", help="End there.")
+@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="x.svg or x.png.")
+@click.option("--ascii", "plain", is_flag=True, help="Draw with plain characters only.")
+def plot(
+    fields: tuple[str, ...], file: Path, begin: str | None, until: str | None,
+    output: Path | None, plain: bool,
+) -> int:  # fmt: skip
+    """Draw the FIELDs of the recording FILE over time, in the terminal or into --output.
+
+    A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
+    """
+    from diffbotctl.bags.series import series
+    from diffbotctl.cli.attach import quantity_of
+    from diffbotctl.graph import NEVER
+
+    first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
+    last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)
+    drawn = series(file, fields, first, last)
+    if output is None:
+        _on_terminal(drawn, plain)
+        return 0
+    from diffbotctl.ui.figure import figure, save
+
+    save(figure(drawn, file.name), output)
+    click.echo(f"{output}")
+    return 0
+
+
+def _on_terminal(drawn: list[Any], plain: bool) -> None:
+    from shutil import get_terminal_size
+
+    from diffbotctl.ui import terminal_plot
+    from diffbotctl.ui.dots import ASCII, BRAILLE
+
+    size = get_terminal_size((80, 24))
+    font = ASCII if plain or not _speaks_braille() else BRAILLE
+    for line in terminal_plot.lines(drawn, size.columns, size.lines - 1, font):
+        click.echo(line)
+
+
+def _speaks_braille() -> bool:
+    try:
+        "\N{BRAILLE PATTERN DOTS-1}".encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@command.command()
+@click.argument("one", type=click.Path(path_type=Path))
+@click.argument("other", type=click.Path(path_type=Path))
+def diff(one: Path, other: Path) -> int:
+    """Where the recordings ONE and OTHER first differ, topic by topic, and how their metrics do.
+
+    Exit code: 0 the same, 1 different.
+    """
+    from diffbotctl.bags.compare import compare
+    from diffbotctl.bags.measured import measured
+    from diffbotctl.ui import bag
+
+    topics = compare(one, other)
+    for line in bag.differences(topics, ("A", "B")):
+        click.echo(line)
+    both = measured(one), measured(other)
+    if both[0] != both[1]:
+        click.echo()
+        for line in bag.metrics(*both, ("A", "B")):
+            click.echo(line)
+    return int(any(topic.place is not None for topic in topics))

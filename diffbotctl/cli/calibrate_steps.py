@@ -1,0 +1,241 @@
+"""`diffbotctl calibrate encoders`, `motors`, ...: single steps, and all of them in order."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import click
+
+from diffbotctl.cli.calibrate_results import keep
+
+if TYPE_CHECKING:
+    from diffbotctl.calibrate.answers import Attendant
+    from diffbotctl.calibrate.instruments import Truths
+    from diffbotctl.calibrate.rig import Rig
+    from diffbotctl.calibrate.step import Step
+    from diffbotctl.drivers.keys import Keyboard
+    from diffbotctl.ui.steps import StepScreen
+
+FOLDER = Path("recordings")
+
+
+class Wanted(NamedTuple):
+    """What the command line says of every step alike."""
+
+    robot: str | None
+    port: str
+    seed: int
+    answers: Path | None
+    yes: bool
+    dry_run: bool
+
+
+def common(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that every step has."""
+    options = (
+        click.option("--robot", help="Robot file or name; the rules of `run` for none."),
+        click.option("--port", default="auto", show_default=True,
+                     help="sim, emulated, auto, or the board's port."),
+        click.option("--seed", default=0, help="Which simulated robot is drawn."),
+        click.option("--answers", type=click.Path(path_type=Path),
+                     help="YAML file that answers every question."),
+        click.option("--yes", is_flag=True, help="Move and write without asking."),
+        click.option("--dry-run", is_flag=True, help="Write nothing into the robot file."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
+    """Run the steps called `names` one after the other on one robot; `settings` go to each."""
+    from diffbotctl.calibrate.order import step
+    from diffbotctl.ui.steps import StepScreen
+
+    screen = StepScreen()
+    steps = [step(name, **settings) for name in names]
+    with _at_robot(wanted, screen) as (rig, attendant):
+        for number, each in enumerate(steps):
+            if len(steps) > 1 and not _is_wanted(each, number, len(steps), wanted):
+                continue
+            _one(each, rig, attendant, screen, wanted)
+
+
+def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted: Wanted) -> None:
+    from diffbotctl.calibrate.chain import kept, perform
+
+    try:
+        outcome = perform(each, rig, attendant, screen)
+    finally:
+        screen.rest()
+    done = kept(each, outcome, rig, FOLDER)
+    for line in outcome.report:
+        click.echo(line)
+    for file in done.files:
+        click.echo(f"kept: {file}")
+    if outcome.findings and not wanted.dry_run:
+        keep(rig.file.file, outcome.findings, done.origin, wanted.yes)
+    if outcome.faults:
+        _refuse(each, outcome.faults)
+
+
+def _refuse(each: Step, faults: Sequence[str]) -> None:
+    """Faults that only a hand can mend end the chain: the next steps would measure them."""
+    from diffbotctl.errors import Problem, RunError
+
+    fix = f"mend it, then run `diffbotctl calibrate {each.name}` again"
+    raise RunError(Problem("E-CALIBRATE-ROBOT", each.name, fault, fix) for fault in faults)
+
+
+def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
+    where = "wheels off the ground" if each.lifted else "on the floor"
+    click.echo(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})")
+    if wanted.yes or wanted.answers is not None:
+        return True
+    return click.confirm("Do this step?", default=True)
+
+
+@contextmanager
+def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attendant]]:
+    """The robot, and whoever stands beside it; in the end it is stopped and let go."""
+    from diffbotctl.calibrate.rigging import rig
+    from diffbotctl.calibrate.robot_file import own_file
+    from diffbotctl.cli.port import choose_port
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import shown
+
+    port = choose_port(radio=True) if wanted.port == "auto" else wanted.port
+    real = port not in ("sim", "emulated")
+    file = load_robot(wanted.robot)
+    if not wanted.dry_run:
+        mine, was_copied = own_file(file.file)
+        if was_copied:
+            click.echo(
+                f"{file.file.name} ships with diffbotctl and stays as it is: copied to {mine}"
+            )
+        file = load_robot(str(mine.absolute()))
+    click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
+    keyboard = _keyboard()
+    made, truths = rig(file, port, wanted.seed, keyboard, click.echo)
+    try:
+        attendant = _attendant(wanted, truths, keyboard)
+        if keyboard is None:
+            yield made, attendant
+        else:
+            with keyboard.watching():
+                yield made, attendant
+    finally:
+        if not made.close() and real:
+            click.echo("The stop was NOT CONFIRMED: switch the motors' battery off.", err=True)
+
+
+def _keyboard() -> Keyboard | None:
+    from diffbotctl.drivers.keys import Keyboard
+
+    return Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
+
+
+def _attendant(wanted: Wanted, truths: Truths | None, keyboard: Keyboard | None) -> Attendant:
+    from diffbotctl.calibrate.answers import AnswersFile
+    from diffbotctl.ui.attendant import Person
+
+    if wanted.answers is not None:
+        return AnswersFile(wanted.answers, truths)
+    if keyboard is None:
+        raise click.UsageError("Nobody is there to answer: give --answers FILE.")
+    return Person(keyboard, wanted.yes)
+
+
+@click.command("encoders")
+@common
+@click.option(
+    "--turns",
+    default=10,
+    show_default=True,
+    type=click.IntRange(1, 100),
+    help="Turns by hand in one go.",
+)
+@click.option("--rolls", default=3, show_default=True, type=click.IntRange(0, 20),
+              help="How often each wheel is turned by hand; 0: not at all.")  # fmt: skip
+def encoders(turns: int, rolls: int, **options: Any) -> None:
+    """Find out which wire is which, which way is forward, how many slots.
+
+    Wheels off the ground. Pulses one motor at a time and asks which wheel turned; then the wheels
+    are turned by hand. What settings can make up for goes into the robot file.
+    """
+    run(["encoders"], Wanted(**options), turns=turns, rolls=rolls)
+
+
+@click.command("motors")
+@common
+def motors(**options: Any) -> None:
+    """Find out how the motors follow: dead band, speed, lag. Sets the speed loops.
+
+    Wheels off the ground.
+    """
+    run(["motors"], Wanted(**options))
+
+
+@click.command("distance")
+@common
+@click.option(
+    "--metres",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0.2, 20),
+    help="How far it drives.",
+)
+@click.option("--repeats", default=5, show_default=True, type=click.IntRange(1, 50),
+              help="How often.")  # fmt: skip
+def distance(metres: float, repeats: int, **options: Any) -> None:
+    """Drive a metre several times, by the tape: finds the size of the wheels."""
+    run(["distance"], Wanted(**options), metres=metres, repeats=repeats)
+
+
+@click.command("geometry")
+@common
+@click.option(
+    "--how",
+    type=click.Choice(["squares", "spin", "straight"]),
+    default="squares",
+    show_default=True,
+    help="Squares find track and wheel ratio; a spin the track alone; "
+    "straight runs the ratio alone.",
+)
+@click.option(
+    "--side",
+    type=click.FloatRange(0.3, 10),
+    help="Of the squares, in m, or length of the straight; what suits the track when left out.",
+)
+@click.option("--runs", type=click.IntRange(1, 50), help="How often each way round.")
+@click.option(
+    "--rounds",
+    type=click.IntRange(1, 5),
+    help="Rounds of squares; each corrects what the one before has left.",
+)
+@click.option("--read", type=click.Choice(["places", "headings", "both"]),
+              help="What is measured of each square's end.")  # fmt: skip
+def geometry(
+    how: str, side: float | None, runs: int | None, rounds: int | None, read: str | None,
+    **options: Any,
+) -> None:  # fmt: skip
+    """Find the track and the ratio of the wheels by driving what is then measured (UMBmark)."""
+    names = {
+        "squares": ("side", "runs"),
+        "spin": ("", "repeats"),
+        "straight": ("metres", "repeats"),
+    }
+    settings: dict[str, object] = {"how": how}
+    for name, value in zip(names[how], (side, runs), strict=True):
+        if value is not None and name:
+            settings[name] = value
+    if how == "squares":
+        given = {"rounds": rounds, "read": read}
+        settings |= {name: value for name, value in given.items() if value is not None}
+    elif rounds or read or (side and how == "spin"):
+        raise click.UsageError(f"--how {how} has no such option: see --help.")
+    run(["geometry"], Wanted(**options), **settings)

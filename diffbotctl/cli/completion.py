@@ -1,0 +1,98 @@
+"""`diffbotctl completion`: what a shell needs to complete commands, options, names and codes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+PORTS = ("sim", "emulated", "auto")
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def command(shell: str) -> None:
+    """Print what SHELL needs to complete diffbotctl's words.
+
+    \b
+    bash  diffbotctl completion bash > ~/.local/share/bash-completion/completions/diffbotctl
+    zsh   diffbotctl completion zsh > ~/.zfunc/_diffbotctl    (with ~/.zfunc in fpath)
+    fish  diffbotctl completion fish > ~/.config/fish/completions/diffbotctl.fish
+    """
+    from diffbotctl.cli.main import COMPLETING, program
+
+    kind = get_completion_class(shell)
+    assert kind is not None
+    click.echo(kind(program, {}, "diffbotctl", COMPLETING).source())
+
+
+def teach(command: click.Command) -> click.Command:
+    """Tell a command, and those below it, what its words can be. Only while completing."""
+    for parameter in command.params:
+        known = KNOWN.get(f"{command.name} {parameter.name}", KNOWN.get(parameter.name or ""))
+        if known is not None and isinstance(parameter.type, click.types.StringParamType):
+            parameter.type = Known(known)
+    for below in getattr(command, "commands", {}).values():
+        teach(below)
+    return command
+
+
+class Known(click.types.StringParamType):
+    """A text of which some values are known; what is typed need not be one of them."""
+
+    def __init__(self, values: Callable[[], Iterable[str]]) -> None:
+        self.values = values
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Those that begin so; files, once it looks like a path."""
+        if "/" in incomplete and not incomplete.startswith("/dev/"):
+            return [CompletionItem(incomplete, type="file")]
+        return [CompletionItem(each) for each in self.values() if each.startswith(incomplete)]
+
+
+def _files(kind: str) -> Callable[[], list[str]]:
+    def names() -> list[str]:
+        from diffbotctl.config.resources import names as shipped
+
+        own = (path.stem for path in Path(kind).glob("*.yaml"))
+        return sorted({*shipped(kind), *own})
+
+    return names
+
+
+def _ports() -> list[str]:
+    found = (str(each) for kind in ("ttyACM", "ttyUSB", "rfcomm") for each in DEV.glob(f"{kind}*"))
+    return [*PORTS, *sorted(found)]
+
+
+def _codes() -> list[str]:
+    from diffbotctl.codes import CODES
+
+    return sorted(CODES)
+
+
+def _blocks() -> list[str]:
+    from diffbotctl.config.registry import names
+
+    return names()
+
+
+def _both() -> list[str]:
+    return sorted({*_files("pipelines")(), *_files("robots")()})
+
+
+DEV = Path("/dev")
+KNOWN: dict[str, Callable[[], Iterable[str]]] = {
+    "robot": _files("robots"),
+    "pipeline": _files("pipelines"),
+    "world": _files("pipelines"),
+    "files": _both,
+    "port": _ports,
+    "radio": _ports,
+    "code": _codes,
+    "show name": _blocks,
+}

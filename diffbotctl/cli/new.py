@@ -1,0 +1,96 @@
+"""`diffbotctl new`: a robot file, a pipeline, or a package with a block, to start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.group()
+def command() -> None:
+    """Write a new robot, pipeline or block, which works as it stands. Nothing is asked."""
+
+
+@command.command()
+@click.argument("name")
+def robot(name: str) -> None:
+    """Write robots/NAME.yaml: every part of a robot, with a word about each."""
+    write("robot", name)
+
+
+@command.command()
+@click.argument("name")
+def pipeline(name: str) -> None:
+    """Write pipelines/NAME.yaml: goals, and the blocks that drive to them."""
+    write("pipeline", name)
+
+
+@command.command()
+@click.argument("name")
+def block(name: str) -> None:
+    """Write the folder NAME: a block, its test, and a package that installs it."""
+    from keyword import iskeyword
+
+    from diffbotctl.config import registry
+    from diffbotctl.config.new_block import files
+
+    _check_word(name, "block")
+    if iskeyword(name) or name in registry.names():
+        what = "a word of Python" if iskeyword(name) else "a block that there is already"
+        raise _refused("E-NAME", name, f"'{name}' is {what}", "give yours another name")
+    for path, text in files(name).items():
+        _write(Path(name) / path, text)
+    click.echo(f"{name}/ is a package: its README.md says how to install and try it.")
+
+
+def write(kind: str, name: str) -> None:
+    """Write a new `robot` or `pipeline` file. Raises UsageError where there is one already."""
+    from diffbotctl.config import new_yaml
+
+    _check_word(name, kind)
+    path = Path(f"{kind}s") / f"{name}.yaml"
+    template = new_yaml.ROBOT if kind == "robot" else new_yaml.PIPELINE
+    _write(path, template.format(name=name, file=path, schema=_schema(kind)))
+    also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
+    click.echo(f"Now: diffbotctl check {path}; {also}")
+
+
+def _schema(kind: str) -> str:
+    """Where an editor finds the schema: beside the files in a checkout, else where we live."""
+    from diffbotctl.config.resources import folder
+
+    file = folder("schemas") / f"{kind}.schema.json"
+    if file.parent.parent.resolve() == Path.cwd():
+        return f"../schemas/{file.name}"
+    return file.as_uri()
+
+
+def _check_word(name: str, what: str) -> None:
+    import re
+
+    from diffbotctl.config.schema import NAME
+
+    if not re.fullmatch(NAME.strip("^$"), name):
+        cause = f"'{name}' cannot name a {what}: small letters, digits and _ make a name"
+        raise _refused("E-NAME", name, cause, "say it with those, a letter first")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        fix = "give another name, or move that one away"
+        raise _refused("E-FILE-WRITE", str(path), "there is such a file already", fix) from error
+    except OSError as error:
+        cause = f"cannot be written: {error.strerror}"
+        raise _refused("E-FILE-WRITE", str(path), cause, "go to a folder of yours") from error
+    click.echo(f"written: {path}")
+
+
+def _refused(code: str, place: str, cause: str, fix: str) -> Exception:
+    from diffbotctl.errors import Problem, UsageError
+
+    return UsageError(Problem(code, place, cause, fix))

@@ -1,0 +1,231 @@
+"""The walk along the chapters of `diffbotctl start`: what each does, by the commands there are."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from diffbotctl.cli.start_attendant import Attendant, Enough
+from diffbotctl.start.chapters import CHAPTERS, Chapter, numbered
+
+if TYPE_CHECKING:
+    from diffbotctl.config.configuration import RobotFile
+    from diffbotctl.start.answers import Answers
+    from diffbotctl.start.record import Record
+
+NEW_ROBOT = "my_robot"
+# What each further step of the calibration finds, and its file knows once it is done.
+MEASURED = {
+    "motors": "drive.left.motor.lag",
+    "distance": "drive.left.wheel.diameter",
+    "geometry": "drive.track",
+}
+NO_BOARD = """\
+No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
+here. If one is plugged in, `diffbotctl ports` says why it is not seen; `diffbotctl wiring` draws
+what else is connected to it. Without a board, `diffbotctl emulate` makes one to try all this on:
+diffbotctl start --port PORT"""
+STOCK = """\
+{robot} says link: {{protocol: rosserial}}: the board keeps the book's firmware. It drives as it is:
+    diffbotctl run goal --robot {robot} --port {port}
+This path is for ours, which stops by itself when the host falls silent. Say
+link: {{protocol: diffbot}} in the file, and start again."""
+END = """\
+That is the whole path. From here:
+    diffbotctl calibrate show        what was measured, and what was not
+    diffbotctl run square --robot {robot} --port {port}
+    diffbotctl why                   whenever it stands and you wonder"""
+
+
+class Walk:
+    """One visit: goes on from the first chapter that is not done."""
+
+    def __init__(
+        self, record: Record, robot: str | None, port: str | None, radio: str | None,
+        answers: Answers | None,
+    ) -> None:  # fmt: skip
+        self.record, self.radio = record, radio
+        self.attendant = Attendant(answers)
+        notes = record.notes
+        if robot is not None:
+            self._take(robot)
+        self.given = port
+        if port is not None and notes.get("port") != port:
+            notes["port"] = port
+            self._undo("board", "firmware")
+        if "port" in notes and not os.path.exists(notes["port"]):
+            self._undo("board", "firmware")  # unplugged since, or its name has changed
+
+    def _take(self, robot: str) -> None:
+        """Go on with this robot; what was done with another one does not count."""
+        from diffbotctl.config import lookup
+
+        path = str(lookup.robot(robot))
+        if self.record.notes.get("robot", path) != path:
+            self.record.done[:] = [key for key in self.record.done if key == CHAPTERS[0].key]
+        self.record.notes["robot"] = path
+
+    def _undo(self, *keys: str) -> None:
+        self.record.done[:] = [key for key in self.record.done if key not in keys]
+
+    @property
+    def robot(self) -> str | None:
+        """The robot's file or name; None until there is one."""
+        return self.record.notes.get("robot")
+
+    @property
+    def port(self) -> str:
+        """The board's USB port."""
+        return self.record.notes.get("port", "a port yet to be found")
+
+    def tell(self) -> Chapter | None:
+        """Say what is true now, and what comes next. Returns the next chapter."""
+        following = None
+        for chapter in CHAPTERS:
+            if chapter.key in self.record.done:
+                click.echo(f"done   {numbered(chapter.key)}: {self._worded(chapter.truth)}")
+            elif following is None:
+                following = chapter
+        if following is None:
+            click.echo(END.format(robot=self.robot, port=self.radio or self.port))
+        else:
+            click.echo(f"next   {numbered(following.key)}: {following.ahead}")
+        return following
+
+    def go(self) -> int:
+        """Walk to the end, or as far as there is a board. Returns the exit code."""
+        if self.record.done:
+            self.tell()
+        for chapter in CHAPTERS:
+            if chapter.key in self.record.done:
+                continue
+            click.echo(f"\n{click.style(numbered(chapter.key), bold=True)}")
+            click.echo(f"  next: {chapter.ahead}")
+            try:
+                getattr(self, f"_{chapter.key}")()
+            except Enough as why:
+                click.echo(str(why))
+                return 0
+            self.record.finish(chapter.key)
+            click.echo(f"  now: {self._worded(chapter.truth)}")
+        click.echo("\n" + END.format(robot=self.robot, port=self.radio or self.port))
+        return 0
+
+    def _worded(self, text: str) -> str:
+        return text.format(robot=self.robot, port=self.port)
+
+    # --- the chapters ---
+
+    def _simulated(self) -> None:
+        self._run("goal", "sim")
+
+    def _robot(self) -> None:
+        from diffbotctl.cli import new
+        from diffbotctl.config import lookup
+        from diffbotctl.config.load import load_robot
+        from diffbotctl.start.own_file import own, refuse_shipped_folder
+
+        path = lookup.robot(self.robot)
+        if self.robot is None and lookup.is_shipped(path):
+            own_name = Path("robots") / f"{NEW_ROBOT}.yaml"
+            refuse_shipped_folder(own_name)
+            if not own_name.exists():
+                click.echo("  It is the book's kit; change what differs on yours.")
+                new.write("robot", NEW_ROBOT)
+            path = own_name
+        self.record.notes["robot"] = str(own(path))
+        for warning in load_robot(self.robot).warnings:
+            click.echo(warning.render())
+        click.echo(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
+
+    def _board(self) -> None:
+        from diffbotctl.cli.port import choose_port
+        from diffbotctl.flash.trouble import NoBoardError
+
+        if self.given is None:
+            try:
+                self.record.notes["port"] = choose_port()
+            except NoBoardError:
+                if not self.attendant.is_person:
+                    raise
+                raise Enough(NO_BOARD) from None
+
+    def _firmware(self) -> None:
+        from diffbotctl.cli import flash
+        from diffbotctl.start.board import greets
+
+        if self._file().robot.link.protocol != "diffbot":
+            raise Enough(STOCK.format(robot=self.robot, port=self.radio or self.port))
+        if greets(self.port, self._file().robot):
+            click.echo("  It runs our firmware already: nothing to write.")
+            return
+        click.echo("  It does not run our firmware. What is on it now will be written over.")
+        self.attendant.agree("lifted")
+        words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
+        _typed(flash, *words)
+
+    def _wheels(self) -> None:
+        if self._file().robot.drive.polarity != "unproven":
+            click.echo("  Its file says that this was seen before.")
+            return
+        self.attendant.agree("lifted")
+        self._calibrate("encoders", rolls=0)
+
+    def _measure(self) -> None:
+        left = [step for step, field in MEASURED.items() if not self._is_known(field)]
+        if not left:
+            click.echo("  Its file says that all of it was measured before.")
+            return
+        answer = self.attendant.ask("measure")
+        for step in left:
+            if answer == "later" or (answer == "motors" and step != "motors"):
+                click.echo(f"  Later, then: diffbotctl calibrate {step}")
+                continue
+            self.attendant.agree("lifted" if step == "motors" else "floor")
+            self._calibrate(step)
+
+    def _metre(self) -> None:
+        self.attendant.agree("floor")
+        self._run("distance", self.radio or self.port)
+
+    def _goal(self) -> None:
+        self.attendant.agree("floor")
+        click.echo("  Put it back to where it started from, if you like it to end up there.")
+        self._run("goal", self.radio or self.port)
+
+    # --- what they share ---
+
+    def _file(self) -> RobotFile:
+        from diffbotctl.config.load import load_robot
+
+        return load_robot(self.robot)
+
+    def _is_known(self, field: str) -> bool:
+        return field in self._file().robot.calibration
+
+    def _calibrate(self, step: str, **settings: object) -> None:
+        from diffbotctl.cli.calibrate_steps import Wanted, run
+
+        answers = self.attendant.file
+        wanted = Wanted(self.robot, self.port, 0, answers, answers is not None, False)
+        run([step], wanted, **settings)
+
+    def _run(self, pipeline: str, port: str) -> None:
+        from diffbotctl.cli import run
+
+        watched = sys.stdout.isatty() and self.attendant.is_person
+        words = [pipeline, "--port", port]
+        words += [] if self.robot is None else ["--robot", self.robot]
+        words += [] if watched else ["--fast", "--quiet"]
+        code = _typed(run, *words)
+        if code:
+            raise click.ClickException("it did not get there; start again when that is mended")
+
+
+def _typed(module: Any, *words: str) -> int:
+    """A command's own function, as typed at the prompt. Returns its exit code."""
+    return int(module.command.main(words, standalone_mode=False) or 0)

@@ -1,0 +1,197 @@
+"""The wiring harness of a robot: every wire between its parts, as the robot file has them.
+
+Colours are those of ribbon jumper wires: red and black for supply and ground as everywhere, one
+colour for each kind of signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from diffbotctl.config.boards import BOARDS, Board
+from diffbotctl.config.robot import Robot, Side
+from diffbotctl.errors import Problem, UsageError
+
+SUPPLY, GROUND = "red", "black"
+ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
+ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
+TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
+DIVIDER = "1k in it, 2k RXD to GND"  # 5 V x 2 / 3 = 3.3 V
+MEANINGS = {
+    SUPPLY: "supply", GROUND: "ground", ENABLE: "speed, PWM", FIRST: "direction 1",
+    SECOND: "direction 2", ENCODER: "encoder", SENSOR: "sensor", BUTTON: "stop button",
+    TO_BOARD: "to board", FROM_BOARD: "from board",
+}  # fmt: skip
+
+DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
+# Half A of an L298N is the left one here: its input names, and its outputs.
+HALVES = {
+    "left": ("ENA", "IN1", "IN2", "OUT1", "OUT2"),
+    "right": ("ENB", "IN3", "IN4", "OUT3", "OUT4"),
+}
+
+
+class Pin(NamedTuple):
+    """One terminal of one part."""
+
+    part: str
+    name: str
+
+
+class Wire(NamedTuple):
+    """One wire. `through` says what is soldered into it."""
+
+    start: Pin
+    end: Pin
+    colour: str
+    purpose: str
+    through: str = ""
+
+
+class Part(NamedTuple):
+    """One thing that is wired: what its pins are called, in the order in which they are drawn.
+
+    `remark` is a word on it: a voltage, or what is done to it.
+    """
+
+    key: str
+    title: str
+    pins: tuple[str, ...]
+    remark: str = ""
+
+
+class Harness(NamedTuple):
+    """All parts and wires of one robot.
+
+    `printed` maps a pin of the board to all that stands beside it, where that is more than its
+    name.
+    """
+
+    parts: dict[str, Part]
+    wires: tuple[Wire, ...]
+    printed: dict[str, str]
+
+    def colours(self) -> dict[str, str]:
+        """Each colour in use and what it means."""
+        used = {wire.colour for wire in self.wires}
+        return {colour: meaning for colour, meaning in MEANINGS.items() if colour in used}
+
+    def of(self, *keys: str) -> list[Wire]:
+        """The wires between any two of these parts."""
+        return [wire for wire in self.wires if {wire.start.part, wire.end.part} <= set(keys)]
+
+
+def harness(robot: Robot) -> Harness:
+    """Every wire of a checked robot. Raises UsageError for one that has no board."""
+    board = BOARDS.get(robot.board.type)
+    if board is None:
+        cause = f"a robot whose board is {robot.board.type} has no wires"
+        raise UsageError(Problem("E-WIRING-NONE", "wiring", cause, "name a robot with a board"))
+    wires = [
+        *_power(robot),
+        *_motor("left", robot.drive.left, board),
+        *_motor("right", robot.drive.right, board),
+        *_radio(robot, board),
+        *_encoder("left", robot.drive.left, board),
+        *_encoder("right", robot.drive.right, board),
+        *_sensors(robot, board),
+        *_button(robot, board),
+    ]
+    return Harness(_parts(robot, board, wires), tuple(wires), _printed(robot, board))
+
+
+def has_radio(robot: Robot) -> bool:
+    """True when a Bluetooth module sits on the link's port; on the USB port only if it is said."""
+    if robot.link.radio is None:
+        return bool(robot.link.uart != 0)
+    return bool(robot.link.radio == "hc05")
+
+
+def _power(robot: Robot) -> Iterator[Wire]:
+    yield Wire(Pin(CELLS, "+"), Pin(DRIVER, "12V"), SUPPLY, "motor supply, through a switch")
+    yield Wire(Pin(CELLS, "-"), Pin(DRIVER, "GND"), GROUND, "motor supply")
+    if robot.board.supply == "vin":
+        yield Wire(Pin(DRIVER, "12V"), Pin(BOARD, "VIN"), SUPPLY, "board's supply, 7 to 12 V")
+    elif robot.board.supply == "regulator":
+        yield Wire(Pin(DRIVER, "5V"), Pin(BOARD, "5V"), SUPPLY, "board's supply, 5 V")
+    yield Wire(Pin(DRIVER, "GND"), Pin(BOARD, "GND"), GROUND, "common ground")
+
+
+def _motor(name: str, side: Side, board: Board) -> Iterator[Wire]:
+    enable, first, second, out_first, out_second = HALVES[name]
+    motor, key = side.motor, f"{name} motor"
+    for pin, input_, colour, purpose in (
+        (motor.enable, enable, ENABLE, "speed (PWM)"),
+        (motor.in1, first, FIRST, "direction"),
+        (motor.in2, second, SECOND, "direction"),
+    ):
+        at = Pin(BOARD, board.named(str(pin)))
+        yield Wire(at, Pin(DRIVER, input_), colour, f"{name} motor: {purpose}")
+    yield Wire(Pin(DRIVER, out_first), Pin(key, "+"), SUPPLY, key)
+    yield Wire(Pin(DRIVER, out_second), Pin(key, "-"), GROUND, key)
+
+
+def _supplied(key: str, supply: str, ground: str, what: str) -> Iterator[Wire]:
+    yield Wire(Pin(BOARD, "5V"), Pin(key, supply), SUPPLY, f"{what}: 5 V")
+    yield Wire(Pin(BOARD, "GND"), Pin(key, ground), GROUND, f"{what}: ground")
+
+
+def _radio(robot: Robot, board: Board) -> Iterator[Wire]:
+    if not has_radio(robot):
+        return
+    receive, transmit = board.uarts[robot.link.uart]
+    yield from _supplied(RADIO, "VCC", "GND", "HC-05")
+    yield Wire(Pin(RADIO, "TXD"), Pin(BOARD, receive), TO_BOARD, "data to the board")
+    through = DIVIDER if robot.link.level == "divider" else ""
+    yield Wire(Pin(BOARD, transmit), Pin(RADIO, "RXD"), FROM_BOARD, "data", through)
+
+
+def _encoder(name: str, side: Side, board: Board) -> Iterator[Wire]:
+    key = f"{name} encoder"
+    yield from _supplied(key, "VCC", "GND", key)
+    pin = Pin(BOARD, board.named(str(side.encoder.pin)))
+    yield Wire(Pin(key, "OUT"), pin, ENCODER, f"{key}: edges")
+
+
+def _sensors(robot: Robot, board: Board) -> Iterator[Wire]:
+    for name, sensor in robot.sensors.items():
+        key = f"{name} sensor"
+        yield from _supplied(key, "VCC", "GND", key)
+        pin = Pin(BOARD, board.named(str(sensor.pin)))
+        yield Wire(Pin(key, "Vo"), pin, SENSOR, f"{key}: 0 to 3.1 V")
+
+
+def _button(robot: Robot, board: Board) -> Iterator[Wire]:
+    if robot.board.stop_button is None:
+        return
+    pin = Pin(BOARD, board.named(str(robot.board.stop_button)))
+    yield Wire(pin, Pin(STOP, "1"), BUTTON, "stop button: closed is pressed")
+    yield Wire(Pin(BOARD, "GND"), Pin(STOP, "2"), GROUND, "stop button: ground")
+
+
+def _parts(robot: Robot, board: Board, wires: list[Wire]) -> dict[str, Part]:
+    titles = {CELLS: "battery", DRIVER: "L298N", BOARD: board.title, RADIO: "HC-05"}
+    titles |= {STOP: "stop button"} | {f"{name} sensor": f"{name}: Sharp" for name in robot.sensors}
+    pins: dict[str, dict[str, None]] = {}
+    for wire in wires:
+        for part, name in (wire.start, wire.end):
+            pins.setdefault(part, {})[name] = None
+    full = robot.battery.full
+    remarks = {
+        CELLS: "7 to 12 V" if full is None else f"{full:g} V full",
+        DRIVER: "ENA/ENB off",
+        BOARD: {"vin": "VIN 7-12 V", "regulator": "5 V in", "usb": "USB power"}[robot.board.supply],
+    }
+    return {
+        key: Part(key, titles.get(key, key), tuple(names), remarks.get(key, ""))
+        for key, names in pins.items()
+    }
+
+
+def _printed(robot: Robot, board: Board) -> dict[str, str]:
+    if not has_radio(robot):
+        return {}
+    receive, transmit = board.uarts[robot.link.uart]
+    number = str(robot.link.uart or "")  # port 0 is printed RX and TX
+    return {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}

@@ -1,0 +1,101 @@
+"""The engine's end of the flight recorder: what the drivers delivered, kept for the day it stops.
+
+A child process holds the last minutes in memory and writes them out at a stop. The blocks' messages
+are not sent: a replay makes them anew, from a state taken now and then.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from diffbotctl.engine.outlet import Outlet
+from diffbotctl.engine.recorder import gathered
+from diffbotctl.graph import SECOND
+from diffbotctl.messages import Stop
+
+SNAPSHOT = 30 * SECOND  # between two states; each costs a third of a millisecond of idle time
+
+
+class Stopped(NamedTuple):
+    """Something stopped the robot at `time` (ns)."""
+
+    time: int
+    code: str
+    cause: str
+
+
+class State(NamedTuple):
+    """The state of all blocks after the instant `time` (ns), with all inputs up to then sent."""
+
+    time: int
+    data: bytes
+
+
+class Flight:
+    """Gathers what drivers deliver: the first `sources` messages of each instant.
+
+    `snapshot` returns the state between two instants, or None when it has no bytes. `announce` is
+    called with each file that was written, `tell` once, with the reason, when this has failed.
+    """
+
+    def __init__(
+        self,
+        channel: socket.socket,
+        sources: int,
+        snapshot: Callable[[], bytes | None],
+        announce: Callable[[str], None],
+        tell: Callable[[str], None],
+    ) -> None:
+        self.outlet = Outlet(channel, False, tell)
+        self.end = sources + 1
+        self.snapshot = snapshot
+        self.announce = announce
+        self.pending: list[tuple[Any, ...]] = []
+        self.stops: list[Stopped] = []
+        self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
+        self.next = SNAPSHOT
+        self.last = 0
+
+    def stop(self, now: int, stop: Stop) -> None:
+        """A sink for stops."""
+        if stop.code:
+            self.stops.append(Stopped(now, stop.code, stop.cause))
+
+    def drain(self) -> None:
+        """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
+        if not self.pending or not (self.stops or gathered(self.pending)):
+            return
+        self._send()
+        if self.last >= self.next:
+            self.next = self.last + SNAPSHOT
+            data = self.snapshot()
+            if data is not None:
+                self.outlet.send(State(self.last, data))
+        said = self.outlet.hear()
+        if said is not None:
+            self._announce(said)
+
+    def close(self, summary: dict[str, str]) -> None:
+        """Hand on the rest with how the run ended, and announce what is written because of it."""
+        self.outlet.channel.setblocking(True)
+        self._send()
+        self.outlet.send(summary)
+        self._announce(self.outlet.close())
+
+    def _send(self) -> None:
+        if self.pending:
+            self.last = self.pending[-1][0]
+        heard = [instant[: self.end] for instant in self.pending]
+        inputs = [each for each in heard if any(part is not None for part in each[1:])]
+        self.pending.clear()
+        if inputs:
+            self.outlet.send(inputs)
+        for stop in self.stops:
+            self.outlet.send(stop)
+        self.stops.clear()
+
+    def _announce(self, said: str) -> None:
+        for line in said.splitlines():
+            self.announce(line)

@@ -1,0 +1,72 @@
+"""The engine's end of a channel to a child process that must lose nothing."""
+
+from __future__ import annotations
+
+import pickle
+import socket
+import struct
+from collections.abc import Callable
+from typing import Any
+
+BACKLOG = 16 << 20  # bytes that may wait for the child; then it is given up
+LENGTH = struct.Struct("<I")
+
+
+class Outlet:
+    """Sends length-prefixed pickles, and hears what the child says.
+
+    `waits`: sending waits for the child; else what does not fit waits here, up to BACKLOG. `tell`
+    is called once, with the reason, when something was lost; from then on nothing is sent.
+    """
+
+    def __init__(self, channel: socket.socket, waits: bool, tell: Callable[[str], None]) -> None:
+        self.channel = channel
+        self.tell = tell
+        self.backlog = bytearray()
+        self.lost: str | None = None
+        channel.setblocking(waits)
+
+    def send(self, item: Any) -> None:
+        """Send `item` as far as it goes."""
+        if self.lost is not None:
+            return
+        body = pickle.dumps(item, pickle.HIGHEST_PROTOCOL)
+        self.backlog += LENGTH.pack(len(body)) + body
+        try:
+            while self.backlog:
+                del self.backlog[: self.channel.send(self.backlog)]
+        except BlockingIOError:
+            if len(self.backlog) > BACKLOG:
+                self.give_up("the recorder could not keep up")
+        except (BrokenPipeError, ConnectionResetError):
+            self.give_up("the recorder has ended")
+
+    def hear(self) -> str | None:
+        """What the child has said since; None when it said nothing. Its end is a loss."""
+        if self.lost is not None:
+            return None
+        try:
+            said = self.channel.recv(1 << 10, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return None
+        except ConnectionResetError:
+            said = b""
+        if not said:
+            self.give_up("the recorder has ended")
+        return said.decode() or None
+
+    def close(self) -> str:
+        """Say that this was all; wait for the child, and return its last words."""
+        said = b""
+        self.channel.setblocking(True)
+        self.channel.shutdown(socket.SHUT_WR)
+        while self.lost is None and (part := self.channel.recv(1 << 10)):
+            said += part
+        self.channel.close()
+        return said.decode()
+
+    def give_up(self, cause: str) -> None:
+        """Note that something was lost."""
+        self.lost = cause
+        self.backlog.clear()
+        self.tell(cause)

@@ -1,0 +1,93 @@
+"""What a run writes down about itself: the recording that was asked for, or else the flight."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+
+from diffbotctl import __version__
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.engine.flight import Flight
+from diffbotctl.engine.recorder import Recorder
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.hub import flight_process, recorder_process
+from diffbotctl.messages import Goal
+from diffbotctl.runs.assembly import Assembly, mounts
+
+Tell = Callable[[str], None]
+
+
+def about(
+    configuration: Configuration,
+    port: str,
+    seed: int,
+    goals: Sequence[Goal],
+    duration: float | None,
+) -> dict[str, str]:
+    """What explains a recording by itself: version, files, options. `duration` is in s."""
+    files = {str(file): file.read_text() for file in configuration.files}
+    return {
+        "version": __version__,
+        "epoch": str(time.time_ns()),
+        "pipeline": str(configuration.file),
+        "robot": str(configuration.robot_file or ""),
+        "sets": json.dumps(configuration.settings),
+        "port": port,
+        "seed": str(seed),
+        "goals": json.dumps([list(goal) for goal in goals]),
+        "duration": json.dumps(duration),
+        "files": json.dumps(files),
+    }
+
+
+def recorder(
+    path: Path,
+    configuration: Configuration,
+    assembly: Assembly,
+    facts: dict[str, str],
+    waits: bool,
+    tell: Tell,
+) -> tuple[Recorder, int]:
+    """Start recording to `path`. Returns the engine's end and the child's pid. Raises RunError."""
+    graph = assembly.graph
+    try:
+        channel, pid = recorder_process.start(
+            path, graph.kinds, len(graph.sources), facts, mounts(configuration)
+        )
+    except OSError as error:
+        cause = f"cannot record there: {error.strerror}"
+        raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
+
+    def lost(cause: str) -> None:
+        tell(f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+
+    return Recorder(channel, waits=waits, tell=lost), pid
+
+
+def flight(
+    folder: Path,
+    configuration: Configuration,
+    assembly: Assembly,
+    facts: dict[str, str],
+    snapshot: Callable[[], bytes | None],
+    announce: Tell,
+    tell: Tell,
+) -> tuple[Flight, int]:
+    """Start the flight recorder, which writes to `folder`. Returns the engine's end and a pid.
+
+    `announce` is called with each file that was written, `tell` once when it has failed.
+    """
+    graph = assembly.graph
+    wires = {wire: graph.kinds[wire] for wire in graph.sources}
+    name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
+    subject = flight_process.Subject(folder, name, wires, facts)
+    channel, pid = flight_process.start(subject)
+
+    def lost(cause: str) -> None:
+        tell(f"FLIGHT RECORDER STOPPED: {cause}; the run goes on, its last minutes are not kept")
+
+    return Flight(channel, len(graph.sources), snapshot, announce, lost), pid

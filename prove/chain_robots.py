@@ -1,0 +1,189 @@
+"""Robots with faults planted in them, and the calibration chain run on each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot, pi
+from pathlib import Path
+from random import Random
+from typing import Any, NamedTuple
+
+from diffbotctl.calibrate.answers import AnswersFile
+from diffbotctl.calibrate.chain import perform
+from diffbotctl.calibrate.instruments import Truths
+from diffbotctl.calibrate.order import step
+from diffbotctl.calibrate.rig import Rig
+from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate.step import Announce, Outcome
+from diffbotctl.config.load import load_robot
+
+ANSWERS = """\
+encoders: {measure: eye}
+distance.reading: {measure: tape, noise: 1 mm}
+geometry: {measure: tape, noise: 2 mm}
+"""
+TRUTH = "geometry: {track_spread: 0.03, diameter_spread: 0.005}"
+SIDES = ("left", "right")
+TOLD_REVERSED = {"left": True, "right": False}  # by robots/book_2wd.yaml
+DISCS = (16, 24, 30)
+
+
+class Wiring(NamedTuple):
+    """How a robot was soldered together, and what a calibration must say of it."""
+
+    left: str = "reversed"  # as robots/book_2wd.yaml has it
+    right: str = "plain"
+    encoders: str = "plain"
+    left_encoder: str = "plain"
+    right_encoder: str = "plain"
+    slots: int = 20
+
+    def text(self) -> str:
+        """The robot file."""
+        wiring = ", ".join(f"{name}: {value}" for name, value in self._asdict().items()
+                           if name != "slots")  # fmt: skip
+        return (
+            "format: 1\nkind: robot\ninclude: book_2wd\n"
+            f"simulation: {{{TRUTH}, wiring: {{{wiring}}}, encoder: {{slots: {self.slots}}}}}\n"
+            "calibration: {}\n"
+        )
+
+    def faults(self) -> set[str]:
+        """The faults by the words with which they must be named."""
+        motors = {"left": self.left, "right": self.right}
+        cells = {"left": self.left_encoder, "right": self.right_encoder}
+        crossed = self.left == "swapped"
+        found = {f"{side} encoder {cells[side]}" for side in SIDES if cells[side] != "plain"
+                 and motors[side] != "dead"}  # fmt: skip
+        if crossed:
+            found.add("motors swapped")
+        # A plug that leads nowhere cannot be seen to be in the wrong place.
+        if self.encoders == "swapped" and any(
+            cells[side] == "plain" and motors[side] != "dead" for side in SIDES
+        ):
+            found.add("encoders swapped")
+        for side in SIDES:
+            if motors[side] == "dead":
+                found.add(f"{side} motor dead")
+                continue
+            channel = ("right" if side == "left" else "left") if crossed else side
+            if TOLD_REVERSED[channel] != (motors[side] == "reversed"):
+                found.add(f"{side} motor reversed")
+        if self.slots != 20 and any(
+            cells[side] == "plain" and motors[side] != "dead" for side in SIDES
+        ):
+            found.add(f"{self.slots} slots, not 20")
+        return found
+
+    def repaired(self) -> Wiring:
+        """With what only a hand can mend mended."""
+        motors = {"left": self.left, "right": self.right}
+        mended = {side: "plain" if way == "dead" else way for side, way in motors.items()}
+        return self._replace(left_encoder="plain", right_encoder="plain", **mended)
+
+
+def drawn(chance: Random) -> Wiring:
+    """Faults at random: each robot has some, a third of them one that only a hand can mend."""
+    crossed = chance.random() < 0.35
+    motors = ["swapped", "swapped"] if crossed else [chance.choice(["plain", "reversed"])
+                                                     for _ in SIDES]  # fmt: skip
+    made = Wiring(
+        left=motors[0], right=motors[1],
+        encoders="swapped" if chance.random() < 0.35 else "plain",
+        slots=chance.choice(DISCS) if chance.random() < 0.25 else 20,
+    )  # fmt: skip
+    luck = chance.random()
+    side = chance.choice(SIDES)
+    if luck < 0.12 and not crossed:
+        return made._replace(**{side: "dead"})
+    if luck < 0.24:
+        return made._replace(**{f"{side}_encoder": "dead"})
+    if luck < 0.36:
+        return made._replace(**{f"{side}_encoder": "floating"})
+    return made
+
+
+class Quiet:
+    """A screen that shows nothing."""
+
+    def say(self, text: str) -> None: ...
+    def progress(self, progress: Any) -> None: ...
+    def draw(self, drawing: Any) -> None: ...
+
+
+class Watched(AnswersFile):
+    """An answers file that holds the robot to what was announced, by its truth."""
+
+    def __init__(self, path: Path, truths: Truths, made: Rig) -> None:
+        super().__init__(path, truths)
+        self.truths = truths
+        self.worst = 0.0
+        """most of an announced bound that was used"""
+        self._announced: Announce | None = None
+        self._from = truths.truth
+        note = made.note
+
+        def look(now: int, frame: Any) -> None:
+            note(now, frame)
+            self._look()
+
+        made.note = look  # type: ignore[method-assign]
+
+    def agree(self, announced: Announce) -> None:
+        """The bound holds from here."""
+        self._announced, self._from = announced, self.truths.truth
+
+    def act(self, act: Any) -> None:
+        """What a hand turns was not announced."""
+        self._announced = None
+        super().act(act)
+
+    def mark(self, mark: Any) -> None:
+        """Whoever marks the start has put the robot back to it."""
+        super().mark(mark)
+        if self._announced is not None and self._announced.reach is not None:
+            self._from = self.truths.truth
+
+    def _look(self) -> None:
+        bound = self._announced
+        if bound is None:
+            return
+        begun, now = self._from, self.truths.truth
+        if bound.turns is not None:
+            turned = max(abs(now.left_angle - begun.left_angle),
+                         abs(now.right_angle - begun.right_angle)) / (2 * pi)  # fmt: skip
+            self.worst = max(self.worst, turned / bound.turns)
+        if bound.reach is not None:
+            gone = hypot(now.pose.x - begun.pose.x, now.pose.y - begun.pose.y)
+            self.worst = max(self.worst, gone / bound.reach)
+
+
+class Chained(NamedTuple):
+    """A robot after the chain."""
+
+    rig: Rig
+    truths: Truths
+    outcomes: dict[str, Outcome]
+    worst: float
+
+    def named(self) -> list[str]:
+        """All that the encoders step said was wrong."""
+        outcome = self.outcomes["encoders"]
+        return [*outcome.report, *outcome.faults]
+
+
+def chained(
+    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim"
+) -> Chained:
+    """Run the steps called `names` on a robot drawn by `seed`."""
+    robot, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
+    robot.write_text(wiring.text())
+    answers.write_text(ANSWERS)
+    made, truths = rig(load_robot(str(robot)), port, seed)
+    assert truths is not None
+    attendant = Watched(answers, truths, made)
+    outcomes = {}
+    for name in names:
+        outcomes[name] = perform(step(name), made, attendant, Quiet())
+        made.recording.clear()
+    return Chained(made, truths, outcomes, attendant.worst)

@@ -1,0 +1,206 @@
+"""Recordings: read by others, cut by SIGKILL, mended; their cost; replays with a change."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from random import Random
+
+from jsonschema import Draft7Validator
+from mcap.reader import make_reader
+
+from diffbotctl.bags.recover import recover
+from diffbotctl.hub.recording import RecordingReader
+from prove.row import Row
+
+# SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
+PUBLISHED = {
+    "foxglove.FrameTransform": "cec145253b0f1ca3e9415ab096eb8d17b5a331cd98aaa39cd930184349ff84ef",
+    "foxglove.PoseInFrame": "8988b1b89d7350306accf887a32a28d9879ba543e15607b8c8096849dfcd2b09",
+    "foxglove.LaserScan": "adaabd6e7b2beccce7d86b206bef823bf5161a2fcd49a62238d5e59c83474c64",
+    "foxglove.Log": "3837e1e52d67502baf7b977c7602985ca65da64e2af5b114343f29554945dc54",
+}
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+CORNERS = ("0.6 0", "0.6 0.6", "0 0.6", "0 0")
+LOSS = 1.0  # s that a SIGKILL may cost
+EARLIEST, LATEST = 1.0, 4.0  # s of driving before it comes
+AT_ONCE = 2  # trials in parallel: more would starve the recorders that they measure
+SHARE = 0.02  # of a core, for recording 50 frames a second
+DRIVE = 20.0  # s over which that is measured
+TICK = os.sysconf("SC_CLK_TCK")  # per second, in /proc/PID/stat
+
+
+def rows(seed: int, trials: int) -> Iterator[Row]:
+    """All rows. `trials` recordings are cut by SIGKILL."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        path = folder / "goal.mcap"
+        run("run", "goal", "--fast", "--quiet", "--seed", str(seed), "--record", str(path))
+        yield from read_by_others(path)
+        yield from killed(folder, Random(seed), trials)
+        yield cost("recorder's process, 50 Hz board", folder, ["--record", "on.mcap"])
+        yield cost("flight recorder's process, 50 Hz board", folder, [])
+        yield changed(path)
+
+
+def words(*command: str) -> list[str]:
+    """The program as a command line."""
+    return [sys.executable, "-c", PROGRAM, *command]
+
+
+def run(*command: str) -> str:
+    """What a command that must end well prints."""
+    done = subprocess.run(words(*command), capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {done.stdout}{done.stderr}")
+    return done.stdout
+
+
+def read_by_others(path: Path) -> Iterator[Row]:
+    """The reference reader sees what ours does; schemas and messages are the published kind."""
+    ours = sum(1 for _ in RecordingReader(path).records())
+    theirs, bad, schemas = 0, 0, {}
+    validators: dict[str, Draft7Validator] = {}
+    with path.open("rb") as file:
+        for schema, _, message in make_reader(file, validate_crcs=True).iter_messages():
+            theirs += 1
+            assert schema is not None
+            if schema.name in PUBLISHED:
+                text = json.loads(schema.data)
+                schemas[schema.name] = sha256(json.dumps(text, sort_keys=True).encode()).hexdigest()
+                validator = validators.setdefault(schema.name, Draft7Validator(text))
+                bad += not validator.is_valid(json.loads(message.data))
+    yield Row(
+        "messages that the reference reader (mcap) reads",
+        f"{theirs} of {ours}",
+        "all",
+        theirs == ours > 0,
+    )
+    equal = sum(schemas.get(name) == digest for name, digest in PUBLISHED.items())
+    yield Row(
+        "foxglove.* schemas in it equal to the published",
+        f"{equal} of {len(PUBLISHED)}",
+        "all",
+        equal == len(PUBLISHED),
+    )
+    yield Row("viewers' messages against those schemas", f"{bad} invalid", "0", bad == 0)
+
+
+class Cut:
+    """One paced, recorded run; engine and recorder are killed together at a random moment."""
+
+    def __init__(self, path: Path, wait: float) -> None:
+        process = subprocess.Popen(
+            words("run", "goal", "--goal", "9 0", "--set", "world.walls=[]", "--record", str(path),
+                  "--no-socket"),
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "driving" in line:
+                break
+        time.sleep(wait)
+        family = [*children(process.pid), process.pid]
+        for pid in family:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        now = time.time_ns()
+        process.wait()
+        process.stdout.close()
+        reader = RecordingReader(path)
+        messages = [(item.time, item.wire, item.data) for item in reader.messages()]
+        # The clock starts a little after the epoch in the file, so this is too much, if anything.
+        last = max((time for time, *_ in messages), default=0)
+        self.lost = (now - int(reader.about["epoch"]) - last) / 1e9
+        self.whole = self._mended(path, messages)
+
+    @staticmethod
+    def _mended(path: Path, messages: list[tuple[int, str, bytes]]) -> bool:
+        target = path.with_suffix(".mended.mcap")
+        recover(path, target)
+        with target.open("rb") as file:  # this reader refuses an unfinished file
+            for _ in make_reader(file).iter_messages():
+                pass
+        again = RecordingReader(target).messages()
+        return messages == [(item.time, item.wire, item.data) for item in again]
+
+
+def children(pid: int) -> list[int]:
+    """Child processes of `pid`."""
+    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def killed(folder: Path, chance: Random, trials: int) -> Iterator[Row]:
+    """What SIGKILL of engine and recorder costs, and what `recover` brings back."""
+    waits = [(folder / f"{n}.mcap", chance.uniform(EARLIEST, LATEST)) for n in range(trials)]
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        cuts = list(pool.map(lambda each: Cut(*each), waits))
+    worst = max(cut.lost for cut in cuts)
+    yield Row(
+        f"lost by SIGKILL of engine and recorder (n={trials})",
+        f"worst {worst:.2f} s",
+        f"<= {LOSS:g} s",
+        worst <= LOSS,
+    )
+    whole = sum(cut.whole for cut in cuts)
+    yield Row(
+        "recovered with every message that was flushed",
+        f"{whole} of {trials}",
+        "all",
+        whole == trials,
+    )
+
+
+def cost(what: str, folder: Path, more: list[str]) -> Row:
+    """CPU time of the child that records, from its start, over a paced drive of a 50 Hz board."""
+    more = [str(folder / word) if word.endswith(".mcap") else word for word in more]
+    goals = [part for corner in CORNERS * 9 for part in ("--goal", corner)]
+    process = subprocess.Popen(
+        words("run", "goal", "--robot", "book_2wd_counts", "--set", "world.walls=[]", "--quiet",
+              "--no-socket", "--for", f"{DRIVE + 5:g}s", *goals, *more),
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        env={**os.environ, "XDG_STATE_HOME": str(folder)},
+    )  # fmt: skip
+    time.sleep(DRIVE)
+    (recorder,) = children(process.pid)
+    fields = Path(f"/proc/{recorder}/stat").read_text().rpartition(")")[2].split()
+    used = (int(fields[11]) + int(fields[12])) / TICK  # utime and stime
+    process.terminate()
+    process.wait()
+    share = used / DRIVE
+    return Row(what, f"{share:.2%} of a core", f"<= {SHARE:.0%}", share <= SHARE)
+
+
+def changed(path: Path) -> Row:
+    """One parameter changed, twice: the same run, with the metrics of both beside each other."""
+    command = ("replay", str(path), "--set", "robot.limits.speed=0.15 m/s")
+    one, other = run(*command), run(*command)
+    names = ("time to goal", "cross track max", "cross track rms", "stops", "true error")
+    told = sum(bool(re.search(rf"^{name} .*\d", one, re.M)) for name in names)
+    before = run("replay", str(path))
+    digests = [re.search(r"digest (\w+)", text) for text in (one, other, before)]
+    first, again, plain = (found[1] if found else None for found in digests)
+    met = one == other and first == again != plain and told == len(names)
+    figure = f"{'same' if one == other else 'DIFFERENT'}, {told} metrics"
+    return Row("replayed twice with one parameter changed", figure, "same, 5 metrics", met)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--trials", type=int, default=20)
+    options = parser.parse_args()
+    for row in rows(options.seed, options.trials):
+        print(row.line(), flush=True)

@@ -1,0 +1,70 @@
+"""A terminal nobody looks at: `python -m prove.screen COLUMNS LINES COMMAND...` reads it away."""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+import subprocess
+import sys
+import time
+from fcntl import ioctl
+from select import select
+from termios import TIOCSCTTY, TIOCSWINSZ
+
+QUESTION = b"\x1b[6n"
+ESCAPES = re.compile(rb"\x1b\[[0-9;?<>=]*[A-Za-z]")
+
+
+class Drain:
+    """Runs a command on a pseudo-terminal and answers where the cursor is; forgets the rest."""
+
+    def __init__(self, columns: int, lines: int, words: list[str], environment: dict[str, str]):
+        self.master, slave = os.openpty()
+        ioctl(self.master, TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
+        left_out = ("TMUX", "STY", "COLUMNS", "LINES")
+        kept = {name: value for name, value in environment.items() if name not in left_out}
+        self.process = subprocess.Popen(
+            words, env={**kept, "TERM": "xterm-256color"}, stdin=slave, stdout=slave, stderr=slave,
+            start_new_session=True, preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
+        )  # fmt: skip
+        os.close(slave)
+
+    def read(self, seconds: float) -> bytes:
+        """What it drew within so long, at most one piece of it."""
+        if not select([self.master], [], [], seconds)[0]:
+            return b""
+        try:
+            data = os.read(self.master, 1 << 16)
+        except OSError:
+            return b""
+        if QUESTION in data:
+            os.write(self.master, b"\x1b[1;1R" * data.count(QUESTION))
+        return data
+
+    def until(self, words: bytes, patience: float) -> float:
+        """Seconds until `words` stand on the screen."""
+        began, seen = time.perf_counter(), b""
+        while words not in ESCAPES.sub(b"", seen):
+            seen += self.read(0.01)
+            if time.perf_counter() - began > patience:
+                raise TimeoutError(f"{words!r} never came: {ESCAPES.sub(b'', seen)[-500:]!r}")
+        return time.perf_counter() - began
+
+    def for_so_long(self, seconds: float) -> None:
+        """Read and forget."""
+        end = time.perf_counter() + seconds
+        while (left := end - time.perf_counter()) > 0:
+            self.read(left)
+
+    def close(self) -> None:
+        """End the command."""
+        self.process.kill()
+        self.process.wait()
+        os.close(self.master)
+
+
+if __name__ == "__main__":
+    drain = Drain(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:], dict(os.environ))
+    while drain.process.poll() is None:
+        drain.read(1.0)

@@ -1,0 +1,94 @@
+"""A measured disc is found again after power-on, a strange one is not believed."""
+
+from math import pi
+from random import Random
+from statistics import fmean
+
+import pytest
+
+from diffbotctl.config.load import load
+from diffbotctl.messages import Wheels
+from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.wheel import Disc, Wheel
+from diffbotctl.runs.simulation import machine
+
+MS = 1_000_000
+SLOTS = 20
+PITCH = 2 * pi / SLOTS  # rad
+SPEED = 8.0  # rad/s
+
+
+def errors(disc: Disc, first: int) -> list[float]:
+    """Of the flanks seen forward (0) or backward (1), about their mean, in pitches."""
+    places = [flank / PITCH - slot for slot, flank in enumerate(disc.flanks[first::2])]
+    return [place - fmean(places) for place in places]
+
+
+def drive(seed: int, way: float, turned: float, known) -> tuple:
+    """Turn both wheels `way` (1 or -1) for a second, discs `turned` (rad) since they were measured.
+
+    `known`: the disc that the robot file states for a robot's side, from its true one.
+    """
+    setup = load("goal", "book_2wd")
+    robot = SimulatedRobot("edges", machine(setup.robot), setup.robot.simulation, Random(seed))
+    drive = setup.robot.drive
+    for side, disc in zip((drive.left, drive.right), robot.discs, strict=True):
+        side.encoder.slot_errors = errors(known(disc), 0)
+        side.encoder.back_errors = errors(known(disc), 1)
+    robot.wheels = tuple(
+        Wheel(wheel.motor, disc._replace(start=turned), Random(seed))
+        for wheel, disc in zip(robot.wheels, robot.discs, strict=True)
+    )
+    use = next(use for use in setup.blocks if use.name == "odometry")
+    odometry = use.cls(**use.values)
+    odometry.reset()
+    for step in range(1, 41):
+        now = step * 50 * MS
+        speed = way * SPEED * min(1.0, step / 6) * (step < 26)
+        robot.command(now, Wheels(now, speed, speed))
+        robot.advance(now)
+        for port, message in robot.deliver():
+            if port == "encoders":
+                odometry.react(now, message)
+    return odometry, robot
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_slots_are_known_by_their_own_places_wherever_the_disc_stands(seed):
+    """The first flank passed is the next one after where the disc stood, and so on around."""
+    turned = 0.5 + seed
+    odometry, robot = drive(seed, 1.0, turned, lambda disc: disc)
+    for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
+        assert wheel.filter.search is None
+        true, learnt = errors(disc, 0), wheel.filter.motion.disc.error[:SLOTS]
+        # z begins between slots 0 and 1, the disc between those about `turned`
+        fits = [
+            sum((true[(first + slot) % SLOTS] - learnt[slot]) ** 2 for slot in range(SLOTS))
+            for first in range(SLOTS)
+        ]
+        best = min(range(SLOTS), key=lambda first: fits[first])
+        assert abs((best - turned / PITCH + SLOTS / 2) % SLOTS - SLOTS / 2) <= 1.2
+        assert (fits[best] / SLOTS) ** 0.5 < 0.012, "unlearnt they scatter by 0.03"
+
+
+def test_going_backward_tells_the_disc_too():
+    odometry, robot = drive(3, -1.0, 2.0, lambda disc: disc)
+    for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
+        assert wheel.filter.search is None
+        assert sorted(wheel.filter.motion.disc.back) == pytest.approx(sorted(errors(disc, 1)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_strange_disc_is_not_believed(seed):
+    """Each slot's error with its sign turned round: no turn of it fits, nothing is taken."""
+
+    def mirrored(disc: Disc) -> Disc:
+        turned = tuple(
+            2 * (place // 2 * PITCH + place % 2 * 0.5 * PITCH) - flank
+            for place, flank in enumerate(disc.flanks)
+        )
+        return disc._replace(flanks=turned)
+
+    odometry, _ = drive(seed, 1.0, 1.0, mirrored)
+    for wheel in odometry.wheels:
+        assert not any(wheel.filter.motion.disc.back)

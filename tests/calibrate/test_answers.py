@@ -1,0 +1,97 @@
+"""Answers files: which entry answers, and what is said when none can."""
+
+import pytest
+
+from diffbotctl.calibrate.answers import AnswersFile
+from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.step import Act
+from diffbotctl.errors import RunError, UsageError
+
+READING = Question("distance.reading", "How far?", "m", "mm", 0.5, 2.0, quantity="distance")
+FACING = Question("geometry.facing", "How far round?", "rad", "deg", quantity="facing")
+LEFT = Question("geometry.left", "How far left?", "m", "mm", quantity="left")
+
+
+class Fixed:
+    """Instruments that show what they are set to."""
+
+    def __init__(self, value):
+        self.value, self.asked, self.rolled = value, [], []
+
+    def mark(self):
+        self.asked.append("mark")
+
+    def read(self, instrument, question, noise):
+        self.asked.append((instrument, question.name, noise))
+        return self.value
+
+    def roll(self, wheel, turns):
+        self.rolled.append((wheel, turns))
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text, instruments=None):
+        path = tmp_path / "answers.yaml"
+        path.write_text(text)
+        return AnswersFile(path, instruments)
+
+    return write
+
+
+def test_a_list_holds_one_answer_a_repeat(file):
+    made = file("distance.reading: [998 mm, 1.003 m, 1001]")
+    assert [made.answer(READING, "") for _ in range(3)] == pytest.approx([0.998, 1.003, 1.001])
+    with pytest.raises(RunError, match="asked 4 times and has 3 answers"):
+        made.answer(READING, "")
+
+
+def test_the_longest_name_answers(file):
+    instruments = Fixed(0.25)
+    text = "geometry: {measure: tape, noise: 1 mm}\ngeometry.facing: -3\n"
+    made = file(text, instruments)
+    assert made.answer(LEFT, "") == 0.25
+    assert made.answer(FACING, "") == pytest.approx(-0.05236, abs=1e-5)  # 3 degrees
+    assert instruments.asked == [("tape", "geometry.left", 0.001)]
+
+
+def test_a_default_needs_no_entry(file):
+    asked = Question("geometry.swapped", "?", choices=("yes", "no"), default="yes")
+    assert file("{}").answer(asked, "") == "yes"
+
+
+def test_a_hand_turns_a_wheel(file):
+    instruments = Fixed(0)
+    file("{}", instruments).act(Act("encoders.left_turns", "turn it", ("left", 10.0)))
+    assert instruments.rolled == [("left", 10.0)]
+
+
+@pytest.mark.parametrize(
+    "text, instruments, words",
+    [
+        ("{}", None, "distance.reading: is not answered there"),
+        ("distance.reading: 12 kg", None, "kg is a mass"),
+        ("distance.reading: 12 mm", None, "not between 500 mm and 2000 mm"),
+        ("distance.reading: {measure: tape}", None, "only be measured by you"),
+        ("distance.reading: {with: tape}", Fixed(1), "measure: tape, noise: 1 mm"),
+        ("distance.reading: {measure: tape, noise: 1 deg}", Fixed(1), "noise: deg is an angle"),
+    ],
+)
+def test_what_cannot_answer_says_why(file, text, instruments, words):
+    with pytest.raises(RunError) as raised:
+        file(text, instruments).answer(READING, "")
+    assert words in " ".join(str(raised.value).split())
+
+
+def test_a_hand_is_missing_for_a_real_robot(file):
+    with pytest.raises(RunError, match="needs a hand"):
+        file("{}").act(Act("encoders.left_turns", "turn it", ("left", 10.0)))
+
+
+@pytest.mark.parametrize("text", ["- 1\n", "a: [", "", "1: 2"])
+def test_a_file_that_is_none_is_refused(file, text):
+    if text == "1: 2":  # a number is as good a name as any; it answers nothing
+        assert file(text).answers == {"1": "2"}
+        return
+    with pytest.raises(UsageError, match="E-CALIBRATE-ANSWER"):
+        file(text)

@@ -1,0 +1,96 @@
+"""Steps on the floor, on simulated robots whose truth is known here and hidden from the steps."""
+
+import pytest
+
+from diffbotctl.calibrate import commanded
+from diffbotctl.calibrate.answers import AnswersFile
+from diffbotctl.calibrate.chain import perform
+from diffbotctl.calibrate.order import step
+from diffbotctl.calibrate.rigging import rig
+from diffbotctl.config.load import load_robot
+from diffbotctl.messages import Duty, Wheels
+
+ANSWERS = """\
+distance.reading: {measure: tape, noise: 1 mm}
+geometry: {measure: tape, noise: 1 mm}
+geometry.facing: {measure: protractor, noise: 1 deg}
+"""
+WRONG = "geometry: {track_spread: 0.03, diameter_spread: 0.005}"
+
+
+class Quiet:
+    def say(self, text): ...
+    def progress(self, progress): ...
+    def draw(self, drawing): ...
+
+
+@pytest.fixture
+def prepared(tmp_path):
+    """A robot whose motors are calibrated, and its attendant."""
+
+    def prepare(base="book_2wd", seed=3):
+        robot, answers = tmp_path / "mine.yaml", tmp_path / "answers.yaml"
+        robot.write_text(
+            f"format: 1\nkind: robot\ninclude: {base}\nsimulation: {{{WRONG}}}\n"
+            "drive: {polarity: by_hand}\n"
+        )
+        answers.write_text(ANSWERS)
+        made, truths = rig(load_robot(str(robot)), "sim", seed)
+        attendant = AnswersFile(answers, truths)
+        perform(step("motors"), made, attendant, Quiet())
+        return made, attendant, truths._plant.body
+
+    return prepare
+
+
+def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
+    made, attendant, body = prepared()
+    perform(step("geometry", how="spin", repeats=1), made, attendant, Quiet())
+    # It turns by way over track: with the stated diameter the track is off by as much as that.
+    true = body.track * 0.065 / (body.left_radius + body.right_radius)
+    assert made.file.robot.drive.track == pytest.approx(true, rel=0.003)
+    assert abs(true / 0.125 - 1) > 0.01  # there was something to find
+
+
+def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
+    made, attendant, body = prepared()
+    perform(step("geometry", how="straight"), made, attendant, Quiet())
+    drive = made.file.robot.drive
+    ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
+    assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.0015)
+    assert drive.right.wheel.diameter + drive.left.wheel.diameter == pytest.approx(0.13)
+
+
+def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(prepared):
+    made, attendant, body = prepared()
+    perform(step("geometry", how="spin", repeats=1), made, attendant, Quiet())
+    found = perform(step("distance", repeats=3), made, attendant, Quiet())
+    drive = made.file.robot.drive
+    assert drive.left.wheel.diameter == drive.right.wheel.diameter
+    assert drive.left.wheel.diameter == pytest.approx(
+        body.left_radius + body.right_radius, rel=0.003
+    )
+    assert drive.track == pytest.approx(body.track, rel=0.005)
+    assert {each.field for each in found.findings} >= {"drive.track"}
+
+
+def test_squares_on_a_board_with_the_books_firmware(prepared):
+    made, attendant, body = prepared("book_2wd_stock")
+    perform(step("geometry", runs=3, side=0.8), made, attendant, Quiet())
+    drive = made.file.robot.drive
+    ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
+    assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.003)
+
+
+@pytest.mark.parametrize(
+    "base, command",
+    [
+        ("book_2wd", Wheels(0, 5.0, -5.0)),
+        # 0.1 of static duty, and the rest of it for the 10.47 rad/s of 100 rpm
+        ("book_2wd_stock", Duty(0, 0.1 + 5 * 0.9 / 10.472, -0.1 - 5 * 0.9 / 10.472)),
+    ],
+)
+def test_speeds_go_out_as_the_board_takes_them(base, command):
+    made = commanded.wheels(load_robot(base).robot, 5.0, -5.0)
+    assert type(made) is type(command)
+    assert (made.left, made.right) == pytest.approx((command.left, command.right), rel=1e-4)

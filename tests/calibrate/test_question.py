@@ -1,0 +1,59 @@
+"""Answers that people type: read, or refused with the reason."""
+
+from math import pi
+
+import pytest
+
+from diffbotctl.calibrate.question import AnswerError, Question
+
+READING = Question(
+    "distance.reading", "How far?", unit="m", written="mm", least=0.65, most=1.35,
+    why="is it millimetres?",
+)  # fmt: skip
+FACING = Question("geometry.facing", "How far round?", "rad", "deg", -pi, pi)
+WHICH = Question("encoders.wheel", "Which?", choices=("none", "left forward", "left backward"))
+
+
+@pytest.mark.parametrize(
+    "question, typed, value",
+    [
+        (READING, "998", 0.998),  # a bare number is in the unit that is asked for
+        (READING, "99.8 cm", 0.998),
+        (READING, "998,5", 0.9985),  # a decimal comma
+        (READING, " 1.002 m ", 1.002),
+        (READING, 1002, 1.002),
+        (FACING, "-90", -pi / 2),
+        (FACING, "0.5 rad", 0.5),
+        (WHICH, "left forward", "left forward"),
+        (WHICH, " Left Backward", "left backward"),
+        (WHICH, "n", "none"),  # what it begins with is enough
+    ],
+)
+def test_an_answer_is_read(question, typed, value):
+    assert question.read(typed) == (value if isinstance(value, str) else pytest.approx(value))
+
+
+@pytest.mark.parametrize(
+    "question, typed, words",
+    [
+        (READING, "-998", "not between 650 mm and 1350 mm: is it millimetres?"),
+        (READING, "0.998", "not between"),  # metres, taken for millimetres
+        (READING, "a metre", "not a number with a unit"),
+        (READING, "998 kg", "kg is a mass, but a length is wanted"),
+        (READING, "998 mn", "'mn' is not a unit I know"),
+        (READING, "nan", "not a number that a rule can show"),
+        (READING, "", "an answer is needed: a number in mm"),
+        (READING, True, "no answer"),
+        (FACING, "181", "not between -180 deg and 180 deg"),
+        (WHICH, "left", "none of none, left forward or left backward"),  # which way?
+        (WHICH, "lft forward", "did you mean left forward?"),
+    ],
+)
+def test_nonsense_is_refused_with_the_reason(question, typed, words):
+    with pytest.raises(AnswerError, match=words.replace("?", r"\?")):
+        question.read(typed)
+
+
+def test_enter_means_the_default_where_there_is_one():
+    asked = Question("geometry.swapped", "Exchange?", choices=("yes", "no"), default="yes")
+    assert asked.read("") == "yes" and asked.read(None) == "yes"

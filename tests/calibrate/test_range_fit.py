@@ -1,0 +1,104 @@
+"""A sensor's curve through ruler points: near the data sheet's typical part, offset, with noise."""
+
+from random import Random
+from statistics import fmean, pstdev
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from diffbotctl.blocks.range_sensor import distance_at, volts_at
+from diffbotctl.calibrate.range_fit import DISTANCES, RulerPoint, allowed, fit_curve
+
+# The data sheet's typical part on white paper, read from its figure: cm, V.
+DATA_SHEET = (
+    (4, 2.72), (5, 2.34), (6, 2.02), (7, 1.765), (8, 1.56), (9, 1.395), (10, 1.265), (12, 1.06),
+    (14, 0.928), (16, 0.813), (18, 0.735), (20, 0.656), (25, 0.525), (30, 0.430),
+)  # fmt: skip
+KNOWN = {cm / 100: volts for cm, volts in DATA_SHEET}
+
+
+def exact(offset=0.0, distances=DISTANCES):
+    return [RulerPoint(each, KNOWN[each] + offset, 0.0, 1) for each in distances]
+
+
+def noisy(chance, offset, readings):
+    """Each point as the step averages it."""
+    points = []
+    for each in DISTANCES:
+        heard = [KNOWN[each] + offset + chance.gauss(0.0, 0.010) for _ in range(readings)]
+        points.append(RulerPoint(each, fmean(heard), pstdev(heard), readings))
+    return points
+
+
+def worst(found, offset):
+    """The largest error on all of the data sheet's points, against what is allowed there."""
+    return max(
+        abs(distance_at(volts + offset, found.a, found.b, found.c) - distance) / allowed(distance)
+        for distance, volts in KNOWN.items()
+    )
+
+
+@pytest.mark.parametrize("offset", [-0.15, 0.0, 0.15])
+def test_exact_points_tell_all_others_to_3_mm_or_2_percent(offset):
+    assert worst(fit_curve(exact(offset)), offset) <= 1.0
+
+
+def test_an_offset_is_all_in_c():
+    # volts = a / (d + b) + c: what is added to all volts is added to c alone
+    plain, shifted = fit_curve(exact()), fit_curve(exact(0.15))
+    assert shifted.a == pytest.approx(plain.a, rel=1e-6)
+    assert shifted.b == pytest.approx(plain.b, rel=1e-6)
+    assert shifted.c - plain.c == pytest.approx(0.15, abs=1e-6)
+
+
+@given(
+    some.floats(0.10, 0.22), some.floats(0.002, 0.030), some.floats(-0.15, 0.15)
+)  # fmt: skip
+@settings(max_examples=50, deadline=None)
+def test_points_of_a_curve_give_that_curve_back(a, b, c):
+    points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in DISTANCES]
+    found = fit_curve(points)
+    assert (found.a, found.b, found.c) == pytest.approx((a, b, c), rel=1e-3, abs=1e-4)
+    assert not found.misses()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_10_mv_of_noise_averaged_over_2_seconds_of_telemetry(seed):
+    chance = Random(seed)
+    offset = chance.uniform(-0.15, 0.15)
+    found = fit_curve(noisy(chance, offset, 80))
+    assert worst(found, offset) <= 1.0
+    assert found.noise == pytest.approx(0.010, rel=0.2)
+
+
+def test_deviations_are_those_of_many_fits():
+    # RULER's 0.5 mm is not in these readings, so what is stated may be larger, never smaller
+    fits = [fit_curve(noisy(Random(seed), 0.0, 20)) for seed in range(100)]
+    for number, name in enumerate("abc"):
+        scatter = pstdev(getattr(each, name) for each in fits)
+        stated = fmean(each.sd[number] for each in fits)
+        assert scatter <= stated <= 6.0 * scatter
+
+
+@pytest.mark.parametrize(
+    "points, word",
+    [
+        (exact(distances=(0.04, 0.07, 0.10)), "4 different"),
+        # 2 cm instead of 4: 2.22 V there is less than 2.72 V, but still more than at 7 cm; 1 cm
+        # instead of 4 is 1.85 V, more than 1.765 V; contact is 0.03 V
+        ([RulerPoint(0.04, 0.03, 0.0, 1), *exact()[1:]], "folds back"),
+        # 16 and 25 cm exchanged
+        ([*exact()[:3], RulerPoint(0.16, 0.525, 0, 1), RulerPoint(0.25, 0.813, 0, 1)], "must fall"),
+        ([RulerPoint(each, 1.0, 0.0, 1) for each in DISTANCES], "do not fall"),
+    ],
+)
+def test_points_of_no_such_sensor_are_refused(points, word):
+    with pytest.raises(ValueError, match=word):
+        fit_curve(points)
+
+
+def test_a_point_that_stood_in_the_fold_is_missed_by_the_curve():
+    # 2 cm read as 4 cm: 2.22 V where the other points ask for 2.72 V
+    found = fit_curve([RulerPoint(0.04, 2.22, 0.0, 1), *exact()[1:]])
+    assert found.misses()

@@ -1,0 +1,187 @@
+"""A robot under calibration is stopped by whatever goes wrong."""
+
+import os
+import select
+import shutil
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.calibrate import outing
+from diffbotctl.calibrate.chain import perform
+from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate.step import Announce, Outcome, Said
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import ConfigurationError, RunError
+from diffbotctl.messages import Duty, Wheels
+
+SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
+FORWARD = Duty(0, 0.5, 0.5)
+SECOND = 1_000_000_000
+
+
+class Pipe:
+    """Keys that come through a pipe, as a terminal's would."""
+
+    def __init__(self):
+        self.file, self.end = os.pipe()
+
+    @property
+    def cause(self):
+        return "a key was pressed" if select.select([self.file], [], [], 0)[0] else None
+
+
+@pytest.fixture
+def robot(tmp_path):
+    path = tmp_path / "mine.yaml"
+    shutil.copyfile(SHIPPED, path)
+    return load_robot(str(path))
+
+
+@pytest.fixture
+def made(robot):
+    one, truths = rig(robot, "sim", seed=1)
+    one.meet()
+    yield one, truths
+    one.close()
+
+
+def stands(one, truths):
+    one.rest()
+    return truths.truth.left_speed == truths.truth.right_speed == 0.0
+
+
+def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itself(made):
+    one, truths = made
+    heard = one.hold(FORWARD, 1.0)
+    assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
+    one.listen(2.0)  # nobody says stop: the dead-man does, after 300 ms
+    assert truths.truth.left_speed == 0.0
+
+
+def test_a_key_stops_it(robot):
+    keys = Pipe()
+    one, truths = rig(robot, "sim", seed=1, keys=keys)
+    one.meet()
+    one.hold(FORWARD, 1.0)
+    os.write(keys.end, b" ")
+    with pytest.raises(RunError, match="a key was pressed"):
+        one.hold(FORWARD, 60.0)
+    one.keys = None
+    assert stands(one, truths)
+    assert one.close()
+
+
+def test_a_key_stops_an_outing(robot):
+    keys = Pipe()
+    one, truths = rig(robot, "sim", seed=1, keys=keys)
+    one.meet()
+    os.write(keys.end, b"q")
+    with pytest.raises(RunError, match="a key was pressed"):
+        outing.drive(one, [(1.0, 0.0, None)], 2.0)
+    assert truths.truth.pose.x < 0.5
+    one.keys = None
+    assert stands(one, truths)
+
+
+def test_nothing_turns_further_than_was_announced(made):
+    one, truths = made
+    one.allow(2.0)
+    with pytest.raises(RunError, match="more than the 2 turns that were announced"):
+        one.hold(FORWARD, 60.0)
+    assert stands(one, truths)
+    assert truths.truth.left_angle / 6.2832 < 2.6  # it rolls out a little
+
+
+def test_an_outing_ends_where_its_reach_ends(made):
+    one, truths = made
+    with pytest.raises(RunError, match=r"further than the 0\.5 m"):
+        outing.drive(one, [(2.0, 0.0, None)], 0.5)
+    assert truths.truth.pose.x < 0.6 and stands(one, truths)
+
+
+def test_a_cable_that_is_pulled_ends_the_movement_and_the_board_stops_by_itself(robot):
+    one, truths = rig(robot, "emulated", seed=1)
+    try:
+        one.meet()
+        one.hold(FORWARD, 1.0)
+        one.driver.radio = 10**6 * SECOND  # nothing arrives any more, in either direction
+        with pytest.raises(RunError, match="no frames from the board for half a second"):
+            one.hold(FORWARD, 10.0)
+        one.driver.board.advance(one.now + 2 * SECOND)
+        assert truths.truth.left_speed == truths.truth.right_speed == 0.0
+        assert not one.close()  # nothing has confirmed that
+    finally:
+        one.driver.close()
+
+
+def test_findings_go_to_the_board_and_add_up(made):
+    one, _ = made
+    one.attempt([Finding("drive.left.motor.loop.static", 0.2)])
+    one.attempt([Finding("drive.right.motor.loop.static", 0.3)])
+    drive = one.file.robot.drive
+    assert (drive.left.motor.loop.static, drive.right.motor.loop.static) == (0.2, 0.3)
+    assert one.file.nominal.drive.left.motor.loop.static == 0.1
+    assert "0.2" not in one.file.file.read_text()  # nothing is written yet
+    assert [gains.static for gains in one.driver.robot.machine.gains] == [0.2, 0.3]
+
+
+def test_what_is_not_plausible_is_not_tried(made):
+    one, _ = made
+    with pytest.raises(ConfigurationError, match="times the stated"):
+        one.attempt([Finding("drive.track", 0.25)])
+
+
+def test_an_unproven_robot_drives_slowly(made):
+    one, _ = made
+    fastest = []
+    note = one.note
+    one.note = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
+    outing.drive(one, [(0.4, 0.0, None)], 1.0, outing.USUAL)
+    # 0.1 m/s with a radius of 32.5 mm, and a little for steering
+    assert 2.0 < max(fastest) < 3.5
+
+
+class Breaking:
+    """A step that fails while the robot moves."""
+
+    name, title, lifted = "breaking", "", True
+
+    def run(self, one):
+        one.meet()
+        yield Announce("moves", 100.0)
+        one.hold(Wheels(0, 5.0, 5.0), 1.0)
+        yield Said("and now?")
+        return Outcome("breaking", [])
+
+
+class Deaf:
+    """An attendant and screen that fails when it is spoken to."""
+
+    def agree(self, announced):
+        pass
+
+    def say(self, text):
+        if text == "and now?":
+            raise KeyboardInterrupt
+
+
+def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(made):
+    one, truths = made
+    with pytest.raises(KeyboardInterrupt):
+        perform(Breaking(), one, Deaf(), Deaf())
+    assert stands(one, truths)
+
+
+def test_the_emulated_board_takes_duty_and_says_when_it_took_hold(robot):
+    one, truths = rig(robot, "emulated", seed=1)
+    try:
+        one.meet()
+        heard = one.hold(Duty(0, 0.5, -0.5), 1.0).encoders[-1]
+        assert heard.command_kind == "duty" and heard.command_time is not None
+        assert (heard.left_command, heard.right_command) == pytest.approx((0.5, -0.5), abs=1e-3)
+        assert truths.truth.left_speed > 3.0 and truths.truth.right_speed < -3.0
+        assert stands(one, truths)
+    finally:
+        assert one.close()

@@ -1,0 +1,187 @@
+"""Slots from turns by hand, means of repeats, a motor's line and lag, squares: ends are known."""
+
+from math import exp, nan, pi
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from diffbotctl.calibrate import motor_fit, slots, squares, umbmark
+from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.repeats import mean
+from diffbotctl.config.load import load_robot
+from diffbotctl.messages import Encoders
+
+ROBOT = load_robot("book_2wd").robot  # 20 slots
+SECOND = 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    "rolls, findings, fault",
+    [
+        ({"left": [200, 201, 200], "right": [199, 200, 200]}, {}, ""),
+        # 24 slots on both; the third roll of the left wheel was one turn too many
+        ({"left": [240, 241, 264], "right": [240, 240, 239]}, {"left": 24, "right": 24}, ""),
+        # the right encoder is dead, and its disc is taken to be like the other
+        ({"left": [240, 240, 240]}, {"left": 24, "right": 24}, ""),
+        ({"left": [240, 240, 240], "right": [200, 200, 200]}, {}, "24 and 20 slots"),
+        ({"left": [205, 206, 205]}, {}, "no whole number of slots"),  # 20.5 a turn
+        ({"left": [160, 200, 240]}, {}, "no whole number of slots"),  # no two agree
+        ({"left": [0, 0, 0]}, {}, "no whole number of slots"),
+        ({}, {}, ""),
+    ],
+)
+def test_slots_from_ten_turns_by_hand(rolls, findings, fault):
+    made = slots.read(rolls, 10, ROBOT)
+    assert {f.field: f.value for f in made.findings} == {
+        f"drive.{side}.encoder.slots": count for side, count in findings.items()
+    }
+    assert fault in " ".join(made.faults) and bool(fault) == bool(made.faults)
+
+
+def test_a_stray_roll_is_named():
+    report = slots.read({"left": [240, 241, 264]}, 10, ROBOT).report
+    assert "left roll 3 left out: 264 counts, not 241" in report
+
+
+def test_a_mean_leaves_out_a_stray_reading():
+    found = mean([0.998, 1.002, 1.000, 0.999, 1.100], finest=0.001)
+    assert found.strays == (4,)
+    assert found.value == pytest.approx(0.99975)
+    # four readings, sd 0.0017: 0.00085 of the mean, times t = 3.18 for three degrees of freedom
+    assert found.half == pytest.approx(3.18 * 0.000854, rel=0.01)
+
+
+def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
+    found = mean([1.0] * 4, finest=0.002)
+    assert found.sd == pytest.approx(0.001)  # 0.002 over the root of four
+
+
+def test_a_line_through_exact_points_is_found_again():
+    # duty = 0.1 + 0.08 speed; the wheel that did not turn tells nothing
+    found = motor_fit.line([0.05, 0.3, 0.5, 0.9, -0.9], [0.0, 2.5, 5.0, 10.0, -10.0])
+    assert (found.static, found.slope) == pytest.approx((0.1, 0.08))
+    assert found.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
+
+
+@pytest.mark.parametrize(
+    "duties, speeds, words",
+    [
+        ([0.3, 0.5, 0.9], [0.0, 0.0, 5.0], "fewer than three"),
+        ([0.3, 0.5, 0.9], [9.0, 5.0, 2.0], "did not turn it faster"),
+    ],
+)
+def test_a_wheel_that_does_not_follow_is_refused(duties, speeds, words):
+    with pytest.raises(ValueError, match=words):
+        motor_fit.line(duties, speeds)
+
+
+def steps(lag, dead, uneven=0.0, seed=1):
+    """Edges of a disc with 20 slots that steps between 3 and 8 rad/s, with `lag` and `dead` s."""
+    chance, pitch = Random(seed), 2 * pi / 20
+    places = [chance.gauss(0.0, uneven) for _ in range(20)]
+    made, angle, speed, now, wanted, count = [], 0.1, 3.0, 0.0, 3.0, 0
+    frames, last, at, up = [], None, 0.0, True
+    tick = 0.0005  # s; half a millisecond of a lag of 60 and more
+    for number in range(9):
+        end = now + 1.6
+        target = 8.0 if number % 2 else 3.0
+        at, up = now, target > 5.0
+        frames = frames[-64:]
+        while now < end:
+            now += tick
+            if now - at > dead:
+                wanted = target
+            speed += (wanted - speed) * (1.0 - exp(-tick / lag))
+            angle += speed * tick
+            while angle >= (count + 1 + places[(count + 1) % 20]) * pitch:
+                count += 1
+                over = angle - (count + places[count % 20]) * pitch
+                last = round((now - over / speed) * SECOND)
+                frames.append(Encoders(round(now * SECOND), count, count, last, last))
+        if number:
+            made.append(motor_fit.Step(list(frames), at, up))
+    return made
+
+
+@pytest.mark.parametrize(
+    "lag, dead, uneven", [(0.06, 0, 0), (0.15, 0, 0), (0.10, 0, 0.03), (0.08, 0.03, 0.01)]
+)
+def test_a_lag_is_found_again(lag, dead, uneven):
+    found = motor_fit.lag(steps(lag, dead, uneven), True, 20)
+    assert found.lag + found.dead == pytest.approx(lag + dead, abs=0.003)
+    assert found.lag == pytest.approx(lag, rel=0.1)
+    assert found.dead == pytest.approx(dead, abs=0.008)
+
+
+def test_steps_without_edges_are_refused():
+    empty = [motor_fit.Step([Encoders(0, 0, 0, None, None)], 0.0, True)] * 2
+    with pytest.raises(ValueError, match="too few edges"):
+        motor_fit.lag(empty, True, 20)
+
+
+USED = Geometry(0.065, 0.065, 0.125)
+ERROR = some.floats(-1.0, 1.0)
+
+
+def ends_of(true, side=1.0):
+    """Exact ends of five squares each way, all alike."""
+    return squares.Squares(
+        side, *([umbmark.square_end(side, USED, true, way)] * 5 for way in (True, False))
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(ERROR, ERROR)
+def test_squares_without_noise_tell_track_and_ratio(track, ratio):
+    true = USED.reshaped(1 + 0.005 * ratio, USED.track * (1 + 0.02 * track))
+    found = squares.fit(ends_of(true), USED)
+    # The rules are averaged over x and y, which the model meets both; a ten thousandth is left.
+    assert found.geometry.track == pytest.approx(true.track, rel=2e-5)
+    assert found.geometry.ratio == pytest.approx(true.ratio, abs=1e-5)
+    assert found.after <= 1e-3 * found.before + 1e-9
+
+
+def test_a_second_round_goes_on_from_the_first():
+    true = USED.reshaped(1.005, USED.track * 1.02)
+    first = USED.reshaped(1.004, USED.track * 1.018)  # chance has left something
+    rest = squares.Squares(
+        1.0, *([umbmark.square_end(1.0, first, true, way)] * 5 for way in (True, False))
+    )
+    second = squares.fit(rest, first).geometry
+    assert second.track == pytest.approx(true.track, rel=1e-6)
+    assert second.ratio == pytest.approx(true.ratio, abs=1e-6)
+
+
+def test_headings_alone_serve():
+    true = USED.reshaped(1.002, USED.track * 1.01)
+    blind = squares.Squares(1.0, *(
+        [end._replace(x=nan, y=nan) for end in ends]
+        for ends in ends_of(true)[1:]
+    ))  # fmt: skip
+    assert squares.fit(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
+
+
+def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
+    true = USED.reshaped(1.004, USED.track * 1.02)
+    right = ends_of(true)
+    assert squares.look_swapped(right.exchanged()) and not squares.look_swapped(right)
+    chance = Random(3)
+    for _ in range(200):
+        noise = squares.Squares(1.0, *(
+            [umbmark.EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan) for _ in range(5)]
+            for _ in range(2)
+        ))  # fmt: skip
+        assert not squares.look_swapped(noise)
+
+
+def test_squares_nobody_read_tell_nothing():
+    nothing = [umbmark.EndError(nan, nan, nan)]
+    with pytest.raises(ValueError, match="neither places nor headings"):
+        squares.fit(squares.Squares(1.0, nothing, nothing), USED)
+
+
+@pytest.mark.parametrize("track, side", [(0.125, 1.0), (0.1, 0.8), (0.5, 1.0)])
+def test_the_side_suits_the_track(track, side):
+    assert squares.advised_side(track) == pytest.approx(side)  # no more than eight tracks

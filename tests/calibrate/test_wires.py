@@ -1,0 +1,123 @@
+"""Pulses and what they show: worked out by hand for every way to mix up wires."""
+
+import pytest
+
+from diffbotctl.calibrate import wires
+from diffbotctl.calibrate.wires import Pulse
+from diffbotctl.config.load import load_robot
+
+QUIET = {"left": 0, "right": 0}
+
+
+def found(left, right, resting=QUIET):
+    """`left`, `right`: what was seen and the counts of both sockets, by the channel pulsed."""
+    pulses = {
+        channel: Pulse(channel, seen, {"left": a, "right": b})
+        for channel, (seen, a, b) in (("left", left), ("right", right))
+    }
+    return wires.read(pulses, resting)
+
+
+def begins(faults):
+    return [fault.split(":")[0] for fault in faults]
+
+
+@pytest.mark.parametrize(
+    "left, right, mended",
+    [
+        (("left forward", 4, 0), ("right forward", 0, 4), []),
+        (("left backward", 4, 0), ("right forward", 0, 4), ["left motor reversed"]),
+        # the left channel turns the right wheel, whose encoder sits in its own socket
+        (("right forward", 0, 4), ("left forward", 4, 0), ["motors swapped"]),
+        (("left forward", 0, 4), ("right forward", 4, 0), ["encoders swapped"]),
+        # both exchanged: each channel is heard by its own socket, and only the eye can tell
+        (("right forward", 4, 0), ("left forward", 0, 4), ["motors swapped", "encoders swapped"]),
+        (
+            ("right backward", 0, 4),
+            ("left forward", 4, 0),
+            ["motors swapped", "right motor reversed"],
+        ),
+        # one count is noise: a wheel that was pushed gives more
+        (("left forward", 4, 1), ("right forward", 1, 4), []),
+    ],
+)
+def test_what_settings_can_mend(left, right, mended):
+    made = found(left, right)
+    assert begins(made.mended) == mended
+    assert made.faults == [] and made.proven
+
+
+@pytest.mark.parametrize(
+    "left, right, resting, faults, mended",
+    [
+        (("none", 0, 0), ("right forward", 0, 4), QUIET, ["left motor dead"], []),
+        (("left forward", 0, 0), ("right forward", 0, 4), QUIET, ["left encoder dead"], []),
+        (
+            ("left forward", 4, 20),
+            ("right forward", 0, 20),
+            {"left": 0, "right": 50},
+            ["right encoder floating"],
+            [],
+        ),
+        # the left wheel is heard in the right socket, so the dead one must sit in the left
+        (
+            ("left forward", 0, 4),
+            ("right forward", 0, 0),
+            QUIET,
+            ["right encoder dead"],
+            ["encoders swapped"],
+        ),
+        (
+            ("none", 0, 0),
+            ("both forward", 4, 4),
+            QUIET,
+            ["both motors hang on the right output of the driver"],
+            [],
+        ),
+        (
+            ("left forward", 4, 0),
+            ("left forward", 4, 0),
+            QUIET,
+            ["both outputs turn the left wheel"],
+            [],
+        ),
+        (
+            ("left forward", 4, 4),
+            ("right forward", 0, 4),
+            QUIET,
+            ["both encoders answer when only the left wheel turns"],
+            [],
+        ),
+    ],
+)
+def test_what_only_a_hand_can_mend(left, right, resting, faults, mended):
+    made = found(left, right, resting)
+    assert (begins(made.faults), begins(made.mended)) == (faults, mended)
+
+
+def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
+    robot = load_robot("book_2wd").robot  # left 5, 6, 7, reversed; right 8, 9, 10
+    made = found(("right forward", 0, 4), ("left backward", 4, 0))
+    values = {each.field: each.value for each in wires.findings(made, robot)}
+    assert values == {
+        "drive.right.motor.enable": "5",
+        "drive.right.motor.in1": "6",
+        "drive.right.motor.in2": "7",
+        "drive.right.motor.reversed": True,  # channel 5, 6, 7 is told so, and was right
+        "drive.left.motor.enable": "8",
+        "drive.left.motor.in1": "9",
+        "drive.left.motor.in2": "10",
+        # channel 8, 9, 10 was not told so and turned backward: now it is, and left stays as it was
+    }
+
+
+def test_encoders_change_their_pins():
+    made = found(("left forward", 0, 4), ("right forward", 4, 0))
+    values = {e.field: e.value for e in wires.findings(made, load_robot("book_2wd").robot)}
+    assert values == {"drive.left.encoder.pin": "3", "drive.right.encoder.pin": "2"}
+
+
+def test_nothing_is_exchanged_on_half_a_proof():
+    made = found(("none", 0, 0), ("left forward", 4, 0))
+    assert not made.proven
+    assert wires.findings(made, load_robot("book_2wd").robot) == []

@@ -1,0 +1,173 @@
+"""`diffbotctl calibrate`, as a user runs it: from an answers file, and by hand at a terminal."""
+
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli.calibrate import command
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import RunError
+
+ROOT = Path(__file__).parent.parent.parent
+PROGRAM = "from diffbotctl.cli.main import main; main()"
+ANSWERS = """\
+encoders: {measure: eye}
+distance.reading: {measure: tape, noise: 1 mm}
+geometry: {measure: tape, noise: 2 mm}
+"""
+LONGEST = 60  # s
+
+
+@pytest.fixture
+def robot(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "mine.yaml"
+    shutil.copyfile(ROOT / "robots" / "book_2wd.yaml", path)
+    (tmp_path / "answers.yaml").write_text(ANSWERS)
+    return path
+
+
+def calibrate(*words):
+    return CliRunner().invoke(command, [*map(str, words)])
+
+
+def test_the_whole_chain_from_a_file_and_back(robot):
+    before = robot.read_bytes()
+    done = calibrate("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes")
+    assert done.exit_code == 0, done.output
+    assert "SIMULATED" in done.output
+    found = load_robot(str(robot)).robot
+    assert found.drive.polarity == "calibrated"
+    assert set(found.calibration) >= {
+        "drive.left.motor.lag", "drive.left.motor.loop.speed", "drive.left.wheel.diameter",
+        "drive.track", "drive.left.encoder.slot_errors", "sensors.front.curve.a",
+    }  # fmt: skip
+    entry = found.calibration["drive.track"]
+    assert entry.method == "umbmark" and entry.volts == "not measured" and entry.sd
+    recording = next(Path("recordings").glob("geometry-*.csv"))
+    assert recording.read_text().startswith("time,right,left")
+    assert next(Path("recordings").glob("*.svg")).read_text().startswith("<svg")
+    for _ in range(6):  # all steps but battery, which no pin measures
+        assert calibrate("undo", "--robot", robot).exit_code == 0
+    assert robot.read_bytes() == before
+
+
+def test_a_fault_that_only_a_hand_mends_ends_the_chain(robot):
+    text = robot.read_text().replace("right: plain}", "right: dead}")
+    robot.write_text(text)
+    done = calibrate("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes")
+    assert isinstance(done.exception, RunError)
+    assert "right motor dead" in str(done.exception)
+    assert "Step 2" not in done.output
+    assert robot.read_text() == text
+
+
+def test_a_dry_run_writes_nothing_and_steps_are_skipped(robot):
+    before = robot.read_bytes()
+    words = ("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--dry-run", "--yes")
+    done = calibrate(*words, "--skip", "motors", "--skip", "distance", "--skip", "geometry")
+    assert done.exit_code == 0, done.output
+    assert "as the robot file states" in done.output and robot.read_bytes() == before
+
+
+def test_exchanged_directions_are_named(robot):
+    # Places as a true track 3 % too large gives them: clockwise (-2 L alpha, -2 L alpha),
+    # counter-clockwise (-2 L alpha, +2 L alpha), each typed for the other direction.
+    text = robot.read_text().replace("slip: 0.5 mm", "slip: 0 mm")
+    robot.write_text(text + "\n")
+    clockwise, counter = ["-94"] * 2, ["94"] * 2
+    lines = [
+        "geometry.forward: [-94, -94, -94, -94]",
+        f"geometry.left: [{', '.join(counter + clockwise)}]",
+    ]
+    Path("swapped.yaml").write_text("\n".join(lines) + "\n")
+    done = calibrate(
+        "geometry", "--robot", robot, "--port", "sim", "--answers", "swapped.yaml", "--runs", 2,
+        "--dry-run",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "clockwise and counter-clockwise had been exchanged" in done.output
+    found = float(re.search(r"Eb, track found over before: ([\d.]+)", done.output)[1])
+    assert found == pytest.approx(1.03, abs=0.005)  # alpha = 94 / 2000 rad of a quarter turn
+
+
+def test_ways_to_a_geometry_refuse_options_of_others(robot):
+    done = calibrate("geometry", "--how", "spin", "--rounds", 2, "--port", "sim")
+    assert done.exit_code == 2 and "--how spin has no such option" in done.output
+
+
+def test_an_option_before_the_steps_name_is_not_lost_silently(robot):
+    done = calibrate("--dry-run", "encoders", "--port", "sim")
+    assert done.exit_code == 2 and "Put --dry-run behind `encoders`." in done.output
+
+
+class Terminal:
+    """A person at a terminal: reads what is said, types."""
+
+    def __init__(self, *words):
+        self.end, other = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, "calibrate", *map(str, words)],
+            stdin=other, stdout=other, stderr=other, close_fds=True,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "dumb"},
+        )  # fmt: skip
+        os.close(other)
+        self.said = ""
+
+    def wait_for(self, text):
+        """Read until `text` has been said since the last time."""
+        until = time.monotonic() + LONGEST
+        while text not in self.said:
+            assert time.monotonic() < until, self.said
+            try:
+                self.said += os.read(self.end, 4096).decode()
+            except OSError:
+                pytest.fail(f"it ended: {self.said}")
+        before, _, self.said = self.said.partition(text)
+        return before
+
+    def type(self, text):
+        os.write(self.end, f"{text}\n".encode())
+
+    def close(self):
+        self.process.wait(LONGEST)
+        os.close(self.end)
+        return self.process.returncode
+
+
+def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
+    person = Terminal(
+        "distance", "--robot", robot, "--port", "sim", "--repeats", 1, "--metres", 0.3, "--dry-run"
+    )
+    person.wait_for("Press Enter to begin")
+    person.type("")
+    person.wait_for("Press Enter when you are ready")
+    person.type("")
+    for typed, reason in (
+        ("far", "is not a number with a unit"),
+        ("-300", "is not between 195 mm and 405 mm"),
+        ("300 kg", "kg is a mass, but a length is wanted"),
+    ):
+        person.wait_for("how far did it go")
+        person.type(typed)
+        person.wait_for(reason)
+    person.wait_for("how far did it go")
+    person.type("303")
+    person.wait_for("times as far as it believed")
+    assert person.close() == 0
+
+
+def test_whoever_says_no_moves_nothing(robot):
+    person = Terminal("motors", "--robot", robot, "--port", "sim", "--dry-run")
+    person.wait_for("Press Enter to begin")
+    person.type("no")
+    person.wait_for("you did not want it")
+    assert person.close() == 1

@@ -1,0 +1,122 @@
+"""What the shells are told: by bash itself, and by what the others ask for."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli import completion
+from diffbotctl.cli.main import COMMANDS, COMPLETING
+
+ROOT = Path(__file__).parents[2]
+SHELLS = ("bash", "zsh", "fish")
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder with a program called diffbotctl, and a robot."""
+    program = tmp_path / "bin" / "diffbotctl"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m diffbotctl "$@"\n')
+    program.chmod(0o755)
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "crawler.yaml").write_text("format: 1\nkind: robot\ninclude: book_2wd\n")
+    return tmp_path
+
+
+def environment(place, **more):
+    path = f"{place / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    return os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)} | more
+
+
+def asked(place, shell, line):
+    """What the program answers a shell that completes the last word of `line`."""
+    words = line.split(" ")
+    current = words[-1] if shell == "fish" else str(len(words) - 1)
+    done = subprocess.run(
+        [place / "bin" / "diffbotctl"], cwd=place, capture_output=True, text=True, check=True,
+        env=environment(place, **{
+            COMPLETING: f"{shell}_complete", "COMP_WORDS": line, "COMP_CWORD": current,
+        }),
+    )  # fmt: skip
+    return done.stdout
+
+
+CASES = [
+    ("diffbotctl wir", ["wiring"]),
+    ("diffbotctl run sq", ["square"]),
+    ("diffbotctl run goal --robot cra", ["crawler"]),  # one's own, from ./robots
+    ("diffbotctl run goal --robot book_2wd_s", ["book_2wd_stock"]),
+    ("diffbotctl run goal --port em", ["emulated"]),
+    ("diffbotctl explain E-PIN-PW", ["E-PIN-PWM"]),
+    ("diffbotctl blocks show odo", ["odometry"]),
+    ("diffbotctl wiring book_2wd_c", ["book_2wd_counts"]),
+    ("diffbotctl run goal --rec", ["--record"]),
+    ("diffbotctl blocks sho", ["show"]),
+    ("diffbotctl completion fi", ["fish"]),
+]
+
+
+@pytest.mark.parametrize(("line", "words"), CASES)
+def test_words_are_completed(place, line, words):
+    assert asked(place, "bash", line).split() == [f"plain,{word}" for word in words]
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_the_other_shells_are_told_the_same_with_its_help(place, shell):
+    said = asked(place, shell, "diffbotctl wir")
+    assert "wiring" in said and COMMANDS["wiring"] in said
+
+
+def test_a_path_is_left_to_the_shell(place):
+    assert asked(place, "bash", "diffbotctl run ./pip").startswith("file,")
+
+
+def test_completing_a_command_imports_none(place):
+    code = (
+        "import sys\nfrom diffbotctl.cli.main import program\n"
+        "try: program.main([], prog_name='diffbotctl', standalone_mode=False)\n"
+        "except SystemExit: pass\n"
+        "print([name for name in sys.modules if name.startswith('diffbotctl.cli.')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env=environment(place, **{
+            COMPLETING: "bash_complete", "COMP_WORDS": "diffbotctl wi", "COMP_CWORD": "1",
+        }),
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["plain,wiring", "['diffbotctl.cli.main']"]
+
+
+def script(shell):
+    result = CliRunner().invoke(completion.command, [shell], standalone_mode=False)
+    if result.exception is not None:
+        raise result.exception
+    return result.output
+
+
+def test_bash_itself_completes(place):
+    (place / "script").write_text(script("bash"))
+    line = (
+        "source ./script; COMP_WORDS=(diffbotctl run sq); COMP_CWORD=2; "
+        'name=$(complete -p diffbotctl | sed "s/.*-F \\([^ ]*\\).*/\\1/"); '
+        '$name diffbotctl; echo "${COMPREPLY[@]}"'
+    )
+    done = subprocess.run(
+        ["bash", "-c", line], cwd=place, capture_output=True, text=True, env=environment(place)
+    )
+    assert done.stdout.strip() == "square", done.stderr
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_script_asks_this_program(shell):
+    text = script(shell)
+    assert f"{COMPLETING}={shell}_complete" in text
+    if shutil.which(shell):  # the shell itself reads it without a word
+        flag = "--no-execute" if shell == "fish" else "-n"
+        done = subprocess.run([shell, flag], input=text, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,119 @@
+"""New files work as they stand, and a new block is found where its package is installed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli import check, new
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.errors import UserError
+from diffbotctl.runs.run import Options, Run
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def run(command, *words):
+    result = CliRunner().invoke(command, words, standalone_mode=False)
+    if result.exception is not None:
+        raise result.exception
+    return result.return_value, result.output
+
+
+@pytest.mark.parametrize("kind", ["robot", "pipeline"])
+def test_a_new_file_has_no_problem_and_asks_nothing(kind):
+    code, output = run(new.command, kind, "mine")
+    path = f"{kind}s/mine.yaml"
+    assert f"written: {path}" in output
+    code, output = run(check.command, path)
+    assert (code, output) == (0, f"{path}: fine\n")
+
+
+def test_a_new_robot_is_the_kit_of_the_book():
+    run(new.command, "robot", "mine")
+    ours, book = load_robot("mine").robot, load_robot("book_2wd").robot
+    for part in ("drive", "sensors", "limits", "simulation"):  # sections compare by their fields
+        assert repr(getattr(ours, part)) == repr(getattr(book, part))
+
+
+def test_a_new_pipeline_drives_a_new_robot_to_its_goal():
+    run(new.command, "robot", "mine")
+    run(new.command, "pipeline", "mine")
+    result = Run(load("mine"), Options(fast=True)).go()
+    assert (result.reached, result.goals) == (1, 1)
+
+
+def test_the_editor_s_line_leads_to_a_schema():
+    run(new.command, "robot", "mine")
+    uri = Path("robots/mine.yaml").read_text().splitlines()[0].partition("$schema=")[2]
+    assert Path(uri.removeprefix("file://")).is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["robot", "Mine"], "E-NAME"),
+        (["pipeline", "../mine"], "E-NAME"),
+        (["block", "2nd"], "E-NAME"),
+        (["block", "lambda"], "E-NAME"),  # no module can be called so
+        (["block", "odometry"], "E-NAME"),  # a clash in the registry
+    ],
+)
+def test_names_that_cannot_be(words, code):
+    with pytest.raises(UserError) as told:
+        run(new.command, *words)
+    assert told.value.problems[0].code == code
+    assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
+
+
+@pytest.mark.parametrize("kind", ["robot", "pipeline", "block"])
+def test_nothing_is_written_over(kind):
+    run(new.command, kind, "mine")
+    before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
+    with pytest.raises(UserError) as told:
+        run(new.command, kind, "mine")
+    assert told.value.problems[0].code == "E-FILE-WRITE"
+    assert {path: path.read_text() for path in before} == before
+
+
+def python(*words, path):
+    """Run python as a person would, with these folders before all others."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, path))}
+    done = subprocess.run(
+        [sys.executable, *map(str, words)], env=environment, capture_output=True, text=True
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
+    run(new.command, "block", "half_speed")
+    folder, target = tmp_path / "half_speed", tmp_path / "installed"
+    code, said = python(
+        "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
+        "--disable-pip-version-check", "--target", target, folder, path=[],
+    )  # fmt: skip
+    assert code == 0, said
+    program = ["-c", "from diffbotctl.cli.main import main; main()"]
+    code, said = python(*program, "blocks", path=[target, ROOT])
+    assert "half_speed      Let through only a share of the wanted velocity." in said, said
+    code, said = python(
+        *program, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
+    )
+    assert (code, "1 of 1 reached" in said) == (0, True), said
+
+
+def test_a_new_block_s_own_test_passes(tmp_path):
+    run(new.command, "block", "half_speed")
+    folder = tmp_path / "half_speed"
+    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert code == 0, said
+    assert "3 passed" in said

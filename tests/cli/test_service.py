@@ -1,0 +1,74 @@
+"""The systemd unit is one that systemd takes, whatever the folder is called."""
+
+import shutil
+import subprocess
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli import run, service
+from diffbotctl.errors import UsageError
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+
+
+def unit(*words):
+    result = CliRunner().invoke(service.command, words, standalone_mode=False)
+    if result.exception is not None:
+        raise result.exception
+    return result.output
+
+
+def verified(text, folder):
+    """What systemd has to say of a unit; nothing is good. It knows no exit code for a warning."""
+    path = folder / "robot.service"
+    path.write_text(text)
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(path)], capture_output=True, text=True
+    )
+    return [line for line in done.stderr.splitlines() if "robot.service" in line]
+
+
+@pytest.fixture(params=["plain", "a folder's 50% and $HOME"])
+def folder(request, tmp_path, monkeypatch):
+    made = tmp_path / request.param
+    (made / "robots").mkdir(parents=True)
+    monkeypatch.chdir(made)
+    return made
+
+
+def test_systemd_finds_nothing_to_say(folder, tmp_path):
+    text = "format: 1\nkind: robot\ninclude: book_2wd\n"
+    (folder / "robots" / "mine.yaml").write_text(text.replace("book_2wd", "book_2wd_counts"))
+    made = unit("--user", "root", "--port", "/dev/ttyACM0")
+    assert f"WorkingDirectory={str(folder).replace('%', '%%')}\n" in made
+    assert "robots/mine.yaml" in made
+    if shutil.which("systemd-analyze"):
+        assert verified(made, tmp_path) == []
+        assert verified(made.replace("KillMode=mixed", "KillMode=most"), tmp_path)  # it can fail
+
+
+def test_the_command_line_is_one_that_run_takes():
+    line = next(line for line in unit().splitlines() if line.startswith("ExecStart="))
+    words = line.split(" run ")[1].split()
+    with run.command.make_context("run", words) as context:
+        assert context.params["pipeline"] == "standby"
+        assert context.params["stay"] is True
+
+
+def test_a_pipeline_that_would_drive_off_at_each_start_is_refused():
+    with pytest.raises(UsageError) as told:
+        unit("goal")
+    assert told.value.problems[0].code == "E-SERVICE-GOALS"
+
+
+def test_a_robot_on_standby_stands():
+    from diffbotctl.config.load import load
+    from diffbotctl.runs.run import Options, Run
+
+    result = Run(load("standby"), Options(fast=True, duration=3.0, stay=True)).go()
+    assert (result.ending.code, result.goals, result.path) == (0, 0, 0.0)

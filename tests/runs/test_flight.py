@@ -1,0 +1,246 @@
+"""The flight recorder: what led to a stop is written down, and can be replayed exactly."""
+
+import os
+import pickle
+import re
+import signal
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.bags.overview import overview
+from diffbotctl.cli.main import program
+from diffbotctl.config.load import load
+from diffbotctl.engine import snapshot
+from diffbotctl.engine.clock import VirtualClock
+from diffbotctl.engine.digest import Digest
+from diffbotctl.engine.loop import Engine
+from diffbotctl.engine.outlet import Outlet
+from diffbotctl.engine.replay import Replay
+from diffbotctl.errors import RunError
+from diffbotctl.hub.flight_process import KEPT, folder, prune
+from diffbotctl.hub.recording import RecordingReader
+from diffbotctl.messages import Goal
+from diffbotctl.runs import recorded
+from diffbotctl.runs.again import Wanted, replay_as
+from diffbotctl.runs.assembly import assemble
+from diffbotctl.runs.run import Options, Run
+from tests.runs.test_endings import FAR, read_until, start
+
+WALL = ("world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s")
+CORNERS = ((0.6, 0), (0.6, 0.6), (0, 0.6), (0, 0))
+ROUND = tuple(Goal(0, 0, x, y) for _ in range(30) for x, y in CORNERS)
+ONE = (Goal(0, 0, 1.0, 0.0),)
+LAST = Goal(0, 0, 50.0, 0.0)  # beyond the wall
+
+
+def fly(where, sets=WALL, goals=ONE, **options):
+    """Run with a flight recorder; the lines that were said, and the flights."""
+    told = []
+    run = Run(
+        load("goal", None, sets), Options(fast=True, flights=where, goals=goals, **options),
+        tell=told.append,
+    )  # fmt: skip
+    result = run.go()
+    return result, told, sorted(where.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+
+
+def said_by_blocks(path, after=-1):
+    return [
+        (item.time, item.wire, item.data)
+        for item in RecordingReader(path).messages()
+        if not item.from_driver and item.time > after
+    ]
+
+
+def test_a_stop_is_announced_in_one_line_with_the_file(tmp_path):
+    result, told, flights = fly(tmp_path)
+    assert result.stops and result.ending.code == 1
+    assert told == [
+        f"The whole run so far is in {path}; diffbotctl replay {path}" for path in flights
+    ]
+    seen = overview(flights[0])
+    assert "obstacle" in seen.end["cause"] and seen.complete
+    assert {topic.origin for topic in seen.topics if topic.messages} == {"driver"}
+    assert "blocked" in overview(flights[-1]).end["cause"]
+
+
+def test_a_run_without_a_stop_leaves_nothing(tmp_path):
+    result, told, flights = fly(tmp_path, sets=("world.walls=[]",), goals=(Goal(0, 0, 0.2, 0.0),))
+    assert result.ending.code == 0
+    assert (told, flights) == ([], [])
+
+
+def test_a_replay_makes_all_that_was_said_anew(tmp_path):
+    _, _, flights = fly(tmp_path / "flights")
+    full, again = tmp_path / "full.mcap", tmp_path / "again.mcap"
+    sets = load("goal", None, WALL)
+    Run(sets, Options(fast=True, record=full, goals=ONE)).go()
+    done = replay_as(recorded.read(flights[-1]), Wanted(record=again))
+    assert done.begins == "run"
+    assert said_by_blocks(again) == said_by_blocks(full)
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory):
+    """A flight of a run of five minutes and more, and a recording of the same run."""
+    where = tmp_path_factory.mktemp("long")
+    sets = ("world.walls=[{from: [3 m, -9 m], to: [3 m, 9 m]}]", "follower.patience=2 s")
+    _, told, flights = fly(where / "flights", sets, (*ROUND, LAST), seed=5)
+    full = where / "full.mcap"
+    Run(
+        load("goal", None, sets), Options(fast=True, record=full, goals=(*ROUND, LAST), seed=5)
+    ).go()
+    return told, flights, full
+
+
+def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
+    told, flights, full = long
+    assert "The last 3 minutes are in" in told[-1]
+    run = recorded.read(flights[-1])
+    assert run.begins == "state"
+    begin = run.state[0]
+    assert 180e9 <= run.last - begin <= 245e9  # the span, and up to a state or two before it
+    again = tmp_path / "again.mcap"
+    replay_as(run, Wanted(record=again))
+    assert said_by_blocks(again) == said_by_blocks(full, after=begin)
+    assert len(said_by_blocks(again)) > 10_000
+
+
+def test_what_is_live_can_be_changed_in_the_midst_of_a_run_and_nothing_else(long):
+    run = recorded.read(long[1][-1])
+    plain = replay_as(run, Wanted())
+    live, fixed = ("guard.margin=0.2 m", "guard.resume=wait"), ("follower.tolerance=25 mm",)
+    changed = replay_as(run, Wanted(sets=live))
+    assert changed.digest != plain.digest
+    assert replay_as(run, Wanted(sets=live)).digest == changed.digest
+    with pytest.raises(RunError, match="midst of one"):
+        replay_as(run, Wanted(sets=fixed))
+
+
+def test_the_command_says_where_a_replay_begins(long, tmp_path):
+    path = long[1][-1]
+    result = CliRunner().invoke(program, ["replay", str(path), "--set", "guard.margin=0.2 m"])
+    assert re.search(r"^begins \d+\.\d\d s after the start, in a known state", result.output)
+    assert "midst of a run" in result.output  # why the robot does not drive once more
+    assert "cross track rms" in result.output
+    info = CliRunner().invoke(program, ["bag", "info", str(path)]).output
+    assert "from a known state" in info and "blocked" in info
+
+
+def test_a_check_of_a_flight_is_refused(long):
+    with pytest.raises(RunError, match="nothing that the blocks made"):
+        replay_as(recorded.read(long[1][-1]), Wanted(check=True))
+
+
+def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    process = start(*FAR)
+    read_until(process, "driving")
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    rest = process.stdout.read()  # the children hold the pipe: when it ends they have written all
+    (path,) = folder().glob("*.mcap")
+    assert path.parent == tmp_path / "diffbotctl" / "flights"
+    assert overview(path).end["cause"] == "the engine was killed"
+    assert f"diffbotctl replay {path}" in rest
+    assert replay_as(recorded.read(path), Wanted()).ending.code == 0
+
+
+def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
+    (tmp_path / "file").write_text("")
+    result, told, _ = fly(tmp_path / "file" / "flights")
+    assert result.ending.stopped is True
+    assert told and all("could not be kept" in line for line in told)
+
+
+def test_only_the_newest_flights_are_kept(tmp_path):
+    for number in range(KEPT + 5):
+        path = tmp_path / f"{99 - number}.mcap"
+        path.write_text("")
+        os.utime(path, ns=(number, number))
+    (tmp_path / "notes.txt").write_text("mine")
+    prune(tmp_path)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {f"{99 - number}.mcap" for number in range(5, KEPT + 5)} | {"notes.txt"}
+
+
+@pytest.mark.parametrize(
+    "state, home",
+    [
+        ("/x", "/x"),
+        ("", "/h/.local/state"),
+        (None, "/h/.local/state"),
+        ("relative", "/h/.local/state"),  # the XDG specification wants it ignored
+    ],
+)
+def test_where_flights_lie(monkeypatch, state, home):
+    monkeypatch.setenv("HOME", "/h")
+    monkeypatch.delenv("XDG_STATE_HOME")
+    if state is not None:
+        monkeypatch.setenv("XDG_STATE_HOME", state)
+    assert str(folder()) == f"{home}/diffbotctl/flights"
+
+
+class Evil:
+    def __init__(self, call, *words):
+        self.call, self.words = call, words
+
+    def __reduce__(self):
+        return self.call, self.words
+
+
+@pytest.mark.parametrize(
+    "evil",
+    [
+        lambda mark: pickle.dumps(Evil(os.system, f"touch {mark}")),
+        lambda mark: pickle.dumps(Evil(open, str(mark), "w")),
+        lambda mark: pickle.dumps(Evil(Outlet, str(mark))),  # ours, but no part of a block
+        lambda mark: pickle.dumps(({}, {})),
+        lambda mark: pickle.dumps(7),
+        lambda mark: b"",
+        lambda mark: b"damaged",
+    ],
+)
+def test_a_state_can_do_nothing_but_be_a_state(tmp_path, evil):
+    mark = tmp_path / "mark"
+    graph = assemble(load("goal"), real=False).graph
+    with pytest.raises(snapshot.StateError):
+        snapshot.restore(evil(mark), Engine(graph, [], VirtualClock()))
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize(
+    "pipeline, robot",
+    [
+        ("goal", "book_2wd"),
+        ("goal", "book_2wd_counts"),
+        ("goal", "book_2wd_stock"),
+        ("square", None),
+        ("distance", None),
+        ("hello", None),
+    ],
+)
+def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot):
+    full = tmp_path / "full.mcap"
+    setup = load(pipeline, robot)
+    Run(setup, Options(fast=True, duration=4.0, record=full, seed=2)).go()
+    half = 2_000_000_000
+
+    def engine(after, said):
+        inputs = (each for each in RecordingReader(full).messages() if each.time > after)
+        graph = assemble(setup, real=False).graph
+        return Engine(graph, [Replay(inputs)], VirtualClock(), record=said.append)
+
+    first, rest = [], []
+    before, behind = engine(-1, first), engine(half, rest)
+    before.run(half + 1)
+    data = snapshot.take(before)
+    snapshot.restore(data, behind)
+    behind.last = half
+    behind.run(4_000_000_000)
+    digest = Digest(before.graph.kinds)
+    for instant in first + rest:
+        digest.record(instant)
+    assert digest.text() == replay_as(recorded.read(full), Wanted(until=4_000_000_000)).digest
+    assert len(first) > 10 < len(rest)

@@ -1,0 +1,136 @@
+"""Replays with something changed, or of a part, and what they are measured by."""
+
+import json
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.bags.compare import compare
+from diffbotctl.bags.measured import measured
+from diffbotctl.bags.overview import overview
+from diffbotctl.cli.main import program
+from diffbotctl.config.load import load
+from diffbotctl.graph import SECOND
+from diffbotctl.runs import recorded
+from diffbotctl.runs.again import Wanted, replay_as
+from diffbotctl.runs.once_more import drive_once_more, obstacle_to
+from diffbotctl.runs.run import Options, Run
+
+SLOWER = ("robot.limits.speed=0.15 m/s",)
+
+
+@pytest.fixture(scope="module")
+def goal(tmp_path_factory):
+    path = tmp_path_factory.mktemp("replay") / "goal.mcap"
+    Run(load("goal"), Options(fast=True, record=path, digest=True, seed=3)).go()
+    return recorded.read(path)
+
+
+def said(*words):
+    result = CliRunner().invoke(program, ["replay", *map(str, words)], standalone_mode=False)
+    assert result.exception is None, result.exception
+    return result.return_value, result.output
+
+
+def test_driving_once_more_unchanged_is_the_run_itself(goal):
+    assert obstacle_to(goal) is None
+    again = drive_once_more(goal, Wanted())
+    assert again.digest == goal.end["digest"]
+    assert again.metrics == measured(goal.path)
+    assert again.metrics.true_error is not None
+
+
+@pytest.mark.parametrize("replayed", [drive_once_more, replay_as])
+def test_the_same_change_twice_is_the_same_run(goal, replayed):
+    first, again = (replayed(goal, Wanted(sets=SLOWER)) for _ in range(2))
+    assert first.digest == again.digest != goal.end["digest"]
+    assert first.metrics == again.metrics
+
+
+def test_a_slower_robot_arrives_later(goal):
+    slow = drive_once_more(goal, Wanted(sets=SLOWER)).metrics
+    assert slow.goals_reached == 1
+    # 1.12 m at half the 0.3 m/s takes 3.7 s longer, less what ramps take of it
+    assert slow.time_to_goal - measured(goal.path).time_to_goal == pytest.approx(3.5, abs=1.0)
+
+
+def test_with_the_recorded_motion_only_what_the_blocks_say_changes(goal, tmp_path):
+    path = tmp_path / "changed.mcap"
+    replay_as(goal, Wanted(sets=SLOWER, record=path))
+    topics = {topic.name: topic.place for topic in compare(goal.path, path)}
+    assert topics["robot.encoders"] is None and topics["odometry.odometry"] is None
+    assert topics["follower.twist"] is not None
+    assert json.loads(recorded.read(path).about["sets"]) == list(SLOWER)
+
+
+def test_a_replay_written_out_equals_its_recording(goal, tmp_path):
+    path = tmp_path / "again.mcap"
+    done = replay_as(goal, Wanted(record=path))
+    assert done.digest == goal.end["digest"]
+    assert all(topic.place is None for topic in compare(goal.path, path))
+    assert overview(path).complete
+    assert replay_as(recorded.read(path), Wanted(check=True)).difference is None
+
+
+@pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])
+def test_a_part_is_measured_as_in_the_recording(goal, begin, until):
+    begin, until = round(begin * SECOND), round(until * SECOND)
+    done = replay_as(goal, Wanted(begin=begin, until=until))
+    expected = measured(goal.path, begin, until)
+    assert done.metrics._replace(true_error=None) == expected
+    assert done.ending.time <= until
+
+
+def test_speed_changes_nothing_but_the_time_it_takes(goal):
+    def show(pictures):
+        assert list(pictures)[-1].messages  # in a child
+
+    fast = replay_as(goal, Wanted(speed=1000.0, begin=SECOND, show=show))
+    assert fast.digest == goal.end["digest"]
+
+
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        ({"port": "/dev/ttyUSB0"}, "real or emulated"),
+        ({"port": "emulated"}, "real or emulated"),
+        ({"flight": "state"}, "midst of a run"),
+        ({"goals": "[]"}, "a person"),  # it was given one goal, so somebody gave it
+    ],
+)
+def test_what_cannot_drive_once_more(goal, change, reason):
+    assert reason in obstacle_to(goal._replace(about={**goal.about, **change}))
+
+
+def test_the_command_prints_the_metrics_of_both(goal):
+    code, text = said(goal.path, "--set", SLOWER[0])
+    assert code == 0 and "drives once more" in text
+    row = re.search(r"time to goal +([\d.]+) s +([\d.]+) s +\+([\d.]+) s", text)
+    assert row and float(row[2]) - float(row[1]) == pytest.approx(float(row[3]), abs=0.002)
+    for name in ("cross track max", "cross track rms", "stops", "true error", "path"):
+        assert name in text
+    code, text = said(goal.path, "--set", SLOWER[0], "--same-motion")
+    assert "the recorded motion (asked for)" in text
+    assert re.search(r"path .* same", text)
+
+
+def test_the_command_plays_a_part_at_a_speed(goal):
+    code, text = said(goal.path, "--speed", 1000, "--from", "2s", "--until", "4s")
+    assert code == 0 and "replayed 4.00 s" in text and "cross track rms" in text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--check", "--set", "a.b=1"), ("--check", "--from", "1s"), ("--from", "x"), ("--speed", "0")],
+)
+def test_what_does_not_fit_together(goal, words):
+    result = CliRunner().invoke(program, ["replay", str(goal.path), *words])
+    assert result.exit_code == 2
+
+
+def test_the_recording_is_not_written_over(goal):
+    before = goal.path.read_bytes()
+    words = ["replay", str(goal.path), "--record", str(goal.path)]
+    assert CliRunner().invoke(program, words).exit_code == 2
+    assert goal.path.read_bytes() == before

@@ -1,0 +1,188 @@
+"""The path as a person walks it: at a prompt, in an empty folder, with an emulated board."""
+
+import json
+import os
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.config.load import load_robot
+from diffbotctl.drivers.emulator_process import IMAGE
+from tests.terminal import Terminal
+from tests.virtual_board import LONGEST, board, command
+
+ROOT = Path(__file__).parents[2]
+ALL = """\
+lifted: yes
+encoders.wheel: [left forward, right forward]
+encoders.proof: both forward
+measure: later
+floor: yes
+"""
+
+
+class Person:
+    """Somebody in an empty folder."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.environment = os.environ | {
+            "PYTHONPATH": str(ROOT),
+            "XDG_STATE_HOME": str(folder / "state"),
+            "XDG_CACHE_HOME": str(folder / "cache"),
+        }
+
+    def types(self, *words, answers=None):
+        """A command and what it says; exit code and text."""
+        if answers is not None:
+            (self.folder / "answers.yaml").write_text(answers)
+            words = (*words, "--answers", "answers.yaml")
+        done = subprocess.run(
+            command(*words), cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=LONGEST,
+        )  # fmt: skip
+        return done.returncode, done.stdout
+
+    def done(self):
+        """The chapters on record."""
+        record = json.loads((self.folder / "state/diffbotctl/start.json").read_text())
+        return record[str(self.folder)]["done"]
+
+    def robot(self):
+        return load_robot(str(self.folder / "robots/my_robot.yaml")).robot
+
+
+@pytest.fixture
+def person(tmp_path):
+    return Person(tmp_path)
+
+
+def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what_is_next(person):
+    code, said = person.types("start")
+    assert code == 0, said
+    assert "SIMULATED" in said and "1 of 1 reached" in said
+    assert "next: the Mega 2560 is looked for" in said
+    assert "No board is plugged in" in said
+    assert person.done() == ["simulated", "robot"]
+    code, said = person.types("start", "--status")
+    assert "done   2 of 8" in said and "next   3 of 8" in said
+
+
+def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
+    with board(image=None) as virtual:
+        ports = ("--port", virtual.usb, "--radio", virtual.radio)
+        code, said = person.types("start", *ports, answers=ALL)
+        assert code == 0, said
+        assert said.count("1 of 1 reached") == 3  # simulated, metre, goal
+        assert said.count("Are the wheels in the air") == said.count("Does it stand on") == 1
+        assert "written and verified" in said
+        truth = virtual.board.plant.truth()
+        assert truth.left_speed == truth.right_speed == 0.0
+        # A metre, and the straight way to the goal: 1.12 m. It is not lifted, so the turning of its
+        # wheels before has moved it too, and where it stands says little.
+        assert truth.travel > 2.0
+        code, said = person.types("start", *ports)  # nobody answers, and nobody is asked
+        assert (code, said.count("done ")) == (0, 8)
+    assert person.robot().drive.polarity == "calibrated"
+    assert "# by_hand once" in (person.folder / "robots/my_robot.yaml").read_text()
+
+
+def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
+    with board(image=IMAGE) as virtual:
+        words = ("start", "--port", virtual.usb, "--radio", virtual.radio)
+        code, said = person.types(*words, answers="lifted: no\n")
+        assert code == 0, said
+        assert "It runs our firmware already" in said
+        assert "`diffbotctl start` goes on here" in said
+        assert person.done() == ["simulated", "robot", "board", "firmware"]
+        code, said = person.types(*words)
+        assert code == 2 and "nobody is there to be asked" in said
+        code, said = person.types(*words, answers=ALL)
+        assert code == 0, said
+        assert person.done()[-1] == "goal"
+        assert "5 of 8  Which wheel" in said and "2 of 8  Your robot's file\n" not in said
+
+
+def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
+    with board(image=IMAGE) as virtual:
+        answers = ALL.replace("[left forward,", "[left backward,").replace(
+            "floor: yes", "floor: no"
+        )
+        code, said = person.types("start", "--port", virtual.usb, answers=answers)
+    assert code == 0, said
+    drive = person.robot().drive
+    assert (drive.left.motor.reversed, drive.polarity) == (False, "calibrated")  # it was true
+
+
+def test_a_wheel_that_stands_still_stops_the_path(person):
+    with board(image=IMAGE) as virtual:
+        answers = ALL.replace("[left forward,", "[none, none,")
+        code, said = person.types("start", "--port", virtual.usb, answers=answers)
+    assert code == 1
+    assert "E-CALIBRATE-ROBOT" in said
+    assert person.done()[-1] == "firmware"
+    assert person.robot().drive.polarity == "unproven"
+
+
+def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
+    person.types("start")  # as far as it comes without a board
+    with board(image=IMAGE) as virtual:
+        line = shlex.join([*command("start"), "--port", str(virtual.usb)])
+        shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]
+        with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
+            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.type("\x03")
+            assert terminal.ended() == 130
+            assert "Left here. `diffbotctl start` goes on from this point." in terminal.text
+        assert person.done()[-1] == "firmware"
+        with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
+            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.type("perhaps\n")  # is asked again
+            terminal.until(lambda text: "Error" in text)
+            terminal.type("yes\n")
+            terminal.until(lambda text: "Press Enter to begin" in text)
+            terminal.type("no\n")  # to what would move
+            assert terminal.ended() == 1
+        assert person.done()[-1] == "firmware"
+
+
+def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
+    (person.folder / "robots").mkdir()
+    text = "format: 1\nkind: robot\ninclude: book_2wd_stock\n"
+    (person.folder / "robots" / "old.yaml").write_text(text)
+    with board(image=IMAGE) as virtual:
+        code, said = person.types("start", "--port", virtual.usb, answers=ALL)
+    assert code == 0, said
+    assert "the board keeps the book's firmware" in said
+    assert person.done() == ["simulated", "robot", "board"]
+
+
+def test_nothing_is_written_into_the_folder_of_diffbotctl(person):
+    before = {path: path.read_bytes() for path in (ROOT / "robots").iterdir()}
+    person.folder = ROOT
+    code, said = person.types("start")
+    assert code == 2 and "change to a folder of your own" in " ".join(said.split())
+    assert {path: path.read_bytes() for path in (ROOT / "robots").iterdir()} == before
+
+
+def test_a_robot_of_one_s_own_is_taken_without_a_question(person):
+    person.types("new", "robot", "crawler")
+    code, said = person.types("start")
+    assert code == 0, said
+    assert "robots/crawler.yaml describes your robot" in said
+    assert not (person.folder / "robots/my_robot.yaml").exists()
+
+
+def test_a_shipped_robot_is_copied_and_known_again_by_its_name(person):
+    code, said = person.types("start", "--robot", "book_2wd_counts")
+    assert code == 0, said
+    assert (person.folder / "robots/book_2wd_counts.yaml").is_file()
+    for name in ("book_2wd_counts", "./robots/book_2wd_counts.yaml"):
+        code, said = person.types("start", "--robot", name, "--status")
+        assert "done   2 of 8" in said
+    code, said = person.types("start", "--robot", "book_2wd", "--status")
+    assert "next   2 of 8" in said  # another robot: only the simulated goal counts
+    code, said = person.types("start", "--robot", "bok_2wd")
+    assert code == 2 and "did you mean book_2wd" in said

@@ -1,0 +1,220 @@
+"""Every command that README and docs show is typed, in a shell, as a reader would type it.
+
+Commands on a line of their own are run: those for a board on an emulated one, those for a running
+robot while one runs. Commands inside a sentence are read, down to their options.
+"""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+import pytest
+
+from diffbotctl.cli.main import COMMANDS, program
+from tests.terminal import Terminal
+from tests.virtual_board import LONGEST, board
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SHOWN = re.compile(r"^    (diffbotctl .*)$", re.M)
+MENTIONED = re.compile(r"`(diffbotctl [^`]+)`|^(diffbotctl .*)$", re.M)  # or fenced: with questions
+ON_A_BOARD = {"flash", "blink"}  # and whatever names a port
+PIPELINES = {"robots.md": "turtle"}  # what runs while a page's commands speak to it; else standby
+# What a page takes for granted: files of the reader's own.
+PREPARED = {
+    "recordings.md": (
+        "diffbotctl run goal --fast --quiet --record monday.mcap",
+        "diffbotctl run goal --fast --quiet --seed 2 --record tuesday.mcap",
+        "head -c 20000 monday.mcap > cut.mcap",
+        "cp monday.mcap drive.mcap",
+    )
+}
+# These say by their exit code what they found: no board on this machine, two files that differ.
+FINDS = {"ports", "doctor", "bag diff"}
+ON_AN_ENGINE = {"why", "stop", "resume", "goto", "drive", "topic", "param", "call"}
+
+
+def lines(page):
+    """The commands that a page shows on lines of their own."""
+    return SHOWN.findall(page.read_text())
+
+
+def words_of(line):
+    """The words of a command without its comment, and without what the shell does itself."""
+    return shlex.split(line, comments=True)[1:]
+
+
+def on_a_board(line):
+    words = words_of(line)
+    return words[0] in ON_A_BOARD or ("--port" in words and words[0] != "service")
+
+
+def on_the_air(line):
+    """Over a radio that is not here: tests/bluetooth run each of these against its double."""
+    return words_of(line)[0] == "bluetooth" or "bluetooth:" in line
+
+
+def on_a_terminal(line):
+    words = words_of(line)
+    return words[0] in ("dash", "teleop") or "--dash" in words
+
+
+def on_an_engine(line):
+    words = words_of(line)
+    return words[0] in ON_AN_ENGINE or "--live" in words
+
+
+@pytest.fixture
+def reader(tmp_path):
+    """A folder like a reader's checkout, with `diffbotctl` on the path."""
+    program_file = tmp_path / "bin" / "diffbotctl"
+    program_file.parent.mkdir()
+    program_file.write_text(f'#!/bin/sh\nexec {sys.executable} -m diffbotctl "$@"\n')
+    program_file.chmod(0o755)
+    work = tmp_path / "work"
+    work.mkdir()
+    for folder in ("robots", "pipelines"):
+        (work / folder).mkdir()
+        for file in (ROOT / folder).glob("*.yaml"):
+            (work / folder / file.name).write_text(file.read_text())
+    (tmp_path / "run").mkdir(mode=0o700)
+    return Reader(work, tmp_path)
+
+
+class Reader:
+    """Types lines into a shell."""
+
+    def __init__(self, work, home):
+        self.work = work
+        self.environment = os.environ | {
+            "PATH": f"{home / 'bin'}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": str(ROOT),
+            "XDG_STATE_HOME": str(home / "state"),
+            "XDG_CACHE_HOME": str(home / "cache"),
+            "XDG_RUNTIME_DIR": str(home / "run"),
+            "TMPDIR": str(home),
+        }
+
+    def types(self, line):
+        """Run the line; its exit code and what it said."""
+        done = subprocess.run(
+            ["bash", "-c", line], cwd=self.work, env=self.environment, text=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            timeout=LONGEST,
+        )  # fmt: skip
+        return done.returncode, done.stdout
+
+    @contextmanager
+    def running(self, pipeline):
+        """A robot that stands and waits in another terminal, until it is used no more."""
+        engine = subprocess.Popen(
+            ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"], cwd=self.work,
+            env=self.environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        try:
+            for said in engine.stdout:
+                if "odometry" in said or "pose" in said or " s " in said:
+                    break
+            yield
+        finally:
+            engine.terminate()
+            engine.communicate(timeout=LONGEST)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_that_need_nothing(page, reader):
+    for line in PREPARED.get(page.name, ()):
+        assert reader.types(line)[0] == 0, line
+    for line in lines(page):
+        elsewhere = any(
+            each(line) for each in (on_a_board, on_an_engine, on_a_terminal, on_the_air)
+        )
+        if elsewhere or words_of(line)[0] == "emulate":
+            continue
+        if words_of(line)[0] == "run":
+            line = re.sub(r"( +#.*)?$", " --fast --quiet", line, count=1)
+        code, said = reader.types(line)
+        finds = any(line.startswith(f"diffbotctl {words}") for words in FINDS)
+        assert code == 0 or (code == 1 and finds), f"{page.name} shows: {line}\n{said}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_for_a_running_robot(page, reader):
+    shown = [line for line in lines(page) if on_an_engine(line)]
+    if not shown:
+        return
+    with reader.running(PIPELINES.get(page.name, "standby")):
+        for line in shown:
+            if " echo " in line and "--once" not in line:
+                line += " --for 1s"  # it would go on until somebody ends it
+            reader.types("diffbotctl resume")  # a loaded machine may have lost the line before
+            code, said = reader.types(line)
+            assert code == 0, f"{page.name} shows: {line}\n{said}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_on_a_terminal(page, reader):
+    shown = [line for line in lines(page) if on_a_terminal(line)]
+    for line in PREPARED.get(page.name, ()) if shown else ():
+        assert reader.types(line)[0] == 0, line
+    for line in shown:
+        with Terminal(
+            ["bash", "-c", f"cd {reader.work}; exec {line}"], reader.environment
+        ) as terminal:
+            terminal.until(lambda text: "pose" in text, f"the picture of {line}, on {page.name},")
+            terminal.type("\x03")
+            assert terminal.ended() in (0, 130)
+
+
+STOCK = "book_2wd_stock"  # its board runs the book's firmware: tests/links have a double of it
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_for_a_board(page, reader):
+    shown = [
+        line
+        for line in lines(page)
+        if on_a_board(line) and STOCK not in line and not on_the_air(line)
+    ]
+    if not shown:
+        return
+    with board() as virtual:
+        for line in shown:
+            line = line.partition(" #")[0].replace("/dev/rfcomm0", str(virtual.radio))
+            line = re.sub(r"--port (auto|/dev/tty\w+)", f"--port {virtual.usb}", line)
+            line += " --yes" * (" flash " in line) + " --quiet" * (" run " in line)
+            code, said = reader.types(line)
+            assert code == 0, f"{page.name} shows: {line}\n{said}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_inside_a_sentence_can_be_read(page):
+    for shown in map("".join, MENTIONED.findall(page.read_text())):
+        for line in shown.split(" | ")[:1]:
+            words = [word for word in words_of(line) if word not in ("...", "…")]
+            read(words, f"{page.name} says `{line}`")
+
+
+def read(words, where):
+    """Read a command line as the program does, without running it."""
+    if words[0].startswith("--"):
+        words = words[1:]
+    assert words[0] in COMMANDS, f"{where}: there is no such command"
+    command = program.get_command(None, words[0])
+    rest = words[1:]
+    while isinstance(command, click.Group) and rest and rest[0] in command.commands:
+        command, rest = command.commands[rest[0]], rest[1:]
+    try:
+        with click.Context(command, resilient_parsing=True) as context:
+            command.parse_args(context, list(rest))
+            options = {name for each in command.params for name in each.opts}
+            for word in rest:
+                assert not word.startswith("--") or word in options | {"--help"}, where
+    except click.UsageError as error:
+        raise AssertionError(f"{where}: {error.format_message()}") from error
