@@ -50,6 +50,7 @@ class Dashboard(Cockpit):
         self.fields = fields
         self.chosen = 0  # the parameter that is marked
         self.is_wide = self.is_highest = False
+        self.drawn: dict[str, object] = {}  # what stands in each widget, or from what it was made
 
     def compose(self) -> ComposeResult:
         """Title, stop, map and facts, what is below, keys."""
@@ -105,31 +106,45 @@ class Dashboard(Cockpit):
         self._put("title", panels.title(self.sight))
         held = self.query_one("#banner", Static)
         held.styles.display = "block" if self.sight.held else "none"
-        self._put("banner", panels.banner(self.sight))
-        side = self.query_one("#facts", Static)
-        side.update(facts(self.sight, max(side.size.width, SIDE) - 1, self.wishes.ascii_only))
+        self._put("banner", panels.banner(self.sight), resizes=True)
         is_map = self.view == "map"
+        side = self.query_one("#facts", Static)
         side.styles.display = "block" if is_map or self.size.width >= WIDE else "none"
+        if side.display:
+            width = max(side.size.width, SIDE) - 1
+            self._put("facts", facts(self.sight, width, self.wishes.ascii_only))
         box, view = self.query_one(MapBox), self.query_one("#view", Static)
         box.styles.display, view.styles.display = ("block", "none") if is_map else ("none", "block")
         if is_map:
             box.see(self.sight)
         else:
-            self._put("view", self._renderable(self.view, view.size.width - 2, view.size.height))
-        if self.is_wide:
-            for name in ("plots", "blocks", "log"):
-                widget = self.query_one(f"#{name}", Static)
-                width, height = widget.size.width, widget.size.height
-                self._put(name, self._renderable(name, width, height))
+            self._pane("view", self.view, 2)
+        for name in ("plots", "blocks", "log") if self.is_wide else ():
+            self._pane(name, name)
         if self.is_highest:
-            more = self.query_one("#more", Static)
-            self._put("more", self._renderable("parameters", more.size.width, more.size.height))
+            self._pane("more", "parameters")
         self._put("said", Text(self.said, "yellow", no_wrap=True, overflow="ellipsis"))
         self._put("hand", panels.hand_line(self.reins))
 
-    def _put(self, name: str, what: RenderableType) -> None:
-        # In a group: textual would make of a bare text its own kind, which wraps.
-        self.query_one(f"#{name}", Static).update(Group(what))
+    def _pane(self, name: str, view: str, margin: int = 0) -> None:
+        """Draw a view in its pane, if what it shows may have changed since."""
+        size = self.query_one(f"#{name}", Static).size
+        moment = self.sight.picture.time if view == "plots" else self.slow_look
+        state = (view, size, moment, self.chosen, tuple(self.fields))
+        if self.drawn.get(name) != state:
+            self.drawn[name] = state
+            self._show(name, self._renderable(view, size.width - margin, size.height), False)
+
+    def _put(self, name: str, what: RenderableType, resizes: bool = False) -> None:
+        """Draw what is cheap to make, if it differs from what stands there."""
+        if not isinstance(what, Text) or self.drawn.get(name) != what:
+            self.drawn[name] = what
+            self._show(name, what, resizes)
+
+    def _show(self, name: str, what: RenderableType, resizes: bool) -> None:
+        # In a group: textual would make of a bare text its own kind, which wraps. The layout is
+        # worked out anew only for what may change its size: that costs more than all drawing.
+        self.query_one(f"#{name}", Static).update(Group(what), layout=resizes)
 
     def _renderable(self, name: str, width: int, height: int) -> RenderableType:
         sight, plain = self.sight, self.wishes.ascii_only

@@ -14,6 +14,9 @@ from diffbotctl.ui.camera import Camera, Point
 from diffbotctl.ui.dash.sight import Sight
 
 ZOOM = 1.25  # a step of the wheel
+ROOM = 0.9  # of the scale that would just fit, so that the map stands still for a while
+FARTHER = 0.6  # of it; smaller, the map is drawn closer
+SHIFT = 1.0  # dots that the middle may be off all the same
 LEAST_DRAG = 1.5  # characters; a shorter drag is a click that shook
 
 
@@ -34,6 +37,7 @@ class MapBox(Widget):
         self.plain = plain
         self.sight: Sight | None = None
         self.camera: Camera | None = None
+        self.fitted: tuple[Camera, int, int] | None = None  # and the window that it was made for
         self.used: Camera | None = None  # with which the map was last drawn
         self.follows = False
         self.pressed: tuple[float, float] | None = None  # where the left button went down
@@ -132,8 +136,21 @@ class MapBox(Widget):
         if self.pressed is not None and self.used is not None:
             return self.used  # the floor must not move under the mouse
         if self.camera is None:
-            return floor.look(sight.scene, sight.picture, sight.trail, width, height)
+            return self._fitted(sight, width, height)
         if self.follows and sight.trail:
             x, y = sight.trail[-1]
             return self.camera._replace(x=x, y=y)
         return self.camera
+
+    def _fitted(self, sight: Sight, width: int, height: int) -> Camera:
+        """A camera that has all in view; the one in use stays as long as it is about right."""
+        wanted = floor.look(sight.scene, sight.picture, sight.trail, width, height)
+        last = self.fitted
+        if last is not None and last[1:] == (width, height):
+            off = hypot(wanted.x - last[0].x, wanted.y - last[0].y) * wanted.scale
+            closer = last[0].scale / wanted.scale
+            if FARTHER < closer <= 1.0 and off < (1.0 - closer) * min(width, height) + SHIFT:
+                return last[0]
+        camera = wanted._replace(scale=wanted.scale * ROOM)
+        self.fitted = (camera, width, height)
+        return camera
