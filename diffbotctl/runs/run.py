@@ -31,7 +31,6 @@ from diffbotctl.messages import Path as Waypoints
 from diffbotctl.plant.robot import CAMERA
 from diffbotctl.runs import log_file, records
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
-from diffbotctl.runs.real import serial_robot
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
 from diffbotctl.runs.station import Socket, Station
@@ -198,6 +197,8 @@ class Run:
             from diffbotctl.runs.emulation import emulated  # needs a compiler: only when asked
 
             return emulated(self.configuration, self.options.seed)
+        from diffbotctl.runs.real import serial_robot  # a simulated run needs no protocol
+
         return serial_robot(self.configuration.robot, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:
