@@ -6,7 +6,7 @@ the wrong way only pushes harder. What the pulses prove lifts the speed cap of u
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -56,7 +56,7 @@ class Encoders:
             yield Said(f"found: {fault}. Settings make up for it, the wires may stay.")
         if rig.noisy:
             # The board takes settings only at rest, which it cannot see now.
-            counted = yield from self._slots(rig, found)
+            counted = yield from self._slots(rig, found.socket)
             report = [*found.mended, *counted.report]
             return Outcome("encoders", [], report, [*found.faults, *counted.faults])
         findings = wires.findings(found, rig.file.robot)
@@ -65,7 +65,9 @@ class Encoders:
         if found.proven:
             findings += yield from _proof(rig)
         gathers = rig.capture(True) is not None
-        counted = yield from self._slots(rig, found)
+        # From here on the board hears each wheel as its own side.
+        heard = {side: socket and side for side, socket in found.socket.items()}
+        counted = yield from self._slots(rig, heard)
         chatter = bounce.read(rig.capture(False) or [], rig.file.robot) if gathers else None
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
@@ -76,25 +78,29 @@ class Encoders:
             report += chatter.report
         return Outcome("encoders", findings, report, faults)
 
-    def _slots(self, rig: Rig, found: wires.Wires) -> Generator[Event, Any, slots.Counted]:
+    def _slots(
+        self, rig: Rig, sockets: Mapping[str, str | None]
+    ) -> Generator[Event, Any, slots.Counted]:
+        """Turn by hand each wheel whose encoder answers, at the socket where it does."""
         rolls: dict[str, list[int]] = {}
         for side in SIDES:
-            if found.socket[side] is None or not self.rolls:
+            socket = sockets[side]
+            if socket is None or not self.rolls:
                 continue
             rolls[side] = []
             for number in range(self.rolls):
                 yield Progress(f"{side} wheel by hand", number, self.rolls)
-                rolls[side].append((yield from self._roll(rig, side)))
+                rolls[side].append((yield from self._roll(rig, side, socket)))
         return slots.read(rolls, self.turns, rig.file.robot)
 
-    def _roll(self, rig: Rig, side: str) -> Generator[Event, Any, int]:
-        """Counts of a wheel that is turned by hand."""
+    def _roll(self, rig: Rig, side: str, socket: str) -> Generator[Event, Any, int]:
+        """Counts at a socket while a wheel is turned by hand."""
         before = _counts(rig)
         text = (f"turn the {side} wheel by hand, forward, through exactly {self.turns} turns, "
                 "no faster than a turn a second; a mark on the tyre helps")  # fmt: skip
         yield Act(f"encoders.{side}_turns", text, (side, float(self.turns)))
         rig.listen(LISTEN)
-        return abs(_counts(rig)[side] - before[side])
+        return abs(_counts(rig)[socket] - before[socket])
 
 
 def _announced(rig: Rig, which: str) -> Announce:
