@@ -7,6 +7,9 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
+# Robots with planted faults that are calibrated, and how many of them on emulated boards.
+FAULTY ?= 30
+EMULATED ?= 5
 WANDER ?= 50
 # Folders of the OptiOdom data set, which does not ship.
 OPTIODOM ?=
@@ -34,7 +37,7 @@ test: packages $(VENV)/tested
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD) --wander $(WANDER) --optiodom $(OPTIODOM)
+	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench
