@@ -33,7 +33,7 @@ test: packages $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
-	$(BIN)/python -m pytest -n 3  # more than cores: many tests wait for a board in real time
+	$(BIN)/python -m pytest -n 3 --dist loadgroup  # more than cores: many tests wait for a board in real time
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \

@@ -6,8 +6,18 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import pytest
+
 os.chdir(Path(__file__).parent.parent)
 
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
 os.environ["XDG_STATE_HOME"] = _state  # where runs keep their last minutes
 atexit.register(shutil.rmtree, _state, ignore_errors=True)
+
+
+def pytest_collection_modifyitems(items):
+    """One board at a time: an emulated one needs most of a core to keep up with real time."""
+    for item in items:
+        known = vars(getattr(item, "module", pytest)).values()
+        if any(getattr(each, "__module__", "") == "tests.virtual_board" for each in known):
+            item.add_marker(pytest.mark.xdist_group("board"))
