@@ -91,7 +91,7 @@ def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
         wanted = world.distance(x, y, bearing)
         if found == pytest.approx(wanted, abs=1e-6, rel=1e-6):
             continue
-        # A ray that only grazes an edge may meet it or miss it, and there may be several on its way:
+        # A ray that only grazes an edge may meet it or miss it, and several may be on its way:
         # then it agrees with one a hair beside that meets one of the things alone.
         alone = [world, *(World([each]) for each in world.walls)]
         alone += [World([], [each]) for each in world.rounds]
