@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 from textual import events
 from textual.app import App
 from textual.binding import Binding, BindingType
+from textual.css.query import NoMatches
 
 from diffbotctl.errors import RunError
 from diffbotctl.hub.async_caller import AsyncCaller, Fields
@@ -58,6 +59,11 @@ class Cockpit(App[int]):
     def show(self) -> None:
         """Draw what is known now."""
 
+    def draw(self) -> None:
+        """Show it, unless the widgets have gone already: the last answer may come after them."""
+        with suppress(NoMatches):
+            self.show()
+
     def own_key(self, key: str) -> bool:
         """Take a key before the hand gets it. False when it means nothing here."""
         return False
@@ -83,7 +89,7 @@ class Cockpit(App[int]):
         except RefusalError as refusal:
             self.said = str(refusal)
         self._take_hand()
-        self.show()
+        self.draw()
         self.set_interval(1.0 / self.wishes.hz, self._tick)
         self.set_interval(PERIOD_OF_WORDS, self._beat)
 
@@ -106,7 +112,7 @@ class Cockpit(App[int]):
                 await self.look_slowly()
         except RefusalError as refusal:
             self.said = str(refusal)
-        self.show()
+        self.draw()
 
     async def look_slowly(self) -> None:
         """What is looked at once a second: rates; programs add to it."""
@@ -128,7 +134,7 @@ class Cockpit(App[int]):
         self.sight.ended = True
         if self.reins is not None:
             self.reins.refused()
-        self.show()
+        self.draw()
         self.exit(0)
 
     # The hand.
@@ -167,7 +173,7 @@ class Cockpit(App[int]):
         key = key_of(event)
         if self.own_key(key) or (self.reins is not None and self.hand_key(key)):
             event.stop()
-            self.show()
+            self.draw()
 
     def hand_key(self, key: str) -> bool:
         """Drive, change speed, or stop."""
@@ -219,7 +225,7 @@ class Cockpit(App[int]):
             self.said = ""
         except RefusalError as refusal:
             self.said = f"{refusal}; {refusal.fix}" if refusal.fix else str(refusal)
-        self.show()
+        self.draw()
 
     # Leaving.
 

@@ -42,6 +42,11 @@ def dash(folder, *words, columns=80, lines=24, **more):
     return terminal
 
 
+def moment(text):
+    """The run's time in the title, in s."""
+    return float(re.search(r"goal +([\d.]+) s", text)[1])
+
+
 def scale(text):
     """What the bar below the map says that it is long, in m."""
     found = re.search(r"┤ ([\d.]+) m", text)
@@ -102,6 +107,8 @@ def test_keys_drive_stop_resume_and_choose(engine, tmp_path):
     with dash(tmp_path) as terminal:
         terminal.type("g")
         terminal.until(lambda text: "goal: X Y" in text, "the question")
+        began = moment(terminal.text)
+        terminal.until(lambda text: moment(text) > began + 1.0, "what goes on meanwhile")
         terminal.type("5 0\r")
         client.until(lambda status: moves(status) and status["operator.goal"]["x"] == 5.0)
         terminal.type(" ")

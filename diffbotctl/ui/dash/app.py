@@ -10,6 +10,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.containers import Horizontal
+from textual.screen import Screen
 from textual.widgets import Static
 
 from diffbotctl.hub.place import Engine
@@ -73,7 +74,7 @@ class Dashboard(Cockpit):
         """Lay out; then textual calls the cockpit's own on_mount, which connects."""
         if self.wishes.ascii_only:
             for name in ("#below", "#more"):
-                self.query_one(name).styles.border_top = ("ascii", "white")
+                self.main.query_one(name).styles.border_top = ("ascii", "white")
         self._lay_out(self.size.width, self.size.height)
 
     async def look_slowly(self) -> None:
@@ -88,32 +89,37 @@ class Dashboard(Cockpit):
     def on_resize(self, event: events.Resize) -> None:
         """Use the room there is."""
         self._lay_out(event.size.width, event.size.height)
-        self.show()
+        self.draw()
 
     def _lay_out(self, width: int, height: int) -> None:
         self.is_wide = width >= WIDE and height >= HIGH
         self.is_highest = self.is_wide and height >= HIGHEST
-        self.query_one("#facts").styles.width = WIDE_SIDE if width >= WIDE else SIDE
-        self.query_one("#below").styles.display = "block" if self.is_wide else "none"
-        self.query_one("#more").styles.display = "block" if self.is_highest else "none"
+        self.main.query_one("#facts").styles.width = WIDE_SIDE if width >= WIDE else SIDE
+        self.main.query_one("#below").styles.display = "block" if self.is_wide else "none"
+        self.main.query_one("#more").styles.display = "block" if self.is_highest else "none"
 
     # Drawing.
+
+    @property
+    def main(self) -> Screen[object]:
+        """The screen below any question that is being asked."""
+        return self.screen_stack[0]
 
     def show(self) -> None:
         """Draw what is known now."""
         if self.reins is None:
             return
         self._put("title", panels.title(self.sight))
-        held = self.query_one("#banner", Static)
+        held = self.main.query_one("#banner", Static)
         held.styles.display = "block" if self.sight.held else "none"
         self._put("banner", panels.banner(self.sight), resizes=True)
         is_map = self.view == "map"
-        side = self.query_one("#facts", Static)
+        side = self.main.query_one("#facts", Static)
         side.styles.display = "block" if is_map or self.size.width >= WIDE else "none"
         if side.display:
             width = max(side.size.width, SIDE) - 1
             self._put("facts", facts(self.sight, width, self.wishes.ascii_only))
-        box, view = self.query_one(MapBox), self.query_one("#view", Static)
+        box, view = self.main.query_one(MapBox), self.main.query_one("#view", Static)
         box.styles.display, view.styles.display = ("block", "none") if is_map else ("none", "block")
         if is_map:
             box.see(self.sight)
@@ -128,7 +134,7 @@ class Dashboard(Cockpit):
 
     def _pane(self, name: str, view: str, margin: int = 0) -> None:
         """Draw a view in its pane, if what it shows may have changed since."""
-        size = self.query_one(f"#{name}", Static).size
+        size = self.main.query_one(f"#{name}", Static).size
         moment = self.sight.picture.time if view == "plots" else self.slow_look
         state = (view, size, moment, self.chosen, tuple(self.fields))
         if self.drawn.get(name) != state:
@@ -144,7 +150,7 @@ class Dashboard(Cockpit):
     def _show(self, name: str, what: RenderableType, resizes: bool) -> None:
         # In a group: textual would make of a bare text its own kind, which wraps. The layout is
         # worked out anew only for what may change its size: that costs more than all drawing.
-        self.query_one(f"#{name}", Static).update(Group(what), layout=resizes)
+        self.main.query_one(f"#{name}", Static).update(Group(what), layout=resizes)
 
     def _renderable(self, name: str, width: int, height: int) -> RenderableType:
         sight, plain = self.sight, self.wishes.ascii_only
@@ -181,7 +187,7 @@ class Dashboard(Cockpit):
     def turn_to(self, view: str) -> None:
         """Show another view in place of the map."""
         self.view = view
-        self.show()
+        self.draw()
 
     def next_view(self) -> None:
         """The next of VIEWS."""
