@@ -24,6 +24,7 @@ from prove import (
     slots,
     wander,
 )
+from prove.row import printed
 
 
 def main() -> int:
@@ -43,7 +44,6 @@ def main() -> int:
     options = parser.parse_args()
     state = tempfile.TemporaryDirectory()
     os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
-    missed = 0
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         link_rosserial.rows(options.seed, options.starts),
@@ -61,9 +61,7 @@ def main() -> int:
         calibration.range_rows(options.seed),
         slots.rows(options.seed, options.robots),
     )
-    for row in joined.from_iterable(tables):
-        print(row.line(), flush=True)
-        missed += not row.met
+    missed = printed(joined.from_iterable(tables))
     state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0

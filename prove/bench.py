@@ -21,7 +21,7 @@ from diffbotctl.messages import Encoders, Goal
 from diffbotctl.runs.assembly import assemble
 from diffbotctl.runs.run import Options, Run
 from prove import wire
-from prove.row import Row
+from prove.row import Row, printed
 
 TICKS = 8000  # a side
 PERIOD = 0.001  # s
@@ -204,11 +204,8 @@ def simulated_speed() -> Iterator[Row]:
 
 def main() -> int:
     """Print the rows."""
-    missed = 0
-    for part in (overhead, start_up, memory, simulated_speed, wire.rows):
-        for row in part():
-            print(row.line(), flush=True)
-            missed += not row.met
+    parts = (overhead, start_up, memory, simulated_speed, wire.rows)
+    missed = printed(row for part in parts for row in part())
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

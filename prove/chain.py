@@ -20,7 +20,7 @@ from diffbotctl.calibrate.umbmark import EndError
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.body import Body
 from prove.chain_robots import Chained, Wiring, chained, drawn
-from prove.row import Row
+from prove.row import Row, printed
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: a nearer goal could not be reached by counting.
@@ -274,8 +274,9 @@ def main() -> None:
     parser.add_argument("--faulty", type=int, default=30)
     parser.add_argument("--emulated", type=int, default=5)
     options = parser.parse_args()
-    for row in rows(options.seed, options.robots, options.faulty, options.emulated):
-        print(row.line(), flush=True)
+    raise SystemExit(
+        printed(rows(options.seed, options.robots, options.faulty, options.emulated)) > 0
+    )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 from random import Random
 from statistics import median
 
-from prove.row import Row
+from prove.row import Row, printed
 from prove.screen import Drain
 from tests.hub.running import Plain, command, moves, running, stands
 from tests.terminal import Terminal
@@ -115,5 +115,4 @@ def hold(terminal: Terminal, mode: str, seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    for row in rows(1, 2):
-        print(row.line(), flush=True)
+    raise SystemExit(printed(rows(1, 2)) > 0)

@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.hub.recording import RecordingReader
-from prove.row import Row
+from prove.row import Row, printed
 from tests.book_board import Device, OnPort
 
 PROGRAM = (
@@ -178,11 +178,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--trials", type=int, default=50)
     options = parser.parse_args()
-    missed = 0
-    for row in rows(options.seed, options.trials):
-        print(row.line(), flush=True)
-        missed += not row.met
-    return 1 if missed else 0
+    return 1 if printed(rows(options.seed, options.trials)) else 0
 
 
 if __name__ == "__main__":

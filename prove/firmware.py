@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from prove import board_restarts, board_runs, board_trials, flash_trials, frame_damage
-from prove.row import Row
+from prove.row import Row, printed
 
 
 def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
@@ -48,11 +48,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--share", type=float, default=1.0, help="of the trials")
     asked = parser.parse_args()
-    missed = 0
-    for row in rows(asked.seed, asked.share):
-        print(row.line(), flush=True)
-        missed += not row.met
-    raise SystemExit(missed > 0)
+    raise SystemExit(printed(rows(asked.seed, asked.share)) > 0)
 
 
 if __name__ == "__main__":

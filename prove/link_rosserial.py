@@ -14,7 +14,7 @@ from typing import NamedTuple
 from diffbotctl.links.rosserial import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Message
 from prove.rosserial_session import MS, SECOND, Session
-from prove.row import Row
+from prove.row import Row, printed
 from tests.rosserial_device import RATED, Device
 
 # The first is a session of an emulated board, kept beside the checkout; the second is our own.
@@ -196,11 +196,7 @@ def main() -> int:
     if options.record:
         record(options.record)
         return 0
-    missed = 0
-    for row in rows(options.seed, options.starts):
-        print(row.line(), flush=True)
-        missed += not row.met
-    return 1 if missed else 0
+    return 1 if printed(rows(options.seed, options.starts)) else 0
 
 
 if __name__ == "__main__":

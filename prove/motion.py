@@ -15,7 +15,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
 from diffbotctl.runs.run import Options, Run
-from prove.row import Row
+from prove.row import Row, printed
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
 IDEAL = str(Path(__file__).with_name("ideal_robot.yaml"))
@@ -239,11 +239,7 @@ def main() -> int:
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--kinds", nargs="+", default=list(ROBOTS))
     options = parser.parse_args()
-    missed = 0
-    for row in rows(options.seed, options.robots, options.kinds):
-        print(row.line(), flush=True)
-        missed += not row.met
-    return 1 if missed else 0
+    return 1 if printed(rows(options.seed, options.robots, options.kinds)) else 0
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from prove import dashboard, operator_load, operator_people
-from prove.row import Row
+from prove.row import Row, printed
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
@@ -26,10 +26,7 @@ def main() -> int:
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--lines", type=int, default=2000)
     options = parser.parse_args()
-    missed = 0
-    for row in rows(options.seed, options.trials, options.lines):
-        print(row.line(), flush=True)
-        missed += not row.met
+    missed = printed(rows(options.seed, options.trials, options.lines))
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

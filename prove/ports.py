@@ -17,7 +17,7 @@ from diffbotctl.ports.judge import Report, survey
 from diffbotctl.ports.named import judge_name
 from diffbotctl.ports.person import Person
 from prove import port_answers
-from prove.row import Row
+from prove.row import Row, printed
 from tests.fake_machine import CH340, MEGA, FakeMachine
 
 ANA = "ana"
@@ -255,5 +255,4 @@ def rows() -> Iterator[Row]:
 
 
 if __name__ == "__main__":
-    for row in rows():
-        print(row.line())
+    raise SystemExit(printed(rows()) > 0)

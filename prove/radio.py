@@ -23,7 +23,7 @@ from diffbotctl.messages import Goal, Stop
 from diffbotctl.runs.emulation import emulated
 from diffbotctl.runs.run import Options, Run
 from prove.far_board import FarBoard
-from prove.row import Row
+from prove.row import Row, printed
 from tests.radio import Passed
 
 OUTAGE = 5.0  # s
@@ -167,8 +167,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--trials", type=int, default=30)
     asked = parser.parse_args()
-    for row in rows(asked.seed, asked.trials):
-        print(row.line(), flush=True)
+    raise SystemExit(printed(rows(asked.seed, asked.trials)) > 0)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from mcap.reader import make_reader
 
 from diffbotctl.bags.recover import recover
 from diffbotctl.hub.recording import RecordingReader
-from prove.row import Row
+from prove.row import Row, printed
 
 # SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
 PUBLISHED = {
@@ -202,5 +202,4 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--trials", type=int, default=20)
     options = parser.parse_args()
-    for row in rows(options.seed, options.trials):
-        print(row.line(), flush=True)
+    raise SystemExit(printed(rows(options.seed, options.trials)) > 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -25,3 +26,12 @@ class NoData(Row):
     def line(self) -> str:
         """The row as it is printed."""
         return f"  --    {self.what:<52} {self.figure:>18}   {self.target}"
+
+
+def printed(rows: Iterable[Row]) -> int:
+    """Print each row as soon as it is there; how many were missed."""
+    missed = 0
+    for row in rows:
+        print(row.line(), flush=True)
+        missed += not row.met
+    return missed

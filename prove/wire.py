@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from prove.row import Row
+from prove.row import Row, printed
 from tests.book_board import Device, frame
 
 SECONDS = 12.0  # of ticks a run
@@ -134,5 +134,4 @@ def rows() -> Iterator[Row]:
 
 
 if __name__ == "__main__":
-    for row in rows():
-        print(row.line(), flush=True)
+    raise SystemExit(printed(rows()) > 0)
