@@ -7,9 +7,10 @@ from math import isfinite
 
 from rich.text import Text
 
+from diffbotctl.ui.dots import BRAILLE
+
 STYLES = ("cyan", "yellow", "magenta", "green", "red", "blue")
 LETTERS = "*+xo#@"
-DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 LABEL = 9  # characters for the numbers on the left
 
 Series = Sequence[tuple[float, float]]
@@ -32,7 +33,7 @@ def chart(
             across = round((time - end + span) / span * (columns * 2 - 1))
             down = round((high - value) / (high - low) * (rows * 4 - 1))
             cell = (down // 4, across // 2)
-            bits = cells.get(cell, (0, number))[0] | DOTS[down % 4][across % 2]
+            bits = cells.get(cell, (0, number))[0] | BRAILLE.bits[across % 2][down % 4]
             cells[cell] = (bits, number)
     out = Text(no_wrap=True, end="")
     for row in range(rows):
@@ -40,7 +41,7 @@ def chart(
         out.append(f"{_number(label):>{LABEL - 1}} ", "dim")
         for column in range(columns):
             bits, number = cells.get((row, column), (0, 0))
-            sign = LETTERS[number % len(LETTERS)] if plain else chr(0x2800 + bits)
+            sign = LETTERS[number % len(LETTERS)] if plain else BRAILLE.character(bits)
             out.append(sign if bits else " ", STYLES[number % len(STYLES)] if bits else None)
         out.append("\n")
     for number, (name, known) in enumerate(series):

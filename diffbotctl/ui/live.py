@@ -13,12 +13,11 @@ from rich.table import Table
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.messages import Goal, GoalState, Link, Range, Text, Wheels
 from diffbotctl.ui import floor, words
-from diffbotctl.ui.camera import Point
 from diffbotctl.ui.map import Map
 from diffbotctl.ui.scene import Scene
 from diffbotctl.ui.sheet import Sheet
+from diffbotctl.ui.trail import Trail
 
-TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
 ROWS_OF_FACTS = 11
 
 
@@ -27,7 +26,7 @@ class LiveView:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.trail: list[Point] = []
+        self.trail = Trail()
         self.sheet = Sheet()
 
     def render(self, picture: Snapshot, width: int, height: int) -> RenderableType:
@@ -35,7 +34,7 @@ class LiveView:
         odometry = words.located(picture)
         self.sheet.see(picture)
         if odometry is not None:
-            self._extend((odometry.x, odometry.y))
+            self.trail.see((odometry.x, odometry.y))
         rows = max(height - ROWS_OF_FACTS - 3, 5)
         if odometry is None:
             return Group(title_line(self.scene), facts(picture))
@@ -45,14 +44,10 @@ class LiveView:
             Panel(drawing.text(), title=title, border_style="dim", height=rows + 2), facts(picture)
         )
 
-    def _extend(self, at: Point) -> None:
-        last = self.trail[-1] if self.trail else None
-        if last is None or abs(at[0] - last[0]) + abs(at[1] - last[1]) > TRAIL_STEP:
-            self.trail.append(at)
-
     def _map(self, picture: Snapshot, width: int, height: int) -> Map:
-        camera = floor.look(self.scene, picture, self.trail, width, height)
-        return floor.draw(self.scene, picture, self.trail, camera, width, height, sheet=self.sheet)
+        places = self.trail.places
+        camera = floor.look(self.scene, picture, places, width, height)
+        return floor.draw(self.scene, picture, places, camera, width, height, sheet=self.sheet)
 
 
 def title_line(scene: Scene) -> str:

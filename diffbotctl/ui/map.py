@@ -13,8 +13,8 @@ from math import ceil, cos, pi, sin
 from rich.text import Text
 
 from diffbotctl.ui.camera import ACROSS, DOWN, Camera, Point
+from diffbotctl.ui.dots import BRAILLE
 
-DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))  # braille: 4 rows of 2 dots
 QUARTERS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"  # 1 upper left, 2 upper right, 4 lower left, 8 lower right
 ARROWS, PLAIN_ARROWS = "→↗↑↖←↙↓↘", ">/^\\</v\\"  # x forward is drawn to the right, y left upwards
 MOST_DOTS = 4000  # of one line: more than any window has
@@ -116,7 +116,7 @@ class Map:
     def _set(self, column: int, row: int, layer: Layer) -> None:
         cell = (column // ACROSS, row // DOWN)
         if 0 <= cell[0] < self.width and 0 <= cell[1] < self.height:
-            self.dots[cell] = self.dots.get(cell, 0) | DOTS[row % DOWN][column % ACROSS]
+            self.dots[cell] = self.dots.get(cell, 0) | BRAILLE.bits[column % ACROSS][row % DOWN]
             if layer >= self.layers.get(cell, layer):
                 self.layers[cell] = layer
             if self.ink:
@@ -135,7 +135,7 @@ class Map:
             style = self.inks[column, row] + self.ground
         if self.plain:
             return LETTERS[layer], style
-        return _quarters(bits) if layer is Layer.WALL else chr(0x2800 + bits), style
+        return _quarters(bits) if layer is Layer.WALL else BRAILLE.character(bits), style
 
 
 def _quarters(bits: int) -> str:

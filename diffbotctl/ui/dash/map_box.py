@@ -51,7 +51,7 @@ class MapBox(Widget):
             return Text("")
         self.used = self._camera(self.sight, width, height)
         drawing = floor.draw(
-            self.sight.scene, self.sight.picture, self.sight.trail, self.used, width, height,
+            self.sight.scene, self.sight.picture, self.sight.trail.places, self.used, width, height,
             self.plain, self.sight.sheet,
         )  # fmt: skip
         if self.pressed is not None:
@@ -137,14 +137,14 @@ class MapBox(Widget):
             return self.used  # the floor must not move under the mouse
         if self.camera is None:
             return self._fitted(sight, width, height)
-        if self.follows and sight.trail:
-            x, y = sight.trail[-1]
+        if self.follows and sight.trail.places:
+            x, y = sight.trail.places[-1]
             return self.camera._replace(x=x, y=y)
         return self.camera
 
     def _fitted(self, sight: Sight, width: int, height: int) -> Camera:
         """A camera that has all in view; the one in use stays as long as it is about right."""
-        wanted = floor.look(sight.scene, sight.picture, sight.trail, width, height)
+        wanted = floor.look(sight.scene, sight.picture, sight.trail.places, width, height)
         last = self.fitted
         if last is not None and last[1:] == (width, height):
             off = hypot(wanted.x - last[0].x, wanted.y - last[0].y) * wanted.scale

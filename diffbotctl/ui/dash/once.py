@@ -44,8 +44,9 @@ def show(sight: Sight, console: Console, plain: bool) -> None:
     if sight.held:
         console.print(panels.banner(sight))
     width = console.width - 4
-    camera = floor.look(sight.scene, sight.picture, sight.trail, width, HEIGHT)
-    drawing = panels.map_view(sight, camera, width, HEIGHT, plain)
+    seen = (sight.scene, sight.picture, sight.trail.places)
+    camera = floor.look(*seen, width, HEIGHT)
+    drawing = floor.draw(*seen, camera, width, HEIGHT, plain, sight.sheet)
     console.print(Panel(drawing.text(), title="map", box=lines))
     console.print(Panel(facts(sight, width, plain), title="robot", box=lines))
     console.print(Panel(panels.blocks(sight, len(sight.blocks) + 1), title="blocks", box=lines))

@@ -8,11 +8,9 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from diffbotctl.ui import floor, words
-from diffbotctl.ui.camera import Camera
+from diffbotctl.ui import words
 from diffbotctl.ui.chart import chart
 from diffbotctl.ui.dash.sight import Fields, Sight
-from diffbotctl.ui.map import Map
 from diffbotctl.ui.teleop.reins import Reins
 
 HELD = "bold white on red"
@@ -39,13 +37,6 @@ def banner(sight: Sight) -> Text:
     way_out = "r: resume" if held["latched"] else "ends by itself"
     said = f" STOPPED  {held['code']}: {held['cause']}  ({way_out}) "
     return Text(said, HELD)
-
-
-def map_view(sight: Sight, camera: Camera, width: int, height: int, plain: bool) -> Map:
-    """The floor as `camera` sees it."""
-    return floor.draw(
-        sight.scene, sight.picture, sight.trail, camera, width, height, plain, sight.sheet
-    )
 
 
 def hand_line(reins: Reins) -> Text:

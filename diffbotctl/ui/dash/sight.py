@@ -9,16 +9,13 @@ from typing import Any
 from diffbotctl.hub.latest import Snapshot
 from diffbotctl.links.json_messages import reader
 from diffbotctl.messages import BUILT_IN, LogLine
-from diffbotctl.ui.camera import Point
 from diffbotctl.ui.scene import Scene, scene_of
 from diffbotctl.ui.sheet import Sheet
+from diffbotctl.ui.trail import Trail
 from diffbotctl.ui.words import located
 
-TRAIL_STEP = 0.01  # m between two dots of the trail: finer is not seen
-MOST_TRAIL = 3000  # dots; then the oldest goes
 MOST_KEPT = 1200  # numbers kept of each field: two minutes at ten a second
 MOST_LINES = 100  # of the log: more than the highest terminal shows
-JUMP = 0.5  # m in one picture: the pose was set anew, the trail begins again
 
 Fields = dict[str, Any]
 
@@ -31,7 +28,7 @@ class Sight:
         self.scene = Scene("", "")
         self.picture = Snapshot(0, {}, 0, 0)
         self.sheet = Sheet()
-        self.trail: deque[Point] = deque(maxlen=MOST_TRAIL)
+        self.trail = Trail()
         self.numbers: dict[str, deque[tuple[float, float]]] = {}
         self.log: list[LogLine] = []
         self.rates: dict[str, Fields] = {}
@@ -66,7 +63,7 @@ class Sight:
         self.sheet.see(self.picture)
         odometry = located(self.picture)
         if odometry is not None:
-            self._extend((odometry.x, odometry.y))
+            self.trail.see((odometry.x, odometry.y))
 
     def take_log(self, said: Fields) -> None:
         """Take the answer of `log`."""
@@ -76,14 +73,6 @@ class Sight:
     def fields(self) -> list[str]:
         """Every number that can be plotted, `block.port.field`."""
         return sorted(self.numbers)
-
-    def _extend(self, at: Point) -> None:
-        last = self.trail[-1] if self.trail else at
-        step = abs(at[0] - last[0]) + abs(at[1] - last[1])
-        if step > JUMP:
-            self.trail.clear()
-        if step > TRAIL_STEP or not self.trail:
-            self.trail.append(at)
 
     def _note(self, wire: str, values: Fields) -> None:
         time = values["time"] / 1e9
