@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import exp, log
 
 from diffbotctl.blocks.known_slots import Flanks, KnownSlots
-from diffbotctl.blocks.wheel_track import WheelTrack
+from diffbotctl.blocks.wheel_track import WheelTrack, followed
 
 UNLIKELY = 9.0  # an account so far below the best (natural logarithm, about 1 : 8000) is dropped
 MOST = 40  # accounts kept at a time: two for each turn of a disc with 20 slots
@@ -43,13 +43,7 @@ class DiscSearch:
         """Take one frame, as `WheelTrack.frame` does."""
         self.edges += abs(count - self.count)
         self.count = count
-        if self.tracks[0].motion.dry is None:
-            self.tracks = [twin for track in self.tracks for twin in track.rolling_out(drive)]
-        self.tracks = [
-            branch
-            for track in self.tracks
-            for branch in track.frame(time, count, edge, drive, since)
-        ]
+        self.tracks = followed(self.tracks, time, count, edge, drive, since)
         self._prune()
 
     def found(self, plain: WheelTrack) -> WheelTrack | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from diffbotctl.blocks.disc_search import DiscSearch
 from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.wheel_motion import Spread, WheelMotion
-from diffbotctl.blocks.wheel_track import WheelTrack
+from diffbotctl.blocks.wheel_track import WheelTrack, followed
 
 MOST = 6  # accounts kept at a time
 UNLIKELY = 9.0  # an account so far below the best (natural logarithm, about 1 : 8000) is dropped
@@ -37,13 +37,7 @@ class WheelFilter:
         if self.flanks is not None and edge is not None and count != self.tracks[0].count:
             self.search = DiscSearch(self.flanks, self.tracks)
             self.flanks = None
-        if self.tracks[0].motion.dry is None:
-            self.tracks = [twin for track in self.tracks for twin in track.rolling_out(drive)]
-        self.tracks = [
-            branch
-            for track in self.tracks
-            for branch in track.frame(time, count, edge, drive, since)
-        ]
+        self.tracks = followed(self.tracks, time, count, edge, drive, since)
         if len(self.tracks) > 1:
             self._prune()
         if self.search is not None:

@@ -194,3 +194,13 @@ def bounds(place: float, passed: int, turned_back: bool) -> tuple[float, float]:
     if passed > 0:
         return place - (1.0 - OPEN if turned_back else 0.0), place + 1.0
     return place - 1.0, place + (1.0 - OPEN if turned_back else 0.0)
+
+
+def followed(
+    tracks: list[WheelTrack], time: int, count: int, edge: int | None, drive: float,
+    since: int | None,
+) -> list[WheelTrack]:  # fmt: skip
+    """All accounts that come of `tracks` with one more frame, as `WheelTrack.frame` takes it."""
+    if tracks[0].motion.dry is None:
+        tracks = [twin for track in tracks for twin in track.rolling_out(drive)]
+    return [branch for track in tracks for branch in track.frame(time, count, edge, drive, since)]
