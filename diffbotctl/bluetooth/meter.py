@@ -23,7 +23,6 @@ class Meter:
         self.heard: list[Heard] = []
         self.answers: list[float] = []
         """s that each question took"""
-        self.unanswered = 0
 
     def due(self) -> int:
         """When `send` has something to say."""
@@ -34,10 +33,8 @@ class Meter:
         if now < self._ask_at:
             return b""
         self._ask_at = now + ASK_EVERY
-        if self._asked is not None:
-            if now - self._asked < FORGOTTEN:
-                return b""
-            self.unanswered += 1
+        if self._asked is not None and now - self._asked < FORGOTTEN:
+            return b""
         self._asked = now
         return encode(frames.Ask(frames.VERSION))
 

@@ -53,7 +53,7 @@ class AnswersFile:
     def __init__(self, path: Path, instruments: Instruments | None) -> None:
         """`instruments` is None for a real robot. Raises UsageError for an unusable file."""
         self.path = path
-        self.answers = _read(path)
+        self.answers = read_answers(path, "E-CALIBRATE-ANSWER", EXAMPLE)
         self.instruments = instruments
         self.used: dict[str, int] = {}
 
@@ -129,16 +129,20 @@ class AnswersFile:
         return RunError(Problem("E-CALIBRATE-ANSWER", str(self.path), f"{name}: {cause}", fix))
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_answers(path: Path, code: str, example: str) -> dict[str, Any]:
+    """What an answers file says, by the name of the question.
+
+    Raises UsageError with `code`, and with `example` as the way out, for a file that is not one.
+    """
     try:
         # Every scalar stays a text: which number or word it is, the question says.
         found = yaml.load(path.read_text(), Loader=yaml.CBaseLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         cause = f"cannot be read: {' '.join(str(error).split())}"
-        raise UsageError(Problem("E-CALIBRATE-ANSWER", str(path), cause, EXAMPLE)) from error
+        raise UsageError(Problem(code, str(path), cause, example)) from error
     if not isinstance(found, dict) or not all(isinstance(each, str) for each in found):
         cause = "is no list of questions and answers"
-        raise UsageError(Problem("E-CALIBRATE-ANSWER", str(path), cause, EXAMPLE))
+        raise UsageError(Problem(code, str(path), cause, example))
     return found
 
 

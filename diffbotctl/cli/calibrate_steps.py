@@ -107,9 +107,10 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
     from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import shown
+    from diffbotctl.runs.scene import VIRTUAL
 
     port = choose_port(radio=True) if wanted.port == "auto" else wanted.port
-    real = port not in ("sim", "emulated")
+    real = port not in VIRTUAL
     file = load_robot(wanted.robot)
     if not wanted.dry_run:
         mine, was_copied = own_file(file.file)

@@ -59,6 +59,11 @@ def _checked(before: str, after: str, path: Sequence[str], written: str) -> str:
     for step in path[:-1]:
         place = place.setdefault(step, {})
     place[path[-1]] = yaml.load(written, Loader=yaml.CSafeLoader)
+    return reads_as(after, wanted)
+
+
+def reads_as(after: str, wanted: Any) -> str:
+    """The text `after`, if it reads as `wanted`. Raises ValueError when it does not."""
     try:
         found = yaml.load(after, Loader=yaml.CSafeLoader)
     except yaml.YAMLError:

@@ -15,6 +15,7 @@ from diffbotctl.config.load import load
 from diffbotctl.hub.recording import RecordingReader
 from diffbotctl.messages import Goal, Message
 from diffbotctl.messages import Path as Waypoints
+from diffbotctl.runs.scene import VIRTUAL
 
 
 class RecordedRun(NamedTuple):
@@ -44,7 +45,7 @@ class RecordedRun(NamedTuple):
     @property
     def real(self) -> bool:
         """Whether a real robot drove."""
-        return self.about["port"] not in ("sim", "emulated")
+        return self.about["port"] not in VIRTUAL
 
     def goals(self) -> list[Goal]:
         """The goals that were handed out, in order."""

@@ -31,6 +31,7 @@ from diffbotctl.messages import Path as Waypoints
 from diffbotctl.plant.robot import CAMERA
 from diffbotctl.runs import log_file, records
 from diffbotctl.runs.assembly import Assembly, assemble, wires_of
+from diffbotctl.runs.scene import VIRTUAL
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
 from diffbotctl.runs.station import Socket, Station
@@ -84,7 +85,7 @@ class Run:
         signals: Signals | None = None,
         gone: Callable[[], None] | None = None,
     ) -> None:
-        real = options.port not in ("sim", "emulated")
+        real = options.port not in VIRTUAL
         self.configuration, self.options = configuration, options
         self.assembly: Assembly = assemble(configuration, real)
         self.reckoned = wires_of(self.assembly, Odometry)

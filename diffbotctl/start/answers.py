@@ -11,8 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
+from diffbotctl.calibrate.answers import read_answers
 from diffbotctl.calibrate.order import STEPS
 from diffbotctl.errors import Problem, UsageError, listed, nearest
 
@@ -55,7 +54,7 @@ class Answers:
     def __init__(self, path: Path) -> None:
         """Raises UsageError for a file that is not one, or with a name that is no question."""
         self.path = path
-        self._answers = _read(path)
+        self._answers = read_answers(path, "E-START-ANSWER", EXAMPLE)
         self._asked: dict[str, int] = {}
         for name in self._answers:
             if name not in QUESTIONS and name.partition(".")[0] not in STEPS:
@@ -79,16 +78,3 @@ class Answers:
 
     def _trouble(self, cause: str, fix: str) -> UsageError:
         return UsageError(Problem("E-START-ANSWER", str(self.path), cause, fix))
-
-
-def _read(path: Path) -> dict[str, object]:
-    try:
-        # Every scalar stays a text, so that `yes` is the word that was typed.
-        found = yaml.load(path.read_text(), Loader=yaml.CBaseLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        cause = f"cannot be read: {' '.join(str(error).split())}"
-        raise UsageError(Problem("E-START-ANSWER", str(path), cause, EXAMPLE)) from error
-    if not isinstance(found, dict) or not all(isinstance(each, str) for each in found):
-        cause = "is no list of questions and answers"
-        raise UsageError(Problem("E-START-ANSWER", str(path), cause, EXAMPLE))
-    return found
