@@ -14,7 +14,7 @@ from diffbotctl.calibrate import outing, picture, squares, umbmark
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.geometry import Geometry
 from diffbotctl.calibrate.outcome import LEFT, RIGHT, TRACK
-from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.question import FACING, Question
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.squares import Found
 from diffbotctl.calibrate.step import (
@@ -36,7 +36,6 @@ from diffbotctl.units import quantity
 RUNS = 5  # squares each way round
 CORNER = sqrt(2.0)  # of the side: how far the far corner is
 BEYOND = 0.25  # of the side: what a wrong geometry may add
-HALF_TURN = pi  # rad
 MM = 1000.0
 CLOCKWISE, COUNTER = "clockwise", "counter-clockwise"
 READ = ("places", "headings", "both")
@@ -113,12 +112,7 @@ class Squares:
             x = float((yield _place("forward", side))) - end.x
             y = float((yield _place("left", side))) - end.y
         if self.read != "places":
-            facing = yield Question(
-                "geometry.facing",
-                "How far is it turned from how it stood at the start, counter-clockwise?",
-                unit="rad", written="deg", least=-HALF_TURN, most=HALF_TURN,
-                why="more than half a turn is less the other way round", quantity="facing",
-            )  # fmt: skip
+            facing = yield FACING
             heading = wrapped(float(facing) - end.heading)
         return EndError(x, y, heading)
 

@@ -98,3 +98,16 @@ class Question:
         if self.unit == "rad":
             return f"{value * 180 / pi:.6g} deg"
         return with_unit(value, self.unit)
+
+
+FACING = Question(
+    "geometry.facing",
+    "How far is it turned from how it stood at the start, counter-clockwise?",
+    unit="rad",
+    written="deg",
+    least=-pi,
+    most=pi,
+    why="more than half a turn is less the other way round",
+    quantity="facing",
+)
+"""Where a robot looks that was to look as before: after squares, and after a spin."""

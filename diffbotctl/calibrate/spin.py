@@ -11,7 +11,7 @@ from diffbotctl.blocks.odometry import Odometry as OdometryBlock
 from diffbotctl.calibrate import commanded
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.outcome import TRACK
-from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.question import FACING
 from diffbotctl.calibrate.repeats import mean
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Announce, Event, Mark, Outcome, Progress, Running
@@ -69,12 +69,7 @@ class Spin:
         frames += rig.hold(command, 2 * pi * self.turns / RATE).encoders
         frames += rig.rest().encoders
         told = reckoned(robot, frames).heading
-        facing = yield Question(
-            "geometry.facing",
-            "How far is it turned from how it stood at the start, counter-clockwise?",
-            unit="rad", written="deg", least=-pi, most=pi,
-            why="more than half a turn is less the other way round", quantity="facing",
-        )  # fmt: skip
+        facing = yield FACING
         true = float(facing) + 2 * pi * round((told - float(facing)) / (2 * pi))
         return told / true
 
