@@ -164,12 +164,24 @@ class Chained(NamedTuple):
     rig: Rig
     truths: Truths
     outcomes: dict[str, Outcome]
-    worst: float
+    attendant: Watched
 
-    def named(self) -> list[str]:
-        """All that the encoders step said was wrong."""
-        outcome = self.outcomes["encoders"]
-        return [*outcome.report, *outcome.faults]
+    @property
+    def worst(self) -> float:
+        """Most of an announced bound that was used."""
+        return self.attendant.worst
+
+    def run(self, name: str) -> None:
+        """Run one more step."""
+        self.outcomes[name] = perform(step(name), self.rig, self.attendant, Quiet())
+        self.rig.recording.clear()
+
+    def switch_off_and_on(self, chance: Random) -> None:
+        """The board starts anew, with both discs somewhere else under their light barriers."""
+        for side in SIDES:
+            self.truths.roll(side, chance.uniform(1.0, 2.0))
+        self.rig.refit(self.rig.file)
+        self.rig.meet()
 
 
 def chained(
@@ -182,8 +194,7 @@ def chained(
     made, truths = rig(load_robot(str(robot)), port, seed)
     assert truths is not None
     attendant = Watched(answers, truths, made)
-    outcomes = {}
+    found = Chained(made, truths, {}, attendant)
     for name in names:
-        outcomes[name] = perform(step(name), made, attendant, Quiet())
-        made.recording.clear()
-    return Chained(made, truths, outcomes, attendant.worst)
+        found.run(name)
+    return found

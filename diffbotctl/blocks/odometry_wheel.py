@@ -11,8 +11,6 @@ from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
 from diffbotctl.blocks.wheel_filter import WheelFilter
 from diffbotctl.blocks.wheel_motion import Spread
 
-UNKNOWN = 0.5  # open share of a disc that nobody has measured
-
 
 class Motor(Protocol):
     """What a side's motor must tell; times in s, speeds in rad/s."""
@@ -34,7 +32,7 @@ class Encoder(Protocol):
     slots: int
     slot_errors: Sequence[float]
     back_errors: Sequence[float]
-    open_share: float
+    open_share: float | None
 
 
 class Side(Protocol):
@@ -130,7 +128,7 @@ def known_flanks(encoder: Encoder, spread: Spread) -> Flanks | None:
     """The disc as it was measured, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
-    share = None if encoder.open_share == UNKNOWN else encoder.open_share
+    share = encoder.open_share
     return Flanks(encoder.slot_errors, encoder.back_errors, share, spread.slot)
 
 

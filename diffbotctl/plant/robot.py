@@ -25,7 +25,7 @@ from diffbotctl.plant.scanner import PARTS, Scanner
 from diffbotctl.plant.sharp import Sharp
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import SensorTruth, Simulation
-from diffbotctl.plant.wheel import Disc, Motor, Wheel, draw_disc
+from diffbotctl.plant.wheel import Change, Disc, Motor, Wheel, draw_disc
 from diffbotctl.plant.world import Wall, World
 
 CAMERA = "overhead_camera"
@@ -73,6 +73,15 @@ class Machine(NamedTuple):
     divider: float | None = None  # that the board's readings are multiplied with; None: no pin
     built_divider: float = 1.0  # that the file states
     low: float = 0.0  # V
+
+
+class Flank(NamedTuple):
+    """What an encoder's pin did at `time` (ns): it went to `level`, 0 or 1."""
+
+    time: int
+    side: int
+    """0 left, 1 right: of the board that captured it, or of the socket it is plugged into"""
+    level: int
 
 
 class Truth(NamedTuple):
@@ -135,6 +144,9 @@ class SimulatedRobot:
         self._outputs = _outputs(machine, simulation)
         self._pins = _pins(machine, simulation)
         self._hums = _hums(simulation, chance)
+        self._captures = False
+        self.flanks: list[Flank] = []
+        """what the board has captured, until it is taken"""
         self.now = 0
         self._next_step = STEP
         self._next_frame = self._kind.period
@@ -206,22 +218,37 @@ class SimulatedRobot:
         """The host sends `wanted` at `now`. Raises TypeError where the board takes the other."""
         self.board.command(now, wanted)
 
-    def roll(self, until: int, left: float, right: float) -> list[tuple[int, int]]:
+    def capture(self, on: bool) -> None:
+        """From now on `flanks` gathers what the encoders' pins do, or no longer."""
+        self._move(self.now)
+        self._captures = on
+        for wheel in self.wheels:
+            wheel.watch(on)
+
+    def levels(self) -> list[Flank]:
+        """How the encoders' pins stand now."""
+        return [
+            Flank(self.now, self._socket(number), 0 if number in self._hums else wheel.level)
+            for number, wheel in enumerate(self.wheels)
+        ]
+
+    def roll(self, until: int, left: float, right: float) -> list[Flank]:
         """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
 
-        Returns the edges that count, as (time in ns, 0 for left or 1 for right), in order.
-        For a board that is not simulated here; not to be mixed with `advance`.
+        Returns what the encoders' pins did, in order: `capture` must be on. For a board that is not
+        simulated here; not to be mixed with `advance`.
         """
         self._pushes = self._shares(left, right)
-        rises: list[tuple[int, int]] = []
+        found: list[Flank] = []
         for number, wheel in enumerate(self.wheels):
-            found = wheel.advance(until, self._pushes[number])
-            rises += [(time, self._socket(number)) for time in self._seen(number, found, until)]
+            wheel.advance(until, self._pushes[number])
+            socket = self._socket(number)
+            found += [Flank(time, socket, level) for time, level in self._changes(number, until)]
         self._roll()
         if until >= self._next_look:
             self._look(until)
         self.now = until
-        return sorted(rises)
+        return sorted(found)
 
     def volts(self) -> dict[str, float]:
         """The distance sensors' output voltages now."""
@@ -302,11 +329,21 @@ class SimulatedRobot:
         """Turn the wheels until `until`; the board hears of the edges, the body is not rolled."""
         for number, wheel in enumerate(self.wheels):
             found = wheel.advance(until, self._pushes[number])
-            if found or self._hums:
-                side = self._pins[number]
-                for time in self._seen(number, found, until):
-                    if side is not None:
-                        self.board.edge(self.board.sides[side], time)
+            if found or self._hums or self._captures:
+                self._hear(number, found, until)
+
+    def _hear(self, number: int, edges: Sequence[int], until: int) -> None:
+        """The board's pin of a wheel's encoder, of which the wheel truly made `edges`."""
+        changes = self._changes(number, until)
+        if number in self._hums:
+            edges = [time for time, level in changes if level]
+        side = self._pins[number]
+        if side is None:
+            return
+        for time in edges:
+            self.board.edge(self.board.sides[side], time)
+        if self._captures:
+            self.flanks += [Flank(time, side, level) for time, level in changes]
 
     def _roll(self) -> None:
         left, right = self.wheels
@@ -333,10 +370,10 @@ class SimulatedRobot:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
         return 1 - wheel if self._simulation.wiring.encoders == "swapped" else wheel
 
-    def _seen(self, wheel: int, edges: Sequence[int], until: int) -> Sequence[int]:
-        """The edges at the wire of a wheel's encoder, of which the wheel truly made `edges`."""
-        hum = self._hums.get(wheel)
-        return edges if hum is None else hum.edges(until)
+    def _changes(self, wheel: int, until: int) -> list[Change]:
+        """What the wire of a wheel's encoder did, as far as it is watched, or hums by itself."""
+        hum, made = self._hums.get(wheel), self.wheels[wheel].changes(until)
+        return made if hum is None else hum.changes(until)
 
     def _new_board(self, boot: int) -> Board:
         machine = self.machine
@@ -510,4 +547,4 @@ def _hums(simulation: Simulation, chance: Random) -> dict[int, Hum]:
     return found
 
 
-__all__ = ["NEVER", "Disc", "Machine", "Mounting", "SimulatedRobot", "Truth"]
+__all__ = ["NEVER", "Disc", "Flank", "Machine", "Mounting", "SimulatedRobot", "Truth"]
