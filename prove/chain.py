@@ -189,6 +189,26 @@ def fault_rows(seed: int, robots: int, port: str) -> Iterator[Row]:
     yield Row(f"{what}: of the announced bound", f"{100 * worst:.0f} %", "<= 100 %", worst <= 1.0)
 
 
+def stock_rows(seed: int, robots: int) -> Iterator[Row]:
+    """What `motors` finds of a board with the book's firmware, which tells of no command when it
+    took hold. Nothing was asked of it: the figures are printed to be known."""
+    lags, dead = [], []
+    with TemporaryDirectory() as folder:
+        for each in range(robots):
+            found = chained(Wiring(), 1000 * seed + each, Path(folder), ("motors",),
+                            robot="book_2wd_stock")  # fmt: skip
+            plant = found.truths._plant
+            motor, link = found.rig.file.robot.drive.left.motor, found.rig.file.robot.link
+            lags.append(motor.lag / (sum(each.lag for each in plant.motors) / 2) - 1)
+            dead.append(link.command_delay - plant.board.kind.command_delay * 1e-9)
+            found.rig.close()
+    what = f"motors, {robots} robots with stock firmware"
+    yield Row(f"{what}: lag, sd", f"{100 * pstdev(lags):.1f} %", "(none)", True)
+    yield Row(
+        f"{what}: time to take a command, sd", f"{1000 * pstdev(dead):.1f} ms", "(none)", True
+    )
+
+
 # --- driving afterwards ---
 
 
@@ -285,6 +305,7 @@ def rows(seed: int, robots: int, faulty: int, emulated: int) -> Iterator[Row]:
     yield from umbmark_rows(seed, 50)
     yield from fault_rows(seed, faulty, "sim")
     yield from fault_rows(seed, emulated, "emulated")
+    yield from stock_rows(seed, faulty)
     yield from driving_rows(seed, robots)
 
 

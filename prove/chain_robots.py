@@ -38,12 +38,12 @@ class Wiring(NamedTuple):
     right_encoder: str = "plain"
     slots: int = 20
 
-    def text(self) -> str:
-        """The robot file."""
+    def text(self, robot: str = "book_2wd") -> str:
+        """The robot file, on top of the shipped `robot`."""
         wiring = ", ".join(f"{name}: {value}" for name, value in self._asdict().items()
                            if name != "slots")  # fmt: skip
         return (
-            "format: 1\nkind: robot\ninclude: book_2wd\n"
+            f"format: 1\nkind: robot\ninclude: {robot}\n"
             f"simulation: {{{TRUTH}, wiring: {{{wiring}}}, encoder: {{slots: {self.slots}}}}}\n"
             "calibration: {}\n"
         )
@@ -185,13 +185,14 @@ class Chained(NamedTuple):
 
 
 def chained(
-    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim"
-) -> Chained:
+    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim",
+    robot: str = "book_2wd",
+) -> Chained:  # fmt: skip
     """Run the steps called `names` on a robot drawn by `seed`."""
-    robot, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
-    robot.write_text(wiring.text())
+    file, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
+    file.write_text(wiring.text(robot))
     answers.write_text(ANSWERS)
-    made, truths = rig(load_robot(str(robot)), port, seed)
+    made, truths = rig(load_robot(str(file)), port, seed)
     assert truths is not None
     attendant = Watched(answers, truths, made)
     found = Chained(made, truths, {}, attendant)
