@@ -64,7 +64,7 @@ def _announced(rig: Rig) -> Announce:
 
 
 def _minutes(robot: Robot) -> str:
-    return "two minutes" if takes_duty(robot) else "a minute and a half"
+    return "two and a half minutes" if takes_duty(robot) else "a minute and a half"
 
 
 def _lags(robot: Robot, steps: list[motor_fit.Step]) -> dict[str, Lag]:
