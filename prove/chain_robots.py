@@ -171,6 +171,11 @@ class Chained(NamedTuple):
         """Most of an announced bound that was used."""
         return self.attendant.worst
 
+    def named(self) -> list[str]:
+        """All that the encoders step said was wrong."""
+        outcome = self.outcomes["encoders"]
+        return [*outcome.report, *outcome.faults]
+
     def run(self, name: str) -> None:
         """Run one more step."""
         self.outcomes[name] = perform(step(name), self.rig, self.attendant, Quiet())
