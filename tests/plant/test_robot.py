@@ -6,7 +6,8 @@ from random import Random
 import pytest
 
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
-from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
+from diffbotctl.plant.machine import Machine, Mounting
+from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.plant.sharp import RESIDUE, volts
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import MotorTruth, SensorTruth, Simulation, WiringTruth
