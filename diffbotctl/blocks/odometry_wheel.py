@@ -8,8 +8,11 @@ from typing import Protocol
 
 from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
+from diffbotctl.blocks.slot_places import Told
 from diffbotctl.blocks.wheel_filter import WheelFilter
 from diffbotctl.blocks.wheel_motion import Spread
+
+SHARE = 0.01  # pitches; sd of a measured open share, at another speed of the wheel
 
 
 class Motor(Protocol):
@@ -64,6 +67,8 @@ class OdometryWheel:
         static = motor.loop.static
         friction = static / (1.0 - static) * motor.rated
         spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
+        if side.encoder.open_share is not None:
+            spread = spread._replace(open=SHARE, share=side.encoder.open_share - 0.5)
         self.filter = WheelFilter(spread, time, count, slots, known_flanks(side.encoder, spread))
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
         self.rolled = self.begun = 0.0
@@ -128,7 +133,7 @@ def known_flanks(encoder: Encoder, spread: Spread) -> Flanks | None:
     """The disc as it was measured, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
-    share = encoder.open_share
+    share = Told(spread.share, spread.open * spread.open)
     return Flanks(encoder.slot_errors, encoder.back_errors, share, spread.slot)
 
 
