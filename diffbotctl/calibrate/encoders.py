@@ -12,7 +12,7 @@ from math import pi
 from typing import Any
 
 from diffbotctl.calibrate import bounce, shares, slots, wires
-from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.findings import Finding, Reading
 from diffbotctl.calibrate.question import Question
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Act, Announce, Event, Mark, Outcome, Progress, Running, Said
@@ -72,16 +72,18 @@ class Encoders:
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
         report = [*found.mended, *_lines(found), *counted.report]
-        if gathers and self.rolls:
-            for read in (shares.read(flanks, rig.file.robot), bounce.read(flanks, rig.file.robot)):
-                findings += read.findings
-                faults += read.faults
-                report += read.report
+        if self.rolls:
+            robot = rig.file.robot
+            told = [bounce.read(flanks, robot)] if gathers else []
+            if not faults:  # with one, this step is run again when it is mended
+                told.append(shares.read(flanks, robot))
+            for each in told:
+                findings += each.findings
+                faults += each.faults
+                report += each.report
         return Outcome("encoders", findings, report, faults)
 
-    def _slots(
-        self, rig: Rig, sockets: Mapping[str, str | None]
-    ) -> Generator[Event, Any, slots.Counted]:
+    def _slots(self, rig: Rig, sockets: Mapping[str, str | None]) -> Generator[Event, Any, Reading]:
         """Turn by hand each wheel whose encoder answers, at the socket where it does."""
         rolls: dict[str, list[int]] = {}
         for side in SIDES:

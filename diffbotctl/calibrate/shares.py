@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import sqrt
 from statistics import fmean, median, pstdev
-from typing import NamedTuple
 
-from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.findings import Finding, Reading
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
 from diffbotctl.links.diffbot_telemetry import RawEdge
@@ -25,20 +24,12 @@ PRECISE = 0.003  # the least standard deviation that is stated: a barrier's dela
 USUAL = (0.2, 0.8)  # beyond this the barrier sees the disc's rim, or its threshold is off
 
 
-class Shares(NamedTuple):
-    """What the flanks came to."""
-
-    findings: list[Finding]
-    faults: list[str]
-    report: list[str]
-
-
-def read(edges: Sequence[RawEdge], robot: Robot) -> Shares:
+def read(edges: Sequence[RawEdge], robot: Robot) -> Reading:
     """The share of both discs, where enough pitches were seen.
 
     `edges` are flanks of wheels that turned one way, at any speed that changes slowly.
     """
-    made = Shares([], [], [])
+    made = Reading([], [], [])
     for wheel, side in enumerate(SIDES):
         encoder = getattr(robot.drive, side).encoder
         flanks = [each for each in edges if each.wheel == wheel]

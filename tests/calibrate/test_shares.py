@@ -82,7 +82,7 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
     answers.write_text("encoders: {measure: eye}\n")
     made, truths = rig(load_robot(str(robot)), port, 3)
     try:
-        outcome = perform(Encoders(turns=3, rolls=1), made, AnswersFile(answers, truths), Quiet())
+        outcome = perform(Encoders(turns=5, rolls=1), made, AnswersFile(answers, truths), Quiet())
     finally:
         made.close()
     found = {each.field: each.value for each in outcome.findings}
@@ -90,5 +90,5 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
         ups, downs = disc.flanks[::2], disc.flanks[1::2]
         high = sum(b - a for a, b in zip(ups, downs, strict=True)) / (2 * pi)
         wanted = high if edge == "rising" else 1.0 - high
-        # An eighth of a slot in sixty pitches, and the mean of ratios for the ratio of means.
+        # An eighth of a slot in a hundred pitches, and the mean of ratios for the ratio of means.
         assert found[f"drive.{side}.encoder.open_share"] == pytest.approx(wanted, abs=0.008)
