@@ -72,7 +72,7 @@ def command(
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
-    from diffbotctl.hub.flight_process import folder
+    from diffbotctl.hub.flight_file import folder
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals

@@ -24,7 +24,8 @@ from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, NEVER, Sink
-from diffbotctl.hub import screen_process
+from diffbotctl.hub import hub_process, screen_process
+from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
@@ -104,11 +105,15 @@ class Run:
             self.latest = Latest(channel, self._progress, gone)
         self.log: Recorder | None = None
         self.flight: Flight | None = None
-        self._write_down()
+        keeper = self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station: Station | None = None
         if options.socket is not None:
-            self.station = Station(options.socket, configuration, self.assembly, options.port)
+            self.station = Station(
+                options.socket, configuration, self.assembly, options.port, keeper=keeper
+            )
+        elif keeper is not None:
+            self.children.append(hub_process.keep(keeper))
         self.robot = self._robot()
         self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
@@ -296,8 +301,10 @@ class Run:
 
         return idle
 
-    def _write_down(self) -> None:
-        """Start the recording that was asked for, or else the flight recorder; and the log."""
+    def _write_down(self) -> Keeper | None:
+        """Start the recording that was asked for, and the log. Without a recording a flight is
+        kept: returns the hub's end of it."""
+        keeper = None
         options, tell = self.options, self._tell_loss
         facts = records.about(
             self.configuration, options.port, options.seed, self._goals(), options.duration
@@ -308,13 +315,14 @@ class Run:
             )
             self.children.append(pid)
         elif options.flights is not None and self.configuration.robot is not None:
-            self.flight, self.flight_pid = records.flight(
+            self.flight, keeper = records.flight(
                 options.flights, self.configuration, self.assembly, facts, self._snapshot,
                 self.tell, tell,
             )  # fmt: skip
         if options.log is not None:
             self.log, pid = log_file.opened(self.configuration, options.log, options.fast, tell)
             self.children.append(pid)
+        return keeper
 
     def _snapshot(self) -> bytes | None:
         try:
@@ -358,6 +366,8 @@ class Run:
         if self.recorder is not None:
             self.recorder.close(summary)
             incomplete = self.recorder.lost
+        if self.flight is not None:
+            self.flight.finish(summary)
         if self.latest is not None:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
@@ -369,7 +379,5 @@ class Run:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)
         if self.flight is not None:  # when no screen draws any more over what it announces
-            self.flight.close(summary)
-            with suppress(ChildProcessError):
-                os.waitpid(self.flight_pid, 0)
+            self.flight.close()
         return incomplete
