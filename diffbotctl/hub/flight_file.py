@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from diffbotctl.hub.ring import Ring
+if TYPE_CHECKING:
+    from diffbotctl.hub.ring import Ring
 
 KEPT = 10  # files in the folder; older ones go
 

@@ -11,14 +11,16 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diffbotctl.hub.child import stand_alone
-from diffbotctl.hub.conversation import Log
-from diffbotctl.hub.desk import About
-from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.listening import forget
-from diffbotctl.hub.server import Server
+
+if TYPE_CHECKING:
+    from diffbotctl.hub.about import About
+    from diffbotctl.hub.conversation import Log
+    from diffbotctl.hub.flight_keeper import Keeper
+    from diffbotctl.hub.server import Server
 
 NICENESS = 5  # the control path goes first on a machine with one core
 LAST_WORDS = 0.5  # s for clients to take what waits when the run is over
@@ -37,6 +39,8 @@ def start(
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, NEWS)
 
     def serve() -> None:
+        from diffbotctl.hub.server import Server  # only here: the engine need not wait for it
+
         log = _log(path.with_suffix(".log"))
         log({"event": "started", "pid": about.pid, "engine": about.name})
         _serve(Server(listener, theirs, about, shared, log, keeper), path, log)

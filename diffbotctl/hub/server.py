@@ -8,9 +8,10 @@ import socket
 import time
 
 from diffbotctl.engine.channel import News
+from diffbotctl.hub.about import About
 from diffbotctl.hub.client import Client, peer_of
 from diffbotctl.hub.conversation import Conversation, Log
-from diffbotctl.hub.desk import About, Desk, Wanted
+from diffbotctl.hub.desk import Desk, Wanted
 from diffbotctl.hub.engine_side import EngineSide
 from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.knowledge import Knowledge

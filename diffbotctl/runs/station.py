@@ -15,7 +15,7 @@ from diffbotctl.drivers.simulated import Simulated
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Channel
 from diffbotctl.hub import hub_process
-from diffbotctl.hub.desk import About
+from diffbotctl.hub.about import About
 from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.listening import forget, listen
 from diffbotctl.runs.assembly import Assembly
