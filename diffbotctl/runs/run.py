@@ -8,11 +8,10 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
-from diffbotctl.drivers.person import Person
 from diffbotctl.engine import snapshot
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
@@ -20,12 +19,10 @@ from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.loop import Ending, Engine
-from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, NEVER, Sink
-from diffbotctl.hub import hub_process, screen_process
-from diffbotctl.hub.flight_keeper import Keeper
+from diffbotctl.hub import screen_process
 from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
@@ -35,7 +32,11 @@ from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.scene import VIRTUAL
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
-from diffbotctl.runs.station import Socket, Station
+
+if TYPE_CHECKING:
+    from diffbotctl.drivers.person import Person
+    from diffbotctl.hub.flight_keeper import Keeper
+    from diffbotctl.runs.station import Socket, Station
 
 SECOND = 1_000_000_000
 
@@ -107,13 +108,7 @@ class Run:
         self.flight: Flight | None = None
         keeper = self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
-        self.station: Station | None = None
-        if options.socket is not None:
-            self.station = Station(
-                options.socket, configuration, self.assembly, options.port, keeper=keeper
-            )
-        elif keeper is not None:
-            self.children.append(hub_process.keep(keeper))
+        self.station = self._hub(keeper)
         self.robot = self._robot()
         self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
@@ -141,7 +136,7 @@ class Run:
             signals=signals,
         )
         if self.person is not None:
-            self.person.meter = Meter(self.engine)
+            self.person.can_measure(self.engine)
 
     def go(self) -> Result:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
@@ -323,6 +318,21 @@ class Run:
             self.log, pid = log_file.opened(self.configuration, options.log, options.fast, tell)
             self.children.append(pid)
         return keeper
+
+    def _hub(self, keeper: Keeper | None) -> Station | None:
+        """Start the hub: with the control socket that is wanted, or for the flight alone."""
+        wanted = self.options.socket
+        if wanted is not None:
+            from diffbotctl.runs.station import Station
+
+            return Station(
+                wanted, self.configuration, self.assembly, self.options.port, keeper=keeper
+            )
+        if keeper is not None:
+            from diffbotctl.hub import hub_process
+
+            self.children.append(hub_process.keep(keeper))
+        return None
 
     def _snapshot(self) -> bytes | None:
         try:
