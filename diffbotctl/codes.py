@@ -36,9 +36,10 @@ CODES: dict[str, Code] = {
         ended. Most often the counts per turn of the robot file are wrong, or one wheel is counted
         backwards, or the end poses belong to other drives."""),
     "E-CALIBRATE-WRITE": _code("results that could not be written", """
-        Results go into the section `calibration:` of the robot file; all else in the file stays as
-        it is, byte for byte. A file that cannot be written, or whose layout is too uncommon to
-        change it safely, is left alone: write the entries that were shown by hand."""),
+        Results go into the section `calibration:` of the robot file, a module's new rate into
+        `link:`; all else in the file stays as it is, byte for byte. A file that cannot be written,
+        or whose layout is too uncommon to change it safely, is left alone: write the entries that
+        were shown by hand."""),
     "E-CALIBRATE-UNDO": _code("nothing to undo", """
         Each time that results are written, the file as it was is kept beside the robot file, under
         a name that ends in the fingerprint of what was written. `calibrate undo` puts it back when
