@@ -382,6 +382,10 @@ CODES: dict[str, Code] = {
         A frame tells how many edges each encoder has counted, and when the last one came. With
         more than one edge a frame, the ones in between have no time, and odometry may take one slot
         for another. Let the board send more often, drive slower, or leave out the edge times."""),
+    "W-BODY-TYRES": _code("a body narrower than its tyres", """
+        `body.width` is the whole width of the robot, tyres included. Blocks that keep clear of
+        walls, the map, the simulated robot's collisions and the model go by it; the tyres reach
+        from one side to the other by the track and one tyre's width."""),
     "W-POLARITY": _code("nobody has seen the wheels turn the right way", """
         A one-channel encoder counts alike in both directions. With a motor's wires exchanged the
         robot would drive backwards and believe to drive forwards. Until it is proven that each
