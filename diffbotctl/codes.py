@@ -547,8 +547,13 @@ CODES: dict[str, Code] = {
         simulated alone (`board: {type: simulated}`) does without."""),
     "E-BOARD-SENSOR": _code("a sensor that no board reads", """
         Laser scanner and overhead camera exist in the simulator. No firmware of ours reads them
-        yet, so on a real board this sensor would stay silent, and whatever waits for it would hold
-        the robot still."""),
+        yet, and of distance sensors at pins a board tells one, the first in the robot file. On a
+        real board this sensor would stay silent, and whatever waits for it would hold the robot
+        still."""),
+    "W-BOARD-SENSOR": _code("a second distance sensor", """
+        Each frame of the board, and each range message of the book's firmware, has one distance:
+        that of the first sensor in the robot file. Further ones exist in the simulator only. A run
+        on a real port is refused where a block waits for one of them (E-BOARD-SENSOR)."""),
     "W-UNGUARDED": _code("nothing stops the robot at obstacles", """
         The pipeline has a block that stops the robot at what its sensor sees, but this robot has no
         such sensor, so the block was left out (`needs:` in the pipeline). It drives as it is told,

@@ -107,7 +107,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
         for line in _figures(said):
             click.echo(line)
         link, board = file.robot.link, file.robot.board
-        frame = wire.frame_bytes(link.protocol, board.edge_times, len(file.robot.sensors))
+        frame = wire.frame_bytes(link.protocol, board.edge_times)
         baud = wire.USB_BAUD if is_usb(device) else wire.baud_of(link)
         for line in _proposal(propose(said, baud, frame), file.robot, baud):
             click.echo(line)

@@ -8,6 +8,7 @@ from diffbotctl.config.case import Case
 from diffbotctl.config.checks import (
     budget,
     calibrated,
+    channels,
     deadman,
     edges,
     fields,
@@ -29,6 +30,7 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     loops.check,
     fields.check,
     pins.check,
+    channels.check,
     budget.check,
     deadman.check,
     speed.check,
