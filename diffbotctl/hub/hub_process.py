@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import os
-import signal
 import socket
 import time
 from contextlib import suppress
@@ -15,6 +13,7 @@ from typing import Any
 from diffbotctl.hub.conversation import Log
 from diffbotctl.hub.desk import About
 from diffbotctl.hub.listening import forget
+from diffbotctl.hub.recorder_process import fork
 from diffbotctl.hub.server import Server
 
 NICENESS = 5  # the control path goes first on a machine with one core
@@ -27,40 +26,33 @@ def start(
     listener: socket.socket, path: Path, about: About, shared: bool
 ) -> tuple[socket.socket, int]:
     """Fork the hub, which serves `listener` at `path`. Returns the engine's end, and the pid."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, NEWS)
-    gc.freeze()  # a collection that walks what both share would make each a copy of its own
-    pid = os.fork()
-    if pid:
-        theirs.close()
-        listener.close()
-        return ours, pid
-    try:
-        _stand_alone({listener.fileno(), theirs.fileno()})
+
+    def serve(channel: socket.socket) -> int:
+        _stand_alone({listener.fileno(), channel.fileno()})
         log = _log(path.with_suffix(".log"))
         log({"event": "started", "pid": about.pid, "engine": about.name})
-        _serve(Server(listener, theirs, about, shared, log), path, log)
-    finally:
-        os._exit(0)
+        return _serve(Server(listener, channel, about, shared, log), path, log)
+
+    channel, pid = fork(serve, packets=True, buffer=NEWS)
+    listener.close()
+    return channel, pid
 
 
-def _serve(server: Server, path: Path, log: Log) -> None:
+def _serve(server: Server, path: Path, log: Log) -> int:
     try:
         server.run()
     except Exception:
         from traceback import format_exc
 
         log({"event": "failed", "traceback": format_exc()})
-        return  # what stands beside the socket stays: `stop` finds the engine by it
+        return 1  # what stands beside the socket stays: `stop` finds the engine by it
     forget(path)
     server.farewell(LAST_WORDS)
+    return 0
 
 
 def _stand_alone(kept: set[int]) -> None:
     """Let go of all that belongs to the engine, so that its end shows to whoever waits for it."""
-    signal.set_wakeup_fd(-1)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
     nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
     for name in os.listdir("/proc/self/fd"):
         file = int(name)

@@ -44,14 +44,20 @@ def start(
     return channel, pid
 
 
-def fork(serve: Callable[[socket.socket], int]) -> tuple[socket.socket, int]:
+def fork(
+    serve: Callable[[socket.socket], int], packets: bool = False, buffer: int | None = BUFFER
+) -> tuple[socket.socket, int]:
     """Fork a child that runs `serve` on its end of a channel, deaf to signals, until it returns.
 
-    Returns the other end, and the child's pid; what `serve` returns is its exit code.
+    `packets` arrive whole, other bytes as a stream; `buffer`: bytes that may be on their way, the
+    system's choice for None. Returns the other end, and the child's pid; what `serve` returns is
+    its exit code.
     """
-    ours, theirs = socket.socketpair()
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
-    gc.freeze()  # as for the hub: what is not walked stays shared
+    kind = socket.SOCK_SEQPACKET if packets else socket.SOCK_STREAM
+    ours, theirs = socket.socketpair(socket.AF_UNIX, kind)
+    if buffer is not None:
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, buffer)
+    gc.freeze()  # a collection that walks what both share would make each a copy of its own
     pid = os.fork()
     if pid:
         theirs.close()
