@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import pi
 from typing import Any
 
-from diffbotctl.calibrate import bounce, slots, wires
+from diffbotctl.calibrate import bounce, shares, slots, wires
 from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.question import Question
 from diffbotctl.calibrate.rig import Rig
@@ -68,14 +68,15 @@ class Encoders:
         # From here on the board hears each wheel as its own side.
         heard = {side: socket and side for side, socket in found.socket.items()}
         counted = yield from self._slots(rig, heard)
-        chatter = bounce.read(rig.capture(False) or [], rig.file.robot) if gathers else None
+        flanks = rig.capture(False) or [] if gathers else []
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
         report = [*found.mended, *_lines(found), *counted.report]
-        if chatter is not None and self.rolls:
-            findings += chatter.findings
-            faults += chatter.faults
-            report += chatter.report
+        if gathers and self.rolls:
+            for read in (shares.read(flanks, rig.file.robot), bounce.read(flanks, rig.file.robot)):
+                findings += read.findings
+                faults += read.faults
+                report += read.report
         return Outcome("encoders", findings, report, faults)
 
     def _slots(

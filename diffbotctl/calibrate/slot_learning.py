@@ -44,7 +44,8 @@ class LearningWheel(OdometryWheel):
         self.filter.flanks = None  # what was learnt before is not leant on
         motion = self.filter.motion
         motion.spread = motion.spread._replace(rough=CALM * motion.spread.rough)
-        motion.disc = SlotPlaces(slots, motion.spread.slot, motion.spread.open, both=True)
+        spread = motion.spread
+        motion.disc = SlotPlaces(slots, spread.slot, spread.open, spread.share, both=True)
         return self
 
     def disc(self) -> Disc:
