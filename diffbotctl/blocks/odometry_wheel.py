@@ -55,9 +55,11 @@ class OdometryWheel:
         "to_pitches",
     )  # fmt: skip
 
-    def __init__(self, side: Side, time: int, count: int, stamp: float, hold: float) -> None:
+    def __init__(
+        self, side: Side, time: int, count: int, stamp: float, hold: float, timed: bool = False
+    ) -> None:
         """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s), those
-        when commands take hold by `hold` (s)."""
+        when commands take hold by `hold` (s). `timed`: the board tells when edges came."""
         motor, slots = side.motor, side.encoder.slots
         self.pitch = pi * side.wheel.diameter / slots
         self.to_pitches = 0.5 * slots / pi
@@ -66,7 +68,9 @@ class OdometryWheel:
         self.count = self.first = count
         static = motor.loop.static
         friction = static / (1.0 - static) * motor.rated
-        spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
+        spread = Spread(
+            lag=motor.lag, stamp=stamp, hold=hold, friction=friction, timed=timed
+        )  # fmt: skip
         if side.encoder.open_share is not None:
             spread = spread._replace(open=SHARE, share=side.encoder.open_share - 0.5)
         self.filter = WheelFilter(spread, time, count, slots, known_flanks(side.encoder, spread))

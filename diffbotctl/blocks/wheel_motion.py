@@ -45,6 +45,7 @@ class Spread(NamedTuple):
     share: float = 0.0  # pitches, not a deviation: what that share is beyond a half
     stamp: float = 0.0  # s; of a frame's time
     hold: float = 0.0  # s; of the time at which a command takes hold
+    timed: bool = False  # no deviation: whether the board tells when edges came
 
     def in_pitches(self, slots: int) -> Spread:
         """The same with all speeds in pitches/s of a disc with `slots` slots."""
