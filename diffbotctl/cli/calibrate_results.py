@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from diffbotctl.calibrate.findings import Finding, Origin
+    from diffbotctl.calibrate.robot_file import Change
 
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
@@ -21,18 +22,32 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
 
     Raises UserError where it cannot be written or is not plausible.
     """
-    from diffbotctl.calibrate.robot_file import change, own_file, write
+    from diffbotctl.calibrate.robot_file import change
+
+    return put(change(own(path), findings, origin), yes)
+
+
+def own(path: Path) -> Path:
+    """The file to write for the robot at `path`; tells of the copy where it is a shipped one."""
+    from diffbotctl.calibrate.robot_file import own_file
 
     mine, was_copied = own_file(path)
     if was_copied:
         click.echo(f"{path.name} ships with diffbotctl and stays as it is: copied to {mine}")
-    made = change(mine, findings, origin)
+    return mine
+
+
+def put(made: Change, yes: bool) -> bool:
+    """Show the change, ask, and write it. False: not wanted. Raises RunError."""
+    from diffbotctl.calibrate.robot_file import write
+
     click.echo(made.difference())
     if not yes and not _agreed():
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
-    click.echo(f"{mine} is written; as it was: {kept.name}. `diffbotctl calibrate undo` goes back.")
+    click.echo(f"{made.path} is written; as it was: {kept.name}. "
+               "`diffbotctl calibrate undo` goes back.")  # fmt: skip
     return True
 
 
