@@ -19,6 +19,7 @@ from prove.row import Row, printed
 from tests.book_board import Device, frame
 
 SECONDS = 12.0  # of ticks a run
+PAIR = 24  # bytes of both wheels' commands
 ANSWER = 0.004  # s; a command that comes later belongs to the repetition, not to the tick
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 
@@ -32,23 +33,42 @@ def command(port: str, recording: Path) -> list[str]:
     ]  # fmt: skip
 
 
+# Reads what comes and answers each tick at once: what is left is this machine's own.
+BARE = """\
+import itertools, os, sys, tty
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+tty.setraw(port)
+came, answers = 0, itertools.count(1)
+while True:
+    came += len(os.read(port, 4096))
+    if came >= int(sys.argv[2]):
+        came = 0
+        os.write(port, next(answers).to_bytes(24))
+"""
+
+
 class Answers:
-    """Counts the command frames that come out of the port."""
+    """Waits for changed commands to come out of the port.
+
+    A pair that says the same as the one before repeats it, and answers nothing.
+    """
 
     def __init__(self, port: int) -> None:
         self.port = port
-        self.rest = b""
+        self.rest = self.last = b""
 
     def wait(self, seconds: float) -> bool:
-        """True when a whole pair of commands has come in that time."""
+        """True when another pair of commands than before has come in that time."""
         end = time.perf_counter() + seconds
         while (left := end - time.perf_counter()) > 0:
             if not select.select([self.port], [], [], left)[0]:
                 return False
             self.rest += os.read(self.port, 4096)
-            if len(self.rest) >= 24:
-                self.rest = b""
-                return True
+            while len(self.rest) >= PAIR:
+                before, self.last = self.last, self.rest[:PAIR]
+                self.rest = self.rest[PAIR:]
+                if self.last != before:
+                    return True
         return False
 
 
@@ -72,6 +92,21 @@ def measure(rate: float, screen: bool) -> list[float]:
             process.wait()
             for fd in (master, slave, terminal, shown):
                 os.close(fd)
+
+
+def bare(rate: float) -> list[float]:
+    """The same seconds of a program that does nothing but read and write."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    tick = 3 * len(frame(125, bytes(4)))
+    process = subprocess.Popen([sys.executable, "-c", BARE, os.ttyname(slave), str(tick)])
+    try:
+        return stimulate(master, rate)
+    finally:
+        process.kill()
+        process.wait()
+        os.close(master)
+        os.close(slave)
 
 
 def drain(terminal: int) -> None:
@@ -101,8 +136,8 @@ def stimulate(port: int, rate: float) -> list[float]:
     places = [0.0, 0.0]
     while time.perf_counter() - begin < SECONDS:
         due += 1.0 / rate
-        answers.wait(max(due - time.perf_counter(), 0.0))
-        answers.rest = b""
+        while answers.wait(due - time.perf_counter()):
+            pass
         curve = 8.0 if int((due - begin) * 2) % 2 else -8.0
         places[0] += (20.0 - curve) / rate
         places[1] += (20.0 + curve) / rate
@@ -116,7 +151,12 @@ def stimulate(port: int, rate: float) -> list[float]:
 
 
 def rows() -> Iterator[Row]:
-    """The latency rows, headless and with the screen, at 50 and 200 Hz."""
+    """The latency rows, headless and with the screen, at 50 and 200 Hz, beside a bare program's."""
+    for rate in (50.0, 200.0):
+        times = sorted(bare(rate))
+        half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+        yield Row(f"wire to wire at {rate:.0f} Hz, a program that only reads and writes",
+                  f"{half:.2f}, p99 {tail:.2f} ms", "(none)", True)  # fmt: skip
     for screen, most in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
         for rate in (50.0, 200.0):
             times = sorted(measure(rate, screen))
