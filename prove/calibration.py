@@ -6,7 +6,9 @@ the OptiOdom data set, at any depth.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from random import Random
 from statistics import fmean, stdev
@@ -20,7 +22,7 @@ from diffbotctl.calibrate.optiodom import Session, is_session, read_session
 from diffbotctl.calibrate.range_fit import DISTANCES, FAR_FROM, RulerPoint, fit_curve
 from diffbotctl.calibrate.range_step import LISTENING
 from diffbotctl.plant.sharp import CURVE
-from prove.row import NoData, Row
+from prove.row import NoData, Row, printed
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
 FIT_LEAST = 6.0  # times better by E_max,syst
@@ -138,3 +140,17 @@ def _range_errors(offset: float, noise: float, chance: Random) -> tuple[float, f
     near = max(error for place, error in wrong.items() if place <= FAR_FROM) * MM
     far = max(error / place for place, error in wrong.items() if place > FAR_FROM) * 100
     return near, far
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folders", type=Path, nargs="*", help="of the OptiOdom data set")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    table = chain(rows(options.folders), range_rows(options.seed))
+    raise SystemExit(printed(table) > 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -82,8 +82,8 @@ class Ticks:
         due = time.perf_counter()
         end = due + seconds
         while (due := due + 1.0 / RATE) < end:
-            self.answers.wait(max(due - time.perf_counter(), 0.0))
-            self.answers.rest = b""
+            while self.answers.wait(due - time.perf_counter()):
+                pass
             self.count += 1
             curve = 8.0 if int(self.count / RATE * 2) % 2 else -8.0
             self.places[0] += (20.0 - curve) / RATE
