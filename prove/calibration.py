@@ -49,6 +49,9 @@ def rows(folders: Sequence[Path]) -> Iterator[Row]:
         else:
             yield _gain(session, learnt.nominal, fitted, "from-log", FIT_LEAST)
             yield _gain(session, learnt.nominal, classic, "UMBmark", UMBMARK_LEAST)
+    if not any(_is_other_path(path) for path in found.values()):
+        target = f"<= {SHARE_MOST:g} of nominal; needs such sessions: --optiodom FOLDER"
+        yield NoData("from-log: end error on circles and by joystick", "no data", target, True)
 
 
 def by_umbmark(session: Session) -> Geometry:
