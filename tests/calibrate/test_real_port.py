@@ -7,8 +7,21 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from tests import virtual_board as board
+from tests.terminal import Terminal
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
+
+TYPED = (
+    ("no wheel turns more than", ""),
+    ("the left motor's pins are driven", ""),
+    ("Which wheel turned", "left forward"),
+    ("the right motor's pins are driven", ""),
+    ("Which wheel turned", "right forward"),
+    ("both at once and forward", ""),
+    ("both motors are driven forward now", ""),
+    ("Which wheels turned", "both forward"),
+    ("Write this?", "y"),
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -31,6 +44,20 @@ def test_wires_are_proven_over_the_radio(robot):
         assert code == 0, said
         assert "SIMULATED" not in said and "as the robot file states" in said
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
+    assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+
+
+def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
+    with board.board() as virtual:
+        words = board.command("calibrate", "encoders", "--rolls", 0, "--robot", robot,
+                              "--port", virtual.usb)  # fmt: skip
+        with Terminal(words, columns=160) as terminal:
+            for question, answer in TYPED:
+                terminal.until(lambda text, question=question: question in text, question)
+                terminal.look(1.5)  # longer than any link is silent on its own
+                terminal.screen.reset()
+                terminal.type(f"{answer}\r")
+            assert terminal.ended() == 0, terminal.text
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
 
 
