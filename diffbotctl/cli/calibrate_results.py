@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from diffbotctl.calibrate.findings import Finding, Origin
 
+COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
 
@@ -25,14 +26,16 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
 
     mine, was_copied = own_file(path)
     if was_copied:
-        click.echo(f"{path.name} ships with diffbotctl and stays as it is: copied to {mine}")
+        click.echo(COPIED.format(name=path.name, mine=mine))
     made = change(mine, findings, origin)
     click.echo(made.difference())
     if not yes and not _agreed():
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
-    click.echo(f"{mine} is written; as it was: {kept.name}. `diffbotctl calibrate undo` goes back.")
+    click.echo(
+        f"{mine} is written; as it was: {kept.name}.\n`diffbotctl calibrate undo` goes back."
+    )
     return True
 
 
@@ -57,10 +60,17 @@ def show(robot: str | None) -> None:
     rows = listing(file, datetime.now(UTC))
     click.echo(shown(file.file))
     heads = ("field", "value", "sd", "age", "method", "battery", "recording")
-    for line in columns([heads, *rows]):
+    if rows:
+        for line in columns([heads, *rows]):
+            click.echo(line)
+        click.echo()
+    unknown = missing(file)
+    if unknown:
+        click.echo("never calibrated, and found by:")
+    for line in columns(
+        [(f"  {path}", f"diffbotctl calibrate {by}") for path, by in unknown.items()]
+    ):
         click.echo(line)
-    for path, by in missing(file).items():
-        click.echo(f"{path}: never calibrated; `diffbotctl calibrate {by}` finds it")
 
 
 @click.command()

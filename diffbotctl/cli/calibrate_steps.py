@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from diffbotctl.cli.calibrate_results import keep
+from diffbotctl.cli.calibrate_results import COPIED, keep
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.answers import Attendant
@@ -67,6 +67,7 @@ def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
 
 def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted: Wanted) -> None:
     from diffbotctl.calibrate.chain import kept, perform
+    from diffbotctl.ui.paragraph import folded
 
     try:
         outcome = perform(each, rig, attendant, screen)
@@ -74,7 +75,7 @@ def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted:
         screen.rest()
     done = kept(each, outcome, rig, FOLDER)
     for line in outcome.report:
-        click.echo(line)
+        click.echo(folded(line, hang=2))
     for file in done.files:
         click.echo(f"kept: {file}")
     if outcome.findings and not wanted.dry_run:
@@ -92,8 +93,10 @@ def _refuse(each: Step, faults: Sequence[str]) -> None:
 
 
 def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
+    from diffbotctl.ui.paragraph import folded
+
     where = "wheels off the ground" if each.lifted else "on the floor"
-    click.echo(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})")
+    click.echo(folded(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})"))
     if wanted.yes or wanted.answers is not None:
         return True
     return click.confirm("Do this step?", default=True)
@@ -115,9 +118,7 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
     if not wanted.dry_run:
         mine, was_copied = own_file(file.file)
         if was_copied:
-            click.echo(
-                f"{file.file.name} ships with diffbotctl and stays as it is: copied to {mine}"
-            )
+            click.echo(COPIED.format(name=file.file.name, mine=mine))
         file = load_robot(str(mine.absolute()))
     click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
     keyboard = _keyboard()

@@ -53,7 +53,7 @@ def write(kind: str, name: str) -> None:
     template = new_yaml.ROBOT if kind == "robot" else new_yaml.PIPELINE
     _write(path, template.format(name=name, file=path, schema=_schema(kind)))
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
-    click.echo(f"Now: diffbotctl check {path}; {also}")
+    click.echo(f"Now: diffbotctl check {path}\n     {also}")
 
 
 def _schema(kind: str) -> str:

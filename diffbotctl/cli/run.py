@@ -133,13 +133,14 @@ def _finish(run: Run) -> int:
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
     from diffbotctl.runs.scene import VIRTUAL
+    from diffbotctl.ui.paragraph import folded
 
     where = f"REAL robot on {port}"
     if port in VIRTUAL:
         where = f"{VIRTUAL[port]} (seed {seed})"
     name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
     where = where if configuration.robot is not None else "no robot"
-    click.echo(f"{configuration.file}{name}: {where}")
+    click.echo(folded(f"{configuration.file}{name}: {where}", hang=2))
 
 
 def _shout(text: str) -> None:

@@ -17,7 +17,7 @@ TYPED = (
     ("Which wheel turned", "left forward"),
     ("the right motor's pins are driven", ""),
     ("Which wheel turned", "right forward"),
-    ("both at once and forward", ""),
+    ("both at once", ""),
     ("both motors are driven forward now", ""),
     ("Which wheels turned", "both forward"),
     ("Write this?", "y"),

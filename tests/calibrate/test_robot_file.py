@@ -157,6 +157,6 @@ def test_the_commands_show_and_undo(robot):
     write(change(robot, [TRACK], ORIGIN))
     shown = CliRunner().invoke(command, ["show", "--robot", "./mine.yaml"]).output
     assert "drive.track  0.1263 m  0.0002 m" in shown
-    assert "drive.left.motor.lag: never calibrated" in shown
+    assert "\n  drive.left.motor.lag        diffbotctl calibrate motors\n" in shown
     assert CliRunner().invoke(command, ["undo", "--robot", "./mine.yaml"]).exit_code == 0
     assert robot.read_bytes() == SHIPPED.read_bytes()
