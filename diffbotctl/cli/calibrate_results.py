@@ -23,6 +23,7 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
     Raises UserError where it cannot be written or is not plausible.
     """
     from diffbotctl.calibrate.robot_file import change, own_file, write
+    from diffbotctl.config.lookup import shown
 
     mine, was_copied = own_file(path)
     if was_copied:
@@ -34,7 +35,7 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
         return False
     kept = write(made)
     click.echo(
-        f"{mine} is written; as it was: {kept.name}.\n`diffbotctl calibrate undo` goes back."
+        f"{shown(mine)} is written; as it was: {kept.name}.\n`diffbotctl calibrate undo` goes back."
     )
     return True
 
@@ -79,7 +80,8 @@ def undo(robot: str | None) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone
     from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import shown
 
     made = undone(load_robot(robot).file)
     click.echo(made.difference())
-    click.echo(f"{made.path} is as it was before.")
+    click.echo(f"{shown(made.path)} is as it was before.")

@@ -57,8 +57,7 @@ class Attendant:
             fix = f"give --answers FILE with a line such as {name}: {question.choices[0]}"
             raise UsageError(Problem("E-START-ANSWER", name, "nobody is there to be asked", fix))
         found: str = click.prompt(
-            folded(f"  {question.text}"),
-            type=click.Choice(question.choices),
+            folded(f"  {question.text} ({', '.join(question.choices)})"),
             value_proc=partial(_chosen, question.choices),
         )
         return found

@@ -95,7 +95,7 @@ class Walk:
             elif following is None:
                 following = chapter
         if following is None:
-            _say(END.format(robot=self.robot, port=self.radio or self.port))
+            click.echo(END.format(robot=self.robot, port=self.radio or self.port))
         else:
             _told("next", following, following.ahead)
         return following
@@ -116,7 +116,7 @@ class Walk:
                 return 0
             self.record.finish(chapter.key)
             _say(f"  now: {self._worded(chapter.truth)}")
-        _say("\n" + END.format(robot=self.robot, port=self.radio or self.port))
+        click.echo("\n" + END.format(robot=self.robot, port=self.radio or self.port))
         return 0
 
     def _worded(self, text: str) -> str:
