@@ -29,8 +29,11 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
     if was_copied:
         click.echo(COPIED.format(name=path.name, mine=mine))
     made = change(mine, findings, origin)
-    click.echo(made.difference())
+    difference = made.difference()
+    click.echo(_short(difference))
     if not yes and not _agreed():
+        if _short(difference) != difference:
+            click.echo(difference)
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
@@ -40,9 +43,29 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
     return True
 
 
-def _agreed() -> bool:
+def _short(difference: str) -> str:
+    """The lines cut at the terminal's edge, so that what changes is seen at a glance.
+
+    A pipe gets them whole.
+    """
+    from diffbotctl.errors import CUT, WIDTH
+
+    if not sys.stdout.isatty():
+        return difference
+    lines = difference.split("\n")
+    return "\n".join(
+        line if len(line) <= WIDTH else line[: WIDTH - len(CUT)] + CUT for line in lines
+    )
+
+
+def refuse_nobody() -> None:
+    """Raises click.UsageError where nobody is there to agree, before anything moves."""
     if not sys.stdin.isatty():
         raise click.UsageError("Nobody is there to agree: add --yes to write, or --dry-run.")
+
+
+def _agreed() -> bool:
+    refuse_nobody()
     return click.confirm("Write this?", default=True)
 
 
@@ -83,5 +106,5 @@ def undo(robot: str | None) -> None:
     from diffbotctl.config.lookup import shown
 
     made = undone(load_robot(robot).file)
-    click.echo(made.difference())
+    click.echo(_short(made.difference()))
     click.echo(f"{shown(made.path)} is as it was before.")

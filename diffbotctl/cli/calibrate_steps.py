@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from diffbotctl.cli.calibrate_results import COPIED, keep
+from diffbotctl.cli.calibrate_results import COPIED, keep, refuse_nobody
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.answers import Attendant
@@ -56,6 +56,8 @@ def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
     from diffbotctl.calibrate.order import step
     from diffbotctl.ui.steps import StepScreen
 
+    if not wanted.yes and not wanted.dry_run:
+        refuse_nobody()
     screen = StepScreen()
     steps = [step(name, **settings) for name in names]
     with _at_robot(wanted, screen) as (rig, attendant):
