@@ -31,6 +31,7 @@ SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is 
 
 QUIET = 1.0  # s of listening, after a stop, for inputs that count by themselves
 CAPTURE_PATIENCE = 0.3  # s until the board has heard of it, or has told the rest
+STOPPED_BY_KEY = "the robot was stopped; run the step again when you like"
 HUM = 5  # counts in that time; a wheel that rolls out gives fewer
 
 Wanted = Duty | Wheels
@@ -248,7 +249,7 @@ class Rig:
         self.now = max(self.now, now)
         if self.keys is not None and self.keys.file in ready and self.keys.cause:
             self.driver.stop(self.now)
-            raise stopped(self.keys.cause, "")
+            raise stopped(self.keys.cause, STOPPED_BY_KEY)
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)

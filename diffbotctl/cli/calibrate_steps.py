@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from diffbotctl.drivers.keys import Keyboard
     from diffbotctl.ui.steps import StepScreen
 
+INTERRUPTED = "\nInterrupted: the robot stands, and nothing of this step was written."
 FOLDER = Path("recordings")
 
 
@@ -125,6 +126,7 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
     click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
     keyboard = _keyboard()
     made, truths = rig(file, port, wanted.seed, keyboard, click.echo)
+    interrupted = False
     try:
         attendant = _attendant(wanted, truths, keyboard)
         if keyboard is None:
@@ -132,9 +134,14 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
         else:
             with keyboard.watching():
                 yield made, attendant
+    except (click.Abort, KeyboardInterrupt):
+        interrupted = True
+        raise
     finally:
         if not made.close() and real:
             click.echo("The stop was NOT CONFIRMED: switch the motors' battery off.", err=True)
+        elif interrupted:
+            click.echo(INTERRUPTED, err=True)
 
 
 def _keyboard() -> Keyboard | None:

@@ -61,6 +61,15 @@ def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
 
 
+def test_who_interrupts_is_told_that_the_robot_stands(robot):
+    words = board.command("calibrate", "distance", "--robot", robot, "--port", "sim")
+    with Terminal(words) as terminal:
+        terminal.until(lambda text: "Any key stops it" in text)
+        terminal.type("\x03")
+        assert terminal.ended() == 130
+        assert "Interrupted: the robot stands" in terminal.text
+
+
 def test_a_killed_calibration_leaves_a_board_that_stops_by_itself(robot):
     with board.board() as virtual:
         process = board.start(
