@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from diffbotctl.calibrate.findings import Finding, Origin
+    from diffbotctl.calibrate.listing import Listed
 
 COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
@@ -83,11 +84,8 @@ def show(robot: str | None) -> None:
     file = load_robot(robot)
     rows = listing(file, datetime.now(UTC))
     click.echo(shown(file.file))
-    heads = ("field", "value", "sd", "age", "method", "battery", "recording")
-    if rows:
-        for line in columns([heads, *rows]):
-            click.echo(line)
-        click.echo()
+    for line in _grouped(rows):
+        click.echo(line)
     unknown = missing(file)
     if unknown:
         click.echo("never calibrated, and found by:")
@@ -95,6 +93,21 @@ def show(robot: str | None) -> None:
         [(f"  {path}", f"diffbotctl calibrate {by}") for path, by in unknown.items()]
     ):
         click.echo(line)
+
+
+def _grouped(rows: Sequence[Listed]) -> Iterator[str]:
+    """The entries that one calibration found under what they have in common."""
+    from itertools import groupby
+
+    from diffbotctl.ui.columns import columns
+
+    table = columns([("", "value", "sd"), *((f"  {row.field}", *row[1:3]) for row in rows)])
+    heads = next(table)
+    for (age, method, volts, recording), entries in groupby(rows, key=lambda row: row[3:]):
+        yield f"{method}, {age}; battery {volts}; recording {recording}"
+        yield heads
+        yield from (next(table) for _ in entries)
+        yield ""
 
 
 @click.command()
@@ -106,5 +119,5 @@ def undo(robot: str | None) -> None:
     from diffbotctl.config.lookup import shown
 
     made = undone(load_robot(robot).file)
-    click.echo(_short(made.difference()))
+    click.echo(_short(made.difference("as before")))
     click.echo(f"{shown(made.path)} is as it was before.")
