@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from unicodedata import east_asian_width
 
 WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT = 24  # columns of the user's line kept in front of the caret when it must be shortened
@@ -162,6 +161,8 @@ def _quoted(place: Place, cause: str, width: int) -> list[str]:
 
 
 def _columns(text: str) -> int:
+    from unicodedata import east_asian_width  # a table of 300 kB: only where errors are shown
+
     return sum(2 if east_asian_width(character) in "WF" else 1 for character in text)
 
 

@@ -21,7 +21,6 @@ from prove import (
     ports,
     radio,
     recordings,
-    slots,
     wander,
 )
 from prove.row import printed
@@ -59,7 +58,6 @@ def main() -> int:
         recordings.rows(options.seed, min(options.trials, 20)),
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
         calibration.range_rows(options.seed),
-        slots.rows(options.seed, options.robots),
     )
     missed = printed(joined.from_iterable(tables))
     state.cleanup()

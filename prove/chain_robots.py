@@ -38,12 +38,12 @@ class Wiring(NamedTuple):
     right_encoder: str = "plain"
     slots: int = 20
 
-    def text(self) -> str:
-        """The robot file."""
+    def text(self, robot: str = "book_2wd") -> str:
+        """The robot file, on top of the shipped `robot`."""
         wiring = ", ".join(f"{name}: {value}" for name, value in self._asdict().items()
                            if name != "slots")  # fmt: skip
         return (
-            "format: 1\nkind: robot\ninclude: book_2wd\n"
+            f"format: 1\nkind: robot\ninclude: {robot}\n"
             f"simulation: {{{TRUTH}, wiring: {{{wiring}}}, encoder: {{slots: {self.slots}}}}}\n"
             "calibration: {}\n"
         )
@@ -164,26 +164,43 @@ class Chained(NamedTuple):
     rig: Rig
     truths: Truths
     outcomes: dict[str, Outcome]
-    worst: float
+    attendant: Watched
+
+    @property
+    def worst(self) -> float:
+        """Most of an announced bound that was used."""
+        return self.attendant.worst
 
     def named(self) -> list[str]:
         """All that the encoders step said was wrong."""
         outcome = self.outcomes["encoders"]
         return [*outcome.report, *outcome.faults]
 
+    def run(self, name: str) -> None:
+        """Run one more step."""
+        self.outcomes[name] = perform(step(name), self.rig, self.attendant, Quiet())
+        self.rig.recording.clear()
+
+    def switch_off_and_on(self, chance: Random) -> None:
+        """The board starts anew, with both discs somewhere else under their light barriers."""
+        for side in SIDES:
+            self.truths.roll(side, chance.uniform(1.0, 2.0))
+        self.rig.refit(self.rig.file)
+        self.rig.meet()
+
 
 def chained(
-    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim"
-) -> Chained:
+    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim",
+    robot: str = "book_2wd",
+) -> Chained:  # fmt: skip
     """Run the steps called `names` on a robot drawn by `seed`."""
-    robot, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
-    robot.write_text(wiring.text())
+    file, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
+    file.write_text(wiring.text(robot))
     answers.write_text(ANSWERS)
-    made, truths = rig(load_robot(str(robot)), port, seed)
+    made, truths = rig(load_robot(str(file)), port, seed)
     assert truths is not None
     attendant = Watched(answers, truths, made)
-    outcomes = {}
+    found = Chained(made, truths, {}, attendant)
     for name in names:
-        outcomes[name] = perform(step(name), made, attendant, Quiet())
-        made.recording.clear()
-    return Chained(made, truths, outcomes, attendant.worst)
+        found.run(name)
+    return found

@@ -23,6 +23,7 @@ from mcap.reader import make_reader
 
 from diffbotctl.bags.recover import recover
 from diffbotctl.hub.recording import RecordingReader
+from prove import flight_load
 from prove.row import Row, printed
 
 # SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
@@ -51,7 +52,8 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         yield from read_by_others(path)
         yield from killed(folder, Random(seed), trials)
         yield cost("recorder's process, 50 Hz board", folder, ["--record", "on.mcap"])
-        yield cost("flight recorder's process, 50 Hz board", folder, [])
+        yield cost("flight recorder alone in its hub, 50 Hz board", folder, [])
+        yield flight_load.row()
         yield changed(path)
 
 

@@ -17,7 +17,8 @@ class DiffDrive(Block):
     track: float = FromRobot("drive.track")
     left_diameter: float = FromRobot("drive.left.wheel.diameter")
     right_diameter: float = FromRobot("drive.right.wheel.diameter")
-    rated: float = FromRobot("drive.left.motor.rated")
+    left_rated: float = FromRobot("drive.left.motor.rated")
+    right_rated: float = FromRobot("drive.right.motor.rated")
     twist = In(Twist)
     wheels = Out(Wheels)
 
@@ -27,7 +28,7 @@ class DiffDrive(Block):
         left, right = wheel_speeds(
             twist.linear, twist.angular, self.track, self.left_diameter, self.right_diameter
         )
-        return Wheels(twist.time, *saturated(left, right, self.rated))
+        return Wheels(twist.time, *saturated(left, right, self.left_rated, self.right_rated))
 
 
 def wheel_speeds(
@@ -38,9 +39,9 @@ def wheel_speeds(
     return 2.0 * (linear - aside) / left_diameter, 2.0 * (linear + aside) / right_diameter
 
 
-def saturated(left: float, right: float, most: float) -> tuple[float, float]:
-    """Both speeds scaled by one factor so that neither exceeds `most`; their ratio is kept."""
-    fastest = max(abs(left), abs(right))
-    if fastest <= most:
-        return left, right
-    return left * most / fastest, right * most / fastest
+def saturated(
+    left: float, right: float, left_most: float, right_most: float
+) -> tuple[float, float]:
+    """Both speeds scaled by one factor so that neither exceeds its most; their ratio is kept."""
+    over = max(abs(left) / left_most, abs(right) / right_most)
+    return (left, right) if over <= 1.0 else (left / over, right / over)

@@ -82,6 +82,7 @@ class GoalFollower(Block):
         self.pivot = (0.0, 0.0)
         self.roll = self.lag  # s; how far a wheel rolls on is this times its speed
         self.let_go = 0.0
+        self.nudge = False  # what is left is too little to be driven, and too much to be left
         self.turning = 0.0  # rad/s at the last release of a turn
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
 
@@ -137,6 +138,7 @@ class GoalFollower(Block):
         goal = self.target
         assert goal is not None
         self.halting, self.still_since = False, None
+        self.nudge = self.tries > 0
         away = hypot(goal.x - odometry.x, goal.y - odometry.y)
         self.pivot = (odometry.x, odometry.y)
         if away <= 0.6 * self.tolerance:
@@ -171,7 +173,7 @@ class GoalFollower(Block):
                 return 0.0, 0.0
             self.halting, self.still_since = False, None
             self._learn_roll(odometry)
-            if self._is_leg_done(odometry):
+            if self._is_leg_done(odometry, step):
                 self.phase = PAUSE[self.phase]
                 self._plant_pivot(odometry)
                 if self.phase == "judging":
@@ -202,6 +204,9 @@ class GoalFollower(Block):
         arm = 0.5 * self.track
         left = self._turn_left(odometry) - turn
         rim = approach(arm * left, arm * rate, self.roll, step, self._turn_limits())
+        if rim == 0.0 and self.nudge:
+            rim = copysign(self._turn_limits()[0], left)
+        self.nudge = False
         if rim == 0.0:
             self.turning = rate
             self._release(abs(arm * rate))
@@ -270,11 +275,14 @@ class GoalFollower(Block):
         wanted = self.line if self.phase == "turning" else goal.heading
         return 0.0 if wanted is None else shortest_turn(wanted - odometry.heading)
 
-    def _is_leg_done(self, odometry: Odometry) -> bool:
+    def _is_leg_done(self, odometry: Odometry, step: float) -> bool:
         if self.phase == "driving":
             return True
         limit = self.heading_tolerance * (1.5 if self.phase == "turning" else 0.8)
-        return abs(self._turn_left(odometry)) <= limit
+        left = abs(self._turn_left(odometry))
+        # Where the motors are slow, less than the tolerance may be too little to be driven.
+        vain = approach(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits()) == 0.0
+        return left <= limit or vain
 
     def _is_still(self, odometry: Odometry) -> bool:
         rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track

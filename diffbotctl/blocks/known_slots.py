@@ -16,8 +16,6 @@ KNOWN = 0.008  # pitches; sd of a learnt place
 # What is left after learning goes with the motor's ripple: it does not scatter from slot to slot,
 # and taken for scatter it would be trusted too much.
 TAKEN = 0.015  # pitches
-SHARE = 0.02  # pitches; sd of a learnt open share
-OPEN = 0.05  # pitches; the same of a disc whose share was not learnt
 
 
 class KnownSlots:
@@ -66,19 +64,19 @@ class KnownSlots:
 class Flanks:
     """Both flanks of each slot as they are seen going forward and backward, in pitches."""
 
-    __slots__ = ("backward", "beyond", "beyond_variance", "forward", "share", "variance")
+    __slots__ = ("backward", "beyond", "beyond_variance", "forward", "variance")
 
     def __init__(
-        self, forward: Sequence[float], backward: Sequence[float], share: float | None, slot: float
+        self, forward: Sequence[float], backward: Sequence[float], share: Told, slot: float
     ) -> None:
-        """Errors of the flanks seen `forward`; of those seen `backward` beyond the open `share` of
-        a pitch, none if not known: then they scatter by `slot` (sd)."""
+        """Errors of the flanks seen `forward`; of those seen `backward` beyond the open `share`,
+        which is told as its error from half a pitch; none if not known: then they scatter by `slot`
+        (sd)."""
         self.forward = tuple(forward)
         self.backward = tuple(backward) or (0.0,) * len(self.forward)
         self.variance = KNOWN * KNOWN
         self.beyond_variance = self.variance if backward else slot * slot
-        self.share = None if share is None else Told(share - 0.5, SHARE * SHARE)
-        self.beyond = self.share or Told(0.0, OPEN * OPEN)
+        self.beyond = share
 
     def turns(self) -> Iterator[KnownSlots]:
         """The disc as it may stand at power-on."""

@@ -39,6 +39,7 @@ class Odometry(Block):
     command_jitter: float = FromRobot("link.command_jitter")
     stamp_jitter: float = FromRobot("link.stamp_jitter")
     telemetry: float = FromRobot("board.telemetry")
+    edge_times: bool = FromRobot("board.edge_times")
     track: float = FromRobot("drive.track")
     left_side: Side = FromRobot("drive.left")
     right_side: Side = FromRobot("drive.right")
@@ -101,10 +102,10 @@ class Odometry(Block):
     def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
         kind = OdometryWheel if self.method == "model" else CountedWheel
         time = encoders.time
-        jitters = (LEFT * self.stamp_jitter, self.command_jitter)
+        link = (LEFT * self.stamp_jitter, self.command_jitter, self.edge_times)
         return (
-            kind(self.left_side, time, encoders.left, *jitters),
-            kind(self.right_side, time, encoders.right, *jitters),
+            kind(self.left_side, time, encoders.left, *link),
+            kind(self.right_side, time, encoders.right, *link),
         )
 
     def _took_hold(self, before: int, time: int) -> int:

@@ -8,10 +8,11 @@ from typing import Protocol
 
 from diffbotctl.blocks.known_slots import Flanks
 from diffbotctl.blocks.loop_mirror import Loop, LoopMirror
+from diffbotctl.blocks.slot_places import Told
 from diffbotctl.blocks.wheel_filter import WheelFilter
 from diffbotctl.blocks.wheel_motion import Spread
 
-UNKNOWN = 0.5  # open share of a disc that nobody has measured
+SHARE = 0.01  # pitches; sd of a measured open share, at another speed of the wheel
 
 
 class Motor(Protocol):
@@ -34,7 +35,7 @@ class Encoder(Protocol):
     slots: int
     slot_errors: Sequence[float]
     back_errors: Sequence[float]
-    open_share: float
+    open_share: float | None
 
 
 class Side(Protocol):
@@ -54,9 +55,11 @@ class OdometryWheel:
         "to_pitches",
     )  # fmt: skip
 
-    def __init__(self, side: Side, time: int, count: int, stamp: float, hold: float) -> None:
+    def __init__(
+        self, side: Side, time: int, count: int, stamp: float, hold: float, timed: bool = False
+    ) -> None:
         """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s), those
-        when commands take hold by `hold` (s)."""
+        when commands take hold by `hold` (s). `timed`: the board tells when edges came."""
         motor, slots = side.motor, side.encoder.slots
         self.pitch = pi * side.wheel.diameter / slots
         self.to_pitches = 0.5 * slots / pi
@@ -65,7 +68,11 @@ class OdometryWheel:
         self.count = self.first = count
         static = motor.loop.static
         friction = static / (1.0 - static) * motor.rated
-        spread = Spread(lag=motor.lag, stamp=stamp, hold=hold, friction=friction)
+        spread = Spread(
+            lag=motor.lag, stamp=stamp, hold=hold, friction=friction, timed=timed
+        )  # fmt: skip
+        if side.encoder.open_share is not None:
+            spread = spread._replace(open=SHARE, share=side.encoder.open_share - 0.5)
         self.filter = WheelFilter(spread, time, count, slots, known_flanks(side.encoder, spread))
         self.mirror = LoopMirror(motor.loop, motor.rated, slots, time)
         self.rolled = self.begun = 0.0
@@ -130,7 +137,7 @@ def known_flanks(encoder: Encoder, spread: Spread) -> Flanks | None:
     """The disc as it was measured, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
-    share = None if encoder.open_share == UNKNOWN else encoder.open_share
+    share = Told(spread.share, spread.open * spread.open)
     return Flanks(encoder.slot_errors, encoder.back_errors, share, spread.slot)
 
 

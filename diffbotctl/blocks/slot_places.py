@@ -42,15 +42,18 @@ class SlotPlaces:
         "tolerance", "waiting",
     )  # fmt: skip
 
-    def __init__(self, slots: int, slot: float, share: float, both: bool = False) -> None:
+    def __init__(
+        self, slots: int, slot: float, share: float, beyond: float = 0.0, both: bool = False
+    ) -> None:
         """`slots` of the disc, 0 when they are not to be learnt; standard deviations of a `slot`'s
-        place and of the open `share`, in pitches. `both`: learn each slot's other flank too, and
-        never leave off: for a calibration, as it takes four times the reckoning."""
+        place and of the open `share`, in pitches, and how far that share is `beyond` a half.
+        `both`: learn each slot's other flank too, and never leave off: for a calibration, as it
+        takes four times the reckoning."""
         self.slots = slots if slots <= MOST else 0
         self.both = both
         self.tolerance = self.back_variance = slot * slot
         self.back = [0.0] * self.slots  # what each flank seen backward lies off beyond the share
-        entries = 2 * self.slots if both else self.slots + 1
+        entries = 2 * self.slots if both and self.slots else self.slots + 1
         self.error = [0.0] * entries
         self.shared = [[0.0] * entries for _ in range(6)]
         self.own = [[0.0] * entries for _ in range(entries)]
@@ -59,6 +62,7 @@ class SlotPlaces:
         if not both:
             self.own[-1][-1] = 0.0
         for one in range(self.slots, entries):  # the share is in all flanks seen backward
+            self.error[one] = beyond
             for other in range(self.slots, entries):
                 self.own[one][other] += share * share
         self.waiting = Transition()
@@ -92,7 +96,7 @@ class SlotPlaces:
     def told(self, slot: int, forward: bool) -> Told:
         """What is known of the flank of `slot`, once nothing more is learnt."""
         if not self.slots:
-            return Told(0.0, self.tolerance)
+            return Told(0.0 if forward else self.error[-1], self.tolerance)
         entry = self.entry(slot, forward)
         alone = self.alone(slot, forward)
         return Told(self.error[entry] + alone.error, self.own[entry][entry] + alone.variance)

@@ -42,8 +42,10 @@ class Spread(NamedTuple):
     drift: float = 0.016  # rad/s per square root of a second: how the offset wanders
     slot: float = 0.03  # pitches; place of an edge
     open: float = 0.05  # pitches; of the open share of a pitch
+    share: float = 0.0  # pitches, not a deviation: what that share is beyond a half
     stamp: float = 0.0  # s; of a frame's time
     hold: float = 0.0  # s; of the time at which a command takes hold
+    timed: bool = False  # no deviation: whether the board tells when edges came
 
     def in_pitches(self, slots: int) -> Spread:
         """The same with all speeds in pitches/s of a disc with `slots` slots."""
@@ -75,7 +77,7 @@ class WheelMotion:
     def __init__(self, spread: Spread, slots: int) -> None:
         """`slots`: of the disc."""
         self.spread = spread = spread.in_pitches(slots)
-        self.disc: Slots = SlotPlaces(slots, spread.slot, spread.open)
+        self.disc: Slots = SlotPlaces(slots, spread.slot, spread.open, spread.share)
         self.z = self.phase = 0.5
         self.speed = self.offset = self.shifted = 0.0
         self.gain = 1.0
@@ -285,9 +287,6 @@ class WheelMotion:
         disc.carry()
         for slot in range(disc.slots):
             self._see_slot(slot, known.told(slot, True).error, TAKEN * TAKEN)
-        share = known.flanks.share
-        if share is not None:
-            self._see_slot(-1, share.error, share.variance)
 
     def _see_slot(self, entry: int, error: float, variance: float) -> None:
         """The slots' error of number `entry` is known from elsewhere."""

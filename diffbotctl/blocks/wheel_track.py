@@ -17,6 +17,9 @@ LEAST_SHARE = 1e-6  # no direction is quite impossible
 ROLLING = 3.0  # times the speed that friction ends; slower than this a wheel hardly rolls out
 OUTSIDE = 0.08  # mass beyond a bound from which on it is believed; less says nothing new at rest
 SURE = 0.001  # the same while moving, when each frame says something new
+# The same while moving, of a board that will tell when the edge came: that says all that its
+# absence did, which would be taken in twice. Only an overdue edge tells of a wheel that is held.
+OVERDUE = 0.6
 
 
 class WheelTrack:
@@ -108,7 +111,8 @@ class WheelTrack:
     def _see_bounds(self, moving: bool) -> None:
         if self.passed:
             low, high = bounds(self.place, self.passed, self.turned_back)
-            self.motion.see_bounds(low, high, SURE if moving else OUTSIDE)
+            least = OVERDUE if self.motion.spread.timed else SURE
+            self.motion.see_bounds(low, high, least if moving else OUTSIDE)
 
     def likely_edge(self, time: int, steps: int) -> int:
         """When the last of `steps` edges came that a frame at `time` counts, as the motor's model

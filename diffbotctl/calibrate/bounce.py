@@ -5,9 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import ceil, pi
-from typing import NamedTuple
 
-from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.findings import Finding, Reading
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
 from diffbotctl.links.diffbot_telemetry import RawEdge
@@ -21,14 +20,6 @@ SHARE = 1 / 3  # of the shortest time that a slot is open, at full speed: more w
 BINS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.0035)  # s, upper ends of the histogram's classes
 LEAST = 20  # flanks, fewer tell nothing
 BAR = 30  # characters of the longest bar
-
-
-class Chatter(NamedTuple):
-    """What the flanks came to."""
-
-    findings: list[Finding]
-    faults: list[str]
-    report: list[str]
 
 
 def bursts(times: Sequence[int]) -> list[float]:
@@ -46,9 +37,9 @@ def bursts(times: Sequence[int]) -> list[float]:
     return found
 
 
-def read(edges: Sequence[RawEdge], robot: Robot) -> Chatter:
+def read(edges: Sequence[RawEdge], robot: Robot) -> Reading:
     """Histograms of both wheels, and a longer glitch time where the one in use is too short."""
-    made = Chatter([], [], [])
+    made = Reading([], [], [])
     longest = 0.0
     for wheel, side in enumerate(SIDES):
         times = [edge.time for edge in edges if edge.wheel == wheel]

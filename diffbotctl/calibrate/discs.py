@@ -73,6 +73,7 @@ def learning(robot: Robot) -> Learning:
         command_jitter=link.command_jitter,
         stamp_jitter=link.stamp_jitter,
         telemetry=robot.board.telemetry,
+        edge_times=robot.board.edge_times,
         track=drive.track,
         left_side=drive.left,
         right_side=drive.right,

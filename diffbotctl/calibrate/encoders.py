@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from math import pi
 from typing import Any
 
-from diffbotctl.calibrate import bounce, slots, wires
-from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate import bounce, shares, slots, wires
+from diffbotctl.calibrate.findings import Finding, Reading
 from diffbotctl.calibrate.question import Question
 from diffbotctl.calibrate.rig import Rig
 from diffbotctl.calibrate.step import Act, Announce, Event, Mark, Outcome, Progress, Running, Said
@@ -68,19 +68,22 @@ class Encoders:
         # From here on the board hears each wheel as its own side.
         heard = {side: socket and side for side, socket in found.socket.items()}
         counted = yield from self._slots(rig, heard)
-        chatter = bounce.read(rig.capture(False) or [], rig.file.robot) if gathers else None
+        flanks = rig.capture(False) or [] if gathers else []
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
         report = [*found.mended, *_lines(found), *counted.report]
-        if chatter is not None and self.rolls:
-            findings += chatter.findings
-            faults += chatter.faults
-            report += chatter.report
+        if self.rolls:
+            robot = rig.file.robot
+            told = [bounce.read(flanks, robot)] if gathers else []
+            if not faults:  # with one, this step is run again when it is mended
+                told.append(shares.read(flanks, robot))
+            for each in told:
+                findings += each.findings
+                faults += each.faults
+                report += each.report
         return Outcome("encoders", findings, report, faults)
 
-    def _slots(
-        self, rig: Rig, sockets: Mapping[str, str | None]
-    ) -> Generator[Event, Any, slots.Counted]:
+    def _slots(self, rig: Rig, sockets: Mapping[str, str | None]) -> Generator[Event, Any, Reading]:
         """Turn by hand each wheel whose encoder answers, at the socket where it does."""
         rolls: dict[str, list[int]] = {}
         for side in SIDES:

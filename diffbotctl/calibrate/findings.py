@@ -10,7 +10,9 @@ from diffbotctl.config import calibration
 from diffbotctl.params import with_unit
 
 NOT_MEASURED = "not measured"
-DIGITS = 6  # that are written; a tape tells four at best
+# Significant digits that are written. A tape tells four at best, but what two wheels differ by is
+# known far better than what they have in common.
+DIGITS, DOUBT = 6, 2
 
 Found = float | str | bool | tuple[float, ...]
 
@@ -22,6 +24,15 @@ class Finding(NamedTuple):
     value: Found
     sd: float | None = None
     """standard deviation, in the value's unit; None where there is nothing to deviate"""
+
+
+class Reading(NamedTuple):
+    """What a part of a step came to."""
+
+    findings: list[Finding]
+    faults: list[str]
+    """what only a hand mends"""
+    report: list[str]
 
 
 class Origin(NamedTuple):
@@ -44,7 +55,7 @@ def written(finding: Finding, origin: Origin) -> str:
     unit = _unit(finding.field)
     entries = {"value": _value(finding.value, unit)}
     if finding.sd is not None:
-        entries["sd"] = _value(finding.sd, unit)
+        entries["sd"] = _value(finding.sd, unit, DOUBT)
     volts = NOT_MEASURED if origin.volts is None else with_unit(round(origin.volts, 2), "V")
     entries |= {"date": json.dumps(origin.date), "method": origin.method, "volts": volts}
     if origin.recording:
@@ -59,7 +70,7 @@ def _unit(field: str) -> str:
     return declaration.unit
 
 
-def _value(value: Found, unit: str) -> str:
+def _value(value: Found, unit: str, digits: int = DIGITS) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
@@ -68,5 +79,5 @@ def _value(value: Found, unit: str) -> str:
         return value
     if not isfinite(value):
         raise ValueError(f"{value} is no result")
-    number = f"{value:.{DIGITS}g}"
+    number = f"{value:.{digits}g}"
     return number if unit in ("", "1") else f"{number} {unit}"

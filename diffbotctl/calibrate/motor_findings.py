@@ -6,10 +6,11 @@ from math import floor, hypot
 from typing import NamedTuple
 
 from diffbotctl.calibrate.findings import Finding
-from diffbotctl.calibrate.motor_fit import Lag, Line
+from diffbotctl.calibrate.motor_fit import DEAD_STEP, Lag, Line
 from diffbotctl.calibrate.motor_trials import RESOLUTION
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
+from diffbotctl.runs.simulation import takes_duty
 
 INTEGRAL = 0.25  # 1/s; integral gain over kV: what is missing is made good within some seconds
 PROPORTIONAL = 0.0  # of kV: the speed of one slot alone is 4 % wrong, and would be passed on
@@ -30,19 +31,6 @@ class Motor(NamedTuple):
     lag: Lag
 
 
-def alike(motors: dict[str, Motor]) -> dict[str, Motor]:
-    """Both with the mean of their lags.
-
-    A board that does not tell when a command took hold takes it for each wheel at another moment:
-    what differs between its wheels is that, and the motors are of one kind.
-    """
-    left, right = (motors[side].lag for side in SIDES)
-    both = Lag(
-        (left.lag + right.lag) / 2, (left.dead + right.dead) / 2, hypot(left.sd, right.sd) / 2
-    )
-    return {side: motor._replace(lag=both) for side, motor in motors.items()}
-
-
 def findings(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
     """Motors and loops of both sides, and a speed limit that both can keep."""
     slope = sum(motor.line.slope for motor in motors.values()) / len(motors)
@@ -55,7 +43,7 @@ def findings(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
             Finding(f"{path}.rated", line.rated, line.rated * line.slope_sd / line.slope),
             Finding(f"{path}.start_duty", start, RESOLUTION),
             Finding(f"{path}.keep_duty", static, line.static_sd),
-            Finding(f"{path}.lag", motor.lag.lag, motor.lag.sd),
+            Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.parted)),
             Finding(f"{path}.loop.static", static, line.static_sd),
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", PROPORTIONAL * slope),
@@ -70,6 +58,22 @@ def _limit(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
     reach = min(motors[side].line.rated * drive[side].wheel.diameter / 2 for side in SIDES)
     kept = floor(MARGIN * reach * CENTIMETRES) / CENTIMETRES
     return [Finding("limits.speed", kept)] if kept < robot.limits.speed else []
+
+
+def delay(nominal: Robot, motors: dict[str, Motor]) -> list[Finding]:
+    """The time from a command to the motors, where it is another than the file states.
+
+    A board that tells when a command took hold leaves only the motors' own dead time to be added
+    to what is stated of the link.
+    """
+    lags = [motor.lag for motor in motors.values()]
+    dead = sum(lag.dead for lag in lags) / len(lags)
+    parted = max(lag.parted for lag in lags)
+    if takes_duty(nominal):
+        return [Finding("link.command_delay", dead, hypot(lags[0].sd, parted))]
+    if not dead:
+        return []
+    return [Finding("link.command_delay", nominal.link.command_delay + dead, DEAD_STEP)]
 
 
 def unlike(motors: dict[str, Motor]) -> list[str]:

@@ -51,6 +51,8 @@ class Lag(NamedTuple):
     dead: float
     sd: float
     """of their sum"""
+    parted: float = 0.0
+    """sd of how the sum is divided between them"""
 
 
 def line(duties: Sequence[float], speeds: Sequence[float]) -> Line:
@@ -82,7 +84,7 @@ def lag(steps: Sequence[Step], left: bool, slots: int) -> Lag:
     squares. How the wheel goes from one line to the other tells dead time from lag.
     Raises ValueError when there are too few edges.
     """
-    times, places, which, slot = _gathered(steps, left, slots)
+    times, places, which, slot = gathered(steps, left, slots)
     settled = (times <= 0.0) | (times >= FADED * LONGEST)
     ups = np.array([step.up for step in steps])[which]
     solution, spread, matrix = _solved(times, places, which, slot, ups, settled, len(steps), slots)
@@ -100,10 +102,13 @@ def lag(steps: Sequence[Step], left: bool, slots: int) -> Lag:
     return Lag(*_parted(after, change, rest, both, sqrt(2.0) * SLOT * 2 * pi / slots), sd)
 
 
-def _gathered(
+def gathered(
     steps: Sequence[Step], left: bool, slots: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Time since its step (s), angle (rad), number of the step, and slot, of every edge."""
+    """Time since its step (s), angle (rad), number of the step, and slot, of every edge.
+
+    Raises ValueError when there are too few.
+    """
     pitch = 2 * pi / slots
     rows: list[tuple[float, float, int, int]] = []
     for number, step in enumerate(steps):

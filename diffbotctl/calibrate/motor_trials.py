@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Any
+from typing import Any, NamedTuple
 
 from diffbotctl.calibrate import commanded, motor_fit, wheel_log
 from diffbotctl.calibrate.heard import Heard
@@ -12,6 +12,7 @@ from diffbotctl.calibrate.step import Event, Progress, Said
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.sides import SIDES
 from diffbotctl.messages import Duty
+from diffbotctl.runs.simulation import takes_duty
 
 LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # duty; above every usual dead band, below full
 SETTLING = 0.9  # s before a speed is measured: six lags of a slow motor
@@ -20,14 +21,35 @@ MEASURING = 2.5  # s; a turn and more at the slowest level
 BAND = (0.02, 0.30)
 HALVINGS = 6  # leave 0.005 of duty
 TRIAL = 2.0  # s; a wheel that broke loose has met a slot by then
-SLOW, FAST = 0.35, 0.75  # duty of the steps
-PLATEAU = 1.6  # s between two steps
-STEPS = 8  # up and down in turn
 CREEP = 0.03  # m/s of the step that accepts the loop
 CREEPING = 5.0  # s of it, of which the second half must be settled
 SETTLED = 0.35  # how far the creeping speed may be off
 RESOLUTION = (BAND[1] - BAND[0]) / 2**HALVINGS  # duty
 CENTIMETRES = 100  # in a metre
+
+
+class Stairs(NamedTuple):
+    """Steps up and down in turn, between two duties."""
+
+    slow: float
+    fast: float
+    plateau: float
+    """s between two"""
+    steps: int
+    longer: float = 0.0
+    """s by which each is longer than the one before, so that frames meet each at another moment"""
+
+    @property
+    def way(self) -> float:
+        """Duty times seconds of the whole."""
+        seconds = (self.steps + 1) * self.plateau + sum(range(self.steps)) * self.longer
+        return seconds * (self.slow + self.fast) / 2
+
+
+STAIRS = Stairs(0.35, 0.75, 1.6, 8)
+# Of a board that tells no edge times, the counts, the frames and when it takes a command all
+# scatter: larger steps, and more of them.
+STOCK_STAIRS = Stairs(0.32, 0.92, 1.9, 24, 0.007)
 
 Levels = dict[str, list[tuple[float, float]]]
 """(duty, rad/s) by `left forward`, `left backward`, ..."""
@@ -76,21 +98,29 @@ def levels(rig: Rig) -> Generator[Event, Any, Levels]:
 
 
 def steps(rig: Rig) -> Generator[Event, Any, list[motor_fit.Step]]:
-    """Steps up and down between two duties."""
-    delay = rig.file.robot.link.command_delay
-    before = rig.hold(Duty(0, SLOW, SLOW), PLATEAU)
+    """Steps up and down between two duties, timed by when they took hold; where the board does not
+    tell that, by when they were sent."""
+    told = not takes_duty(rig.file.robot)
+    made = stairs(rig.file.robot)
+    before = rig.hold(Duty(0, made.slow, made.slow), made.plateau)
     found = []
-    for number in range(STEPS):
-        yield Progress("how late the wheels follow", number, STEPS)
+    for number in range(made.steps):
+        yield Progress("how late the wheels follow", number, made.steps)
         up = number % 2 == 0
-        level = FAST if up else SLOW
-        sent = rig.now * wheel_log.SECONDS + delay
-        after = rig.hold(Duty(0, level, level), PLATEAU)
+        level = made.fast if up else made.slow
+        sent = rig.now * wheel_log.SECONDS
+        after = rig.hold(Duty(0, level, level), made.plateau + number * made.longer)
         frames = [*before.encoders, *after.encoders]
-        found.append(motor_fit.Step(frames, _taken(after, level, sent), up))
+        taken = _taken(after, level, sent) if told else sent
+        found.append(motor_fit.Step(frames, taken, up))
         before = after
     rig.rest()
     return found
+
+
+def stairs(robot: Robot) -> Stairs:
+    """The steps that suit this robot's board."""
+    return STOCK_STAIRS if takes_duty(robot) else STAIRS
 
 
 def _taken(after: Heard, level: float, sent: float) -> float:

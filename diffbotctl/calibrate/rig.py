@@ -8,7 +8,7 @@ by itself, or a wheel beyond what was announced end the step and the movement.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, Protocol, TypeVar
 
 from diffbotctl.calibrate.bound import Bound, stopped
 from diffbotctl.calibrate.findings import Finding
@@ -18,7 +18,6 @@ from diffbotctl.config.configuration import RobotFile
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, RobotDriver
 from diffbotctl.errors import RunError
-from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
 
@@ -37,6 +36,25 @@ HUM = 5  # counts in that time; a wheel that rolls out gives fewer
 Wanted = Duty | Wheels
 Make = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 Kind = TypeVar("Kind", bound=Message)
+
+
+class Capturing(Protocol):
+    """A robot, or the host half of its link, that gathers the flanks of both encoders."""
+
+    edges: list[Any]
+    """(time in ns, 0 left or 1 right, level after the flank)"""
+
+    def capture(self, now: int, on: bool) -> None:
+        """Begin or end to."""
+
+
+def _capturing(driver: RobotDriver) -> Capturing | None:
+    found: list[Any] = [driver, getattr(driver, "host", None), getattr(driver, "protocol", None)]
+    for each in found:
+        if hasattr(each, "capture"):
+            capturing: Capturing = each
+            return capturing
+    return None
 
 
 class Rig:
@@ -188,12 +206,12 @@ class Rig:
 
         At the end, what was gathered; None for a board that cannot tell.
         """
-        host = getattr(self.driver, "host", None) or getattr(self.driver, "protocol", None)
-        if not isinstance(host, DiffbotHost):
+        host = _capturing(self.driver)
+        if host is None or self.file.robot.link.protocol == "rosserial":
             return None
         host.capture(self.now, on)
         self.listen(CAPTURE_PATIENCE)
-        found = list(host.edges)
+        found = [RawEdge(*each) for each in host.edges]
         host.edges.clear()
         return found
 

@@ -44,7 +44,8 @@ class LearningWheel(OdometryWheel):
         self.filter.flanks = None  # what was learnt before is not leant on
         motion = self.filter.motion
         motion.spread = motion.spread._replace(rough=CALM * motion.spread.rough)
-        motion.disc = SlotPlaces(slots, motion.spread.slot, motion.spread.open, both=True)
+        spread = motion.spread
+        motion.disc = SlotPlaces(slots, spread.slot, spread.open, spread.share, both=True)
         return self
 
     def disc(self) -> Disc:
@@ -67,8 +68,9 @@ class Learning(Odometry):
     """Odometry that learns the discs of both wheels."""
 
     def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
-        left = LearningWheel(self.left_side, encoders.time, encoders.left, 0.0, 0.0)
-        right = LearningWheel(self.right_side, encoders.time, encoders.right, 0.0, 0.0)
+        link = (0.0, 0.0, True)
+        left = LearningWheel(self.left_side, encoders.time, encoders.left, *link)
+        right = LearningWheel(self.right_side, encoders.time, encoders.right, *link)
         return left.learn(self.left_side.encoder.slots), right.learn(self.right_side.encoder.slots)
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from statistics import median
-from typing import NamedTuple
 
-from diffbotctl.calibrate.findings import Finding
+from diffbotctl.calibrate.findings import Finding, Reading
 from diffbotctl.config.robot import Robot
 
 # Counts that a roll may be off the others: its two ends, and where the hand stopped.
@@ -14,18 +13,10 @@ ENDS = 2
 NEAR = 0.25  # of a slot, how far the mean may lie from a whole number
 
 
-class Counted(NamedTuple):
-    """What the turns of all wheels came to."""
-
-    findings: list[Finding]
-    faults: list[str]
-    report: list[str]
-
-
-def read(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> Counted:
+def read(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> Reading:
     """Counts of each roll of `turns` turns, by side. A roll that is unlike the others is left out;
     slots that differ from the stated ones become findings."""
-    made = Counted([], [], [])
+    made = Reading([], [], [])
     stated = {
         "left": robot.drive.left.encoder.slots,
         "right": robot.drive.right.encoder.slots,
@@ -46,7 +37,7 @@ def read(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> Counte
 
 
 def _one(
-    made: Counted, found: dict[str, int], side: str, counts: Sequence[int], turns: int, stated: int
+    made: Reading, found: dict[str, int], side: str, counts: Sequence[int], turns: int, stated: int
 ) -> None:
     middle = median(counts)
     good = [count for count in counts if abs(count - middle) <= ENDS]

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
     from diffbotctl.runs.run import Options, Run
+    from diffbotctl.runs.station import Socket
 
 
 @click.command()
@@ -72,11 +73,10 @@ def command(
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
-    from diffbotctl.hub.flight_process import folder
+    from diffbotctl.hub.flight_file import folder
     from diffbotctl.runs.run import Options, Run
     from diffbotctl.runs.scene import VIRTUAL
     from diffbotctl.runs.signals import Signals
-    from diffbotctl.runs.station import Socket
 
     if port == "auto":
         from diffbotctl.cli.port import choose_port
@@ -90,7 +90,7 @@ def command(
     _announce(configuration, port, seed)
     heard = tuple(_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL
-    socket = None if no_socket or fast else Socket(name, group)  # a fast run is over at once
+    socket = None if no_socket or fast else _socket(name, group)  # a fast run is over at once
     stay = stay or dash
     flights = None if fast else folder()  # a fast run is the same again from its seed
     options = Options(
@@ -102,6 +102,12 @@ def command(
         configuration, options, None if quiet else screen(configuration, port), _shout, Signals()
     )
     return _finish(run)
+
+
+def _socket(name: str | None, group: str | None) -> Socket:
+    from diffbotctl.runs.station import Socket
+
+    return Socket(name, group)
 
 
 def _with_dashboard(configuration: Configuration, options: Options) -> int:

@@ -8,20 +8,25 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from hashlib import sha256
 from json import dumps
 from pathlib import Path
 from typing import Any
 
 from diffbotctl import __version__
 
+try:
+    from _blake2 import blake2b  # as hashlib has it, which loads all of OpenSSL besides: 3 MB
+except ImportError:  # not CPython
+    from hashlib import blake2b
+
 KEPT = 400  # entries; an empty file each
+LENGTH = 32  # bytes of hash: nobody finds two contents with the same
 
 
 def key(schema: dict[str, Any], content: Any) -> str:
     """A name for this content under this schema and version."""
     text = dumps([__version__, schema, content], default=str)
-    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
+    return blake2b(text.encode("utf-8", "surrogatepass"), digest_size=LENGTH).hexdigest()
 
 
 def holds(name: str) -> bool:

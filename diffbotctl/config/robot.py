@@ -169,8 +169,9 @@ class Encoder(Section):
         "known.",
     )  # fmt: skip
     open_share = Param(
-        float, unit="1", default=0.5, least=0.1, most=0.9,
-        help="Open share of a pitch: how far apart the flanks seen forward and backward lie.",
+        float, unit="1", none=True, default=None, least=0.1, most=0.9,
+        help="Share of a pitch during which the pin keeps the level that a counted flank brought: "
+        "how far apart the flanks seen forward and backward lie; none: not known, about half.",
     )  # fmt: skip
 
 

@@ -16,12 +16,9 @@ from diffbotctl.links.diffbot import DiffbotHost
 from diffbotctl.links.diffbot_settings import Settings
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.plant.board import RADIO
-from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.robot import Flank, SimulatedRobot
 
 STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
-# ns until a pin changes back after an edge that counts: longer than any sensible glitch time, an
-# eighth of a slot at full speed
-PULSE = 4_000_000
 MILLIVOLTS = 1000
 
 
@@ -43,9 +40,8 @@ class EmulatedBoard:
         """ns at which each motor's duty last changed"""
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
-        self._after = 0 if settings.edge == "falling" else 1  # level behind an edge that counts
-        self._rose = [-PULSE, -PULSE]
-        self._levels = [Transition(plant.now, pin, 1 - self._after) for pin in self.pins]
+        plant.capture(True)
+        self._first = self._transitions(plant.levels())
 
     @property
     def now(self) -> int:
@@ -66,7 +62,9 @@ class EmulatedBoard:
         while self._coming and self._coming[0][0] <= self.plant.now:
             _, uart, data = self._coming.popleft()
             arriving[uart] += data
-        transitions = self._pulses(self.plant.roll(until, self.duty[0], self.duty[1]), until)
+        first, self._first = self._first, []
+        flanks = self.plant.roll(until, self.duty[0], self.duty[1])
+        transitions = first + self._transitions(flanks)
         did = self.emulator.step(until, transitions, self._millivolts(), (arriving[0], arriving[1]))
         for change in did.changes:
             sign = -1.0 if self.sides[change.motor].reversed else 1.0
@@ -75,25 +73,8 @@ class EmulatedBoard:
         for sent in did.sent:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
 
-    def _pulses(self, rises: list[tuple[int, int]], until: int) -> list[Transition]:
-        """The plant tells the edges that count; each pin changes back one PULSE later."""
-        after = self._after
-        for time, side in rises:
-            pin, last = self.pins[side], self._rose[side]
-            if time - last < PULSE:  # it bounces: the pin went back in between
-                self._levels = [
-                    each for each in self._levels if each.pin != pin or each.level == after
-                ]
-                self._levels.append(Transition((last + time) // 2, pin, 1 - after))
-            self._levels += [
-                Transition(time, pin, after),
-                Transition(time + PULSE, pin, 1 - after),
-            ]
-            self._rose[side] = time
-        self._levels.sort()
-        due = [level for level in self._levels if level.time <= until]
-        del self._levels[: len(due)]
-        return due
+    def _transitions(self, flanks: list[Flank]) -> list[Transition]:
+        return [Transition(time, self.pins[side], level) for time, side, level in flanks]
 
     def _millivolts(self) -> dict[int, int]:
         found = {}

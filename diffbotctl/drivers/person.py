@@ -14,6 +14,7 @@ from diffbotctl.drivers.operator import Operator
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Answer, Channel, Command
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.meter import Meter
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
 
@@ -40,6 +41,10 @@ class Person:
         self.at = 0
         self.driving = Driving()
         self.meter: Meter | None = None
+
+    def can_measure(self, engine: Engine) -> None:
+        """Let people see what the blocks of `engine` cost."""
+        self.meter = Meter(engine)
 
     def due(self) -> int:
         """At once when something waits to be delivered; when whoever drives has been silent."""

@@ -7,9 +7,10 @@ from math import cos, sin
 from diffbotctl.block import action
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Duty, Encoders, Link, Wheels
-from diffbotctl.plant.robot import SimulatedRobot
+from diffbotctl.plant.robot import Flank, SimulatedRobot
 
 SECOND = 1_000_000_000
+CAPTURED = 64_000  # ns, in which the board tells captured flanks
 STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
 COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
 
@@ -26,6 +27,8 @@ class Simulated:
         self.still_since = self.zero_since = 0
         self.stopping = False
         self.stopped = False
+        self.edges: list[Flank] = []
+        """what the board captured, until it is taken"""
 
     def due(self) -> int:
         """When the next message arrives."""
@@ -38,6 +41,7 @@ class Simulated:
     def deliver(self, now: int) -> list[Delivery]:
         """Let the plant's time pass until `now`."""
         self.robot.advance(now)
+        self._take_edges()
         heard = []
         for port, message in self.robot.deliver():
             heard.append(Delivery(f"robot.{port}", message))
@@ -54,6 +58,17 @@ class Simulated:
         """Send a command to the simulated board."""
         self.robot.advance(now)
         self.robot.command(now, wanted)
+
+    def capture(self, now: int, on: bool) -> None:
+        """Begin or end to gather every flank of both encoders in `edges`, unfiltered."""
+        self.robot.advance(now)
+        self.robot.capture(on)
+        self._take_edges()
+
+    def _take_edges(self) -> None:
+        """As precisely as the board tells them."""
+        flanks, self.robot.flanks = self.robot.flanks, []
+        self.edges += [each._replace(time=each.time // CAPTURED * CAPTURED) for each in flanks]
 
     @action
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import Any
 
 from diffbotctl.links.json_messages import encoder
@@ -12,8 +11,10 @@ class Digest:
     """Feed it each instant; two runs are the same exactly when their digests are."""
 
     def __init__(self, wires: dict[str, type]) -> None:
+        from hashlib import sha256  # only for who asks: it loads all of OpenSSL
+
         self.encoders = [(wire.encode(), encoder(kind)) for wire, kind in wires.items()]
-        self.hash = hashlib.sha256()
+        self.hash = sha256()
         self.messages = 0
 
     def record(self, instant: tuple[Any, ...]) -> None:

@@ -1,7 +1,7 @@
 """The engine's end of the flight recorder: what the drivers delivered, kept for the day it stops.
 
-A child process holds the last minutes in memory and writes them out at a stop. The blocks' messages
-are not sent: a replay makes them anew, from a state taken now and then.
+The hub holds the last minutes in memory and has them written at a stop. The blocks' messages are
+not sent: a replay makes them anew, from a state taken now and then.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from diffbotctl.engine.recorder import gathered
 from diffbotctl.graph import SECOND
 from diffbotctl.messages import Stop
 
+PATIENCE = 1.0  # s that the end of a run waits for a hub which takes nothing
 SNAPSHOT = 30 * SECOND  # between two states; each costs a third of a millisecond of idle time
 
 
@@ -77,11 +78,15 @@ class Flight:
         if said is not None:
             self._announce(said)
 
-    def close(self, summary: dict[str, str]) -> None:
-        """Hand on the rest with how the run ended, and announce what is written because of it."""
-        self.outlet.channel.setblocking(True)
+    def finish(self, summary: dict[str, str]) -> None:
+        """Hand on the rest with how the run ended. A hub that hangs is given up."""
+        self.outlet.channel.settimeout(PATIENCE)
         self._send()
         self.outlet.send(summary)
+        self.outlet.finish()
+
+    def close(self) -> None:
+        """Announce what was written because of the end, once it has been: the hub has gone."""
         self._announce(self.outlet.close())
 
     def _send(self) -> None:

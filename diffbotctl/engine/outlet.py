@@ -38,6 +38,8 @@ class Outlet:
         except BlockingIOError:
             if len(self.backlog) > BACKLOG:
                 self.give_up("the recorder could not keep up")
+        except TimeoutError:
+            self.give_up("the recorder does not answer")
         except (BrokenPipeError, ConnectionResetError):
             self.give_up("the recorder has ended")
 
@@ -46,24 +48,33 @@ class Outlet:
         if self.lost is not None:
             return None
         try:
-            said = self.channel.recv(1 << 10, socket.MSG_DONTWAIT)
+            said = self._receive(socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None
-        except ConnectionResetError:
-            said = b""
-        if not said:
+        if not said and self.lost is None:
             self.give_up("the recorder has ended")
         return said.decode() or None
 
+    def finish(self) -> None:
+        """Say that this was all."""
+        self.channel.shutdown(socket.SHUT_WR)
+
     def close(self) -> str:
-        """Say that this was all; wait for the child, and return its last words."""
+        """Wait until the child has nothing more to say; return its last words."""
         said = b""
         self.channel.setblocking(True)
-        self.channel.shutdown(socket.SHUT_WR)
-        while self.lost is None and (part := self.channel.recv(1 << 10)):
+        while self.lost is None and (part := self._receive()):
             said += part
         self.channel.close()
         return said.decode()
+
+    def _receive(self, flags: int = 0) -> bytes:
+        """What comes; a child that died with something unread has lost it."""
+        try:
+            return self.channel.recv(1 << 10, flags)
+        except ConnectionResetError:
+            self.give_up("the recorder has ended")
+            return b""
 
     def give_up(self, cause: str) -> None:
         """Note that something was lost."""

@@ -63,6 +63,7 @@ class Recorder:
         self.outlet.send(self.pending)
         if summary is not None:
             self.outlet.send(summary)
+        self.outlet.finish()
         trouble = self.outlet.close()
         if trouble:
             self.outlet.give_up(trouble)

@@ -1,4 +1,4 @@
-"""The hub's process: a child of the engine that holds the control socket and nothing else."""
+"""The hub's process: a child of the engine that holds the control socket, and the flight."""
 
 from __future__ import annotations
 
@@ -8,14 +8,19 @@ import os
 import signal
 import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from diffbotctl.hub.conversation import Log
-from diffbotctl.hub.desk import About
+from diffbotctl.hub.child import stand_alone
 from diffbotctl.hub.listening import forget
-from diffbotctl.hub.server import Server
+
+if TYPE_CHECKING:
+    from diffbotctl.hub.about import About
+    from diffbotctl.hub.conversation import Log
+    from diffbotctl.hub.flight_keeper import Keeper
+    from diffbotctl.hub.server import Server
 
 NICENESS = 5  # the control path goes first on a machine with one core
 LAST_WORDS = 0.5  # s for clients to take what waits when the run is over
@@ -24,22 +29,47 @@ NEWS = 1 << 20  # bytes of socket buffer: seconds of news
 
 
 def start(
-    listener: socket.socket, path: Path, about: About, shared: bool
+    listener: socket.socket, path: Path, about: About, shared: bool, keeper: Keeper | None = None
 ) -> tuple[socket.socket, int]:
-    """Fork the hub, which serves `listener` at `path`. Returns the engine's end, and the pid."""
+    """Fork the hub, which serves `listener` at `path`. Returns the engine's end, and the pid.
+
+    The flight recorder's `keeper` lives in it, if there is one.
+    """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, NEWS)
+
+    def serve() -> None:
+        from diffbotctl.hub.server import Server  # only here: the engine need not wait for it
+
+        log = _log(path.with_suffix(".log"))
+        log({"event": "started", "pid": about.pid, "engine": about.name})
+        _serve(Server(listener, theirs, about, shared, log, keeper), path, log)
+
+    pid = _fork({listener, theirs}, serve, keeper)
+    return ours, pid
+
+
+def keep(keeper: Keeper) -> int:
+    """Fork a hub that only keeps the flight, for a run without a socket. Returns the pid."""
+    return _fork(set(), lambda: None, keeper)
+
+
+def _fork(kept: set[socket.socket], serve: Callable[[], None], keeper: Keeper | None) -> int:
+    """Fork a child that holds `kept` while it serves, and the flight until the engine has ended."""
+    flight = set() if keeper is None else {keeper.channel}
     gc.freeze()  # a collection that walks what both share would make each a copy of its own
     pid = os.fork()
     if pid:
-        theirs.close()
-        listener.close()
-        return ours, pid
+        for each in kept | flight:
+            each.close()
+        return pid
     try:
-        _stand_alone({listener.fileno(), theirs.fileno()})
-        log = _log(path.with_suffix(".log"))
-        log({"event": "started", "pid": about.pid, "engine": about.name})
-        _serve(Server(listener, theirs, about, shared, log), path, log)
+        stand_alone({each.fileno() for each in kept | flight}, NICENESS)
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # writers of flights end by themselves
+        serve()
+        if keeper is not None:  # also when the hub has failed, or the engine was killed
+            stand_alone({keeper.fileno()}, 0)
+            keeper.rest()
     finally:
         os._exit(0)
 
@@ -54,21 +84,6 @@ def _serve(server: Server, path: Path, log: Log) -> None:
         return  # what stands beside the socket stays: `stop` finds the engine by it
     forget(path)
     server.farewell(LAST_WORDS)
-
-
-def _stand_alone(kept: set[int]) -> None:
-    """Let go of all that belongs to the engine, so that its end shows to whoever waits for it."""
-    signal.set_wakeup_fd(-1)
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
-    nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-    for name in os.listdir("/proc/self/fd"):
-        file = int(name)
-        if file > 2 and file not in kept | {nowhere}:
-            with suppress(OSError):  # not closed: objects that still name it must hit nothing else
-                os.dup2(nowhere, file, inheritable=False)
-    with suppress(OSError):
-        os.nice(NICENESS)
 
 
 def _log(path: Path) -> Log:

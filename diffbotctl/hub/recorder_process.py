@@ -103,12 +103,6 @@ def _write_all(channel: socket.socket, file: Any, subject: Subject) -> None:
 
 def items(channel: socket.socket) -> Iterator[Any]:
     """Everything that comes over the channel, and None each second of silence, until its end."""
-    for data in pieces(channel):
-        yield None if data is None else pickle.loads(data)
-
-
-def pieces(channel: socket.socket) -> Iterator[bytes | None]:
-    """The same, still pickled."""
     buffer = bytearray()
     while True:
         if not select.select([channel], [], [], FLUSH_PERIOD)[0]:
@@ -121,12 +115,17 @@ def pieces(channel: socket.socket) -> Iterator[bytes | None]:
         if not data:
             return
         buffer += data
-        while len(buffer) >= LENGTH.size:
-            (length,) = LENGTH.unpack_from(buffer)
-            if len(buffer) < LENGTH.size + length:
-                break
-            yield bytes(buffer[LENGTH.size : LENGTH.size + length])
-            del buffer[: LENGTH.size + length]
+        yield from map(pickle.loads, whole(buffer))
+
+
+def whole(buffer: bytearray) -> Iterator[bytes]:
+    """Take the items that are complete off the front of `buffer`; they are still pickled."""
+    while len(buffer) >= LENGTH.size:
+        (length,) = LENGTH.unpack_from(buffer)
+        if len(buffer) < LENGTH.size + length:
+            return
+        yield bytes(buffer[LENGTH.size : LENGTH.size + length])
+        del buffer[: LENGTH.size + length]
 
 
 def report(channel: socket.socket, trouble: str) -> None:

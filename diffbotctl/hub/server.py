@@ -8,10 +8,12 @@ import socket
 import time
 
 from diffbotctl.engine.channel import News
+from diffbotctl.hub.about import About
 from diffbotctl.hub.client import Client, peer_of
 from diffbotctl.hub.conversation import Conversation, Log
-from diffbotctl.hub.desk import About, Desk, Wanted
+from diffbotctl.hub.desk import Desk, Wanted
 from diffbotctl.hub.engine_side import EngineSide
+from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.knowledge import Knowledge
 from diffbotctl.hub.streams import Streams
 from diffbotctl.links.control import PROTOCOL, RefusalError, line
@@ -26,11 +28,18 @@ READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EP
 class Server:
     """Accepts clients at `listener`, speaks with the engine through `channel`.
 
-    `shared`: any user whom the socket's permissions let through may speak, not only its own.
+    `shared`: any user whom the socket's permissions let through may speak, not only its own. The
+    flight recorder's `keeper` is handed what comes for it, whatever the clients do.
     """
 
     def __init__(
-        self, listener: socket.socket, channel: socket.socket, about: About, shared: bool, log: Log
+        self,
+        listener: socket.socket,
+        channel: socket.socket,
+        about: About,
+        shared: bool,
+        log: Log,
+        keeper: Keeper | None = None,
     ) -> None:
         self.listener = listener
         self.engine = EngineSide(channel)
@@ -45,6 +54,9 @@ class Server:
         self.epoll = select.epoll()
         self.epoll.register(listener, READ)
         self.epoll.register(channel, READ)
+        self.keeper = keeper
+        if keeper is not None:
+            self.epoll.register(keeper, READ)
         hello = {"hello": PROTOCOL, "engine": about.name, "pid": about.pid}
         self.greeting = line({**hello, "version": about.version})
         listener.setblocking(False)
@@ -78,6 +90,8 @@ class Server:
                 self._take(news)
         elif file == self.listener.fileno():
             self._accept()
+        elif self.keeper is not None and file == self.keeper.fileno():
+            self._keep(self.keeper)
         elif file in self.clients:
             client = self.clients[file]
             if client.hears:
@@ -86,6 +100,19 @@ class Server:
             elif state & GONE:
                 self._part(client)
             self._serve(client)
+
+    def _keep(self, keeper: Keeper) -> None:
+        """Hand the flight recorder what came for it. Its failure must not silence the hub."""
+        try:
+            goes_on = keeper.read()
+        except Exception:
+            from traceback import format_exc
+
+            self.log({"event": "flight recorder failed", "traceback": format_exc()})
+            keeper.give_up()
+            goes_on = False
+        if not goes_on:
+            self.epoll.unregister(keeper)
 
     def _accept(self) -> None:
         for _ in range(AT_ONCE):

@@ -7,24 +7,35 @@ from __future__ import annotations
 
 from random import Random
 
+from diffbotctl.plant.wheel import Change
+
 MAINS = 20_000_000  # ns; one period of 50 Hz
+HIGH = MAINS // 4  # ns that the pin is high in each: its threshold lies above the middle
 TREMBLE = 1_000_000  # ns, standard deviation: no pick-up is quite regular
 
 
 class Hum:
-    """Edges that come without any wheel; none at all when `chance` is None."""
+    """What a pin does without any wheel; nothing at all when `chance` is None."""
 
     def __init__(self, chance: Random | None) -> None:
         self._chance = chance
-        self._next = 0 if chance is None else chance.randrange(MAINS)
+        self._rise = 0 if chance is None else chance.randrange(MAINS)
+        self._fall: int | None = None
 
-    def edges(self, until: int) -> list[int]:
-        """The times of the edges since the last call until `until`."""
-        found: list[int] = []
+    def changes(self, until: int) -> list[Change]:
+        """All that the pin did since the last call, until `until`."""
+        found: list[Change] = []
         if self._chance is None:
             return found
-        while self._next <= until:
-            found.append(self._next)
+        while True:
+            if self._fall is not None:
+                if self._fall > until:
+                    return found
+                found.append(Change(self._fall, 0))
+                self._fall = None
+            if self._rise > until:
+                return found
+            found.append(Change(self._rise, 1))
+            self._fall = self._rise + HIGH
             wait = MAINS + int(self._chance.gauss(0.0, TREMBLE))
-            self._next += max(wait, MAINS // 2)
-        return found
+            self._rise += max(wait, MAINS // 2)

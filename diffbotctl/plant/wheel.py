@@ -42,6 +42,13 @@ class Motor(NamedTuple):
     coulomb: bool = False
 
 
+class Change(NamedTuple):
+    """What an encoder's pin does at `time` (ns): it goes to `level`, 0 or 1."""
+
+    time: int
+    level: int
+
+
 class Disc(NamedTuple):
     """A slotted disc: where its flanks lie in one turn, rising and falling in turn, in rad."""
 
@@ -72,9 +79,9 @@ class Wheel:
     """
 
     __slots__ = (
-        "_ahead", "_angle", "_begun", "_behind", "_chance", "_counted", "_disc", "_end", "_fade",
-        "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase", "_ripple",
-        "_scale", "_settled",
+        "_ahead", "_angle", "_begun", "_behind", "_chance", "_changes", "_counted", "_disc", "_end",
+        "_fade", "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase",
+        "_ripple", "_scale", "_settled",
         "angle", "duty", "motor", "now", "speed",
     )  # fmt: skip
 
@@ -89,6 +96,7 @@ class Wheel:
         self.now = now
         self.angle = self.speed = self.duty = 0.0
         self._pending: deque[int] = deque()
+        self._changes: deque[Change] | None = None
         self._keep, self._lag = motor.keep, motor.lag
         self._ripple, self._phase = motor.ripple, motor.ripple_phase
         self._scale = motor.speed / (1.0 - motor.keep)
@@ -107,6 +115,17 @@ class Wheel:
     def level(self) -> int:
         """Level of the pin: 1 while a slot lies open, which it does after an odd flank."""
         return self._flank % 2
+
+    def watch(self, on: bool) -> None:
+        """From now on `changes` tells what the pin does, or no longer."""
+        self._changes = deque() if on else None
+
+    def changes(self, until: int) -> list[Change]:
+        """All that the watched pin did since the last call, until `until`; after `advance`."""
+        found: list[Change] = []
+        while self._changes and self._changes[0].time <= until:
+            found.append(self._changes.popleft())
+        return found
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
@@ -185,32 +204,47 @@ class Wheel:
     def _cross(self, angle: float, past: float) -> None:
         """Pass the flanks up to `angle`, which is reached `past` seconds into the stretch.
 
-        Only those that count are timed: nothing listens to the others.
+        Only those that count are timed, unless the pin is watched.
         """
+        watched = self._changes is not None
         while angle >= self._ahead:
-            if self._flank % 2 == self._counted:
-                self._mark(self._ahead, angle, past)
+            if watched or self._flank % 2 == self._counted:
+                self._mark(self._ahead, angle, past, 1 - self._flank % 2)
             self._flank += 1
             self._behind, self._ahead = self._ahead, self._place(self._flank)
         while angle < self._behind:
             self._flank -= 1
-            if self._flank % 2 != self._counted:
-                self._mark(self._behind, angle, past)
+            if watched or self._flank % 2 != self._counted:
+                self._mark(self._behind, angle, past, self._flank % 2)
             self._behind, self._ahead = self._place(self._flank - 1), self._behind
 
-    def _mark(self, place: float, angle: float, past: float) -> None:
+    def _mark(self, place: float, angle: float, past: float, level: int) -> None:
+        """Note the flank at `place`, after which the pin is at `level`."""
         guess = past * (place - self._angle) / (angle - self._angle)
         time = self._begun + round(self._time_of(place, guess, past) * SECOND)
         if self._disc.jitter:
             # A light barrier can only be late. Twice the mean delay matters to nobody.
             time += int(abs(self._chance.gauss(0.0, self._disc.jitter)) * SECOND)
-        if self._pending:
-            time = max(time, self._pending[-1])
-        self._pending.append(time)
+        times = [time]
         if self._disc.bounce:
             window = self._disc.bounce * SECOND
-            again = [time + int(self._chance.random() * window) for _ in range(CHATTER)]
-            self._pending.extend(sorted(again))
+            times += sorted(time + int(self._chance.random() * window) for _ in range(CHATTER))
+        if level != self._counted:
+            if self._pending:
+                times[0] = max(time, self._pending[-1])
+            self._pending.extend(times)
+        if self._changes is not None:
+            self._change(times, level)
+
+    def _change(self, times: list[int], level: int) -> None:
+        """The pin goes to `level` at all these times, and in between goes back."""
+        changes = self._changes
+        assert changes is not None
+        earliest = changes[-1].time if changes else 0
+        for before, time in zip([None, *times], times, strict=False):
+            if before is not None:
+                changes.append(Change(max(earliest, (before + time) // 2), 1 - level))
+            changes.append(Change(max(earliest, time), level))
 
     def _time_of(self, place: float, past: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -14,7 +15,9 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.hub import flight_process, recorder_process
+from diffbotctl.hub import recorder_process
+from diffbotctl.hub.flight_file import Subject
+from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.messages import Goal
 from diffbotctl.runs.assembly import Assembly, mounts
 
@@ -76,18 +79,19 @@ def flight(
     snapshot: Callable[[], bytes | None],
     announce: Tell,
     tell: Tell,
-) -> tuple[Flight, int]:
-    """Start the flight recorder, which writes to `folder`. Returns the engine's end and a pid.
+) -> tuple[Flight, Keeper]:
+    """Both ends of the flight recorder, which writes to `folder`: the engine's, and the hub's.
 
     `announce` is called with each file that was written, `tell` once when it has failed.
     """
     graph = assembly.graph
     wires = {wire: graph.kinds[wire] for wire in graph.sources}
     name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
-    subject = flight_process.Subject(folder, name, wires, facts)
-    channel, pid = flight_process.start(subject)
+    ours, theirs = socket.socketpair()
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, recorder_process.BUFFER)
+    keeper = Keeper(theirs, Subject(folder, name, wires, facts))
 
     def lost(cause: str) -> None:
-        tell(f"FLIGHT RECORDER STOPPED: {cause}; the run goes on, its last minutes are not kept")
+        tell(f"FLIGHT RECORDER STOPPED: {cause}; the last minutes of this run are not kept")
 
-    return Flight(channel, len(graph.sources), snapshot, announce, lost), pid
+    return Flight(ours, len(graph.sources), snapshot, announce, lost), keeper

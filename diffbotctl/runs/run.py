@@ -8,11 +8,10 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.operator import Operator
-from diffbotctl.drivers.person import Person
 from diffbotctl.engine import snapshot
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
@@ -20,7 +19,6 @@ from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.loop import Ending, Engine
-from diffbotctl.engine.meter import Meter
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, NEVER, Sink
@@ -34,7 +32,11 @@ from diffbotctl.runs.assembly import Assembly, assemble, wires_of
 from diffbotctl.runs.scene import VIRTUAL
 from diffbotctl.runs.signals import Signals
 from diffbotctl.runs.simulation import simulated, takes_duty
-from diffbotctl.runs.station import Socket, Station
+
+if TYPE_CHECKING:
+    from diffbotctl.drivers.person import Person
+    from diffbotctl.hub.flight_keeper import Keeper
+    from diffbotctl.runs.station import Socket, Station
 
 SECOND = 1_000_000_000
 
@@ -104,11 +106,9 @@ class Run:
             self.latest = Latest(channel, self._progress, gone)
         self.log: Recorder | None = None
         self.flight: Flight | None = None
-        self._write_down()
+        keeper = self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
-        self.station: Station | None = None
-        if options.socket is not None:
-            self.station = Station(options.socket, configuration, self.assembly, options.port)
+        self.station = self._hub(keeper)
         self.robot = self._robot()
         self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
@@ -136,7 +136,7 @@ class Run:
             signals=signals,
         )
         if self.person is not None:
-            self.person.meter = Meter(self.engine)
+            self.person.can_measure(self.engine)
 
     def go(self) -> Result:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
@@ -296,8 +296,10 @@ class Run:
 
         return idle
 
-    def _write_down(self) -> None:
-        """Start the recording that was asked for, or else the flight recorder; and the log."""
+    def _write_down(self) -> Keeper | None:
+        """Start the recording that was asked for, and the log. Without a recording a flight is
+        kept: returns the hub's end of it."""
+        keeper = None
         options, tell = self.options, self._tell_loss
         facts = records.about(
             self.configuration, options.port, options.seed, self._goals(), options.duration
@@ -308,13 +310,29 @@ class Run:
             )
             self.children.append(pid)
         elif options.flights is not None and self.configuration.robot is not None:
-            self.flight, self.flight_pid = records.flight(
+            self.flight, keeper = records.flight(
                 options.flights, self.configuration, self.assembly, facts, self._snapshot,
                 self.tell, tell,
             )  # fmt: skip
         if options.log is not None:
             self.log, pid = log_file.opened(self.configuration, options.log, options.fast, tell)
             self.children.append(pid)
+        return keeper
+
+    def _hub(self, keeper: Keeper | None) -> Station | None:
+        """Start the hub: with the control socket that is wanted, or for the flight alone."""
+        wanted = self.options.socket
+        if wanted is not None:
+            from diffbotctl.runs.station import Station
+
+            return Station(
+                wanted, self.configuration, self.assembly, self.options.port, keeper=keeper
+            )
+        if keeper is not None:
+            from diffbotctl.hub import hub_process
+
+            self.children.append(hub_process.keep(keeper))
+        return None
 
     def _snapshot(self) -> bytes | None:
         try:
@@ -358,6 +376,8 @@ class Run:
         if self.recorder is not None:
             self.recorder.close(summary)
             incomplete = self.recorder.lost
+        if self.flight is not None:
+            self.flight.finish(summary)
         if self.latest is not None:
             self.latest.finish(max(self.engine.last, 0))
         for driver in self.engine.drivers:
@@ -369,7 +389,5 @@ class Run:
             with suppress(ChildProcessError):
                 os.waitpid(pid, 0)
         if self.flight is not None:  # when no screen draws any more over what it announces
-            self.flight.close(summary)
-            with suppress(ChildProcessError):
-                os.waitpid(self.flight_pid, 0)
+            self.flight.close()
         return incomplete

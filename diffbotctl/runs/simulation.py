@@ -8,7 +8,8 @@ from diffbotctl.config.boards import SIMULATED
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, Side
 from diffbotctl.drivers.simulated import Simulated
-from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
+from diffbotctl.plant.machine import Machine, Mounting
+from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.world import Round, Wall, World
 

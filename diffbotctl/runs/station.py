@@ -15,7 +15,8 @@ from diffbotctl.drivers.simulated import Simulated
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Channel
 from diffbotctl.hub import hub_process
-from diffbotctl.hub.desk import About
+from diffbotctl.hub.about import About
+from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.hub.listening import forget, listen
 from diffbotctl.runs.assembly import Assembly
 from diffbotctl.runs.scene import scene
@@ -32,7 +33,10 @@ class Socket(NamedTuple):
 
 
 class Station:
-    """The engine's side of the control socket. Raises RunError when it cannot be made."""
+    """The engine's side of the control socket. Raises RunError when it cannot be made.
+
+    The flight recorder's `keeper`, if there is one, goes along into the hub.
+    """
 
     def __init__(
         self,
@@ -41,6 +45,7 @@ class Station:
         assembly: Assembly,
         port: str,
         is_replay: bool = False,
+        keeper: Keeper | None = None,
     ) -> None:
         listener, path = listen(wanted.name, configuration.name, wanted.group)
         robot = configuration.robot
@@ -59,7 +64,8 @@ class Station:
             is_replay=is_replay,
             scene=_scene(configuration, assembly, port, is_replay),
         )
-        end, self.pid = hub_process.start(listener, path, about, wanted.group is not None)
+        shared = wanted.group is not None
+        end, self.pid = hub_process.start(listener, path, about, shared, keeper)
         self.path = path
         self.channel = Channel(end)
 

@@ -15,7 +15,10 @@ RADIUS = DIAMETER / 2
 
 
 def drive(**changes):
-    known = {"track": TRACK, "left_diameter": DIAMETER, "right_diameter": DIAMETER, "rated": RATED}
+    known = {
+        "track": TRACK, "left_diameter": DIAMETER, "right_diameter": DIAMETER,
+        "left_rated": RATED, "right_rated": RATED,
+    }  # fmt: skip
     return DiffDrive(**{**known, **changes})
 
 
@@ -49,6 +52,19 @@ def test_each_wheel_has_its_own_diameter():
     assert wheels[1:] == pytest.approx((4.0, 3.0))
 
 
+@pytest.mark.parametrize(
+    "rated, linear, left, right",
+    [
+        ((10.0, 8.0), 0.3, 8.0, 8.0),  # 9.23 rad/s is asked of both: the weaker right one decides
+        ((8.0, 10.0), -0.3, -8.0, -8.0),
+        ((10.0, 9.5), 0.3, 0.3 / RADIUS, 0.3 / RADIUS),
+    ],
+)
+def test_the_weaker_motor_decides(rated, linear, left, right):
+    made = drive(left_rated=rated[0], right_rated=rated[1])
+    assert made.react(1, Twist(1, linear, 0.0))[1:] == pytest.approx((left, right))
+
+
 def test_no_twist_no_command():
     assert drive().react(1, None) is None
 
@@ -56,7 +72,7 @@ def test_no_twist_no_command():
 @given(st.floats(-3.0, 3.0), st.floats(-40.0, 40.0))
 def test_saturation_keeps_the_curvature(linear, angular):
     asked = wheel_speeds(linear, angular, TRACK, DIAMETER, DIAMETER)
-    left, right = saturated(*asked, RATED)
+    left, right = saturated(*asked, RATED, RATED)
     assert max(abs(left), abs(right)) <= RATED * (1 + 1e-12)
     # The way back: body speed and turn rate of what leaves stand in the ratio that was asked.
     speed = (left + right) * RADIUS / 2
@@ -67,4 +83,4 @@ def test_saturation_keeps_the_curvature(linear, angular):
 
 @given(st.floats(-RATED, RATED), st.floats(-RATED, RATED))
 def test_what_the_motors_can_do_is_not_changed(left, right):
-    assert saturated(left, right, RATED) == (left, right)
+    assert saturated(left, right, RATED, RATED) == (left, right)

@@ -17,8 +17,8 @@ class Course:
 
     def __init__(self, moves=True, **values):
         self.block = GoalFollower(
-            **{"patience": 3.0, **values}, speed=0.3, turn_rate=4.0, acceleration=1.0, braking=1.5,
-            track=0.125, lag=0.02, command_delay=0.0,
+            **{"patience": 3.0, "lag": 0.02, **values}, speed=0.3, turn_rate=4.0, acceleration=1.0,
+            braking=1.5, track=0.125, command_delay=0.0,
         )  # fmt: skip
         self.block.reset()
         self.moves = moves
@@ -81,6 +81,22 @@ def test_it_turns_the_short_way_first(bearing, sign):
         course.step(goal(cos(radians(bearing)), sin(radians(bearing))))
     assert course.linear == pytest.approx(0.0, abs=0.02)
     assert course.angular * sign > 0.0
+
+
+@pytest.mark.parametrize(
+    "lag, left, moves",
+    [
+        # A turn of less than half a step at 3.5 cm/s and a quarter of the lag is let go at once:
+        # 0.35 mm + 1.75 mm at the rim, 6.25 cm from the middle, are 1.9 degrees. 2 will do.
+        (0.2, 1.8, False),
+        # 0.35 mm + 2.6 mm are 2.7 degrees: one step, 0.7 mm, takes 0.6 of the 2.5 away.
+        (0.3, 2.5, True),
+    ],
+)
+def test_a_turn_that_is_too_small_for_slow_motors_ends(lag, left, moves):
+    course = Course(lag=lag).step(None)
+    assert course.drive(goal(0.0, 0.0, left), 3.0) == "reached"
+    assert any(twist.angular for twist in course.twists) is moves
 
 
 def test_backwards_only_when_it_may():

@@ -6,6 +6,7 @@ from diffbotctl.calibrate import bounce
 from diffbotctl.calibrate.answers import AnswersFile
 from diffbotctl.calibrate.chain import perform
 from diffbotctl.calibrate.encoders import Encoders
+from diffbotctl.calibrate.findings import Reading
 from diffbotctl.calibrate.rigging import rig
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
@@ -60,7 +61,7 @@ def test_chatter_as_long_as_a_slot_needs_a_capacitor():
 
 
 def test_few_flanks_tell_nothing():
-    assert bounce.read(chattering(2.4)[:10], ROBOT) == bounce.Chatter([], [], [])
+    assert bounce.read(chattering(2.4)[:10], ROBOT) == Reading([], [], [])
 
 
 class Quiet:

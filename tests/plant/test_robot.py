@@ -6,7 +6,8 @@ from random import Random
 import pytest
 
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
-from diffbotctl.plant.robot import Machine, Mounting, SimulatedRobot
+from diffbotctl.plant.machine import Machine, Mounting
+from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.plant.sharp import RESIDUE, volts
 from diffbotctl.plant.speed_loop import Gains
 from diffbotctl.plant.truth import MotorTruth, SensorTruth, Simulation, WiringTruth
@@ -127,6 +128,31 @@ def test_a_hand_turns_a_wheel_through_the_angle_it_wants():
     assert made.truth().left_angle == pytest.approx(4 * pi) and made.truth().right_angle == 0.0
     assert made.truth().left_speed == 0.0
     assert made.board.sample(3 * SECOND).left == 40
+
+
+@pytest.mark.parametrize(
+    "wiring, sides",
+    [
+        ({}, {0}),
+        ({"encoders": "swapped"}, {1}),
+        ({"left_encoder": "dead"}, set()),
+        ({"right_encoder": "floating"}, {0, 1}),  # it hums, though only the left wheel turns
+    ],
+)
+def test_captured_flanks_are_those_at_the_board_s_pins(wiring, sides):
+    made = robot(wiring=wiring)
+    made.capture(True)
+    made.turn_by_hand(0, 2 * pi, 2 * pi)
+    made.advance(SECOND + SECOND // 10)
+    assert {flank.side for flank in made.flanks} == sides
+    turned = [flank for flank in made.flanks if flank.side == min(sides, default=0)]
+    if "left_encoder" not in wiring:
+        assert len(turned) == pytest.approx(40, abs=1)  # both flanks of 20 slots
+    made.capture(False)
+    told = len(made.flanks)
+    made.turn_by_hand(0, 2 * pi, 2 * pi)
+    made.advance(3 * SECOND)
+    assert len(made.flanks) == told
 
 
 def test_a_board_of_ours_drives_with_raw_duty_too():

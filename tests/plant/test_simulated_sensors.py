@@ -66,7 +66,7 @@ def test_scans_come_five_times_a_second_and_in_order():
 def test_a_scan_is_seen_from_where_the_scanner_sits():
     # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
     plant = robot_of("turtlebot3_burger", World([], [Round(1.0, 0.0, 0.1)]))
-    plant._scanners[0][1]._spread = 0.0
+    plant._eyes.scanners[0][1]._spread = 0.0
     (scan, *_) = [m for _, m in heard(plant, SECOND // 2) if isinstance(m, Scan)]
     assert scan.distances[0] == pytest.approx(0.932)
     assert scan.distances[180] == inf

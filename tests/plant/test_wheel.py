@@ -1,5 +1,6 @@
 """One wheel: the closed-form exponential, friction, and when the light barrier's pin rises."""
 
+from itertools import pairwise
 from math import exp, log, pi
 from random import Random
 
@@ -74,6 +75,39 @@ def test_falling_edges_come_at_the_other_flanks(sign, first):
     wanted = [LAG + (first + k) * PITCH / 5 for k in range(60)]
     late = [round(t * SECOND) for t in wanted if 2.0 < t <= 3.0]
     assert [t for t in falls if t > 2 * SECOND] == pytest.approx(late, abs=2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("falling", [False, True])
+def test_a_watched_pin_tells_both_flanks_of_each_slot(sign, falling):
+    # A quarter of each pitch is open.
+    flanks = [place * PITCH for k in range(SLOTS) for place in (k, k + 0.25)]
+    made = Wheel(MOTOR, Disc(tuple(flanks), 0.1 * PITCH, 0.0), Random(1), falling=falling)
+    assert made.level == 1  # it starts within an open slot
+    made.watch(True)
+    counted = list(made.advance(3 * SECOND, sign * HALF))
+    changes = made.changes(3 * SECOND)
+    assert [level for _, level in changes[:4]] == [0, 1, 0, 1]
+    assert [time for time, level in changes if level != falling] == counted
+    # At a steady 5 rad/s a pitch takes PITCH / 5 seconds.
+    open_times = [b.time - a.time for a, b in pairwise(changes)
+                  if a.level and a.time > 2 * SECOND]  # fmt: skip
+    assert open_times == pytest.approx([PITCH / 20 * SECOND] * len(open_times), abs=2)
+    made.watch(False)
+    made.advance(4 * SECOND, sign * HALF)
+    assert made.changes(4 * SECOND) == []
+
+
+def test_a_bouncing_pin_goes_back_before_each_edge_that_comes_again():
+    made = wheel(IDEAL._replace(bounce=0.001))
+    made.watch(True)
+    counted = list(made.advance(SECOND, HALF))
+    changes = made.changes(SECOND)
+    rises = [time for time, level in changes if level]
+    # Of a flank to low the pin chatters too: each time it rises three times more.
+    assert set(counted) <= set(rises) and len(rises) - len(counted) >= 3 * len(counted) // 4
+    assert [time for time, _ in changes] == sorted(time for time, _ in changes)
+    assert all(a.level != b.level for a, b in pairwise(changes))
 
 
 def test_an_edge_while_it_speeds_up_lies_at_its_flank():

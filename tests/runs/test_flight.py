@@ -18,7 +18,7 @@ from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.outlet import Outlet
 from diffbotctl.engine.replay import Replay
 from diffbotctl.errors import RunError
-from diffbotctl.hub.flight_process import KEPT, folder, prune
+from diffbotctl.hub.flight_file import KEPT, folder, prune
 from diffbotctl.hub.recording import RecordingReader
 from diffbotctl.messages import Goal
 from diffbotctl.runs import recorded

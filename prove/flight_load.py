@@ -1,0 +1,106 @@
+"""What the flight recorder costs those whom the hub serves, while its largest file is written."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+from typing import Any
+from unittest.mock import patch
+
+from diffbotctl.config.load import load
+from diffbotctl.engine.flight import Flight, Stopped
+from diffbotctl.graph import SECOND
+from diffbotctl.hub.ring import MOST
+from diffbotctl.messages import Encoders
+from diffbotctl.runs import records
+from diffbotctl.runs.assembly import Assembly, assemble
+from diffbotctl.runs.station import Socket, Station
+from prove.row import Row
+
+PERIOD = SECOND // 10_000  # ns between two instants: so fast that the ring is full before it is old
+BATCH = 50  # instants handed on at once
+DRAWN = 20  # bytes of each that are drawn, and cannot be compressed
+RATE = 0.02  # s between two questions; a client that asks more often is made to wait
+LONGEST = 0.1  # s; a driver who is lost must be noticed within half a second
+SECONDS = 3.0  # of questions, from the moment in which the file is begun
+
+
+@contextmanager
+def hub(folder: Path) -> Iterator[tuple[Flight, Station, Assembly]]:
+    """A hub with a flight recorder; the engine is this program."""
+    setup = load("goal", None, [])
+    assembly = assemble(setup, real=False)
+    facts = records.about(setup, "sim", 0, [], None)
+    flight, keeper = records.flight(
+        folder, setup, assembly, facts, lambda: None, lambda said: None, print
+    )
+    with patch.dict(os.environ, {"XDG_RUNTIME_DIR": str(folder)}):
+        station = Station(Socket("load"), setup, assembly, "sim", keeper=keeper)
+    try:
+        yield flight, station, assembly
+    finally:
+        flight.finish({"code": "0", "cause": "", "last": "0"})
+        station.channel.close()
+        station.end()
+        flight.close()
+
+
+def fill(flight: Flight, assembly: Assembly) -> None:
+    """Hand the recorder what hardly compresses until its ring is full; then a stop."""
+    place = assembly.graph.sources.index("robot.encoders")
+    chance, now, size = Random(1), 0, 0
+    flight.outlet.channel.setblocking(True)
+
+    def instant() -> tuple[Any, ...]:
+        values: list[Any] = [None] * len(assembly.graph.sources)
+        drawn = [chance.getrandbits(40) for _ in range(4)]
+        values[place] = Encoders(now, drawn[0], drawn[1], drawn[2], drawn[3], 9.0, 9.0)
+        return (now, *values)
+
+    while size < MOST:
+        batch = []
+        for _ in range(BATCH):
+            now += PERIOD
+            batch.append(instant())
+        flight.outlet.send(batch)
+        size += BATCH * DRAWN
+    flight.outlet.send(Stopped(now, "load", "a measurement"))
+    now += 2 * SECOND  # what comes after a stop belongs to its file
+    flight.outlet.send([instant()])
+
+
+def answers(path: Path) -> Iterator[float]:
+    """Seconds that a client waits for each of its questions."""
+    with socket.socket(socket.AF_UNIX) as client, client.makefile("rb") as lines:
+        client.connect(str(path))
+        lines.readline()
+        client.sendall(json.dumps({"hello": 1, "name": "load"}).encode() + b"\n")
+        until = time.monotonic() + SECONDS
+        while (began := time.monotonic()) < until:
+            client.sendall(json.dumps({"id": 1, "do": "status"}).encode() + b"\n")
+            lines.readline()
+            yield time.monotonic() - began
+            time.sleep(RATE)
+
+
+def row() -> Row:
+    """The longest that a client waits for an answer while a full ring is being written."""
+    with tempfile.TemporaryDirectory() as name, hub(Path(name)) as (flight, station, assembly):
+        fill(flight, assembly)
+        waited = [next(asked := answers(station.path))]
+        while flight.outlet.hear() is None and (answer := next(asked, None)) is not None:
+            waited.append(answer)
+    longest = max(waited)
+    return Row(
+        f"hub's answer while a full flight is written, worst of {len(waited)}",
+        f"{longest * 1e3:.0f} ms",
+        f"<= {LONGEST * 1e3:.0f} ms",
+        longest <= LONGEST,
+    )
