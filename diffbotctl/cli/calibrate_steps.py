@@ -54,11 +54,13 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
     """Run the steps called `names` one after the other on one robot; `settings` go to each."""
+    from diffbotctl.calibrate.chain import refuse_unwritable
     from diffbotctl.calibrate.order import step
     from diffbotctl.ui.steps import StepScreen
 
     if not wanted.yes and not wanted.dry_run:
         refuse_nobody()
+    refuse_unwritable(FOLDER)
     screen = StepScreen()
     steps = [step(name, **settings) for name in names]
     with _at_robot(wanted, screen) as (rig, attendant):
@@ -76,9 +78,9 @@ def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted:
         outcome = perform(each, rig, attendant, screen)
     finally:
         screen.rest()
-    done = kept(each, outcome, rig, FOLDER)
     for line in outcome.report:
         click.echo(folded(line, hang=2))
+    done = kept(each, outcome, rig, FOLDER)
     for file in done.files:
         click.echo(f"kept: {file}")
     if outcome.findings and not wanted.dry_run:

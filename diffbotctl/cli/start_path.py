@@ -61,6 +61,9 @@ class Walk:
         if port is not None and notes.get("port") != port:
             notes["port"] = port
             self._undo("board", "firmware")
+        if "robot" in notes and not os.path.exists(notes["robot"]):
+            del notes["robot"]  # deleted since: what was done with it does not count
+            record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
         if "port" in notes and not os.path.exists(notes["port"]):
             self._undo("board", "firmware")  # unplugged since, or its name has changed
 

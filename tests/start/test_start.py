@@ -69,6 +69,9 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     assert person.done() == ["simulated", "robot"]
     code, said = person.types("start", "--status")
     assert "done   2 of 8" in said and "next   3 of 8" in said
+    (person.folder / "robots/my_robot.yaml").unlink()
+    code, said = person.types("start", "--status")
+    assert "done   1 of 8" in said and "next   2 of 8" in said
 
 
 def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
