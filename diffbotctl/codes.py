@@ -40,9 +40,10 @@ CODES: dict[str, Code] = {
         ended. Most often the counts per turn of the robot file are wrong, or one wheel is counted
         backwards, or the end poses belong to other drives."""),
     "E-CALIBRATE-WRITE": _code("results that could not be written", """
-        Results go into the section `calibration:` of the robot file; all else in the file stays as
-        it is, byte for byte. A file that cannot be written, or whose layout is too uncommon to
-        change it safely, is left alone: write the entries that were shown by hand."""),
+        Results go into the section `calibration:` of the robot file, a module's new rate into
+        `link:`; all else in the file stays as it is, byte for byte. A file that cannot be written,
+        or whose layout is too uncommon to change it safely, is left alone: write the entries that
+        were shown by hand."""),
     "E-CALIBRATE-UNDO": _code("nothing to undo", """
         Each time that results are written, the file as it was is kept beside the robot file, under
         a name that ends in the fingerprint of what was written. `calibrate undo` puts it back when
@@ -385,6 +386,10 @@ CODES: dict[str, Code] = {
         A frame tells how many edges each encoder has counted, and when the last one came. With
         more than one edge a frame, the ones in between have no time, and odometry may take one slot
         for another. Let the board send more often, drive slower, or leave out the edge times."""),
+    "W-BODY-TYRES": _code("a body narrower than its tyres", """
+        `body.width` is the whole width of the robot, tyres included. Blocks that keep clear of
+        walls, the map, the simulated robot's collisions and the model go by it; the tyres reach
+        from one side to the other by the track and one tyre's width."""),
     "W-POLARITY": _code("nobody has seen the wheels turn the right way", """
         A one-channel encoder counts alike in both directions. With a motor's wires exchanged the
         robot would drive backwards and believe to drive forwards. Until it is proven that each
@@ -546,8 +551,13 @@ CODES: dict[str, Code] = {
         simulated alone (`board: {type: simulated}`) does without."""),
     "E-BOARD-SENSOR": _code("a sensor that no board reads", """
         Laser scanner and overhead camera exist in the simulator. No firmware of ours reads them
-        yet, so on a real board this sensor would stay silent, and whatever waits for it would hold
-        the robot still."""),
+        yet, and of distance sensors at pins a board tells one, the first in the robot file. On a
+        real board this sensor would stay silent, and whatever waits for it would hold the robot
+        still."""),
+    "W-BOARD-SENSOR": _code("a second distance sensor", """
+        Each frame of the board, and each range message of the book's firmware, has one distance:
+        that of the first sensor in the robot file. Further ones exist in the simulator only. A run
+        on a real port is refused where a block waits for one of them (E-BOARD-SENSOR)."""),
     "W-UNGUARDED": _code("nothing stops the robot at obstacles", """
         The pipeline has a block that stops the robot at what its sensor sees, but this robot has no
         such sensor, so the block was left out (`needs:` in the pipeline). It drives as it is told,

@@ -11,7 +11,7 @@ from diffbotctl.blocks.pose_estimate import arc
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.model.drawing import Dimension, Outline, View, top
-from diffbotctl.model.svg import svg
+from diffbotctl.model.paper import svg
 
 PAGE = Path(__file__).parent.parent / "docs" / "kinematics.svg"
 RADIUS = 0.3  # m

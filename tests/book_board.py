@@ -12,6 +12,8 @@ import threading
 import time
 import tty
 
+from tests.alongside import Alongside
+
 BYTE = 1 / 960.0  # s
 TYPES = {
     "i": ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7"),
@@ -147,7 +149,7 @@ class Device:
         return ready
 
 
-class OnPort:
+class OnPort(Alongside):
     """The device on a pseudo-terminal, in real time. `device` is its name for the host."""
 
     def __init__(self, device=None):
@@ -158,14 +160,12 @@ class OnPort:
         self.slave = slave  # kept open, so that a host may come and go
         os.set_blocking(self.master, False)
         self.cut = False
-        self.ended = threading.Event()
         self.changed = threading.Condition()
-        self.thread = threading.Thread(target=self.loop, daemon=True)
-        self.thread.start()
+        self.begin()
 
-    def loop(self):
+    def live(self):
         began = time.monotonic()
-        while not self.ended.wait(0.002):
+        while not self.over.wait(0.002):
             with self.changed:
                 self.board.run(time.monotonic() - began)
                 try:
@@ -184,8 +184,6 @@ class OnPort:
         with self.changed:
             assert self.changed.wait_for(lambda: holds(self.board), seconds), "it never came true"
 
-    def close(self):
-        self.ended.set()
-        self.thread.join()
+    def let_go(self):
         os.close(self.master)
         os.close(self.slave)

@@ -6,11 +6,12 @@ mode and passes over what it hears.
 
 import os
 import select
-import threading
 import tty
 
+from tests.alongside import Alongside
 
-class Hc05:
+
+class Hc05(Alongside):
     """`at_mode` is what the button does; `rate` what the module would use in data mode."""
 
     def __init__(self, port, rate=9600, at_mode=True, first_errors=0, deaf_to=()):
@@ -20,19 +21,12 @@ class Hc05:
         self.heard, self.restarted = [], False
         self.end = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.end)
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self._live)
-        self.thread.start()
+        self.begin()
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.over.set()
-        self.thread.join()
+    def let_go(self):
         os.close(self.end)
 
-    def _live(self):
+    def live(self):
         part = b""
         while not self.over.is_set():
             if not select.select([self.end], [], [], 0.02)[0]:

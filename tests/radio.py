@@ -10,13 +10,14 @@ import heapq
 import os
 import select
 import socket
-import threading
 import time
 import tty
 from contextlib import suppress
 from itertools import pairwise
 from random import Random
 from typing import NamedTuple
+
+from tests.alongside import Alongside
 
 BUFFER = 1024  # bytes that the module keeps of each direction; it has no flow control
 LOOK = 0.002  # s between two looks at both ends
@@ -67,7 +68,7 @@ class Way:
             yield heapq.heappop(self.queue)[2]
 
 
-class Radio:
+class Radio(Alongside):
     """`device` is its name for --port. Listens until closed."""
 
     def __init__(self, port, path, seed=1, delay=(0.010, 0.050), loss=0.01):
@@ -85,9 +86,7 @@ class Radio:
         self.refusing = False
         self.passed = []
         self.outages = []  # (begin, end)
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self._carry, daemon=True)
-        self.thread.start()
+        self.begin()
 
     def go_away(self, seconds):
         """Out of reach for so long; the connection stays."""
@@ -108,22 +107,13 @@ class Radio:
         times = [each.at for each in self.passed if each.to_host == to_host]
         return list(pairwise(times))
 
-    def close(self):
-        """End it."""
-        self.over.set()
-        self.thread.join()
+    def let_go(self):
         for end in (self.server, self.host):
             if end is not None:
                 end.close()
         os.close(self.board)
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
-
-    def _carry(self):
+    def live(self):
         while not self.over.is_set():
             files = [self.board, self.server, *([self.host] if self.host else [])]
             select.select(files, [], [], LOOK)

@@ -59,6 +59,12 @@ def on_the_air(line):
     return words_of(line)[0] == "bluetooth" or "bluetooth:" in line
 
 
+def asks(line):
+    """Calibrations ask for a person's eyes and hands."""
+    words = words_of(line)
+    return words[0] == "calibrate" and words[1:2] not in (["show"], ["undo"], ["from-log"])
+
+
 def on_a_terminal(line):
     words = words_of(line)
     return words[0] in ("dash", "teleop") or "--dash" in words
@@ -133,7 +139,7 @@ def test_commands_that_need_nothing(page, reader):
         assert reader.types(line)[0] == 0, line
     for line in lines(page):
         elsewhere = any(
-            each(line) for each in (on_a_board, on_an_engine, on_a_terminal, on_the_air)
+            each(line) for each in (on_a_board, on_an_engine, on_a_terminal, on_the_air, asks)
         )
         if elsewhere or words_of(line)[0] == "emulate":
             continue
@@ -172,6 +178,19 @@ def test_commands_on_a_terminal(page, reader):
             assert terminal.ended() in (0, 130)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_that_ask(page, reader):
+    for line in filter(asks, lines(page)):
+        line = line.partition(" #")[0]
+        line += " --port sim" * ("--port" not in line)
+        with Terminal(
+            ["bash", "-c", f"cd {reader.work}; exec {line}"], reader.environment
+        ) as terminal:
+            terminal.until(lambda text: "Wheels" in text or "wheels" in text, f"what {line} moves")
+            terminal.type("\x03")
+            assert terminal.ended() in (0, 130)
+
+
 STOCK = "book_2wd_stock"  # its board runs the book's firmware: tests/links have a double of it
 
 
@@ -180,7 +199,7 @@ def test_commands_for_a_board(page, reader):
     shown = [
         line
         for line in lines(page)
-        if on_a_board(line) and STOCK not in line and not on_the_air(line)
+        if on_a_board(line) and STOCK not in line and not on_the_air(line) and not asks(line)
     ]
     if not shown:
         return

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parent.parent
 # Imports run from the top of this table to the bottom, never back.
 FLOORS = [
     ["errors", "codes", "messages", "log", "units", "params", "block"],
-    ["blocks", "links", "plant", "graph"],
+    ["blocks", "links", "plant", "graph", "svg"],
     ["config"],
     ["model"],
     ["engine"],

@@ -12,6 +12,7 @@ from contextlib import suppress
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import Decoder
+from tests.alongside import Alongside
 
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
 BITS = 10  # start, eight data, stop
@@ -40,7 +41,7 @@ def read_at(rate, data, sent_at):
     return bytes(got)
 
 
-class Wire:
+class Wire(Alongside):
     """`name` is the port for the host. `rate` is what the board's end runs at, None for any.
 
     `to_board` has all that the host has sent since it was plugged in last.
@@ -53,9 +54,7 @@ class Wire:
         self.lock = threading.Lock()
         self.ends = self.decoder = None
         self.plug()
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self._carry, daemon=True)
-        self.thread.start()
+        self.begin()
 
     def plug(self):
         """Connect it; the port appears."""
@@ -78,25 +77,16 @@ class Wire:
                 os.close(end)
             self.ends = None
 
-    def close(self):
-        """Let both ends go."""
-        self.over.set()
-        self.thread.join()
+    def let_go(self):
         if self.ends:
             self.pull()
         os.close(self.board)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
 
     def host_rate(self):
         """The rate to which the host has set its port."""
         return RATES.get(termios.tcgetattr(self.ends[0])[4])
 
-    def _carry(self):
+    def live(self):
         while not self.over.is_set():
             select.select([self.board], [], [], 0.002)
             with self.lock:

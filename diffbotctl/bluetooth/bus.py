@@ -77,9 +77,10 @@ class Bus:
         self.call(path, "org.freedesktop.DBus.Properties", "Set", "ssv",
                   (interface, name, (signature, value)))  # fmt: skip
 
-    def objects(self) -> dict[str, dict[str, dict[str, Any]]]:
+    def objects(self, wait: float = QUICK) -> dict[str, dict[str, dict[str, Any]]]:
         """Everything the service knows: path, interface, property, value. Raises BusError."""
-        (found,) = self.call("/", "org.freedesktop.DBus.ObjectManager", "GetManagedObjects")
+        (found,) = self.call("/", "org.freedesktop.DBus.ObjectManager", "GetManagedObjects",
+                             wait=wait)  # fmt: skip
         return {
             path: {
                 interface: {name: value for name, (_, value) in properties.items()}

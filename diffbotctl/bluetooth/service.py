@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from typing import Any, NamedTuple
 
 from diffbotctl.bluetooth.bus import Bus, BusError, Question
 from diffbotctl.bluetooth.trouble import no_radio, not_found, not_paired, refused
+from diffbotctl.errors import RunError
 
 ADAPTER, DEVICE = "org.bluez.Adapter1", "org.bluez.Device1"
 MANAGER, AGENT = "org.bluez.AgentManager1", "/org/diffbotctl/agent"
@@ -20,6 +21,7 @@ KNOWN_NAMES = ("HC-05", "HC-06", "HC05", "HC06", "linvor", "JDY-31", "SPP-C", "B
 PIN = "1234"  # of an HC-05 as it is sold
 PAIR_WAIT = 60.0  # s; the service gives up by itself before
 LOOK = 0.5  # s between two looks at what was found
+GLANCE = 2.0  # s for what is only a hint: a service that must be started first may take longer
 
 
 class Found(NamedTuple):
@@ -144,7 +146,30 @@ class Service:
             return "", ()
         if question.method in ("RequestConfirmation", "RequestAuthorization", "AuthorizeService"):
             return "", ()  # the person has just asked for this pairing
-        raise BusError("org.bluez.Error.Rejected", question.method)
+        return _reject(question)
+
+
+def paired() -> list[Found]:
+    """The serial modules that are paired, in reach or not; none where nobody can be asked.
+
+    Only looks: a radio that is off stays off.
+    """
+    try:
+        with closing(Bus(_reject)) as bus:
+            objects = bus.objects(GLANCE)
+    except (RunError, BusError):
+        return []
+    found = [_found(path, interfaces[DEVICE]) for path, interfaces in objects.items()
+             if DEVICE in interfaces]  # fmt: skip
+    return sorted((each for each in found if each.paired and each.serial), key=_address)
+
+
+def _address(found: Found) -> str:
+    return found.address
+
+
+def _reject(question: Question) -> tuple[str, tuple[Any, ...]]:
+    raise BusError("org.bluez.Error.Rejected", question.method)
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from diffbotctl.calibrate.section import with_entries
 from diffbotctl.config import lookup
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.rewrite import with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
 
 FINGERPRINT = 8  # hexadecimal digits: one in four thousand million is no accident
@@ -33,7 +34,7 @@ class Change(NamedTuple):
     before: bytes
     after: bytes
 
-    def difference(self, state: str = "calibrated") -> str:
+    def difference(self, state: str = "after") -> str:
         """What changes, as a unified diff; `state` says what the file is then."""
         old, new = (text.decode().splitlines() for text in (self.before, self.after))
         name = lookup.shown(self.path)
@@ -77,6 +78,20 @@ def change(path: Path, findings: Sequence[Finding], origin: Origin) -> Change:
     return Change(path, before, after)
 
 
+def entered(path: Path, keys: Sequence[str], value: str) -> Change:
+    """The robot file at `path` with one of its own values replaced, or added.
+
+    Raises as `change` does.
+    """
+    before = path.read_bytes()
+    try:
+        after = with_entry(before.decode(), keys, value).encode()
+    except ValueError as error:
+        raise _unwritten(path, str(error), "write the entry by hand") from error
+    _read(path, after)
+    return Change(path, before, after)
+
+
 def write(made: Change) -> Path:
     """Write the change in one go. Returns where the file as it was is kept.
 
@@ -87,7 +102,8 @@ def write(made: Change) -> Path:
         return path
     if path.read_bytes() != made.before:
         cause = "it was changed by somebody else meanwhile"
-        raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, "calibrate again"))
+        fix = "do it again, or write the entries by hand"
+        raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))
     kept = _kept(path, made.after)
     try:
         _replace(kept, made.before, path)

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from diffbotctl.bluetooth.measure import Figures
     from diffbotctl.bluetooth.propose import Proposal
     from diffbotctl.bluetooth.service import Found
+    from diffbotctl.config.configuration import RobotFile
     from diffbotctl.config.robot import Robot
 
 SCAN = 10.0  # s; a module answers within one or two rounds of 5.12 s each
@@ -106,7 +107,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
         for line in _figures(said):
             click.echo(line)
         link, board = file.robot.link, file.robot.board
-        frame = wire.frame_bytes(link.protocol, board.edge_times, len(file.robot.sensors))
+        frame = wire.frame_bytes(link.protocol, board.edge_times)
         baud = wire.USB_BAUD if is_usb(device) else wire.baud_of(link)
         for line in _proposal(propose(said, baud, frame), file.robot, baud):
             click.echo(line)
@@ -151,8 +152,9 @@ def _proposal(proposal: Proposal, robot: Robot, measured_at: int) -> list[str]:
 FLOATS = """\
 The board is flashed twice. After each reset its pins float for 0.83 s, and a motor driver whose
 inputs float may turn the wheels: lift them, or switch the motors' supply off."""
-WRITE = """\
-The module went from {before} to {now} baud, and the board expects it so. Write into {file}:
+DONE = "The module went from {before} to {now} baud, and the board expects it so."
+BY_HAND = """\
+{file} still says {old} baud, and the board would be told so at the next run. It must say:
     link: {{baud: {now}}}"""
 
 
@@ -160,12 +162,18 @@ The module went from {before} to {now} baud, and the board expects it so. Write 
 @click.argument("rate", type=click.Choice(["9600", "19200", "38400", "57600", "115200"]))
 @click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
 @click.option("--robot", help="Robot file whose settings the board gets; the rules of `run`.")
-@click.option("--yes", is_flag=True, help="Ask nothing: wheels lifted, module in AT mode.")
-def baud(rate: str, port: str, robot: str | None, yes: bool) -> None:
-    """Set an HC-05, wired to the board as the book has it, to RATE, and the board with it.
+@click.option(
+    "--yes",
+    is_flag=True,
+    help="Ask nothing: wheels lifted, module in AT mode, the robot file to be written.",
+)
+def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
+    """Set an HC-05, wired to the board as the book has it, to RATE, the board and its file too.
 
-    Leads through the module's AT mode: its button must be held while its power comes on.
+    Leads through the module's AT mode: its button must be held while its power comes on. Exit code:
+    1 when the robot file does not say the module's rate in the end.
     """
+    from diffbotctl.bluetooth.at import Rate
     from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.flash.find import refuse_radio
@@ -179,13 +187,37 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> None:
     click.echo(FLOATS)
     _wait(yes)
     # Closed at once when the person gives up: the firmware goes back onto the board then.
+    written = True
     with closing(change_rate(device, settings_of(file.robot), int(rate))) as events:
         for event in events:
-            _show(event, str(file.file), yes)
+            if isinstance(event, Rate):
+                click.echo(DONE.format(before=event.before, now=event.now))
+                written = _noted(file, event.now, yes)
+            else:
+                _show(event, yes)
+    return 0 if written else 1
 
 
-def _show(event: object, file: str, yes: bool) -> None:
-    from diffbotctl.bluetooth.at import Rate
+def _noted(file: RobotFile, now: int, yes: bool) -> bool:
+    """Whether the robot file says the module's rate; it is written where it said another."""
+    from diffbotctl.calibrate.robot_file import entered
+    from diffbotctl.cli.calibrate_results import own, put
+    from diffbotctl.errors import UserError
+
+    old = file.robot.link.baud
+    if old == now:
+        click.echo(f"{file.file} says so already.")
+        return True
+    try:
+        if put(entered(own(file.file), ("link", "baud"), str(now)), yes):
+            return True
+    except UserError as error:
+        click.echo(str(error), err=True)
+    click.echo(BY_HAND.format(file=file.file, old=old, now=now), err=True)
+    return False
+
+
+def _show(event: object, yes: bool) -> None:
     from diffbotctl.flash.events import Said
     from diffbotctl.runs.module_rate import Ask
 
@@ -194,8 +226,6 @@ def _show(event: object, file: str, yes: bool) -> None:
     elif isinstance(event, Ask):
         click.echo(event.text)
         _wait(yes)
-    elif isinstance(event, Rate):
-        click.echo(WRITE.format(before=event.before, now=event.now, file=file))
 
 
 def _wait(yes: bool) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from diffbotctl.calibrate.findings import Finding, Origin
     from diffbotctl.calibrate.listing import Listed
+    from diffbotctl.calibrate.robot_file import Change
 
 COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
@@ -23,13 +24,26 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
 
     Raises UserError where it cannot be written or is not plausible.
     """
-    from diffbotctl.calibrate.robot_file import change, own_file, write
-    from diffbotctl.config.lookup import shown
+    from diffbotctl.calibrate.robot_file import change
+
+    return put(change(own(path), findings, origin), yes)
+
+
+def own(path: Path) -> Path:
+    """The file to write for the robot at `path`; tells of the copy where it is a shipped one."""
+    from diffbotctl.calibrate.robot_file import own_file
 
     mine, was_copied = own_file(path)
     if was_copied:
         click.echo(COPIED.format(name=path.name, mine=mine))
-    made = change(mine, findings, origin)
+    return mine
+
+
+def put(made: Change, yes: bool) -> bool:
+    """Show the change, ask, and write it. False: not wanted. Raises RunError."""
+    from diffbotctl.calibrate.robot_file import write
+    from diffbotctl.config.lookup import shown
+
     difference = made.difference()
     click.echo(_short(difference))
     if not yes and not _agreed():
@@ -38,9 +52,8 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
-    click.echo(
-        f"{shown(mine)} is written; as it was: {kept.name}.\n`diffbotctl calibrate undo` goes back."
-    )
+    click.echo(f"{shown(made.path)} is written; as it was: {kept.name}.")
+    click.echo("`diffbotctl calibrate undo` goes back.")
     return True
 
 

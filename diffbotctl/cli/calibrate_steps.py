@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from diffbotctl.cli.calibrate_results import COPIED, keep, refuse_nobody
+from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.answers import Attendant
@@ -111,7 +111,6 @@ def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
 def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attendant]]:
     """The robot, and whoever stands beside it; in the end it is stopped and let go."""
     from diffbotctl.calibrate.rigging import rig
-    from diffbotctl.calibrate.robot_file import own_file
     from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import shown
@@ -121,10 +120,7 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
     real = port not in VIRTUAL
     file = load_robot(wanted.robot)
     if not wanted.dry_run:
-        mine, was_copied = own_file(file.file)
-        if was_copied:
-            click.echo(COPIED.format(name=file.file.name, mine=mine))
-        file = load_robot(str(mine.absolute()))
+        file = load_robot(str(own(file.file).absolute()))
     click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
     keyboard = _keyboard()
     made, truths = rig(file, port, wanted.seed, keyboard, click.echo)

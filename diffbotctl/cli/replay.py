@@ -97,6 +97,8 @@ def _told(done: Replayed) -> int:
         click.echo(f"  recorded {first.recorded}")
         click.echo(f"  replayed {first.replayed}")
         return 1
+    for wire, count in done.left_out.items():
+        click.echo(f"not compared: {count} messages on {wire}, a wire that the recording lacks")
     if done.compared:
         click.echo(f"same: {done.compared} messages compared, bit for bit")
     return 0

@@ -20,7 +20,7 @@ def command(robot: str | None, output: Path | None) -> int:
     found = loaded(robot)
     views = [top(found.robot), side(found.robot)]
     if output is not None:
-        from diffbotctl.model.svg import svg
+        from diffbotctl.model.paper import svg
 
         written(output, svg(found.file.stem, views))
         return 0

@@ -59,18 +59,15 @@ class Case:
 
     def robot_field(self, path: str) -> Any:
         """The typed field at dotted `path`. Raises AttributeError or KeyError for none."""
-        found: Any = self.robot
-        for step in path.split("."):
-            found = found[step] if isinstance(found, dict) else getattr(found, step)
-        return found
+        return _field(self.robot, path)
 
     def known(self, *paths: str) -> tuple[Any, ...] | None:
         """The robot's fields at `paths`, or None when any of them could not be read."""
-        try:
-            found = tuple(self.robot_field(path) for path in paths)
-        except (AttributeError, KeyError, TypeError):
-            return None
-        return None if any(value is None for value in found) else found
+        return _fields(self.robot, paths)
+
+    def stated(self, *paths: str) -> tuple[Any, ...] | None:
+        """As `known`, before calibration: what was measured with a rule."""
+        return _fields(self.nominal, paths)
 
     def error(self, code: str, place: Place | str, cause: str, fix: str) -> None:
         """Note what cannot work."""
@@ -79,3 +76,18 @@ class Case:
     def warn(self, code: str, place: Place | str, cause: str, fix: str) -> None:
         """Note what is unwise."""
         self.problems.append(Problem(code, place, cause, fix, "warning"))
+
+
+def _field(robot: Robot | None, path: str) -> Any:
+    found: Any = robot
+    for step in path.split("."):
+        found = found[step] if isinstance(found, dict) else getattr(found, step)
+    return found
+
+
+def _fields(robot: Robot | None, paths: Sequence[str]) -> tuple[Any, ...] | None:
+    try:
+        found = tuple(_field(robot, path) for path in paths)
+    except (AttributeError, KeyError, TypeError):
+        return None
+    return None if any(value is None for value in found) else found

@@ -44,7 +44,7 @@ drive:
 sensors:                    # {{}} for none
   front: {{type: sharp_gp2y0a41sk0f, pin: A0, at: {{x: 80 mm, y: 0 mm, heading: 0 deg}}}}
 
-body: {{front: 80 mm, back: 150 mm, width: 140 mm}}   # from the middle of the axle
+body: {{front: 80 mm, back: 150 mm, width: 151 mm}}   # from the middle of the axle; tyres included
 limits: {{speed: 0.30 m/s, turn_rate: 4 rad/s, acceleration: 1.0 m/s2, braking: 1.5 m/s2}}
 battery: {{full: 8.4 V}}      # two lithium cells
 

@@ -249,7 +249,9 @@ class Body(Section):
 
     front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
     back = Param(float, unit="m", least=0.0, default=0.15, help="How far it reaches backward.")
-    width = Param(float, unit="m", above=0.0, default=0.14, help="Its whole width.")
+    width = Param(
+        float, unit="m", above=0.0, default=0.151, help="Its whole width, tyres included."
+    )
     height = Param(
         float, unit="m", above=0.0, default=0.1,
         help="How high the chassis is, from its underside to its top.",

@@ -14,17 +14,15 @@ USB_BAUD = 115_200
 EDGE_FRAME = 21  # bytes: counts, two edge times, one sensor, command in force, framing, CRC
 COUNT_FRAME = 17  # bytes: the same without edge times
 ROSSERIAL_FRAME = 36  # bytes: three messages of 12, left ticks, right ticks, range
-SENSOR = 2  # bytes for each sensor after the first
 # Time answers, log lines and settings need the rest.
 COMFORTABLE = 0.9
 
 
-def frame_bytes(protocol: str, has_edge_times: bool, sensors: int) -> int:
+def frame_bytes(protocol: str, has_edge_times: bool) -> int:
     """Bytes of one telemetry frame."""
     if protocol == "rosserial":
         return ROSSERIAL_FRAME
-    first = EDGE_FRAME if has_edge_times else COUNT_FRAME
-    return first + SENSOR * max(0, sensors - 1)
+    return EDGE_FRAME if has_edge_times else COUNT_FRAME
 
 
 def capacity(baud: int) -> float:

@@ -54,6 +54,25 @@ class News(NamedTuple):
     loads: dict[str, Load] | None = None
 
 
+def taken(channel: socket.socket, most: int, largest: int) -> tuple[list[tuple[Any, ...]], bool]:
+    """What has come over a channel that never waits, at most so many records of so many bytes.
+
+    Also whether the other end is still there.
+    """
+    found: list[tuple[Any, ...]] = []
+    while len(found) < most:
+        try:
+            data = channel.recv(largest)
+        except BlockingIOError:
+            break
+        except OSError:
+            data = b""
+        if not data:
+            return found, False
+        found.append(pickle.loads(data))
+    return found, True
+
+
 class Channel:
     """Gathers instants with `record`, sends them with `flush`, and hands out commands."""
 
@@ -98,19 +117,12 @@ class Channel:
 
     def receive(self) -> list[Command]:
         """What people want, in order; at most AT_ONCE. `is_open` is False once the hub is gone."""
-        found: list[Command] = []
-        while self.is_open and len(found) < AT_ONCE:
-            try:
-                data = self.channel.recv(LARGEST)
-            except BlockingIOError:
-                break
-            except OSError:
-                data = b""
-            if not data:
-                self._close()
-                break
-            found.append(Command(*pickle.loads(data)))
-        return found
+        if not self.is_open:
+            return []
+        found, lives = taken(self.channel, AT_ONCE, LARGEST)
+        if not lives:
+            self._close()
+        return [Command(*each) for each in found]
 
     def close(self) -> None:
         """Send the last of it, and let the hub know that this was all."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -67,10 +68,18 @@ class Difference(NamedTuple):
 
 
 class Checker:
-    """Compares each instant of a replay with the recorded one, bit for bit."""
+    """Compares each instant of a replay with the recorded one, bit for bit.
 
-    def __init__(self, wires: dict[str, type], recorded: Iterable[Recorded]) -> None:
+    `held` are the wires that the recording has, whether or not they ever spoke. What a replay says
+    on any other, one that came with a later version, cannot be compared; `left_out` counts it.
+    """
+
+    def __init__(
+        self, wires: dict[str, type], held: Collection[str], recorded: Iterable[Recorded]
+    ) -> None:
         self.encoders = [(wire, encoder(kind)) for wire, kind in wires.items()]
+        self.held = held
+        self.left_out: Counter[str] = Counter()
         self.instants = groupby(recorded, key=lambda item: item.instant)
         self.difference: Difference | None = None
         self.compared = 0
@@ -84,6 +93,9 @@ class Checker:
             for (wire, encode), message in zip(self.encoders, instant[1:], strict=True)
             if message is not None
         }
+        for wire in [wire for wire in now if wire not in self.held]:
+            self.left_out[wire] += 1
+            del now[wire]
         if not now:
             return  # an instant without messages leaves no trace in a recording
         time, then = self._next()

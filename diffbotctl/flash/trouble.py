@@ -27,6 +27,16 @@ class NoBoardError(FlashError):
         )  # fmt: skip
 
 
+class OnlyRadioError(NoBoardError):
+    """No board is plugged in, but modules are paired; `commands` lead over each of them."""
+
+    def __init__(self, modules: list[str], commands: list[str]) -> None:
+        FlashError.__init__(
+            self, "ports", f"no board is plugged in; paired over Bluetooth: {', '.join(modules)}",
+            f"drive over the radio with `{'` or `'.join(commands)}`, or plug the USB cable in",
+        )  # fmt: skip
+
+
 class SeveralBoardsError(FlashError):
     """More than one port looks like a board."""
 

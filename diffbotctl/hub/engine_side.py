@@ -6,7 +6,7 @@ import pickle
 import socket
 import time
 
-from diffbotctl.engine.channel import Answer, Command, News
+from diffbotctl.engine.channel import Answer, Command, News, taken
 from diffbotctl.hub.client import Client
 from diffbotctl.hub.desk import Wanted
 from diffbotctl.hub.pace import Pace
@@ -64,19 +64,10 @@ class EngineSide:
 
     def news(self) -> list[News]:
         """What the engine has sent. `lives` is False once it has ended or died."""
-        found: list[News] = []
-        while len(found) < AT_ONCE and self.lives:
-            try:
-                data = self.channel.recv(LARGEST)
-            except BlockingIOError:
-                break
-            except OSError:
-                data = b""
-            if data:
-                found.append(News(*pickle.loads(data)))
-            else:
-                self.lives = False
-        return found
+        if not self.lives:
+            return []
+        found, self.lives = taken(self.channel, AT_ONCE, LARGEST)
+        return [News(*each) for each in found]
 
     def whose(self, said: Answer) -> Client | None:
         """Hand an answer to the client that asked, and return it."""

@@ -17,7 +17,7 @@ from typing import Any
 
 from diffbotctl.engine.flight import State, Stopped
 from diffbotctl.graph import SECOND
-from diffbotctl.hub.child import stand_alone
+from diffbotctl.hub.child import fork, stand_alone
 from diffbotctl.hub.flight_file import Subject, could_not, outcome
 from diffbotctl.hub.recorder_process import report, whole
 from diffbotctl.hub.ring import Ring
@@ -104,20 +104,18 @@ class Keeper:
         if not self.ring.last:
             return
         self.files += 1
+        before = self.writer
         try:
-            pid = os.fork()
+            self.writer = fork(lambda: self._finish(cause, before))
         except OSError as error:
             self._say(could_not(self.subject, error))
-            return
-        if pid:
-            self.writer = pid
-            return
-        try:
-            stand_alone({self.channel.fileno()}, NICENESS)
-            _see_end(self.writer)
-            self._say(outcome(self.subject, self.files, self.ring, self._summary(cause)))
-        finally:
-            os._exit(0)
+
+    def _finish(self, cause: str, before: int) -> int:
+        """In a process of its own, after the writer `before` it has ended."""
+        stand_alone({self.channel.fileno()}, NICENESS)
+        _see_end(before)
+        self._say(outcome(self.subject, self.files, self.ring, self._summary(cause)))
+        return 0
 
     def _say(self, line: str) -> None:
         if self.is_orphan:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import signal
@@ -13,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diffbotctl.hub.child import stand_alone
+from diffbotctl.hub.child import fork, stand_alone
 from diffbotctl.hub.listening import forget
 
 if TYPE_CHECKING:
@@ -38,52 +37,51 @@ def start(
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, NEWS)
 
-    def serve() -> None:
+    def serve() -> int:
         from diffbotctl.hub.server import Server  # only here: the engine need not wait for it
 
         log = _log(path.with_suffix(".log"))
         log({"event": "started", "pid": about.pid, "engine": about.name})
-        _serve(Server(listener, theirs, about, shared, log, keeper), path, log)
+        return _serve(Server(listener, theirs, about, shared, log, keeper), path, log)
 
-    pid = _fork({listener, theirs}, serve, keeper)
-    return ours, pid
+    return ours, _fork({listener, theirs}, serve, keeper)
 
 
 def keep(keeper: Keeper) -> int:
     """Fork a hub that only keeps the flight, for a run without a socket. Returns the pid."""
-    return _fork(set(), lambda: None, keeper)
+    return _fork(set(), lambda: 0, keeper)
 
 
-def _fork(kept: set[socket.socket], serve: Callable[[], None], keeper: Keeper | None) -> int:
+def _fork(kept: set[socket.socket], serve: Callable[[], int], keeper: Keeper | None) -> int:
     """Fork a child that holds `kept` while it serves, and the flight until the engine has ended."""
-    flight = set() if keeper is None else {keeper.channel}
-    gc.freeze()  # a collection that walks what both share would make each a copy of its own
-    pid = os.fork()
-    if pid:
-        for each in kept | flight:
-            each.close()
-        return pid
-    try:
-        stand_alone({each.fileno() for each in kept | flight}, NICENESS)
+    held = kept if keeper is None else kept | {keeper.channel}
+
+    def live() -> int:
+        stand_alone({each.fileno() for each in held}, NICENESS)
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # writers of flights end by themselves
-        serve()
+        code = serve()
         if keeper is not None:  # also when the hub has failed, or the engine was killed
             stand_alone({keeper.fileno()}, 0)
             keeper.rest()
-    finally:
-        os._exit(0)
+        return code
+
+    pid = fork(live)
+    for each in held:
+        each.close()
+    return pid
 
 
-def _serve(server: Server, path: Path, log: Log) -> None:
+def _serve(server: Server, path: Path, log: Log) -> int:
     try:
         server.run()
     except Exception:
         from traceback import format_exc
 
         log({"event": "failed", "traceback": format_exc()})
-        return  # what stands beside the socket stays: `stop` finds the engine by it
+        return 1  # what stands beside the socket stays: `stop` finds the engine by it
     forget(path)
     server.farewell(LAST_WORDS)
+    return 0
 
 
 def _log(path: Path) -> Log:

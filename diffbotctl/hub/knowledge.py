@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from diffbotctl.engine.changes import Changes
 from diffbotctl.engine.channel import Load, News
 from diffbotctl.graph import SECOND, Graph
-from diffbotctl.messages import LogLine, Message, Setting, Stop
+from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
 
 RATE_SPAN = 2 * SECOND  # ns over which a rate is taken: long enough for 1 Hz, short enough to show
 MOST_TIMES = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
@@ -104,6 +104,11 @@ class Knowledge:
         """Seconds since the last message on `wire`; None before the first."""
         times = self.times[wire]
         return (self.now - times[-1]) / SECOND if times else None
+
+    def goal_state(self) -> GoalState | None:
+        """What was last said of a goal; None where no block follows any, or before its first."""
+        said = [message for message in self.latest.values() if isinstance(message, GoalState)]
+        return max(said, key=lambda each: each.time) if said else None
 
     def holding(self) -> tuple[str, Stop] | None:
         """The gravest stop in force and the wire that says so."""

@@ -6,15 +6,14 @@ and from then on only keeps the channel empty.
 
 from __future__ import annotations
 
-import gc
 import json
 import os
-import signal
 import socket
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
 
+from diffbotctl.hub.child import fork_with_channel
 from diffbotctl.hub.recorder_process import items, report
 from diffbotctl.messages import LogLine
 
@@ -28,24 +27,12 @@ def start(path: Path, epoch: int) -> tuple[socket.socket, int]:
     opened: in the engine, before anything has started.
     """
     file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - the child closes it
-    ours, theirs = socket.socketpair()
-    gc.freeze()  # as for the hub: what is not walked stays shared
-    pid = os.fork()
-    if pid:
-        file.close()
-        theirs.close()
-        return ours, pid
-    ours.close()
-    try:
-        _write(theirs, file, epoch)
-    finally:
-        os._exit(0)
+    channel, pid = fork_with_channel(lambda ours: _write(ours, file, epoch), buffer=None)
+    file.close()
+    return channel, pid
 
 
-def _write(channel: socket.socket, file: IO[str], epoch: int) -> None:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
-    signal.set_wakeup_fd(-1)
+def _write(channel: socket.socket, file: IO[str], epoch: int) -> int:
     coming = items(channel)
     try:
         for several in coming:
@@ -56,6 +43,8 @@ def _write(channel: socket.socket, file: IO[str], epoch: int) -> None:
         report(channel, os.strerror(error.errno or 0))
         for _ in coming:
             pass
+        return 1
+    return 0
 
 
 def text(line: LogLine, epoch: int) -> str:

@@ -21,10 +21,10 @@ def why(desk: Desk, client: Client, request: Request) -> Fields:
 
 
 def status(desk: Desk, client: Client, request: Request) -> Fields:
-    """The run, what holds the robot, what is commanded."""
+    """The run, what holds the robot, what is commanded, how the goal is doing."""
     request.only()
     known, about = desk.knowledge, desk.about
-    held = known.holding()
+    held, goal_state = known.holding(), known.goal_state()
     said: Fields = {
         "time": known.now,
         "engine": about.name,
@@ -35,6 +35,7 @@ def status(desk: Desk, client: Client, request: Request) -> Fields:
         "speed": about.speed,
         "turn_rate": about.turn_rate,
         "held": None if held is None else {"wire": held[0], **plain(held[1])},
+        "goal_state": None if goal_state is None else plain(goal_state),
     }
     for wire in ("gate.wheels", "gate.stop", "operator.goal"):
         message = known.latest.get(wire)

@@ -6,22 +6,20 @@ says so once, on the channel it reads from, and from then on only keeps the chan
 
 from __future__ import annotations
 
-import gc
 import os
 import pickle
 import select
-import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from diffbotctl.engine.outlet import LENGTH
+from diffbotctl.hub.child import fork_with_channel
 from diffbotctl.links.foxglove import Mount
 
-BUFFER = 4 << 20  # bytes of socket buffer: seconds of a fast run
 FLUSH_PERIOD = 0.7  # s; with what the engine gathers, a power cut costs less than a second
 
 
@@ -39,32 +37,11 @@ def start(
     anything has started.
     """
     file = open(path, "wb")  # noqa: SIM115 - the child closes it
-    channel, pid = fork(lambda ours: _record(ours, file, (wires, sources, about, mounts or {})))
+    channel, pid = fork_with_channel(
+        lambda ours: _record(ours, file, (wires, sources, about, mounts or {}))
+    )
     file.close()
     return channel, pid
-
-
-def fork(serve: Callable[[socket.socket], int]) -> tuple[socket.socket, int]:
-    """Fork a child that runs `serve` on its end of a channel, deaf to signals, until it returns.
-
-    Returns the other end, and the child's pid; what `serve` returns is its exit code.
-    """
-    ours, theirs = socket.socketpair()
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
-    gc.freeze()  # as for the hub: what is not walked stays shared
-    pid = os.fork()
-    if pid:
-        theirs.close()
-        return ours, pid
-    ours.close()
-    code = 1
-    try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
-        signal.set_wakeup_fd(-1)
-        code = serve(theirs)
-    finally:
-        os._exit(code)
 
 
 Subject = tuple[dict[str, type], int, dict[str, str], dict[str, Mount]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import pickle
 import signal
@@ -10,11 +9,11 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 
+from diffbotctl.hub.child import fork_with_channel
 from diffbotctl.hub.latest import Snapshot
 
 NICENESS = 2  # the control path goes first; a lost word of whoever drives would stop the robot
 LARGEST = 1 << 18  # bytes of one picture
-LINES = 64 << 10  # bytes the channel may hold: a few pictures, older ones are of no use
 
 
 def start(
@@ -24,33 +23,24 @@ def start(
 
     One that `drives` as well handles its signals itself, and gets its share of the processor.
     """
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    gc.freeze()  # as for the hub: what is not walked stays shared
-    pid = os.fork()
-    if pid:
-        theirs.close()
-        return ours, pid
-    ours.close()
-    try:
-        signal.set_wakeup_fd(-1)
+
+    def serve(channel: socket.socket) -> int:
         _alert() if drives else _quiet()
-        show(_pictures(theirs))
-    except BrokenPipeError:
-        pass
-    finally:
-        os._exit(0)
+        with suppress(BrokenPipeError):
+            show(_pictures(channel))
+        return 0
+
+    return fork_with_channel(serve, packets=True, buffer=None)
 
 
 def _quiet() -> None:
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # the engine says when it is over
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     with suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def _alert() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # its terminal is raw: Ctrl-C is a key
+    """SIGINT stays ignored: its terminal is raw, and Ctrl-C is a key."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
     with suppress(OSError):

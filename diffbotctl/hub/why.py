@@ -9,7 +9,6 @@ from diffbotctl.graph import SECOND, Graph
 from diffbotctl.hub.knowledge import Episode, Knowledge
 from diffbotctl.messages import (
     Encoders,
-    GoalState,
     Link,
     Message,
     Odometry,
@@ -99,10 +98,9 @@ def _way_out(episode: Episode, known: Knowledge) -> str:
 
 
 def _doing(known: Knowledge) -> str:
-    states = [message for message in known.latest.values() if isinstance(message, GoalState)]
-    if not states:
+    state = known.goal_state()
+    if state is None:
         return "No goal is under way."
-    state = max(states, key=lambda each: each.time)
     told = f"Goal {state.number} is {state.state.replace('_', ' ')}"
     return f"{told}: {state.cause}." if state.cause else f"{told}."
 

@@ -12,6 +12,7 @@ from diffbotctl.messages import Encoders, Volts
 SECOND = 1_000_000_000
 WRAP = 1 << 16
 TICK = frames.TICK_NANOSECONDS
+COMMAND_AGE = frames.COMMAND_AGE_NANOSECONDS
 EDGE_SLACK = 3 * TICK  # the stamp of one edge, from two frames, may differ by rounding
 SEQUENCES = 64  # of state frames
 COMMANDS = 16  # numbers of commands
@@ -82,7 +83,6 @@ class Telemetry:
         """One state frame that arrived at `now`."""
         board = self._unwrap_time(now, frame.time)
         self._count_lost(frame.sequence)
-        self._measure_latency(now, frame)
         wire = frames.WIRE[type(frame)] * 10 * SECOND // self.baud
         if self._board is None or board > self._board:
             if self._board is None:
@@ -90,6 +90,7 @@ class Telemetry:
             self._board = board
             self._first = (self._first[0], self._first[1] + 1)
             self.clock.observe(board, now - wire)
+        self._measure_latency(now, board, frame)
         time = min(self.clock.to_host(board), now)
         counts = [
             self._unwrap_count(side, raw) for side, raw in enumerate((frame.left, frame.right))
@@ -138,12 +139,20 @@ class Telemetry:
             self.lost += (sequence - self._sequence - 1) % SEQUENCES
         self._sequence = sequence
 
-    def _measure_latency(self, now: int, frame: State) -> None:
-        if frame.command == self._echoed:
+    def _measure_latency(self, now: int, board: int, frame: State) -> None:
+        """The first frame that shows a command of ours tells it.
+
+        There are sixteen numbers, and another host may have driven the board until just now: what
+        took hold before we wrote that number is no echo of ours.
+        """
+        if frame.command == self._echoed or frame.command_age == frames.COMMAND_AGE_NONE:
+            return
+        sent = self._sent.get(frame.command)
+        held = self.clock.to_host(board - frame.command_age * COMMAND_AGE)
+        if sent is None or held + COMMAND_AGE < sent.time:
             return
         self._echoed = frame.command
-        sent = self._sent.get(frame.command)
-        if sent is not None and now - sent.time < SECOND:
+        if now - sent.time < SECOND:
             self.latency = (now - sent.time) / SECOND
 
     def _unwrap_count(self, side: int, raw: int) -> int:
@@ -174,7 +183,7 @@ class Telemetry:
         if frame.command_age == frames.COMMAND_AGE_NONE or not drives:
             since = self.clock.to_host(board)
         else:
-            since = self.clock.to_host(board - frame.command_age * frames.COMMAND_AGE_NANOSECONDS)
+            since = self.clock.to_host(board - frame.command_age * COMMAND_AGE)
         self._force = (since, sent)
         return sent, since
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +51,10 @@ class Wanted(NamedTuple):
 
 
 class Replayed(NamedTuple):
-    """What a replay came to. `compared` counts messages; `difference` is the first one, or None."""
+    """What a replay came to. `compared` counts messages; `difference` is the first one, or None.
+
+    `left_out` counts the messages on wires that the recording does not have.
+    """
 
     ending: Ending
     digest: str
@@ -60,6 +63,7 @@ class Replayed(NamedTuple):
     version: str
     metrics: Metrics
     begins: str
+    left_out: Mapping[str, int] = {}
 
 
 def replay(path: Path, check: bool = False) -> Replayed:
@@ -89,7 +93,7 @@ class _Again:
         self.assembly: Assembly = assemble(configuration, run.real)
         graph = self.graph = self.assembly.graph
         self.digest = Digest(graph.kinds)
-        self.checker = Checker(graph.kinds, RecordingReader(run.path).messages())
+        self.checker = Checker(graph.kinds, run.wires, RecordingReader(run.path).messages())
         self.measure = Measure()
         self.latest: Latest | None = None
         self.children: list[int] = []
@@ -129,6 +133,7 @@ class _Again:
             self.run.about.get("version", ""),
             self.measure.metrics(truth_of(self.run.end) if whole else None),
             self.run.begins,
+            self.checker.left_out,
         )  # fmt: skip
 
     def _clock(self) -> Clock:

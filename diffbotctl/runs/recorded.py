@@ -22,7 +22,8 @@ class RecordedRun(NamedTuple):
     """A run as its recording tells it.
 
     `last` is the time in ns of its last instant; `state` is where a flight begins that has lost the
-    run's beginning, as (time in ns, bytes); `spoken` are the operator's messages.
+    run's beginning, as (time in ns, bytes); `spoken` are the operator's messages. `wires` are all
+    that the run had, also those that never spoke.
     """
 
     path: Path
@@ -31,6 +32,7 @@ class RecordedRun(NamedTuple):
     last: int
     state: tuple[int, bytes] | None
     spoken: tuple[tuple[str, Message], ...]
+    wires: tuple[str, ...]
 
     @property
     def begins(self) -> str:
@@ -81,7 +83,9 @@ def read(path: Path) -> RecordedRun:
     whole(reader)
     if reader.end is not None:
         last = int(reader.end["last"])
-    return RecordedRun(path, reader.about, reader.end, last, reader.state, tuple(spoken))
+    return RecordedRun(
+        path, reader.about, reader.end, last, reader.state, tuple(spoken), tuple(reader.wires)
+    )
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.flight import Flight
 from diffbotctl.engine.recorder import Recorder
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.hub import recorder_process
+from diffbotctl.hub import child, recorder_process
 from diffbotctl.hub.flight_file import Subject
 from diffbotctl.hub.flight_keeper import Keeper
 from diffbotctl.messages import Goal
@@ -88,7 +88,7 @@ def flight(
     wires = {wire: graph.kinds[wire] for wire in graph.sources}
     name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
     ours, theirs = socket.socketpair()
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, recorder_process.BUFFER)
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, child.BUFFER)
     keeper = Keeper(theirs, Subject(folder, name, wires, facts))
 
     def lost(cause: str) -> None:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from diffbotctl.bags.series import Series
 from diffbotctl.errors import Problem, UsageError
+from diffbotctl.svg import document, mark, points, words
 from diffbotctl.ui.axis import Axis, axis
 
 WIDTH, PANEL = 900, 240  # pixels of the picture, and of each panel's height
@@ -71,9 +72,9 @@ def save(picture: Figure, path: Path) -> None:
 
     Raises UsageError for another ending, a place that cannot be written, or a missing library.
     """
-    from diffbotctl.ui import png, svg
+    from diffbotctl.ui import png
 
-    writers = {".svg": svg.encode, ".png": png.encode}
+    writers = {".svg": as_svg, ".png": png.encode}
     encode = writers.get(path.suffix.lower())
     if encode is None:
         cause = "a picture is written as .svg or .png"
@@ -87,6 +88,23 @@ def save(picture: Figure, path: Path) -> None:
     except OSError as error:
         cause = f"cannot write there: {error.strerror}"
         raise UsageError(Problem("E-PICTURE", str(path), cause)) from error
+
+
+def as_svg(picture: Figure) -> bytes:
+    """The picture as an SVG document."""
+    marks = [_line(each) if isinstance(each, Line) else _words(each) for each in picture.shapes]
+    return document(
+        picture.width, picture.height, marks, font_family="system-ui, sans-serif", font_size=SIZE
+    ).encode()
+
+
+def _line(line: Line) -> str:
+    return mark("polyline", points=points(line.points), fill="none", stroke=line.colour,
+                stroke_width=line.width, stroke_linejoin="round")  # fmt: skip
+
+
+def _words(said: Words) -> str:
+    return words(said.x, said.y, said.text, text_anchor=said.anchor, fill=said.colour)
 
 
 def _panel(unit: str, curves: list[Series], time: Axis, top: float) -> Iterator[Line | Words]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
-from xml.sax.saxutils import escape
 
 from diffbotctl.config.harness import (
     BOARD,
@@ -15,6 +14,7 @@ from diffbotctl.config.harness import (
     SUPPLY,
     Harness,
 )
+from diffbotctl.svg import document, mark, words
 from diffbotctl.ui.wiring_layout import Layout, Placed, Run, layout
 
 # All in pixels. Left and right edge of each column of parts; the gaps hold the wires.
@@ -32,6 +32,7 @@ PAINTS = {
     "blue": "#1d72c9", "purple": "#8e3bb5", "yellow": "#f4c20d", "white": "#ffffff",
     "grey": "#8a98a0", "brown": "#8a5a3c",
 }  # fmt: skip
+PAPER = "#f6f4ee"
 BOARDS_PAINT = {DRIVER: "#a8322d", BOARD: "#0b6b7d", RADIO: "#23508e", CELLS: "#3d4147"}
 PLAIN_PAINT = "#46535c"
 STYLE = """
@@ -54,31 +55,23 @@ def drawing(harness: Harness, notes: Iterable[str], title: str) -> str:
     key_end = key + ROW + NOTE
     height = key_end + len(lines_below) * NOTE + MARGIN
     parts = (line for placed in plan.parts for line in _part(placed))
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" '
-        f'width="{WIDTH}" height="{height}">',
-        f"<style>{STYLE}</style>",
-        f'<rect width="{WIDTH}" height="{height}" fill="#f6f4ee"/>',
-        _text(MARGIN, 46, title, "title"),
+    marks = [
+        mark("style", STYLE),
+        words(MARGIN, 46, title, class_="title"),
         *_wires(plan),
         *parts,
         *_key(harness.colours(), key),
         *(
-            _text(MARGIN + (0 if first else 18), key_end + n * NOTE, line, "note")
+            words(MARGIN + (0 if first else 18), key_end + n * NOTE, line, class_="note")
             for n, (first, line) in enumerate(lines_below)
         ),
-        "</svg>",
     ]
-    return "\n".join(lines) + "\n"
+    return document(WIDTH, height, marks, paper=PAPER)
 
 
 def _y(row: int) -> int:
     """The height of the middle of a row."""
     return TOP + row * ROW
-
-
-def _text(x: float, y: float, words: str, kind: str, more: str = "") -> str:
-    return f'<text x="{x:g}" y="{y:g}" class="{kind}"{more}>{escape(words)}</text>'
 
 
 def _wrapped(note: str) -> Iterator[tuple[bool, str]]:
@@ -108,29 +101,27 @@ def _wire(run: Run) -> Iterator[str]:
 
 def _line(route: str, colour: str, over: bool = False) -> Iterator[str]:
     if over:
-        yield f'<path d="{route}" stroke="#f6f4ee" stroke-width="{HALO}"/>'
+        yield mark("path", d=route, stroke=PAPER, stroke_width=HALO)
     if colour == "white":  # else it would be lost on light paper
-        yield f'<path d="{route}" stroke="#555" stroke-width="{WIRE + 2}"/>'
-    yield f'<path class="wire" d="{route}" stroke="{PAINTS[colour]}" stroke-width="{WIRE}"/>'
+        yield mark("path", d=route, stroke="#555", stroke_width=WIRE + 2)
+    yield mark("path", class_="wire", d=route, stroke=PAINTS[colour], stroke_width=WIRE)
 
 
 def _dot(x: float, y: float, colour: str) -> str:
-    return f'<circle cx="{x}" cy="{y}" r="{PIN}" fill="{PAINTS[colour]}"/>'
+    return mark("circle", cx=x, cy=y, r=PIN, fill=PAINTS[colour])
 
 
 def _divider(run: Run) -> Iterator[str]:
     """1 kOhm in the wire, and 2 kOhm from behind it down to the ground rail."""
     x, y, below = RAILS[GROUND], _y(run.start), _y(run.start + 1)
-    stroke = f'stroke="{PAINTS[GROUND]}" stroke-width="{WIRE}"'
-    yield f'<path d="M{NODE} {y} V{below} H{x}" {stroke}/>'
+    route = f"M{NODE} {y} V{below} H{x}"
+    yield mark("path", d=route, stroke=PAINTS[GROUND], stroke_width=WIRE)
     yield _dot(x, below, GROUND)
     yield _dot(NODE, y, run.wire.colour)
-    for height, words in ((y, "1 kΩ"), (below, "2 kΩ")):
-        yield (
-            f'<rect x="{RESISTORS}" y="{height - RESISTOR_HEIGHT // 2}" width="{RESISTOR_WIDTH}" '
-            f'height="{RESISTOR_HEIGHT}" rx="3" fill="#ecd9b0" stroke="#7c6a45"/>'
-        )
-        yield _text(RESISTORS + RESISTOR_WIDTH / 2, height + 4, words, "ohm")
+    for height, ohms in ((y, "1 kΩ"), (below, "2 kΩ")):
+        yield mark("rect", x=RESISTORS, y=height - RESISTOR_HEIGHT // 2, width=RESISTOR_WIDTH,
+                   height=RESISTOR_HEIGHT, rx=3, fill="#ecd9b0", stroke="#7c6a45")  # fmt: skip
+        yield words(RESISTORS + RESISTOR_WIDTH / 2, height + 4, ohms, class_="ohm")
 
 
 def _part(placed: Placed) -> Iterator[str]:
@@ -138,25 +129,24 @@ def _part(placed: Placed) -> Iterator[str]:
     top, bottom = _y(placed.top) - 10, _y(placed.bottom) - 2
     middle = (first + last) / 2
     paint = BOARDS_PAINT.get(placed.part.key, PLAIN_PAINT)
-    yield (
-        f'<rect x="{first}" y="{top}" width="{last - first}" height="{bottom - top}" rx="7" '
-        f'fill="{paint}" stroke="#0004"/>'
-    )
+    yield mark("rect", x=first, y=top, width=last - first, height=bottom - top, rx=7, fill=paint,
+               stroke="#0004")  # fmt: skip
     title, room = placed.part.title, last - first - 20
-    squeezed = f' textLength="{room}" lengthAdjust="spacingAndGlyphs"' * (len(title) > LONG_TITLE)
-    yield _text(middle, top + 18, title, "part", squeezed)
+    squeezed = {"textLength": room, "lengthAdjust": "spacingAndGlyphs"}
+    looks = squeezed if len(title) > LONG_TITLE else {}
+    yield words(middle, top + 18, title, class_="part", **looks)
     if placed.part.remark:
-        yield _text(middle, bottom - 7, placed.part.remark, "remark")
+        yield words(middle, bottom - 7, placed.part.remark, class_="remark")
     yield from _pins(placed.left, first, 1)
     yield from _pins(placed.right, last, -1)
 
 
 def _pins(rows: dict[int, str], edge: int, inward: int) -> Iterator[str]:
-    anchor = "" if inward > 0 else ' text-anchor="end"'
+    anchor = None if inward > 0 else "end"
     for row, name in rows.items():
         y = _y(row)
-        yield f'<circle cx="{edge}" cy="{y}" r="{PIN}" fill="#e7c45a" stroke="#5c4a12"/>'
-        yield _text(edge + inward * 13, y + 5, name, "pin", anchor)
+        yield mark("circle", cx=edge, cy=y, r=PIN, fill="#e7c45a", stroke="#5c4a12")
+        yield words(edge + inward * 13, y + 5, name, class_="pin", text_anchor=anchor)
 
 
 def _key(colours: dict[str, str], y: int) -> Iterable[str]:
@@ -164,4 +154,4 @@ def _key(colours: dict[str, str], y: int) -> Iterable[str]:
         x = MARGIN + number % KEY_COLUMNS * KEY_WIDTH
         at = y + number // KEY_COLUMNS * NOTE
         yield from _line(f"M{x} {at - 5} h22", colour)
-        yield _text(x + 28, at, f"{colour}: {meaning}", "note")
+        yield words(x + 28, at, f"{colour}: {meaning}", class_="note")

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from diffbotctl.bags.series import Series, series
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
-from diffbotctl.ui import png, svg, terminal_plot
+from diffbotctl.ui import png, terminal_plot
 from diffbotctl.ui.axis import axis
 from diffbotctl.ui.dots import ASCII, BRAILLE, Dots
-from diffbotctl.ui.figure import COLOURS, figure, save
+from diffbotctl.ui.figure import COLOURS, as_svg, figure, save
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
 
@@ -105,7 +105,7 @@ def test_a_gap_stays_a_gap():
 
 def test_fields_of_one_unit_share_a_panel(goal):
     picture = figure(series(goal, ["gate.wheels", "robot.front"]), "goal & <run>")
-    root = ElementTree.fromstring(svg.encode(picture))
+    root = ElementTree.fromstring(as_svg(picture))
     name = "{http://www.w3.org/2000/svg}"
     texts = [each.text for each in root.iter(f"{name}text")]
     assert {"goal & <run>", "gate.wheels.left", "gate.wheels.right", "rad/s", "V"} <= set(texts)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.bluetooth.at import Lines, NoAnswerError, Rate, set_rate
+from diffbotctl.config.resources import folder
 from diffbotctl.flash.image import read_hex
 from tests.hc05 import Hc05
 from tests.virtual_board import board, diffbotctl, flat
@@ -84,20 +85,35 @@ def test_lines(pieces, complete, lines):
     assert reader.lines == lines
 
 
-def test_the_whole_of_it():
+def test_the_whole_of_it(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    before = (folder("robots") / "book_2wd.yaml").read_text()
+    mine.write_text(before)
     with board() as virtual, Hc05(virtual.radio, first_errors=1) as module:
         code, said = diffbotctl(
-            "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
+            "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", mine, "--yes"
         )
         assert code == 0, said
         assert module.rate == 115200 and module.restarted
         assert module.heard[-4:] == ["AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"]
         said = flat(said)
         assert "went from 9600 to 115200 baud" in said
-        assert "link: {baud: 115200}" in said
+        assert "+link: {protocol: diffbot, uart: 1, baud: 115200}" in said  # of the difference
         assert "ready" in said  # our firmware is back, with its settings
-        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", "book_2wd", "--times", 1)
+        assert mine.read_text() == before.replace("baud: 9600}", "baud: 115200}") != before
+        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", mine, "--times", 1)
         assert code == 0, said
+
+
+def test_a_robot_file_that_cannot_be_written_is_told_with_what_it_must_say(monkeypatch):
+    monkeypatch.chdir(folder("robots").parent)  # where ./robots are the files that ship
+    with board() as virtual, Hc05(virtual.radio) as module:
+        code, said = diffbotctl(
+            "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
+        )
+        assert module.rate == 115200
+    assert code == 1 and "E-CALIBRATE-WRITE" in said, said
+    assert "still says 9600 baud" in flat(said) and "link: {baud: 115200}" in said
 
 
 def test_a_module_in_data_mode_leaves_the_firmware_on_the_board():

@@ -3,14 +3,14 @@
 import os
 import select
 import socket
-import threading
 from contextlib import suppress
 
+from tests.alongside import Alongside
 from tests.book_board import Device, OnPort
 from tests.virtual_board import run, start
 
 
-class Relay:
+class Relay(Alongside):
     """A radio without any delay: a socket joined to a board's port."""
 
     def __init__(self, port, path):
@@ -19,20 +19,13 @@ class Relay:
         self.server = socket.socket(socket.AF_UNIX)
         self.server.bind(str(path))
         self.server.listen(1)
-        self.over = threading.Event()
-        self.thread = threading.Thread(target=self._carry)
-        self.thread.start()
+        self.begin()
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.over.set()
-        self.thread.join()
+    def let_go(self):
         self.server.close()
         os.close(self.board)
 
-    def _carry(self):
+    def live(self):
         host = None
         while not self.over.is_set():
             ends = [self.board, host or self.server]

@@ -11,7 +11,7 @@ from hypothesis import strategies as some
 
 from diffbotctl.calibrate.findings import Finding, Origin, written
 from diffbotctl.calibrate.listing import age
-from diffbotctl.calibrate.robot_file import change, own_file, undo, write
+from diffbotctl.calibrate.robot_file import change, entered, own_file, undo, write
 from diffbotctl.calibrate.section import with_entries
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
@@ -99,6 +99,21 @@ def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
     assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
     with pytest.raises(UsageError, match="no calibration was written"):
         undo(robot)
+
+
+def test_one_value_of_its_own_is_written_and_undone(robot):
+    first = robot.read_text()
+    made = entered(robot, ("link", "baud"), "57600")
+    assert "+link: {protocol: diffbot, uart: 1, baud: 57600}" in made.difference()
+    write(made)
+    assert robot.read_text() == first.replace("baud: 9600}", "baud: 57600}") != first
+    undo(robot)
+    assert robot.read_text() == first
+
+
+def test_one_value_that_cannot_be_true_is_refused(robot):
+    with pytest.raises(ConfigurationError):
+        entered(robot, ("link", "baud"), "1234")
 
 
 def test_a_file_that_was_edited_since_is_not_undone(robot):

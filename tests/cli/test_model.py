@@ -27,7 +27,7 @@ def test_frames_prints_the_tree():
 
 def test_show_draws_both_views_within_80_columns():
     text = run("show", "book_2wd")
-    assert "from above: long 230 mm, wide 140 mm, track 125 mm" in text
+    assert "from above: long 230 mm, wide 151 mm, track 125 mm" in text
     assert "from the left: wheel 65 mm" in text
     assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
     assert sum("\u2800" < sign < "\u28ff" for sign in text) > 200

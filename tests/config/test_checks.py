@@ -7,7 +7,8 @@ from diffbotctl.config.boards import ATMEGA_328P, BOARDS, MEGA_2560
 from diffbotctl.config.checks import loops
 from diffbotctl.config.checks.pins import able
 from diffbotctl.config.checks.tolerance import resolution
-from diffbotctl.config.load import load
+from diffbotctl.config.load import check, load
+from diffbotctl.links.diffbot_frames import WIRE, Counts, State
 
 
 @pytest.mark.parametrize(
@@ -25,17 +26,47 @@ def test_what_a_line_carries(baud, divider, bytes_a_second):
 
 
 @pytest.mark.parametrize(
-    "protocol, has_edge_times, sensors, size",
+    "protocol, has_edge_times, size",
     [
-        ("diffbot", True, 0, 21),
-        ("diffbot", True, 1, 21),
-        ("diffbot", True, 3, 25),
-        ("diffbot", False, 1, 17),
-        ("rosserial", False, 1, 36),
+        ("diffbot", True, WIRE[State]),
+        ("diffbot", False, WIRE[Counts]),
+        ("rosserial", False, 36),  # three messages of 12
     ],
 )
-def test_frames(protocol, has_edge_times, sensors, size):
-    assert wire.frame_bytes(protocol, has_edge_times, sensors) == size
+def test_frames(protocol, has_edge_times, size):
+    assert wire.frame_bytes(protocol, has_edge_times) == size
+
+
+TWO = """\
+format: 1
+kind: robot
+include: %s
+sensors: {rear: {type: sharp_gp2y0a41sk0f, pin: A1}}
+"""
+
+
+@pytest.mark.parametrize("include", ["book_2wd", "book_2wd_counts", "book_2wd_stock"])
+@pytest.mark.parametrize(
+    ("real", "listens", "refused", "warned"),
+    [
+        (False, True, [], ["W-BOARD-SENSOR"]),  # the simulator has it
+        (True, False, [], ["W-BOARD-SENSOR"]),  # nothing waits for it
+        (True, True, ["E-BOARD-SENSOR"], []),
+    ],
+)
+def test_a_second_distance_on_a_board(tmp_path, include, real, listens, refused, warned):
+    (tmp_path / "two.yaml").write_text(TWO % include)
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "format: 1\nkind: pipeline\ninclude: goal\nblocks:\n"
+        f"  range: {{in: {{volts: robot.{'rear' if listens else 'front'}}}}}\n"
+    )
+    found = check(str(file), str(tmp_path / "two.yaml"), [], real=real)
+    errors = [each for each in found if each.severity == "error"]
+    assert [each.code for each in errors] == refused
+    assert [each.code for each in found if "BOARD-SENSOR" in each.code] == refused + warned
+    if refused:
+        assert errors[0].line == 5 and "'range' waits for the sensor 'rear'" in errors[0].cause
 
 
 # 65 mm wheel, 20 slots: pitch pi * 65 / 20 = 10.21 mm, / sqrt(12) = 2.947 mm.

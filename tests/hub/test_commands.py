@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from diffbotctl.cli.resume import outcome
 from tests.hub.running import Plain, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "2 0")
@@ -45,6 +46,42 @@ def test_stop_why_resume_and_goto(tmp_path):
         code, out, _ = cli(tmp_path, "goto", "-20cm", "0", "90deg")
         assert code == 0 and "x -0.2 m" in out and "heading 90 deg" in out
         assert client.until(lambda status: status["operator.goal"]["x"] == -0.2)
+
+
+def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
+    with running(tmp_path, *FAR):
+        Plain(tmp_path).until(moves)
+        code, _, complaint = cli(tmp_path, "resume")
+        assert code == 1 and "nothing is stopped" in complaint
+        assert "goal 1: driving, " in complaint and "to go" in complaint
+        assert moves(Plain(tmp_path).ask("status"))  # it changes nothing
+        assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
+        code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
+        assert code == 0 and "goal 1 goes on" in out
+
+
+GOAL, NO_GOAL = {"number": 1}, {"number": 0}
+LATCHED = {"code": "operator_stop", "cause": "the cat", "latched": True}
+PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
+
+
+@pytest.mark.parametrize(
+    "before, after, done, words",
+    [
+        ((LATCHED, GOAL), (None, GOAL), True, "released from operator_stop: the cat"),
+        ((LATCHED, NO_GOAL), (None, GOAL), True, "the cat; goal 1 goes on"),
+        ((LATCHED, GOAL), (LATCHED, GOAL), False, "still held by operator_stop: the cat"),
+        # Behind the stop that was ended stands one that needs no consent.
+        ((LATCHED, GOAL), (PASSING, GOAL), True, "now held by obstacle: a wall, which ends by"),
+        ((PASSING, GOAL), (PASSING, GOAL), False, "obstacle: a wall; that ends by itself when"),
+        ((None, GOAL), (None, GOAL), False, "no goal is under way"),  # no block follows goals
+        ((None, None), (None, None), False, "nothing is stopped and no goal waits"),
+    ],
+)
+def test_what_resume_says_and_whether_it_did_anything(before, after, done, words):
+    names = ("held", "operator.goal", "goal_state")
+    said = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
+    assert outcome(*said)[0] == done and words in outcome(*said)[1]
 
 
 def test_without_an_engine_and_with_several(tmp_path):

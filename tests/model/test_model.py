@@ -10,8 +10,8 @@ from diffbotctl.config import resources
 from diffbotctl.config.load import load_robot
 from diffbotctl.model import drawing
 from diffbotctl.model.frames import caster_x, frames
+from diffbotctl.model.paper import svg
 from diffbotctl.model.solids import Ball, Box, Cylinder, solids
-from diffbotctl.model.svg import svg
 from diffbotctl.model.urdf import urdf
 
 ROBOTS = resources.names("robots")
@@ -164,7 +164,7 @@ def corners(outlines, name):
 
 def test_what_is_drawn_from_above(lopsided):
     view = drawing.top(lopsided)
-    assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, -0.07, 0.07))
+    assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, -0.0755, 0.0755))
     # 60 mm long, 26 mm wide, its middle 62.5 mm to the left
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0495, 0.0755))
     (gaze,) = [each for each in view.outlines if each.name == "front looks there"]
@@ -192,7 +192,7 @@ def test_the_picture_is_to_scale(lopsided):
         sizes.append((max(xs) - min(xs), max(ys) - min(ys)))
     (long, wide), (again, high) = sizes
     assert long == pytest.approx(again, abs=0.02)
-    assert long / wide == pytest.approx(230 / 140, abs=0.001)
+    assert long / wide == pytest.approx(230 / 151, abs=0.001)
     assert long / high == pytest.approx(230 / 100, abs=0.001)
     for part in root.iter():  # nothing lies beside the paper
         for x in re.findall(r"-?[\d.]+(?=,)", part.get("points") or ""):

@@ -128,10 +128,11 @@ def test_a_port_that_is_not_there():
         assert "E-PORT-OPEN" in said and "No such file" in said
 
 
-def test_a_port_without_the_right_to_it():
-    """Root has every right, so it looks as the user `nobody`."""
+def refused(forbid):
+    """What is said of a port that `forbid` has been done to; root has every right, so it looks as
+    the user `nobody`."""
     master, slave = os.openpty()
-    os.fchmod(slave, 0)
+    forbid(slave)
     us = os.geteuid()
     try:
         if us == 0:
@@ -142,27 +143,23 @@ def test_a_port_without_the_right_to_it():
         os.seteuid(us)
         os.close(master)
         os.close(slave)
-    problem = raised.value.problems[0]
+    return raised.value.problems[0]
+
+
+def test_a_port_without_the_right_to_it():
+    problem = refused(lambda slave: os.fchmod(slave, 0))
     assert problem.code == "E-PORT-RIGHTS"
     assert re.search(r"usermod -aG \w+ \$USER", problem.fix)
 
 
 def test_a_port_that_another_program_keeps_for_itself():
     """ModemManager and serial monitors do so; the kernel then lets nobody but root open it."""
-    master, slave = os.openpty()
-    os.fchmod(slave, 0o666)
-    fcntl.ioctl(slave, termios.TIOCEXCL)
-    us = os.geteuid()
-    try:
-        if us == 0:
-            os.seteuid(65534)
-        with pytest.raises(RunError) as raised:
-            Port(os.ttyname(slave), 9600)
-    finally:
-        os.seteuid(us)
-        os.close(master)
-        os.close(slave)
-    assert raised.value.problems[0].code == "E-PORT-BUSY"
+
+    def keep(slave):
+        os.fchmod(slave, 0o666)
+        fcntl.ioctl(slave, termios.TIOCEXCL)
+
+    assert refused(keep).code == "E-PORT-BUSY"
 
 
 def test_the_radio_cannot_flash():

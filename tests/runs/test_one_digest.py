@@ -5,12 +5,12 @@ import re
 import select
 import subprocess
 import sys
-import threading
 import tty
 from random import Random
 
 import pytest
 
+from tests.alongside import Alongside
 from tests.book_board import OnPort
 
 MAIN = "from diffbotctl.cli.main import main; main()"
@@ -43,7 +43,7 @@ def test_hash_seeds_paced_unpaced_and_replayed(tmp_path):
     assert len(seen) == 1
 
 
-class Shaken:
+class Shaken(Alongside):
     """A second pseudo-terminal in front of a board's: bytes pass in pieces, with random pauses."""
 
     def __init__(self, board, seed):
@@ -53,12 +53,10 @@ class Shaken:
         tty.setraw(self.theirs)
         self.name = os.ttyname(self.theirs)
         self.far = os.open(board.name, os.O_RDWR | os.O_NOCTTY)
-        self.ended = threading.Event()
-        self.thread = threading.Thread(target=self.pass_on)
-        self.thread.start()
+        self.begin()
 
-    def pass_on(self):
-        while not self.ended.is_set():
+    def live(self):
+        while not self.over.is_set():
             ready, _, _ = select.select([self.ours, self.far], [], [], 0.05)
             for file in ready:
                 data = os.read(file, 4096)
@@ -67,11 +65,9 @@ class Shaken:
                     os.write(self.far if file == self.ours else self.ours, data[:size])
                     data = data[size:]
                     if self.chance.random() < 0.3:
-                        self.ended.wait(self.chance.uniform(0.0, 0.012))
+                        self.over.wait(self.chance.uniform(0.0, 0.012))
 
-    def close(self):
-        self.ended.set()
-        self.thread.join()
+    def let_go(self):
         for file in (self.ours, self.theirs, self.far):
             os.close(file)
 

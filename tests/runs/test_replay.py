@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import groupby
 
 import pytest
 from click.testing import CliRunner
@@ -12,11 +13,14 @@ from diffbotctl.bags.overview import overview
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
 from diffbotctl.graph import SECOND
+from diffbotctl.hub.recording import Recording, RecordingReader
+from diffbotctl.messages import BUILT_IN
 from diffbotctl.runs import recorded
 from diffbotctl.runs.again import Wanted, replay_as
 from diffbotctl.runs.once_more import drive_once_more, obstacle_to
 from diffbotctl.runs.run import Options, Run
 
+WHEELS = "gate.wheels"
 SLOWER = ("robot.limits.speed=0.15 m/s",)
 
 
@@ -71,6 +75,53 @@ def test_a_replay_written_out_equals_its_recording(goal, tmp_path):
     assert all(topic.place is None for topic in compare(goal.path, path))
     assert overview(path).complete
     assert replay_as(recorded.read(path), Wanted(check=True)).difference is None
+
+
+def rewritten(goal, path, wires, kept=lambda item: True):
+    """The recording once more, with these wires alone and of their messages those that `kept`
+    takes: as an earlier version, which had no others, would have made it."""
+    reader = RecordingReader(goal.path)
+    items = [item for item in reader.messages() if item.wire in wires and kept(item)]
+    kinds = {wire: BUILT_IN[kind] for wire, (kind, _) in reader.wires.items() if wire in wires}
+    sources = sum(reader.wires[wire][1] == "driver" for wire in kinds)
+    with path.open("wb") as file:
+        recording = Recording(file, kinds, sources, reader.about)
+        for _, group in groupby(items, key=lambda item: item.instant):
+            instant = list(group)
+            said = {item.wire: item.message for item in instant}
+            recording.write((instant[0].time, *(said.get(wire) for wire in kinds)))
+        recording.finish(reader.end)
+    return recorded.read(path)
+
+
+@pytest.mark.parametrize("missing", ["log", "follower.state"])
+def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path, missing):
+    whole = replay_as(goal, Wanted(check=True))
+    assert missing in goal.wires and not whole.left_out
+    old = rewritten(goal, tmp_path / "old.mcap", set(goal.wires) - {missing})
+    done = replay_as(old, Wanted(check=True))
+    assert done.difference is None and set(done.left_out) == {missing}
+    assert done.compared + done.left_out[missing] == whole.compared
+    code, text = said(old.path, "--check")
+    assert code == 0 and f"messages on {missing}, a wire that the recording lacks" in text
+
+
+def test_a_wire_that_the_recording_has_is_compared_to_its_last_message(goal, tmp_path):
+    silent = rewritten(goal, tmp_path / "silent.mcap", goal.wires, lambda item: item.wire != "log")
+    done = replay_as(silent, Wanted(check=True))
+    assert done.difference.wire in ("log", "(time)") and not done.left_out
+    assert said(silent.path, "--check")[0] == 1
+
+
+def test_beside_a_wire_that_is_left_out_a_single_lost_message_shows(goal, tmp_path):
+    times = [item.time for item in RecordingReader(goal.path).messages() if item.wire == WHEELS]
+    lost = times[len(times) // 2]
+    wires = set(goal.wires) - {"log"}
+    holed = rewritten(
+        goal, tmp_path / "holed.mcap", wires, lambda item: (item.wire, item.time) != (WHEELS, lost)
+    )
+    first = replay_as(holed, Wanted(check=True)).difference
+    assert (first.wire, first.time, first.recorded) == (WHEELS, lost, "nothing")
 
 
 @pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])

@@ -62,6 +62,11 @@ def answer(terminal, text):
     terminal.type("\r")
 
 
+def level_of(client, block):
+    """From which level on a block is heard."""
+    return {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}[block]
+
+
 def robot_at(terminal, arrows="→↗↑↖←↙↓↘"):
     """Column and row of the robot's arrow on the screen."""
     terminal.until(lambda text: any(sign in text for sign in arrows), "the robot")
@@ -150,6 +155,23 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "guard.margin (m) =" in text, "the question again")
         answer(terminal, "-1")
         terminal.until(lambda text: "must be" in text, "the refusal")
+
+
+def test_a_block_is_heard_from_another_level_on(engine, tmp_path):
+    client, _ = engine
+    with dash(tmp_path) as terminal:
+        terminal.type("5")
+        terminal.until(lambda text: "robot: link up" in text, "the log")
+        for said, seen in (("guard loud", "no level 'loud'"), ("gard debug", "did you mean guard"),
+                           ("debug", "give a block")):  # fmt: skip
+            terminal.type("\r")
+            terminal.until(lambda text: "log: BLOCK LEVEL" in text, "the question")
+            terminal.type(f"{said}\r")
+            terminal.until(lambda text, seen=seen: seen in text, "the refusal")
+        terminal.type("\r")
+        terminal.until(lambda text: "log: BLOCK LEVEL" in text, "the question again")
+        terminal.type("guard debug\r")
+        client.until(lambda status: level_of(client, "guard") == "debug")
 
 
 def test_it_follows_the_windows_size(engine, tmp_path):

@@ -20,7 +20,7 @@ def check(case: Case) -> None:
         return  # no line carries anything
     rate, has_edge_times, protocol, _, _ = known
     baud = wire.baud_of(case.robot.link)
-    frame = wire.frame_bytes(protocol, has_edge_times, len(case.robot.sensors or {}))
+    frame = wire.frame_bytes(protocol, has_edge_times)
     load, room = rate * frame, wire.capacity(baud)
     if load <= wire.COMFORTABLE * room:
         return
@@ -32,8 +32,7 @@ def check(case: Case) -> None:
     fix = f"at most {most} Hz leaves room for replies; or raise link.baud"
     if has_edge_times and protocol == "diffbot":
         fix += ", or set edge_times: false"
-    sensors = [f"sensors.{name}" for name in (case.robot.sensors or {})]
-    place = case.blame("board.telemetry", "link.baud", "board.edge_times", *sensors[1:])
+    place = case.blame("board.telemetry", "link.baud", "board.edge_times")
     if load > room:
         case.error("E-LINK-BUDGET", place, cause, fix)
     else:

@@ -57,14 +57,13 @@ def found_by(robot: Any) -> dict[str, str]:
 
 def check(case: Case) -> None:
     """Refuse implausible entries; before a real robot moves, name what was never calibrated."""
-    robot, nominal = case.robot, case.nominal
-    if robot is None or nominal is None:
+    if case.robot is None or case.nominal is None:
         return
-    for path in robot.calibration or {}:
-        known, stated = case.known(path), _field(nominal, path)
+    for path in case.robot.calibration or {}:
+        known, stated = case.known(path), case.stated(path)
         if known is None:
             continue
-        why = _implausible(path, known[0], stated) or _unlike(case, path)
+        why = _implausible(path, known[0], stated[0] if stated else None) or _unlike(case, path)
         if why:
             place = case.robot_at("calibration", path, "value")
             fix = "calibrate again, or delete the entry"
@@ -121,9 +120,3 @@ def _needed(case: Case, by: dict[str, str]) -> Iterator[str]:
             for path in by:
                 if path == wanted or path.startswith(f"{wanted}."):
                     yield path
-
-
-def _field(robot: Any, path: str) -> Any:
-    for step in path.split("."):
-        robot = robot.get(step) if isinstance(robot, dict) else getattr(robot, step, None)
-    return robot

@@ -170,6 +170,9 @@ class Dashboard(Cockpit):
         """What is no driving."""
         if self.view == "parameters" and self._parameter_key(key):
             return True
+        if self.view == "log" and key == "enter":
+            self.ask("log: BLOCK LEVEL, such as guard debug, * info:", "", self._hear)
+            return True
         return press(self, key)
 
     def _parameter_key(self, key: str) -> bool:
@@ -240,6 +243,14 @@ class Dashboard(Cockpit):
         if wrong:
             near = nearest(wrong[0], known)
             self.said = f"there is no {wrong[0]}" + (f"; did you mean {near}?" if near else "")
+
+    def _hear(self, text: str | None) -> None:
+        """Hear a block in the log from a level on."""
+        parts = (text or "").split()
+        if len(parts) == 2:
+            self.do("log_level", block=parts[0], level=parts[1])
+        elif parts:
+            self.said = f"{text}: give a block, or *, and a level"
 
     def _set(self, text: str | None) -> None:
         rows = panels.live(self.sight)

@@ -25,6 +25,7 @@ LINES = (
     ("right drag, { } ( )", "pan left, right, up, down"),
     ("1 2 3 4 5, n", "map, plots, parameters, blocks, log; the next of them"),
     ("3, arrows, enter", "change a parameter"),
+    ("5, enter", "hear a block in the log from another level on"),
     ("g", "a goal in numbers"),
     ("space", "stop: while driving stand, else hold until r"),
     ("r", "resume"),

@@ -1,12 +1,13 @@
-"""Both views of a robot as one SVG picture, drawn to scale."""
+"""Views of a robot as one SVG picture, drawn to scale, with their lengths."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import escape
 
 from diffbotctl.model.drawing import Dimension, Outline, Point, View
+from diffbotctl.svg import document, mark, points, words
 
 WIDTH = 640.0  # px of the wider view; enough to read every length
 MARGIN = 70.0  # px around a view, where its lengths are written
@@ -36,18 +37,14 @@ def svg(title: str, views: Sequence[View]) -> str:
         sheet = Sheet(scale, MARGIN - left * scale, above + MARGIN + high * scale)
         inner += _view(view, sheet, above)
         above += (high - low) * scale + 2 * MARGIN
-    width, height = WIDTH + 2 * MARGIN, above
-    head = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
-        f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="sans-serif" font-size="{TEXT:g}">'
+    name = words(MARGIN, MARGIN / 2, title, font_weight="bold")
+    return document(
+        WIDTH + 2 * MARGIN, above, [name, *inner], font_family="sans-serif", font_size=TEXT
     )
-    name = f'<text x="{MARGIN:g}" y="{MARGIN / 2:g}" font-weight="bold">{escape(title)}</text>'
-    paper = '<rect width="100%" height="100%" fill="white"/>'
-    return "\n".join([head, paper, name, *inner, "</svg>"]) + "\n"
 
 
 def _view(view: View, sheet: Sheet, above: float) -> Iterator[str]:
-    yield f'<text x="{MARGIN:g}" y="{above + TEXT:g}">{escape(view.title)}</text>'
+    yield words(MARGIN, above + TEXT, view.title)
     for outline in view.outlines:
         yield _outline(outline, sheet)
     for number, dimension in enumerate(view.dimensions):
@@ -55,14 +52,15 @@ def _view(view: View, sheet: Sheet, above: float) -> Iterator[str]:
 
 
 def _outline(outline: Outline, sheet: Sheet) -> str:
-    points = " ".join(f"{x:.2f},{y:.2f}" for x, y in map(sheet.place, outline.points))
-    shape = "polygon" if outline.closed else "polyline"
-    fill = FILLS[outline.colour] if outline.closed else "none"
-    stroke = "#c03030" if outline.colour == "red" else "#222222"
-    title = f"<title>{escape(outline.name)}</title>"
-    name = quoteattr(outline.name)
-    look = f'fill="{fill}" fill-opacity="0.8" stroke="{stroke}"'
-    return f"<{shape} data-part={name} points={quoteattr(points)} {look}>{title}</{shape}>"
+    return mark(
+        "polygon" if outline.closed else "polyline",
+        mark("title", escape(outline.name)),
+        data_part=outline.name,
+        points=points(map(sheet.place, outline.points)),
+        fill=FILLS[outline.colour] if outline.closed else "none",
+        fill_opacity=0.8,
+        stroke="#c03030" if outline.colour == "red" else "#222222",
+    )
 
 
 def _dimension(dimension: Dimension, sheet: Sheet, number: int) -> Iterator[str]:
@@ -74,16 +72,14 @@ def _dimension(dimension: Dimension, sheet: Sheet, number: int) -> Iterator[str]
         x1 = x2 = x1 - 2 * TEXT
     elif not inside:
         y1 = y2 = y1 + 1.5 * TEXT
-    line = f'<line x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"'
-    yield f'{line} stroke="#666666" stroke-dasharray="4 3"/>'
-    label = escape(dimension.label)
+    yield mark("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke="#666666", stroke_dasharray="4 3")
     if upright:
         x, y = x1 - TEXT / 3, (y1 + y2) / 2
-        turn = f'transform="rotate(-90 {x:.2f} {y:.2f})"'
-        yield f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="middle" {turn}>{label}</text>'
+        turn = f"rotate(-90 {x:.2f} {y:.2f})"
+        yield words(x, y, dimension.label, text_anchor="middle", transform=turn)
     else:
-        y = y1 + TEXT * 1.2
-        yield f'<text x="{(x1 + x2) / 2:.2f}" y="{y:.2f}" text-anchor="middle">{label}</text>'
+        x, y = (x1 + x2) / 2, y1 + TEXT * 1.2
+        yield words(x, y, dimension.label, text_anchor="middle")
 
 
 def _reach(view: View) -> tuple[float, float, float, float]:

@@ -1,0 +1,44 @@
+"""Marks of a picture: what is written, and that any text may stand in it."""
+
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from diffbotctl.svg import document, mark, number, points, words
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.0, "1"),
+        (0.125, "0.12"),  # to a hundredth of a pixel
+        (-0.001, "0"),
+        (10.0, "10"),  # no nought of the number itself is lost
+        (7, "7"),
+        ("4 3", "4 3"),
+    ],
+)
+def test_numbers_are_as_short_as_they_can_be(value, text):
+    assert number(value) == text
+
+
+def test_a_mark_with_its_looks():
+    assert mark("circle", cx=1.5, r=4, fill="#fff") == '<circle cx="1.5" r="4" fill="#fff"/>'
+    assert mark("text", "a", class_="pin", text_anchor=None) == '<text class="pin">a</text>'
+    assert mark("line", stroke_width=2) == '<line stroke-width="2"/>'
+    assert points([(0, 1.5), (2.25, -3)]) == "0,1.5 2.25,-3"
+
+
+# Characters that XML itself allows.
+TEXTS = some.text(some.characters(min_codepoint=32, exclude_categories=("Cs", "Cn"),
+                                  exclude_characters="\x7f\ufffe\uffff"))  # fmt: skip
+
+
+@given(TEXTS, TEXTS)
+def test_any_text_may_stand_in_it(said, look):
+    root = ElementTree.fromstring(document(10, 20.4, [words(1, 2, said, data_part=look)]))
+    assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("10", "20", "0 0 10 20")
+    _, text = root
+    assert (text.text or "") == said and text.get("data-part") == look
