@@ -24,6 +24,10 @@ CODES: dict[str, Code] = {
     "E-DEFECT": _code("diffbotctl itself failed", """
         Something happened that nobody foresaw. The robot was stopped before this was printed. Run
         the same command with --debug in front: the traceback that it prints is what we need."""),
+    "E-DISK-FULL": _code("the disk is full", """
+        What had to be written found no space on its disk. A robot that was driving was stopped
+        before this was printed. `df -h` lists the disks and what is left on each; recordings and
+        the flights in ~/.local/state/diffbotctl/flights are the first to look at."""),
     "E-CALIBRATE-LOG": _code("a log to calibrate from that cannot serve", """
         `calibrate from-log` reads recordings (.mcap) of ours, and CSV files whose first line names
         the columns: time (s), right and left (counts since the start; backward is less), and where

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -128,10 +129,29 @@ def kept(step: Step, outcome: Outcome, rig: Rig, folder: Path) -> Done:
             picture.write_text(text)
             files.append(picture)
     except OSError as error:
-        cause = f"cannot write there: {error.strerror}"
-        raise RunError(Problem("E-CALIBRATE-WRITE", str(folder), cause, "")) from error
+        raise _unwritable(folder, error) from error
     origin = Origin(outcome.method, stamp(now), outcome.volts, fingerprint([recording]))
     return Done(outcome, origin, files)
+
+
+def refuse_unwritable(folder: Path) -> None:
+    """Raises RunError where nothing could be kept, before anybody has measured anything."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        trial = folder / f".trial.{os.getpid()}"
+        trial.write_text("".join(map(str, range(ROOM))))
+        trial.unlink()
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+
+
+ROOM = 1000  # numbers: some kB, that a full disk does not take
+
+
+def _unwritable(folder: Path, error: OSError) -> RunError:
+    cause = f"cannot write there: {error.strerror}"
+    fix = "go to a folder of yours, on a disk that has room"
+    return RunError(Problem("E-CALIBRATE-WRITE", str(folder), cause, fix))
 
 
 def _free(folder: Path, begins: str, suffix: str) -> Path:

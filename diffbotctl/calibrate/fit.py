@@ -109,7 +109,9 @@ def _mistakes(drives: Sequence[Drive], stated: Geometry) -> tuple[bool, float, G
         raise ValueError("no geometry near the stated one brings these drives to their ends")
     best = min(found, key=lambda each: each[0])
     plain = next((each for each in found if not each[1] and each[2] == 1), None)
-    chosen = plain if plain and plain[0] < EVIDENCE * best[0] else best
+    # What the tape cannot tell from chance is no evidence against the person.
+    enough = max(EVIDENCE * best[0], MEDIANS[3])
+    chosen = plain if plain and plain[0] < enough else best
     return chosen[1:]
 
 

@@ -62,7 +62,7 @@ def age(date: str | None, now: datetime) -> str:
     for length, name in ((DAY, "day"), (HOUR, "hour"), (MINUTE, "minute")):
         if seconds >= length:
             count = int(seconds / length)
-            return f"{count} {name}{'s' * (count != 1)}"
+            return f"{count} {name}{'s' * (count != 1)} old"
     return "just now" if seconds > -MINUTE else "in the future: check the clock"
 
 

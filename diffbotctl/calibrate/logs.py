@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
-from math import radians
+from math import hypot, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from diffbotctl.errors import Problem, UsageError, listed
 
 COUNTS = ("time", "right", "left")
 POSE = ("x", "y", "heading")
+FAR = 1.5  # times what the wheels rolled; none is half as large again as the file states
 FINGERPRINT = 16  # hexadecimal digits
 MARKED = "utf-8-sig"  # spreadsheets begin their files with a byte-order mark
 
@@ -70,6 +71,18 @@ def with_end(counts: Counts, end: Sequence[float]) -> Drive:
     rows = np.array([0, len(counts.times) - 1])
     poses = np.array([[0.0, 0.0, 0.0], end])
     return Drive(counts.name, counts.times, counts.turns, rows, poses, counts.tick, TAPE)
+
+
+def refuse_too_far(counts: Counts, end: Sequence[float], diameter: float, path: Path) -> None:
+    """Raises UsageError for an `end` (m) of `path` that wheels of `diameter` (m) cannot have met.
+
+    Nothing is as often wrong with a tape's figures as their unit.
+    """
+    rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
+    away = hypot(end[0], end[1])
+    if away > FAR * rolled:
+        cause = f"has {counts.name} end {away:.4g} m from its start, but its wheels rolled "
+        raise unusable(path, f"{cause}{rolled:.3g} m; x and y are in metres")
 
 
 def with_truth(counts: Counts, path: Path) -> Drive:

@@ -136,8 +136,9 @@ def report(sensor: str, found: RangeFit) -> list[str]:
             f"{each.distance * CM:5.1f} cm {each.volts:7.3f} V {each.noise * MV:4.0f} mV "
             f"{found.told(each) * CM:5.1f} cm {found.error(each) * MM:+6.1f} mm{bad}"
         )
+    sign = "-" if found.c < 0 else "+"
     lines.append(
-        f"{sensor}: volts = {found.a:.4f} / (distance + {found.b:.4f}) {found.c:+.3f}; "
+        f"{sensor}: volts = {found.a:.4f} / (distance + {found.b:.4f}) {sign} {abs(found.c):.3f}; "
         f"one reading scatters by {found.noise * MV:.0f} mV"
     )
     lines += _warnings(found)

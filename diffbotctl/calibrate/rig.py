@@ -30,6 +30,7 @@ SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is 
 
 QUIET = 1.0  # s of listening, after a stop, for inputs that count by themselves
 CAPTURE_PATIENCE = 0.3  # s until the board has heard of it, or has told the rest
+STOPPED_BY_KEY = "the robot was stopped; run the step again when you like"
 HUM = 5  # counts in that time; a wheel that rolls out gives fewer
 
 Wanted = Duty | Wheels
@@ -116,6 +117,14 @@ class Rig:
         An encoder that counts while nothing turns is noticed on the way. Raises RunError when
         that does not come about.
         """
+        self._hear()
+        self.driver.stop(self.now)
+        self.still = self._counts_in(self.listen(QUIET).encoders)
+        self.noisy = any(count >= HUM for count in self.still)
+        self.rest()
+
+    def _hear(self) -> None:
+        """Wait for a frame over a link that is up. Raises RunError when none comes."""
         begun = self.now
         while self.encoders is None or self.heard_at <= begun or self._link_trouble():
             if self.now - begun > MEETING:
@@ -123,10 +132,6 @@ class Rig:
                 fix = "is it switched on, and does `diffbotctl blink` work?"
                 raise stopped(f"the board was not ready within 20 s: {cause}", fix)
             self._turn(self.now + STALE)
-        self.driver.stop(self.now)
-        self.still = self._counts_in(self.listen(QUIET).encoders)
-        self.noisy = any(count >= HUM for count in self.still)
-        self.rest()
 
     def _link_trouble(self) -> str:
         """Why no command would be taken, as far as the link tells."""
@@ -138,9 +143,8 @@ class Rig:
         return abs(last.left - first.left), abs(last.right - first.right)
 
     def latest(self) -> Encoders:
-        """The last frame; the first is waited for."""
-        if self.encoders is None:
-            self.meet()
+        """The last frame; one of now is waited for."""
+        self.awake()
         assert self.encoders is not None
         return self.encoders
 
@@ -230,12 +234,16 @@ class Rig:
         self.recording.append(frame)
 
     def awake(self) -> None:
-        """While a person was asked, nobody listened: hear again before anything moves.
+        """While a person was asked, nobody listened and time went by: catch up with both.
 
-        Raises RunError when nothing is heard.
+        What counted meanwhile is heard before anything moves. Raises RunError when nothing is.
         """
-        if self.encoders is None or self.now - self.heard_at > STALE:
+        self.now = max(self.now, self.clock.wait(self.now, [])[0])
+        if self.encoders is None:
             self.meet()
+        elif self.now - self.heard_at > STALE:
+            self._hear()
+            self.rest()
 
     def _take(self, heard: Heard, deliveries: list[Delivery], moving: bool) -> None:
         heard.deliveries.extend(deliveries)
@@ -259,7 +267,7 @@ class Rig:
         self.now = max(self.now, now)
         if self.keys is not None and self.keys.file in ready and self.keys.cause:
             self.driver.stop(self.now)
-            raise stopped(self.keys.cause, "")
+            raise stopped(self.keys.cause, STOPPED_BY_KEY)
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)

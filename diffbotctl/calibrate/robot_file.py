@@ -34,11 +34,11 @@ class Change(NamedTuple):
     before: bytes
     after: bytes
 
-    def difference(self) -> str:
-        """What changes, as a unified diff."""
+    def difference(self, state: str = "after") -> str:
+        """What changes, as a unified diff; `state` says what the file is then."""
         old, new = (text.decode().splitlines() for text in (self.before, self.after))
         name = lookup.shown(self.path)
-        return "\n".join(unified_diff(old, new, name, f"{name} (after)", lineterm="", n=1))
+        return "\n".join(unified_diff(old, new, name, f"{name} ({state})", lineterm="", n=1))
 
 
 def own_file(path: Path) -> tuple[Path, bool]:

@@ -29,13 +29,14 @@ def command(ctx: click.Context, live: bool, engine: str | None) -> int:
     if live or engine is not None:
         return _live(engine)
     from diffbotctl.config import registry
+    from diffbotctl.ui.paragraph import folded
 
     for name in registry.names():
         try:
             sentence = first_sentence(registry.block(name))
         except registry.RegistryError as error:
             sentence = f"cannot be used: {error}"
-        click.echo(f"{name:15} {sentence}")
+        click.echo(folded(f"{name:15} {sentence}", hang=16))
     clashes = registry.clashes()
     for clash in clashes:
         click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
@@ -90,13 +91,14 @@ def show(name: str) -> int:
     """Show the ports and parameters of the block NAME."""
     from diffbotctl.config import registry
     from diffbotctl.errors import Problem, UsageError
+    from diffbotctl.ui.paragraph import folded
 
     try:
         kind = registry.block(name)
     except registry.RegistryError as error:
         raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
     for line in described(name, kind):
-        click.echo(line)
+        click.echo(folded(line, hang=4))
     return 0
 
 
@@ -173,4 +175,4 @@ def _written(setting: Declaration) -> str:
 
     if isinstance(setting.default, float):
         return with_unit(setting.default, setting.unit)
-    return "none" if setting.default is None else str(setting.default)
+    return "none" if setting.default is None else str(setting.default).replace("False", "false")

@@ -144,12 +144,21 @@ def _logs(
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
     ticks = (right.encoder.slots, left.encoder.slots)
     counts = [read_counts(file, ticks) for file in files]
-    return _placed(counts, ends, truth), stated
+    return _placed(counts, ends, truth, max(stated.right, stated.left)), stated
 
 
-def _placed(counts: list[Counts], ends: Path | None, truth: tuple[Path, ...]) -> list[Drive]:
+def _placed(
+    counts: list[Counts], ends: Path | None, truth: tuple[Path, ...], diameter: float
+) -> list[Drive]:
     """The drives with the poses that are known of them, from wherever they are told."""
-    from diffbotctl.calibrate.logs import read_ends, unusable, with_end, with_own_poses, with_truth
+    from diffbotctl.calibrate.logs import (
+        read_ends,
+        refuse_too_far,
+        unusable,
+        with_end,
+        with_own_poses,
+        with_truth,
+    )
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]
@@ -159,4 +168,5 @@ def _placed(counts: list[Counts], ends: Path | None, truth: tuple[Path, ...]) ->
     for each in counts:
         if each.name not in told:
             raise unusable(ends, f"has no line for the recording {each.name}")
+        refuse_too_far(each, told[each.name], diameter, ends)
     return [with_end(each, told[each.name]) for each in counts]

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from diffbotctl.calibrate.findings import Finding, Origin
+    from diffbotctl.calibrate.listing import Listed
     from diffbotctl.calibrate.robot_file import Change
 
+COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
 
@@ -33,27 +35,51 @@ def own(path: Path) -> Path:
 
     mine, was_copied = own_file(path)
     if was_copied:
-        click.echo(f"{path.name} ships with diffbotctl and stays as it is: copied to {mine}")
+        click.echo(COPIED.format(name=path.name, mine=mine))
     return mine
 
 
 def put(made: Change, yes: bool) -> bool:
     """Show the change, ask, and write it. False: not wanted. Raises RunError."""
     from diffbotctl.calibrate.robot_file import write
+    from diffbotctl.config.lookup import shown
 
-    click.echo(made.difference())
+    difference = made.difference()
+    click.echo(_short(difference))
     if not yes and not _agreed():
+        if _short(difference) != difference:
+            click.echo(difference)
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
-    click.echo(f"{made.path} is written; as it was: {kept.name}. "
-               "`diffbotctl calibrate undo` goes back.")  # fmt: skip
+    click.echo(f"{shown(made.path)} is written; as it was: {kept.name}.")
+    click.echo("`diffbotctl calibrate undo` goes back.")
     return True
 
 
-def _agreed() -> bool:
+def _short(difference: str) -> str:
+    """The lines cut at the terminal's edge, so that what changes is seen at a glance.
+
+    A pipe gets them whole.
+    """
+    from diffbotctl.errors import CUT, WIDTH
+
+    if not sys.stdout.isatty():
+        return difference
+    lines = difference.split("\n")
+    return "\n".join(
+        line if len(line) <= WIDTH else line[: WIDTH - len(CUT)] + CUT for line in lines
+    )
+
+
+def refuse_nobody() -> None:
+    """Raises click.UsageError where nobody is there to agree, before anything moves."""
     if not sys.stdin.isatty():
         raise click.UsageError("Nobody is there to agree: add --yes to write, or --dry-run.")
+
+
+def _agreed() -> bool:
+    refuse_nobody()
     return click.confirm("Write this?", default=True)
 
 
@@ -71,11 +97,30 @@ def show(robot: str | None) -> None:
     file = load_robot(robot)
     rows = listing(file, datetime.now(UTC))
     click.echo(shown(file.file))
-    heads = ("field", "value", "sd", "age", "method", "battery", "recording")
-    for line in columns([heads, *rows]):
+    for line in _grouped(rows):
         click.echo(line)
-    for path, by in missing(file).items():
-        click.echo(f"{path}: never calibrated; `diffbotctl calibrate {by}` finds it")
+    unknown = missing(file)
+    if unknown:
+        click.echo("never calibrated, and found by:")
+    for line in columns(
+        [(f"  {path}", f"diffbotctl calibrate {by}") for path, by in unknown.items()]
+    ):
+        click.echo(line)
+
+
+def _grouped(rows: Sequence[Listed]) -> Iterator[str]:
+    """The entries that one calibration found under what they have in common."""
+    from itertools import groupby
+
+    from diffbotctl.ui.columns import columns
+
+    table = columns([("", "value", "sd"), *((f"  {row.field}", *row[1:3]) for row in rows)])
+    heads = next(table)
+    for (age, method, volts, recording), entries in groupby(rows, key=lambda row: row[3:]):
+        yield f"{method}, {age}; battery {volts}; recording {recording}"
+        yield heads
+        yield from (next(table) for _ in entries)
+        yield ""
 
 
 @click.command()
@@ -84,7 +129,8 @@ def undo(robot: str | None) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone
     from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import shown
 
     made = undone(load_robot(robot).file)
-    click.echo(made.difference())
-    click.echo(f"{made.path} is as it was before.")
+    click.echo(_short(made.difference("as before")))
+    click.echo(f"{shown(made.path)} is as it was before.")

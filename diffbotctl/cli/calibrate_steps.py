@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from diffbotctl.cli.calibrate_results import keep
+from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.answers import Attendant
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from diffbotctl.drivers.keys import Keyboard
     from diffbotctl.ui.steps import StepScreen
 
+INTERRUPTED = "\nInterrupted: the robot stands, and nothing of this step was written."
 FOLDER = Path("recordings")
 
 
@@ -53,9 +54,13 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
     """Run the steps called `names` one after the other on one robot; `settings` go to each."""
+    from diffbotctl.calibrate.chain import refuse_unwritable
     from diffbotctl.calibrate.order import step
     from diffbotctl.ui.steps import StepScreen
 
+    if not wanted.yes and not wanted.dry_run:
+        refuse_nobody()
+    refuse_unwritable(FOLDER)
     screen = StepScreen()
     steps = [step(name, **settings) for name in names]
     with _at_robot(wanted, screen) as (rig, attendant):
@@ -67,14 +72,15 @@ def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
 
 def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted: Wanted) -> None:
     from diffbotctl.calibrate.chain import kept, perform
+    from diffbotctl.ui.paragraph import folded
 
     try:
         outcome = perform(each, rig, attendant, screen)
     finally:
         screen.rest()
-    done = kept(each, outcome, rig, FOLDER)
     for line in outcome.report:
-        click.echo(line)
+        click.echo(folded(line, hang=2))
+    done = kept(each, outcome, rig, FOLDER)
     for file in done.files:
         click.echo(f"kept: {file}")
     if outcome.findings and not wanted.dry_run:
@@ -92,8 +98,10 @@ def _refuse(each: Step, faults: Sequence[str]) -> None:
 
 
 def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
+    from diffbotctl.ui.paragraph import folded
+
     where = "wheels off the ground" if each.lifted else "on the floor"
-    click.echo(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})")
+    click.echo(folded(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})"))
     if wanted.yes or wanted.answers is not None:
         return True
     return click.confirm("Do this step?", default=True)
@@ -103,7 +111,6 @@ def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
 def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attendant]]:
     """The robot, and whoever stands beside it; in the end it is stopped and let go."""
     from diffbotctl.calibrate.rigging import rig
-    from diffbotctl.cli.calibrate_results import own
     from diffbotctl.cli.port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import shown
@@ -117,6 +124,7 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
     click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
     keyboard = _keyboard()
     made, truths = rig(file, port, wanted.seed, keyboard, click.echo)
+    interrupted = False
     try:
         attendant = _attendant(wanted, truths, keyboard)
         if keyboard is None:
@@ -124,9 +132,14 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
         else:
             with keyboard.watching():
                 yield made, attendant
+    except (click.Abort, KeyboardInterrupt):
+        interrupted = True
+        raise
     finally:
         if not made.close() and real:
             click.echo("The stop was NOT CONFIRMED: switch the motors' battery off.", err=True)
+        elif interrupted:
+            click.echo(INTERRUPTED, err=True)
 
 
 def _keyboard() -> Keyboard | None:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import click
 
+BESIDE = 20  # columns of verdict and topic
+NOTHING = "# nothing to mend"  # a comment, for all of it may be handed to a shell
+
 
 @click.command()
 @click.option("--fix", is_flag=True, help="Print the commands that mend it; nothing is changed.")
@@ -22,17 +25,18 @@ def command(fix: bool, root: Path) -> int:
     from diffbotctl.ports.person import myself
     from diffbotctl.ports.remedy import commands
     from diffbotctl.runs.checkup import BAD, findings
+    from diffbotctl.ui.paragraph import folded
 
     person = myself()
     seen = survey(root, person)
     if fix:
-        for line in commands(root, seen, person):
+        for line in commands(root, seen, person) or [NOTHING]:
             click.echo(line)
         return 0
     bad = False
     for found in findings(root, person, seen):
-        click.echo(f"{found.verdict}  {found.topic:<14}  {found.words}")
+        click.echo(folded(f"{found.verdict}  {found.topic:<14}  {found.words}", hang=BESIDE))
         if found.fix:
-            click.echo(f"    {'':<14}  -> {found.fix}")
+            click.echo(folded(f"{'':<{BESIDE}}-> {found.fix}", hang=len("-> ")))
         bad |= found.verdict == BAD
     return 1 if bad else 0

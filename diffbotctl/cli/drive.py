@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from math import hypot, sqrt
+from math import degrees, hypot, sqrt
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -84,7 +84,7 @@ def command(
         finally:
             caller.tell("release")
         _look(caller, way)
-    click.echo(f"driven {way.driven:.3f} m, turned {way.turned:.3f} rad")
+    click.echo(f"driven {way.driven:.3f} m, turned {degrees(way.turned):.1f} deg")
     return 0
 
 

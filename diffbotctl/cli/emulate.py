@@ -40,6 +40,7 @@ def command(
     from diffbotctl.flash.job import load
     from diffbotctl.runs.signals import Signals
     from diffbotctl.runs.virtual_board import virtual_board
+    from diffbotctl.ui.paragraph import folded
 
     file = load_robot(robot)
     if image is None and not blank:
@@ -51,7 +52,8 @@ def command(
     signals = Signals()
     with virtual_board(file.nominal, seed, walls, image) as board:
         what = "nothing but its bootloader" if image is None else image.name
-        click.echo(f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})")
+        what = f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})"
+        click.echo(folded(what, hang=2))
         click.echo(f"USB port    {board.usb}")
         click.echo(f"radio port  {board.radio}")
         click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))

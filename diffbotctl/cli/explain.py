@@ -11,10 +11,11 @@ def command(code: str | None) -> int:
     """Explain CODE, such as E-PIN-PWM; without one, list all codes."""
     from diffbotctl.codes import CODES
     from diffbotctl.errors import Problem, UsageError, nearest
+    from diffbotctl.ui.columns import columns
 
     if code is None:
-        for each, entry in CODES.items():
-            click.echo(f"{each:18} {entry.title}")
+        for line in columns([(each, entry.title) for each, entry in CODES.items()]):
+            click.echo(line)
         return 0
     by_name = {name.upper(): name for name in CODES}
     name = by_name.get(code.upper(), "")

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from diffbotctl.flash.events import Event
 
 FLOATS = """\
-After each reset the board's pins float for 0.83 s, and a motor driver whose inputs float may
-turn the wheels. Lift them off the ground, or switch the motors' supply off."""
+After each reset the board's pins float for 0.83 s, and a motor driver whose
+inputs float may turn the wheels. Lift them off the ground, or switch the
+motors' supply off."""
 STILL_ROSSERIAL = """\
 Note: {file} says link: {{protocol: rosserial}}, which this board no longer speaks. Say
 link: {{protocol: diffbot}} there before the next run."""

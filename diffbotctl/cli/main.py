@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -114,6 +116,7 @@ def main() -> None:
     """Entry point. Errors leave as words and an exit code, never as a traceback."""
     from diffbotctl.errors import UserError
 
+    _never_fail_at_letters()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     try:
@@ -133,9 +136,32 @@ def main() -> None:
     except Exception as error:
         if debug:
             raise
+        if isinstance(error, OSError) and error.errno in FULL:
+            print(_full(error), file=sys.stderr)
+            sys.exit(1)
         print(_defect(error), file=sys.stderr)
         sys.exit(1)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+def _never_fail_at_letters() -> None:
+    """What a terminal, a pipe or a file name's bytes cannot say is a question mark, no failure."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="replace")
+
+
+def _full(error: OSError) -> str:
+    """Words for a disk that takes no more."""
+    from diffbotctl.errors import Problem
+
+    place = str(error.filename or "the output")
+    cause = "no space is left where this had to be written"
+    fix = "make room (`df -h` shows where), or write elsewhere"
+    return Problem("E-DISK-FULL", place, cause, fix).render()
 
 
 def _defect(error: Exception) -> str:

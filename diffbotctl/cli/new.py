@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from typing import TextIO
 
 
 @click.group()
@@ -53,7 +57,7 @@ def write(kind: str, name: str) -> None:
     template = new_yaml.ROBOT if kind == "robot" else new_yaml.PIPELINE
     _write(path, template.format(name=name, file=path, schema=_schema(kind)))
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
-    click.echo(f"Now: diffbotctl check {path}; {also}")
+    click.echo(f"Now: diffbotctl check {path}\n     {also}")
 
 
 def _schema(kind: str) -> str:
@@ -80,14 +84,25 @@ def _write(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
-            file.write(text)
+            _fill(path, file, text)
     except FileExistsError as error:
         fix = "give another name, or move that one away"
         raise _refused("E-FILE-WRITE", str(path), "there is such a file already", fix) from error
     except OSError as error:
         cause = f"cannot be written: {error.strerror}"
-        raise _refused("E-FILE-WRITE", str(path), cause, "go to a folder of yours") from error
+        fix = "go to a folder of yours, on a disk that has room"
+        raise _refused("E-FILE-WRITE", str(path), cause, fix) from error
     click.echo(f"written: {path}")
+
+
+def _fill(path: Path, file: TextIO, text: str) -> None:
+    """Write it whole, or leave no file: half a robot would be one that every command finds."""
+    try:
+        file.write(text)
+        file.flush()
+    except OSError:
+        path.unlink()
+        raise
 
 
 def _refused(code: str, place: str, cause: str, fix: str) -> Exception:

@@ -25,6 +25,8 @@ def list_(live: bool, engine: str | None) -> int:
     for row in _parameters(engine):
         if row["live"] or not live:
             _show(row)
+    if sys.stdout.isatty() and not live:
+        click.echo("* may change while running: diffbotctl param set PARAMETER VALUE")
     return 0
 
 
@@ -71,8 +73,17 @@ def _show(row: dict[str, Any]) -> None:
         click.echo(json.dumps(row))
         return
     mark = "*" if row["live"] else " "
-    unit = "" if row["unit"] in ("", "1") else f" {row['unit']}"
-    click.echo(f"{mark} {row['parameter']:26} {row['value']}{unit}")
+    click.echo(f"{mark} {row['parameter']:26} {_shown(row)}")
+
+
+def _shown(row: dict[str, Any]) -> str:
+    """The value as a person reads it: `0.0349 rad`."""
+    value = row["value"]
+    if isinstance(value, float):
+        from diffbotctl.params import with_unit
+
+        return with_unit(value, row["unit"])
+    return value if isinstance(value, str) else _written(row)
 
 
 @command.command()

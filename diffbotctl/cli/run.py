@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.aside import Aside
+
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.hub.latest import Snapshot
@@ -98,10 +100,10 @@ def command(
     )
     if dash:
         return _with_dashboard(configuration, options)
-    run = Run(
-        configuration, options, None if quiet else screen(configuration, port), _shout, Signals()
-    )
-    return _finish(run)
+    aside = Aside()
+    picture = None if quiet else screen(configuration, port)
+    run = Run(configuration, options, picture, aside.say, Signals())
+    return _finish(run, aside)
 
 
 def _socket(name: str | None, group: str | None) -> Socket:
@@ -119,14 +121,17 @@ def _with_dashboard(configuration: Configuration, options: Options) -> int:
     check_terminal(options.socket is not None)
     held = Held()
     run = Run(configuration, options, show, held.words.append, Signals(), held.give_back)
-    code = _finish(run)
+    code = _finish(run, Aside())
     for text in held.words:
-        _shout(text)
+        click.echo(text, err=True)
     return code
 
 
-def _finish(run: Run) -> int:
-    result = run.go()
+def _finish(run: Run, aside: Aside) -> int:
+    try:
+        result = run.go()
+    finally:
+        aside.end()
     from diffbotctl.ui.summary import lines
 
     for line in lines(result, run.operator.last):
@@ -139,17 +144,14 @@ def _finish(run: Run) -> int:
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
     from diffbotctl.runs.scene import VIRTUAL
+    from diffbotctl.ui.paragraph import folded
 
     where = f"REAL robot on {port}"
     if port in VIRTUAL:
         where = f"{VIRTUAL[port]} (seed {seed})"
     name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
     where = where if configuration.robot is not None else "no robot"
-    click.echo(f"{configuration.file}{name}: {where}")
-
-
-def _shout(text: str) -> None:
-    click.echo(text, err=True)
+    click.echo(folded(f"{configuration.file}{name}: {where}", hang=2))
 
 
 def screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:

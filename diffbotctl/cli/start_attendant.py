@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from diffbotctl.start.answers import QUESTIONS
+from diffbotctl.ui.paragraph import folded
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,10 +51,24 @@ class Attendant:
         question = QUESTIONS[name]
         if self._answers is not None:
             answer = self._answers.answer(question)
-            click.echo(f"  {question.text} {answer}")
+            click.echo(folded(f"  {question.text} {answer}"))
             return answer
         if not sys.stdin.isatty():
             fix = f"give --answers FILE with a line such as {name}: {question.choices[0]}"
             raise UsageError(Problem("E-START-ANSWER", name, "nobody is there to be asked", fix))
-        found: str = click.prompt(f"  {question.text}", type=click.Choice(question.choices))
+        found: str = click.prompt(
+            folded(f"  {question.text} ({', '.join(question.choices)})"),
+            value_proc=partial(_chosen, question.choices),
+        )
         return found
+
+
+def _chosen(choices: tuple[str, ...], typed: str) -> str:
+    """The choice that begins like what was typed. Raises BadParameter for none, or several."""
+    from diffbotctl.errors import listed
+
+    word = typed.strip().lower()
+    begun = [each for each in choices if word and each.startswith(word)]
+    if len(begun) != 1:
+        raise click.BadParameter(f"answer {listed(choices)}")
+    return begun[0]

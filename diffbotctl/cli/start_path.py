@@ -11,6 +11,7 @@ import click
 
 from diffbotctl.cli.start_attendant import Attendant, Enough
 from diffbotctl.start.chapters import CHAPTERS, Chapter, numbered
+from diffbotctl.ui.paragraph import folded
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
@@ -25,12 +26,15 @@ MEASURED = {
     "geometry": "drive.track",
 }
 NO_BOARD = """\
-No board is plugged in. Connect a Mega 2560 with its USB cable, and start again: the path goes on
-here. If one is plugged in, `diffbotctl ports` says why it is not seen; `diffbotctl wiring` draws
-what else is connected to it. Without a board, `diffbotctl emulate` makes one to try all this on:
-diffbotctl start --port PORT"""
+No board is plugged in. Connect a Mega 2560 with its USB cable, and start again:
+the path goes on here. If one is plugged in, `diffbotctl ports` says why it is
+not seen; `diffbotctl wiring` draws what else is connected to it.
+Without a board, type `diffbotctl emulate` in another terminal: it makes one to
+try all this on, and says which ports to give here:
+    diffbotctl start --port PORT"""
 STOCK = """\
-{robot} says link: {{protocol: rosserial}}: the board keeps the book's firmware. It drives as it is:
+{robot} says link: {{protocol: rosserial}}:
+the board keeps the book's firmware. It drives as it is:
     diffbotctl run goal --robot {robot} --port {port}
 This path is for ours, which stops by itself when the host falls silent. Say
 link: {{protocol: diffbot}} in the file, and start again."""
@@ -57,6 +61,9 @@ class Walk:
         if port is not None and notes.get("port") != port:
             notes["port"] = port
             self._undo("board", "firmware")
+        if "robot" in notes and not os.path.exists(notes["robot"]):
+            del notes["robot"]  # deleted since: what was done with it does not count
+            record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
         if "port" in notes and not os.path.exists(notes["port"]):
             self._undo("board", "firmware")  # unplugged since, or its name has changed
 
@@ -87,13 +94,13 @@ class Walk:
         following = None
         for chapter in CHAPTERS:
             if chapter.key in self.record.done:
-                click.echo(f"done   {numbered(chapter.key)}: {self._worded(chapter.truth)}")
+                _told("done", chapter, self._worded(chapter.truth))
             elif following is None:
                 following = chapter
         if following is None:
             click.echo(END.format(robot=self.robot, port=self.radio or self.port))
         else:
-            click.echo(f"next   {numbered(following.key)}: {following.ahead}")
+            _told("next", following, following.ahead)
         return following
 
     def go(self) -> int:
@@ -104,14 +111,14 @@ class Walk:
             if chapter.key in self.record.done:
                 continue
             click.echo(f"\n{click.style(numbered(chapter.key), bold=True)}")
-            click.echo(f"  next: {chapter.ahead}")
+            _say(f"  next: {chapter.ahead}")
             try:
                 getattr(self, f"_{chapter.key}")()
             except Enough as why:
-                click.echo(str(why))
+                _say(str(why))
                 return 0
             self.record.finish(chapter.key)
-            click.echo(f"  now: {self._worded(chapter.truth)}")
+            _say(f"  now: {self._worded(chapter.truth)}")
         click.echo("\n" + END.format(robot=self.robot, port=self.radio or self.port))
         return 0
 
@@ -134,13 +141,13 @@ class Walk:
             own_name = Path("robots") / f"{NEW_ROBOT}.yaml"
             refuse_shipped_folder(own_name)
             if not own_name.exists():
-                click.echo("  It is the book's kit; change what differs on yours.")
+                _say("  It is the book's kit; change what differs on yours.")
                 new.write("robot", NEW_ROBOT)
             path = own_name
         self.record.notes["robot"] = str(own(path))
         for warning in load_robot(self.robot).warnings:
             click.echo(warning.render())
-        click.echo(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
+        _say(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
 
     def _board(self) -> None:
         from diffbotctl.cli.port import choose_port
@@ -161,16 +168,16 @@ class Walk:
         if self._file().robot.link.protocol != "diffbot":
             raise Enough(STOCK.format(robot=self.robot, port=self.radio or self.port))
         if greets(self.port, self._file().robot):
-            click.echo("  It runs our firmware already: nothing to write.")
+            _say("  It runs our firmware already: nothing to write.")
             return
-        click.echo("  It does not run our firmware. What is on it now will be written over.")
+        _say("  It does not run our firmware. What is on it now will be written over.")
         self.attendant.agree("lifted")
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
         _typed(flash, *words)
 
     def _wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":
-            click.echo("  Its file says that this was seen before.")
+            _say("  Its file says that this was seen before.")
             return
         self.attendant.agree("lifted")
         self._calibrate("encoders", rolls=0)
@@ -178,12 +185,12 @@ class Walk:
     def _measure(self) -> None:
         left = [step for step, field in MEASURED.items() if not self._is_known(field)]
         if not left:
-            click.echo("  Its file says that all of it was measured before.")
+            _say("  Its file says that all of it was measured before.")
             return
         answer = self.attendant.ask("measure")
         for step in left:
             if answer == "later" or (answer == "motors" and step != "motors"):
-                click.echo(f"  Later, then: diffbotctl calibrate {step}")
+                _say(f"  Later, then: diffbotctl calibrate {step}")
                 continue
             self.attendant.agree("lifted" if step == "motors" else "floor")
             self._calibrate(step)
@@ -194,7 +201,7 @@ class Walk:
 
     def _goal(self) -> None:
         self.attendant.agree("floor")
-        click.echo("  Put it back to where it started from, if you like it to end up there.")
+        _say("  Put it back to where it started from, if you like it to end up there.")
         self._run("goal", self.radio or self.port)
 
     # --- what they share ---
@@ -224,6 +231,15 @@ class Walk:
         code = _typed(run, *words)
         if code:
             raise click.ClickException("it did not get there; start again when that is mended")
+
+
+def _told(state: str, chapter: Chapter, text: str) -> None:
+    click.echo(folded(f"{state}   {numbered(chapter.key)}: {text}", hang=len("done   ")))
+
+
+def _say(text: str) -> None:
+    """Words of the path itself, between what its commands print."""
+    click.echo(folded(text))
 
 
 def _typed(module: Any, *words: str) -> int:

@@ -25,14 +25,19 @@ LOOK = 0.02  # s between two looks whether it has ended
 
 @click.command()
 @engine_option
-@click.option("--all", "everyone", is_flag=True, help="All engines that you may speak to.")
+@click.option("--all", "everyone", is_flag=True, help="As without --engine; no error for none.")
 @click.argument("reason", nargs=-1)
 def command(engine: str | None, everyone: bool, reason: tuple[str, ...]) -> int:
-    """Hold the robot until `diffbotctl resume`; REASON is shown to others."""
+    """Hold the robot until `diffbotctl resume`; REASON is shown to others.
+
+    Without --engine all are stopped that you may speak to: nobody in a hurry is asked which.
+    """
     from diffbotctl.hub.caller import chosen
     from diffbotctl.hub.place import engines
 
-    wanted = engines() if everyone else [chosen(engine)]
+    wanted = engines() if engine is None else [chosen(engine)]
+    if not wanted and not everyone:
+        chosen(None)  # says that there is none
     return max((_stop(each, " ".join(reason)) for each in wanted), default=0)
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from diffbotctl.hub.caller import Caller
 
 
+COUNTS = 0.2  # s a velocity holds that is said once; 0.3 s of silence are a lost operator
 WATCHING = 10  # niceness: whoever looks on leaves a small machine to the control path
 
 
@@ -98,10 +99,14 @@ def _words(message: dict[str, Any]) -> Iterator[str]:
     for name, value in message.items():
         if name == "time":
             yield f"{value / 1e9:.3f} s"
-        elif isinstance(value, float):
-            yield f"{name} {value:.4g}"
         else:
-            yield f"{name} {value}"
+            yield f"{name} {_short(value)}"
+
+
+def _short(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_short, value))}]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 @command.command()
@@ -144,15 +149,20 @@ def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int
     """Say MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal and the like.
 
     What blocks and drivers say is theirs alone, and a driver's input takes only what passed the
-    mux, the limits and the last gate.
+    mux, the limits and the last gate. A velocity that is said once holds for 0.2 s, then the robot
+    stands; so it does after Ctrl-C.
     """
     try:
         fields = json.loads(message)
     except ValueError as error:
         raise click.UsageError(f"MESSAGE is no JSON: {error}") from error
     with attached(engine, "topic pub") as caller:
-        while True:
-            caller.ask("publish", topic=topic, message=fields)
-            if rate is None:
-                return 0
-            time.sleep(1.0 / rate)
+        try:
+            while True:
+                caller.ask("publish", topic=topic, message=fields)
+                time.sleep(COUNTS if rate is None else 1.0 / rate)
+                if rate is None:
+                    return 0
+        finally:
+            # Who drove and is gone is lost; who lets go in good order leaves nothing held.
+            caller.tell("release")

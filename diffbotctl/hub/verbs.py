@@ -37,7 +37,11 @@ def follow(desk: Desk, client: Client, request: Request) -> Fields | Wanted:
 # What the engine may say to a command: code, cause, fix.
 ANSWERS: dict[str, tuple[str, str, str]] = {
     "not_finite": ("E-REQUEST", "a number is not finite", "send a finite one"),
-    "held": ("E-HELD", "the robot is held; `why` tells by what", "send resume first"),
+    "held": (
+        "E-HELD",
+        "the robot is held; `why` tells by what",
+        "resume first: `diffbotctl resume`",
+    ),
     "busy": ("E-BUSY", "someone else is driving", 'wait, or take over with "take_over": true'),
     "not_driving": ("E-REQUEST", "this client is not driving", "there is nothing to let go of"),
     "driving": ("E-BUSY", "someone is driving", "resume when they have let go"),

@@ -1,9 +1,10 @@
 """The questions of the path, and the answers file that can stand in for a person.
 
 lifted: yes
-left_wheel: forward
-right_wheel: forward
+measure: later
 floor: yes
+
+What a calibration asks on the way is answered by the names that its own answers file has.
 """
 
 from __future__ import annotations

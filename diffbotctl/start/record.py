@@ -7,6 +7,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from diffbotctl.errors import Problem, RunError
+
 
 class Record:
     """The chapters done with one robot, in a file below the user's state folder.
@@ -26,25 +28,32 @@ class Record:
         self.notes: dict[str, str] = notes if isinstance(notes, dict) else {}
 
     def finish(self, chapter: str) -> None:
-        """This chapter is done. Raises OSError when that cannot be written."""
+        """This chapter is done. Raises RunError when that cannot be written."""
         if chapter not in self.done:
             self.done.append(chapter)
         self.save()
 
     def forget(self) -> None:
-        """Begin anew with this robot. Raises OSError."""
+        """Begin anew with this robot. Raises RunError."""
         self.done.clear()
         self.notes.clear()
         self.save()
 
     def save(self) -> None:
-        """Write it, whole or not at all. Raises OSError."""
+        """Write it, whole or not at all. Raises RunError."""
         everything = _read(self.path)
         everything[self.robot] = {"done": self.done, "notes": self.notes}
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         beside = self.path.with_name(f".{self.path.name}.{os.getpid()}")
-        beside.write_text(json.dumps(everything, indent=1))
-        beside.replace(self.path)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            beside.write_text(json.dumps(everything, indent=1))
+            beside.replace(self.path)
+        except OSError as error:
+            with suppress(OSError):
+                beside.unlink()
+            cause = f"how far you have come cannot be kept there: {error.strerror}"
+            fix = "make room or give rights there, or set XDG_STATE_HOME to another folder"
+            raise RunError(Problem("E-FILE-WRITE", str(self.path), cause, fix)) from error
 
 
 def place() -> Path:

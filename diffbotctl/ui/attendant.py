@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.ui.paragraph import folded
+
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
@@ -46,11 +48,13 @@ class Person:
     def answer(self, question: Question, trouble: str) -> Answer:
         """What is typed. Raises AnswerError with the reason when it is of no use."""
         if trouble:
-            click.echo(f"No: {trouble}")
+            click.echo(folded(f"No: {trouble}", hang=2))
         hint = f" ({question.wanted})"
         default = "" if question.default is None else str(question.default)
         with self._typing():
-            typed = click.prompt(question.text + hint, default=default, show_default=bool(default))
+            typed = click.prompt(
+                folded(question.text + hint, hang=2), default=default, show_default=bool(default)
+            )
         return question.read(typed)
 
     def _wait(self, text: str) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from diffbotctl.ui.paragraph import folded
+
 if TYPE_CHECKING:
     from diffbotctl.calibrate.step import Drawing, Graph
     from diffbotctl.calibrate.step import Progress as Done
@@ -22,7 +24,7 @@ class StepScreen:
     def say(self, text: str) -> None:
         """A line, below a bar that is finished with it."""
         self.rest()
-        self.console.print(text, markup=False, soft_wrap=True)
+        self.console.print(folded(text), markup=False, soft_wrap=True)
 
     def progress(self, progress: Done) -> None:
         """A bar for what is under way."""

@@ -3,7 +3,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
 from diffbotctl.calibrate.drive import stretches, whole
@@ -23,6 +23,7 @@ def assert_near(found, true, share=1.0):
 
 @settings(max_examples=8, deadline=None)
 @given(some.floats(0.995, 1.005), some.floats(0.97, 1.03))
+@example(1.0, 1.0)  # other tracks close the same squares: nobody has made a mistake
 def test_exact_squares_give_the_geometry(ratio, track):
     true = STATED.reshaped(ratio, STATED.track * track)
     found = fit(squares(true, each_way=1), STATED)

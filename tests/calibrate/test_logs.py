@@ -1,4 +1,5 @@
 from math import nan, pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from click.testing import CliRunner
 from diffbotctl.calibrate.logs import (
     read_counts,
     read_ends,
+    refuse_too_far,
     with_end,
     with_own_poses,
     with_truth,
@@ -85,6 +87,21 @@ def test_no_poses_and_half_an_end(tmp_path):
         read_counts(tmp_path / "none.csv", (20, 20))
     with pytest.raises(UsageError, match="cannot be read"):
         read_counts(tmp_path / "none.mcap", (20, 20))
+
+
+@pytest.mark.parametrize(
+    ("x", "refused"),
+    # Two turns of a wheel of 65 mm are 0.408 m.
+    [(0.4, False), (0.6, False), (0.62, True), (400.0, True)],
+)
+def test_an_end_in_millimetres_is_noticed(tmp_path, x, refused):
+    text = "time,right,left\n0,0,0\n1,40,40\n"
+    counts = read_counts(written(tmp_path, "a.csv", text), (20, 20))
+    if not refused:
+        refuse_too_far(counts, (x, 0.0, nan), 0.065, Path("ends.csv"))
+        return
+    with pytest.raises(UsageError, match="metres"):
+        refuse_too_far(counts, (x, 0.0, nan), 0.065, Path("ends.csv"))
 
 
 def session(folder):

@@ -1,14 +1,29 @@
 """Calibration over real pseudo-terminals and in real time, as with a robot on the bench."""
 
+import csv
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from diffbotctl.config.load import load_robot
 from tests import virtual_board as board
+from tests.terminal import Terminal
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
+
+TYPED = (
+    ("no wheel turns more than", ""),
+    ("the left motor's pins are driven", ""),
+    ("Which wheel turned", "left forward"),
+    ("the right motor's pins are driven", ""),
+    ("Which wheel turned", "right forward"),
+    ("both at once", ""),
+    ("both motors are driven forward now", ""),
+    ("Which wheels turned", "both forward"),
+    ("Write this?", "y"),
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -32,6 +47,34 @@ def test_wires_are_proven_over_the_radio(robot):
         assert "SIMULATED" not in said and "as the robot file states" in said
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+
+
+def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
+    with board.board() as virtual:
+        words = board.command("calibrate", "encoders", "--rolls", 0, "--robot", robot,
+                              "--port", virtual.usb)  # fmt: skip
+        with Terminal(words, columns=160) as terminal:
+            for question, answer in TYPED:
+                terminal.until(lambda text, question=question: question in text, question)
+                terminal.look(1.5)  # longer than any link is silent on its own
+                terminal.screen.reset()
+                terminal.type(f"{answer}\r")
+            assert terminal.ended() == 0, terminal.text
+    assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+    # What piled up meanwhile would be told with times that are wrong by the board's 2.1 s.
+    (recording,) = Path("recordings").glob("encoders-*.csv")
+    with recording.open() as lines:
+        times = [float(row["time"]) for row in csv.DictReader(lines)]
+    assert len(times) > 100 and all(a < b for a, b in pairwise(times))
+
+
+def test_who_interrupts_is_told_that_the_robot_stands(robot):
+    words = board.command("calibrate", "distance", "--robot", robot, "--port", "sim")
+    with Terminal(words) as terminal:
+        terminal.until(lambda text: "Any key stops it" in text)
+        terminal.type("\x03")
+        assert terminal.ended() == 130
+        assert "Interrupted: the robot stands" in terminal.text
 
 
 def test_a_killed_calibration_leaves_a_board_that_stops_by_itself(robot):

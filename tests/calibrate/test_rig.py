@@ -3,6 +3,7 @@
 import os
 import select
 import shutil
+from math import pi
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from diffbotctl.calibrate.findings import Finding
 from diffbotctl.calibrate.rigging import rig
 from diffbotctl.calibrate.step import Announce, Outcome, Said
 from diffbotctl.config.load import load_robot
+from diffbotctl.engine.clock import VirtualClock
 from diffbotctl.errors import ConfigurationError, RunError
 from diffbotctl.messages import Duty, Wheels
 
@@ -58,6 +60,33 @@ def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itsel
     assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
     one.listen(2.0)  # nobody says stop: the dead-man does, after 300 ms
     assert truths.truth.left_speed == 0.0
+
+
+class Wall(VirtualClock):
+    """A clock that goes on while a person thinks."""
+
+    passed = 0
+
+    def wait(self, until, files):
+        now, ready = super().wait(until, files)
+        return max(now, self.passed), ready
+
+
+def test_a_person_who_thinks_for_long_takes_nothing_from_the_next_movement(made):
+    one, truths = made
+    one.clock = Wall()
+    one.clock.passed = one.now + 100 * SECOND
+    heard = one.hold(FORWARD, 1.0)
+    assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
+
+
+def test_counts_are_those_of_now_when_a_wheel_was_turned_while_a_person_thought(made):
+    one, _ = made
+    before = one.latest()
+    one.driver.robot.turn_by_hand(0, 6 * pi, 2 * pi)  # three turns in three seconds
+    one.clock = Wall()
+    one.clock.passed = one.now + 10 * SECOND
+    assert one.latest().left - before.left == pytest.approx(60, abs=1)  # 20 slots a turn
 
 
 def test_a_key_stops_it(robot):

@@ -171,7 +171,9 @@ def test_age_in_words(minutes, words):
 def test_the_commands_show_and_undo(robot):
     write(change(robot, [TRACK], ORIGIN))
     shown = CliRunner().invoke(command, ["show", "--robot", "./mine.yaml"]).output
-    assert "drive.track  0.1263 m  0.0002 m" in shown
-    assert "drive.left.motor.lag: never calibrated" in shown
+    lines = shown.splitlines()
+    assert lines[1].startswith("geometry, ") and "battery 7.4 V" in lines[1]
+    assert lines[2:4] == ["               value     sd", "  drive.track  0.1263 m  0.0002 m"]
+    assert "\n  drive.left.motor.lag        diffbotctl calibrate motors\n" in shown
     assert CliRunner().invoke(command, ["undo", "--robot", "./mine.yaml"]).exit_code == 0
     assert robot.read_bytes() == SHIPPED.read_bytes()

@@ -171,3 +171,10 @@ def test_whoever_says_no_moves_nothing(robot):
     person.type("no")
     person.wait_for("you did not want it")
     assert person.close() == 1
+
+
+def test_where_nothing_can_be_kept_is_said_before_anything_moves(robot):
+    Path("recordings").write_text("no folder")
+    done = calibrate("distance", "--robot", robot, "--port", "sim", "--answers", "answers.yaml",
+                     "--yes")  # fmt: skip
+    assert "E-CALIBRATE-WRITE" in str(done.exception) and done.output == ""

@@ -1,6 +1,7 @@
 """New files work as they stand, and a new block is found where its package is installed."""
 
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,17 @@ def test_nothing_is_written_over(kind):
         run(new.command, kind, "mine")
     assert told.value.problems[0].code == "E-FILE-WRITE"
     assert {path: path.read_text() for path in before} == before
+
+
+def test_a_disk_without_room_leaves_no_half_a_robot():
+    words = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
+    done = subprocess.run(
+        [*words, "new", "robot", "mine"], capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),  # bytes a file
+    )  # fmt: skip
+    assert done.returncode == 2 and "E-FILE-WRITE" in done.stderr
+    assert not list(Path("robots").iterdir())
 
 
 def python(*words, path):

@@ -95,6 +95,8 @@ def test_without_an_engine_and_with_several(tmp_path):
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
         first, second = Plain(tmp_path, "first"), Plain(tmp_path, "second")
         assert second.ask("status")["held"] and not first.ask("status")["held"]
+        code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
+        assert code == 0 and "first: stopped" in out and first.ask("status")["held"]
         code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
         assert code == 1 and "E-SOCKET" in complaint and "runs already" in complaint
 

@@ -1,6 +1,7 @@
 """topic, param, call, drive, blocks and graph on a running engine, as a person types them."""
 
 import json
+from math import radians
 
 import pytest
 
@@ -80,6 +81,15 @@ def test_a_goal_can_be_published(folder):
     client.until(lambda status: status["operator.goal"]["number"] == before + 1)
 
 
+def test_a_velocity_said_once_moves_the_robot_and_holds_nothing(folder):
+    client = Plain(folder)
+    before = client.ask("look")["messages"]["odometry.odometry"]["x"]
+    code, _, complaint = cli(folder, "topic", "pub", "operator.twist", '{"linear": 0.2}')
+    assert code == 0, complaint
+    assert client.until(stands)["held"] is None
+    assert client.ask("look")["messages"]["odometry.odometry"]["x"] != before
+
+
 def test_live_parameters_are_set_and_the_others_are_not(folder):
     assert cli(folder, "param", "set", "guard.margin", "8 cm")[0] == 0
     Plain(folder).ask("status")
@@ -143,7 +153,7 @@ def test_drive_for_a_distance_a_time_and_an_angle(folder, words, seen):
     code, out, complaint = cli(folder, "drive", *words)
     assert code == 0, complaint
     _, driven, _, _, turned, _ = out.replace(",", "").split()
-    assert seen(float(driven), float(turned))
+    assert seen(float(driven), radians(float(turned)))
     status = Plain(folder).until(stands)
     assert status["held"] is None  # letting go in good order holds nothing
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from diffbotctl.errors import RunError
 from diffbotctl.start.record import Record, place
 
 
@@ -36,6 +37,12 @@ def test_a_damaged_record_is_an_empty_one(tmp_path, text):
     assert (record.done, record.notes) == ([], {})
     record.finish("simulated")
     assert Record(path, "one").done == ["simulated"]
+
+
+def test_where_it_cannot_be_kept_the_place_is_named(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(RunError, match="XDG_STATE_HOME"):
+        Record(tmp_path / "file" / "start.json", "one").finish("simulated")
 
 
 def test_it_lies_where_state_belongs(monkeypatch):

@@ -65,9 +65,13 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     assert "SIMULATED" in said and "1 of 1 reached" in said
     assert "next: the Mega 2560 is looked for" in said
     assert "No board is plugged in" in said
+    assert max(map(len, said.splitlines())) <= 80
     assert person.done() == ["simulated", "robot"]
     code, said = person.types("start", "--status")
     assert "done   2 of 8" in said and "next   3 of 8" in said
+    (person.folder / "robots/my_robot.yaml").unlink()
+    code, said = person.types("start", "--status")
+    assert "done   1 of 8" in said and "next   2 of 8" in said
 
 
 def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
@@ -141,7 +145,7 @@ def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
             terminal.until(lambda text: "Are the wheels in the air" in text)
             terminal.type("perhaps\n")  # is asked again
             terminal.until(lambda text: "Error" in text)
-            terminal.type("yes\n")
+            terminal.type("y\n")  # as much of a word as tells it from the others
             terminal.until(lambda text: "Press Enter to begin" in text)
             terminal.type("no\n")  # to what would move
             assert terminal.ended() == 1

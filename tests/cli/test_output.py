@@ -1,0 +1,39 @@
+"""What becomes of words that their terminal, pipe or disk does not take."""
+
+import os
+import subprocess
+
+import pytest
+
+from tests.virtual_board import command
+
+# Each prints letters beyond ASCII to a UTF-8 terminal: boxes, braille, branches.
+PICTURES = (
+    ("show", "book_2wd"),
+    ("wiring", "book_2wd"),
+    ("frames", "book_2wd"),
+    ("graph", "goal", "--robot", "book_2wd"),
+)
+
+
+def said(*words, stdout=subprocess.PIPE, **variables):
+    return subprocess.run(
+        command(*words), stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE,
+        text=True, env=os.environ | variables,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("words", PICTURES)
+def test_a_terminal_without_the_letters_is_no_defect(words):
+    done = said(*words, PYTHONIOENCODING="ascii")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) > 5
+
+
+@pytest.mark.parametrize("words", (*PICTURES[:1], ("explain",), ("run", "goal", "--fast")))
+def test_a_full_disk_is_named_and_is_no_defect(words):
+    with open("/dev/full", "w") as full:
+        done = said(*words, stdout=full)
+    assert done.returncode == 1
+    assert "E-DISK-FULL" in done.stderr and "E-DEFECT" not in done.stderr
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr
