@@ -390,6 +390,10 @@ CODES: dict[str, Code] = {
         `body.width` is the whole width of the robot, tyres included. Blocks that keep clear of
         walls, the map, the simulated robot's collisions and the model go by it; the tyres reach
         from one side to the other by the track and one tyre's width."""),
+    "W-MOTOR-RATED": _code("a motor faster than those of such robots", """
+        `motor.rated` is the speed of the wheel, behind the gear, at full power. A number without a
+        unit is in rad/s, while motors are sold in revolutions a minute: 100 rpm are 10.5 rad/s.
+        Odometry and the speed loops expect ten times the speed when the unit is missing."""),
     "W-POLARITY": _code("nobody has seen the wheels turn the right way", """
         A one-channel encoder counts alike in both directions. With a motor's wires exchanged the
         robot would drive backwards and believe to drive forwards. Until it is proven that each

@@ -20,6 +20,8 @@ from diffbotctl.calibrate.drive import Floats
 # Student's t for 95 % both sides, by degrees of freedom; what follows is 2.
 STUDENT = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14)
 MANY = 2.0
+EXACT = 1e-6  # of the floor: drives that scatter less are computed ones
+ENDS = 3  # that tell how far they scatter
 
 
 class Bound(NamedTuple):
@@ -65,7 +67,10 @@ def _covariance(result: Adjusted, counts: Sequence[int], diameter_sd: float) -> 
     normal[0, 0] += result.spread / diameter_sd**2
     inverse = np.linalg.pinv(normal)
     # Overlapping pieces say the same several times: as many as lie over one another.
-    pieces_own = inverse * result.spread * _overlap(counts)
+    # An end or two are explained by some geometry however wrong they were measured: how little is
+    # missed then proves nothing, so their errors are taken to be what is expected of them.
+    spread = result.spread if sum(counts) >= ENDS else max(result.spread, 1.0)
+    pieces_own = inverse * spread * _overlap(counts)
     if len(counts) < 2:
         return np.asarray(pieces_own)
     ends = np.cumsum([0, *counts])
@@ -77,9 +82,11 @@ def _covariance(result: Adjusted, counts: Sequence[int], diameter_sd: float) -> 
     )
     drives = len(counts)
     scatter = inverse @ (pulls.T @ pulls) @ inverse * drives / (drives - 1)
-    sd = np.sqrt(np.diag(scatter))
+    sd = np.sqrt(np.maximum(np.diag(scatter), 0.0))
     floor = np.sqrt(np.diag(pieces_own))
-    stretch = np.maximum(1.0, floor / np.maximum(sd, np.finfo(float).tiny))
+    if (sd < EXACT * floor).any():
+        return np.asarray(pieces_own)
+    stretch = np.maximum(1.0, floor / sd)
     return np.asarray(scatter * np.outer(stretch, stretch))
 
 

@@ -99,8 +99,9 @@ class Encoders:
     def _roll(self, rig: Rig, side: str, socket: str) -> Generator[Event, Any, int]:
         """Counts at a socket while a wheel is turned by hand."""
         before = _counts(rig)
-        text = (f"turn the {side} wheel by hand, forward, through exactly {self.turns} turns, "
-                "no faster than a turn a second; a mark on the tyre helps")  # fmt: skip
+        turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
+        text = (f"Turn the {side} wheel by hand, forward, through exactly {turns}, "
+                "no faster than a turn a second; a mark on the tyre helps.")  # fmt: skip
         yield Act(f"encoders.{side}_turns", text, (side, float(self.turns)))
         rig.listen(LISTEN)
         return abs(_counts(rig)[socket] - before[socket])

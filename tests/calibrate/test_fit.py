@@ -44,6 +44,14 @@ def test_exact_paths_give_every_length_at_any_rate_of_rows(every):
     assert found.geometry.mean == pytest.approx(true.mean, rel=1e-3 * share)
 
 
+def test_the_end_of_one_drive_proves_little():
+    # Three figures, three unknowns: they fit exactly, and the tape may still be 5 mm off in 3 m.
+    true = Geometry(0.0655, 0.0652, 0.1417)
+    found = fit([drive("one", wander(5), true)], STATED)
+    assert not found.sees_diameter
+    assert found.confidence.track.half > 0.002
+
+
 def test_slip_leaves_the_truth_within_the_stated_confidence():
     found = fit(squares(TRUE, slip=0.0005), STATED)
     assert found.strays == []
