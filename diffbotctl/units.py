@@ -29,6 +29,7 @@ KINDS = {
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
+_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # as half of the world writes it
 
 
 class UnitError(ValueError):
@@ -43,6 +44,10 @@ def quantity(text: str, unit: str) -> float:
     """
     match = _QUANTITY.match(text)
     if match is None:
+        if _COMMA.match(text):
+            raise UnitError(
+                f"'{text}' has a comma: write a point, {text.strip().replace(',', '.')}"
+            )
         raise UnitError(f"'{text}' is not a number with a unit, such as {example(unit)}")
     number, written = float(match[1]), match[2]
     if written is None:

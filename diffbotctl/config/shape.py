@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -97,6 +98,10 @@ def _wants_collection(schema: Any) -> bool:
     return any(option.get("type") in ("object", "array") or "$ref" in option for option in options)
 
 
+INPUT = re.compile(r"blocks\.[^.]+\.in\.")
+TWO_WIRES = "an input takes one wire; the block command_mux lets one of two through"
+
+
 def _wrong_kind(value: Value, error: Any, within: str) -> Problem:
     wanted = error.schema.get("type", "")
     if value.data is None and not value.text:
@@ -108,7 +113,8 @@ def _wrong_kind(value: Value, error: Any, within: str) -> Problem:
     )  # fmt: skip
     words = {"object": "keys with values are", "array": "a list is"}.get(wanted, "one value is")
     cause = f"{within} is {is_what}, but {words} wanted"
-    return Problem("E-TYPE", value.spot, cause, _how(wanted))
+    fix = TWO_WIRES if isinstance(value.data, list) and INPUT.match(within) else _how(wanted)
+    return Problem("E-TYPE", value.spot, cause, fix)
 
 
 def _how(wanted: str) -> str:

@@ -53,7 +53,10 @@ def parse_any(source: Source, text: str) -> Value | None:
 
 def _not_a_mapping(root: Value | None, source: Source) -> list[Problem]:
     if root is None or root.data is None:
-        cause, fix = "this file is empty", "begin it with `format: 1` and `kind: robot`"
+        cause, fix = (
+            "this file is empty",
+            "begin it with `format: 1` and `kind: robot` or `pipeline`",
+        )
         return [Problem("E-YAML-TOP", source.name, cause, fix)]
     if isinstance(root.data, dict):
         return []
