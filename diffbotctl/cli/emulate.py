@@ -33,7 +33,8 @@ def command(
     """Start a virtual Mega 2560 that runs the real firmware, wired to the simulated ROBOT.
 
     Prints its two ports, and keeps pace with real time until Ctrl-C. Use them from another
-    terminal as those of a real board: flash, run --port, blink.
+    terminal as those of a real board: flash, run --port, blink. What you would see of the wheels
+    it tells here.
     """
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.emulator_process import IMAGE
@@ -57,7 +58,7 @@ def command(
         click.echo(f"USB port    {board.usb}")
         click.echo(f"radio port  {board.radio}")
         click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))
-        board.serve(signals.file)
+        board.serve(signals.file, click.echo)
         if board.lost:
             click.echo(f"This machine was too slow for {board.lost:.1f} s of it.", err=True)
 

@@ -14,15 +14,17 @@ from diffbotctl.drivers.emulated import STEP, EmulatedBoard
 from diffbotctl.drivers.emulator_process import IMAGE, Emulator, bootloader
 from diffbotctl.plant.robot import SimulatedRobot
 from diffbotctl.runs.emulation import settings_of
+from diffbotctl.runs.seen_wheels import SeenWheels
 from diffbotctl.runs.simulation import board_kind, machine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from diffbotctl.config.robot import Robot
     from diffbotctl.plant.world import World
 
 FARTHEST_BEHIND = 200_000_000  # ns; a machine that lost more time than this does not make it up
+SECOND = 1_000_000_000
 REST = 0.0005  # s of sleep between two looks at the clock, half a step
 
 
@@ -53,8 +55,12 @@ class VirtualBoard:
         self.lost = 0.0
         """s that the machine was too slow for, and which the board has not lived"""
 
-    def serve(self, stop: int) -> None:
-        """Keep pace with real time until the file `stop` becomes readable."""
+    def serve(self, stop: int, tell: Callable[[str], None]) -> None:
+        """Keep pace with real time until the file `stop` becomes readable.
+
+        `tell` is called with what an eye would see of the wheels, whenever that changes.
+        """
+        seen, wheels = SeenWheels(), self.board.plant.wheels
         begun = time.monotonic_ns() - self.board.now
         while not select.select([stop], [], [], REST)[0]:
             behind = time.monotonic_ns() - begun - self.board.now
@@ -64,6 +70,9 @@ class VirtualBoard:
             while behind >= STEP:
                 self.board.advance(self.board.now + STEP)
                 self.board.received.clear()
+                new = seen.look(self.board.now, [wheel.speed for wheel in wheels])
+                if new is not None:
+                    tell(f"{self.board.now / SECOND:7.1f} s  {new}")
                 behind = time.monotonic_ns() - begun - self.board.now
 
     def close(self) -> None:

@@ -47,6 +47,12 @@ def test_wires_are_proven_over_the_radio(robot):
         assert "SIMULATED" not in said and "as the robot file states" in said
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+    # What whoever has no robot before their eyes is asked for.
+    assert [line.split(" s  ")[1] for line in virtual.seen if "turn" in line] == [
+        "the left wheel turns forward, the right wheel stands",
+        "the left wheel stands, the right wheel turns forward",
+        "both wheels turn forward",
+    ]
 
 
 def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
