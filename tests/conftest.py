@@ -3,12 +3,15 @@
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 from pathlib import Path
 
 import pytest
 
 os.chdir(Path(__file__).parent.parent)
+# Under nohup, what is started here would inherit its deafness, and outlive closed terminals.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
 os.environ["XDG_STATE_HOME"] = _state  # where runs keep their last minutes
