@@ -66,9 +66,10 @@ class Newcomer:
         )
         try:
             assert board.stdout is not None
-            said = "".join(next(board.stdout) for _ in range(3))
-            ports = re.findall(r"port +(\S+)", said)
-            yield ["--port", ports[0], "--radio", ports[1]]
+            ports: dict[str, str] = {}
+            while len(ports) < 2 and (line := board.stdout.readline()):
+                ports.update(re.findall(r"^(USB|radio) port +(\S+)", line))
+            yield ["--port", ports["USB"], "--radio", ports["radio"]]
         finally:
             board.send_signal(signal.SIGINT)
             board.wait(LONGEST)

@@ -36,6 +36,7 @@ def command(
     terminal as those of a real board: flash, run --port, blink. What you would see of the wheels
     it tells here.
     """
+    from diffbotctl.cli.aside import Aside
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.emulator_process import IMAGE
     from diffbotctl.flash.job import load
@@ -58,7 +59,9 @@ def command(
         click.echo(f"USB port    {board.usb}")
         click.echo(f"radio port  {board.radio}")
         click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))
-        board.serve(signals.file, click.echo)
+        aside = Aside()  # a terminal that takes nothing must not stop the board's time
+        board.serve(signals.file, aside.say)
+        aside.end()
         if board.lost:
             click.echo(f"This machine was too slow for {board.lost:.1f} s of it.", err=True)
 
