@@ -90,14 +90,23 @@ def rows() -> Iterator[Row]:
             yield _row("and to an emulated board's, through start", begun, said, 2)
             again = newcomer.types(*words, "--again")
         needless = [name for name in asked(again) if name not in EACH_TIME]
-        figure = f"{len(needless)} of {len(asked(again))} asked"
+        figure = f"{len(needless)} of {len(asked(again))} asked, of {len(asked(said))} at first"
         target = "0 needless: only floor and measure are no file's"
-        yield Row("questions that the files answer already", figure, target, not needless)
+        yield Row(
+            "questions that the files answer already",
+            figure,
+            target,
+            not needless and bool(asked(said)),
+        )
 
 
 def asked(said: str) -> list[str]:
-    """The names of the questions in what `start` said."""
-    return [name for name, each in QUESTIONS.items() for _ in range(said.count(each.text))]
+    """The names of the questions in what `start` said, however it was folded."""
+    words = " ".join(said.split())
+    return [
+        name for name, each in QUESTIONS.items()
+        for _ in range(words.count(" ".join(each.text.split())))
+    ]  # fmt: skip
 
 
 def _row(what: str, begun: float, said: str, goals: int) -> Row:
