@@ -280,9 +280,10 @@ class GoalFollower(Block):
             return True
         limit = self.heading_tolerance * (1.5 if self.phase == "turning" else 0.8)
         left = abs(self._turn_left(odometry))
-        # Where the motors are slow, less than the tolerance may be too little to be driven.
-        vain = approach(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits()) == 0.0
-        return left <= limit or vain
+        if left <= limit:
+            return True
+        # Where the motors are slow, what is left may be too little to be driven.
+        return approach(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits()) == 0.0
 
     def _is_still(self, odometry: Odometry) -> bool:
         rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track

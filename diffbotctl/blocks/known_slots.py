@@ -70,8 +70,8 @@ class Flanks:
         self, forward: Sequence[float], backward: Sequence[float], share: Told, slot: float
     ) -> None:
         """Errors of the flanks seen `forward`; of those seen `backward` beyond the open `share`,
-        which is told as its error from half a pitch; none if not known: then they scatter by `slot`
-        (sd)."""
+        which is told as its error from half a pitch. None of the latter where they are not known:
+        then they scatter by `slot` (sd)."""
         self.forward = tuple(forward)
         self.backward = tuple(backward) or (0.0,) * len(self.forward)
         self.variance = KNOWN * KNOWN

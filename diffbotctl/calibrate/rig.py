@@ -41,8 +41,9 @@ Kind = TypeVar("Kind", bound=Message)
 class Capturing(Protocol):
     """A robot, or the host half of its link, that gathers the flanks of both encoders."""
 
-    edges: list[Any]
-    """(time in ns, 0 left or 1 right, level after the flank)"""
+    @property
+    def edges(self) -> list[Any]:
+        """(time in ns, 0 left or 1 right, level after the flank), until they are taken"""
 
     def capture(self, now: int, on: bool) -> None:
         """Begin or end to."""

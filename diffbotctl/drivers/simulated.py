@@ -10,7 +10,6 @@ from diffbotctl.messages import Duty, Encoders, Link, Wheels
 from diffbotctl.plant.robot import Flank, SimulatedRobot
 
 SECOND = 1_000_000_000
-CAPTURED = 64_000  # ns, in which the board tells captured flanks
 STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
 COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
 
@@ -27,8 +26,6 @@ class Simulated:
         self.still_since = self.zero_since = 0
         self.stopping = False
         self.stopped = False
-        self.edges: list[Flank] = []
-        """what the board captured, until it is taken"""
 
     def due(self) -> int:
         """When the next message arrives."""
@@ -41,7 +38,6 @@ class Simulated:
     def deliver(self, now: int) -> list[Delivery]:
         """Let the plant's time pass until `now`."""
         self.robot.advance(now)
-        self._take_edges()
         heard = []
         for port, message in self.robot.deliver():
             heard.append(Delivery(f"robot.{port}", message))
@@ -63,12 +59,11 @@ class Simulated:
         """Begin or end to gather every flank of both encoders in `edges`, unfiltered."""
         self.robot.advance(now)
         self.robot.capture(on)
-        self._take_edges()
 
-    def _take_edges(self) -> None:
-        """As precisely as the board tells them."""
-        flanks, self.robot.flanks = self.robot.flanks, []
-        self.edges += [each._replace(time=each.time // CAPTURED * CAPTURED) for each in flanks]
+    @property
+    def edges(self) -> list[Flank]:
+        """What the board captured, until it is taken."""
+        return self.robot.flanks
 
     @action
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:

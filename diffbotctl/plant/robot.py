@@ -32,6 +32,7 @@ CAMERA = "overhead_camera"
 EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known
 CONVERTER = 5.0  # V; the board's analog inputs read up to this
 BATTERY_PERIOD = 2_000_000_000  # ns between two readings of the battery that are told
+CAPTURED = 64_000  # ns, in which the board tells the flanks that it captures
 STEP = 20_000_000  # ns between two arcs of the body: 6 mm at 0.3 m/s, 0.08 rad at 4 rad/s
 
 
@@ -291,7 +292,9 @@ class SimulatedRobot:
         for time in edges:
             self.board.edge(self.board.sides[side], time)
         if self._captures:
-            self.flanks += [Flank(time, side, level) for time, level in changes]
+            self.flanks += [
+                Flank(time // CAPTURED * CAPTURED, side, level) for time, level in changes
+            ]
 
     def _roll(self) -> None:
         left, right = self.wheels
