@@ -72,7 +72,7 @@ class Problem:
     def render(self, width: int = WIDTH) -> str:
         """The problem as a person reads it, in at most `width` columns where its words allow."""
         mark = "  (warning)" if self.severity == "warning" else ""
-        head = [f"{printable(str(self.place))}  {self.code}{mark}"]
+        head = [f"{escape_control(str(self.place))}  {self.code}{mark}"]
         cause, fix = _spoken(self.cause), _spoken(self.fix)
         if isinstance(self.place, str):
             body = _wrapped(cause, "  ", width)
@@ -105,7 +105,7 @@ class RunError(UserError):
     exit_code = 1
 
 
-def nearest(word: str, words: Iterable[str]) -> str | None:
+def closest_match(word: str, words: Iterable[str]) -> str | None:
     """The one of `words` that was probably meant by `word`, or None when none is near."""
     from difflib import get_close_matches
 
@@ -113,7 +113,7 @@ def nearest(word: str, words: Iterable[str]) -> str | None:
     return found[0] if found else None
 
 
-def listed(words: Iterable[object], joint: str = "or") -> str:
+def join_words(words: Iterable[object], joint: str = "or") -> str:
     """`a, b or c`."""
     texts = [str(word) for word in words]
     if len(texts) < 2:
@@ -121,7 +121,7 @@ def listed(words: Iterable[object], joint: str = "or") -> str:
     return f"{', '.join(texts[:-1])} {joint} {texts[-1]}"
 
 
-def printable(text: str) -> str:
+def escape_control(text: str) -> str:
     """`text` with every character that would upset a terminal replaced by one that does not."""
     return "".join(
         character if character.isprintable() else " " if character == "\t" else "\N{MIDDLE DOT}"
@@ -131,14 +131,14 @@ def printable(text: str) -> str:
 
 def _spoken(text: str) -> str:
     """Words that may quote a file: nothing in them steers the terminal, nor fills it."""
-    return printable(text if len(text) <= LONGEST else text[:LONGEST] + CUT)
+    return escape_control(text if len(text) <= LONGEST else text[:LONGEST] + CUT)
 
 
 def _quoted(place: Place, cause: str, width: int) -> list[str]:
     """The user's own line, and below it the caret with the cause behind it."""
     number = f"  {place.line} "
     room = width - len(number) - 2
-    line = printable(place.source.line(place.line))
+    line = escape_control(place.source.line(place.line))
     before, here = line[: place.column - 1], max(1, min(place.length, len(line) - place.column + 1))
     after_caret = here + 1 + len(cause)
     if _columns(line) > room or _columns(before) + after_caret > room:

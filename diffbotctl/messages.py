@@ -258,9 +258,29 @@ Message = (
 
 BUILT_IN: dict[str, type] = {
     kind.__name__: kind
-    for kind in (Encoders, Volts, Range, Scan, Odometry, Twist, Wheels, Duty, Goal, Path,
-                 GoalState, Stop, Link, Battery, Text, Canvas, LogLine, Resume, Setting, Call)
-}  # fmt: skip
+    for kind in (
+        Encoders,
+        Volts,
+        Range,
+        Scan,
+        Odometry,
+        Twist,
+        Wheels,
+        Duty,
+        Goal,
+        Path,
+        GoalState,
+        Stop,
+        Link,
+        Battery,
+        Text,
+        Canvas,
+        LogLine,
+        Resume,
+        Setting,
+        Call,
+    )
+}
 
 
 def fields(kind: type) -> dict[str, tuple[Any, Field]]:

@@ -7,25 +7,55 @@ from math import pi
 
 # unit -> (SI unit it belongs to, factor). One table for files, the command line and messages.
 UNITS: dict[str, tuple[str, float]] = {
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "km": ("m", 1e3),
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "um": ("m", 1e-6),
+    "km": ("m", 1e3),
     "in": ("m", 0.0254),
-    "rad": ("rad", 1.0), "deg": ("rad", pi / 180), "mrad": ("rad", 1e-3), "turn": ("rad", 2 * pi),
-    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0), "h": ("s", 3600.0),
-    "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
-    "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3), "cm/s": ("m/s", 1e-2), "km/h": ("m/s", 1 / 3.6),
-    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", pi / 180), "rpm": ("rad/s", 2 * pi / 60),
-    "m/s2": ("m/s2", 1.0), "mm/s2": ("m/s2", 1e-3), "cm/s2": ("m/s2", 1e-2),
-    "rad/s2": ("rad/s2", 1.0), "deg/s2": ("rad/s2", pi / 180),
-    "V": ("V", 1.0), "mV": ("V", 1e-3),
-    "kg": ("kg", 1.0), "g": ("kg", 1e-3),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", pi / 180),
+    "mrad": ("rad", 1e-3),
+    "turn": ("rad", 2 * pi),
+    "s": ("s", 1.0),
+    "ms": ("s", 1e-3),
+    "us": ("s", 1e-6),
+    "min": ("s", 60.0),
+    "h": ("s", 3600.0),
+    "Hz": ("Hz", 1.0),
+    "kHz": ("Hz", 1e3),
+    "m/s": ("m/s", 1.0),
+    "mm/s": ("m/s", 1e-3),
+    "cm/s": ("m/s", 1e-2),
+    "km/h": ("m/s", 1 / 3.6),
+    "rad/s": ("rad/s", 1.0),
+    "deg/s": ("rad/s", pi / 180),
+    "rpm": ("rad/s", 2 * pi / 60),
+    "m/s2": ("m/s2", 1.0),
+    "mm/s2": ("m/s2", 1e-3),
+    "cm/s2": ("m/s2", 1e-2),
+    "rad/s2": ("rad/s2", 1.0),
+    "deg/s2": ("rad/s2", pi / 180),
+    "V": ("V", 1.0),
+    "mV": ("V", 1e-3),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1e-3),
     "%": ("1", 1e-2),
-}  # fmt: skip
+}
 
 KINDS = {
-    "m": "a length", "rad": "an angle", "s": "a time", "Hz": "a rate", "m/s": "a speed",
-    "rad/s": "a turning speed", "m/s2": "an acceleration", "rad/s2": "a turning acceleration",
-    "V": "a voltage", "kg": "a mass", "1": "a ratio",
-}  # fmt: skip
+    "m": "a length",
+    "rad": "an angle",
+    "s": "a time",
+    "Hz": "a rate",
+    "m/s": "a speed",
+    "rad/s": "a turning speed",
+    "m/s2": "an acceleration",
+    "rad/s2": "a turning acceleration",
+    "V": "a voltage",
+    "kg": "a mass",
+    "1": "a ratio",
+}
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
@@ -65,9 +95,17 @@ def quantity(text: str, unit: str) -> float:
 def example(unit: str) -> str:
     """A quantity of the kind that SI `unit` belongs to, as a person would write it."""
     return {
-        "m": "65 mm", "rad": "90 deg", "s": "300 ms", "Hz": "40 Hz", "m/s": "0.3 m/s",
-        "rad/s": "100 rpm", "m/s2": "1 m/s2", "rad/s2": "5 rad/s2", "V": "10 mV", "kg": "2.4 kg",
-    }.get(unit, "0.5")  # fmt: skip
+        "m": "65 mm",
+        "rad": "90 deg",
+        "s": "300 ms",
+        "Hz": "40 Hz",
+        "m/s": "0.3 m/s",
+        "rad/s": "100 rpm",
+        "m/s2": "1 m/s2",
+        "rad/s2": "5 rad/s2",
+        "V": "10 mV",
+        "kg": "2.4 kg",
+    }.get(unit, "0.5")
 
 
 def of_kind(unit: str) -> list[str]:

@@ -123,7 +123,7 @@ def module(protocol: dict[str, Any]) -> str:
 
 
 def _class(name: str) -> str:
-    return name.capitalize()
+    return f"{name.capitalize()}Frame"
 
 
 def _python_frame(name: str, frame: Frame) -> list[str]:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from math import pi
 from pathlib import Path
 
-from diffbotctl.blocks.footprint import placed
-from diffbotctl.blocks.pose_estimate import arc
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
-from diffbotctl.model.drawing import Dimension, Outline, View, top
-from diffbotctl.model.paper import svg
+from diffbotctl.estimation.pose_filter import arc
+from diffbotctl.geometry.footprint import placed
+from diffbotctl.render.robot_svg import svg
+from diffbotctl.render.robot_views import Dimension, DrawingOutline, DrawingView, top
 
 PAGE = Path(__file__).parent.parent / "docs" / "kinematics.svg"
 RADIUS = 0.3  # m
@@ -25,7 +25,7 @@ def pose_at(robot: Robot, share: float) -> tuple[float, float, float]:
     return arc(0, 0, 0, (RADIUS - half) * turn, (RADIUS + half) * turn, robot.drive.track)
 
 
-def outlines(robot: Robot) -> Iterator[Outline]:
+def outlines(robot: Robot) -> Iterator[DrawingOutline]:
     """The paths of both wheels and of the middle between them, and the robot at both ends."""
     for share in SHOWN:
         pose = pose_at(robot, share)
@@ -36,17 +36,17 @@ def outlines(robot: Robot) -> Iterator[Outline]:
     poses = [pose_at(robot, step / STEPS) for step in range(STEPS + 1)]
     for name, aside in (("left wheel's way", half), ("middle's way", 0.0), ("right's", -half)):
         points = tuple(placed([(0.0, aside)], *pose)[0] for pose in poses)
-        yield Outline(name, "red" if not aside else "grey", points, closed=False)
+        yield DrawingOutline(name, "red" if not aside else "grey", points, closed=False)
     corner = 0.01  # m; a small cross at the centre of rotation
-    yield Outline("ICC", "red", ((-corner, RADIUS), (corner, RADIUS)), closed=False)
-    yield Outline("ICC", "red", ((0, RADIUS - corner), (0, RADIUS + corner)), closed=False)
+    yield DrawingOutline("ICC", "red", ((-corner, RADIUS), (corner, RADIUS)), closed=False)
+    yield DrawingOutline("ICC", "red", ((0, RADIUS - corner), (0, RADIUS + corner)), closed=False)
 
 
 def picture() -> str:
     """The picture as SVG."""
     robot = load_robot("book_2wd").robot
     radius = Dimension((0.0, 0.0), (0.0, RADIUS), f"R = {RADIUS * 1000:.0f} mm")
-    view = View("a quarter of a circle about the ICC", tuple(outlines(robot)), (radius,))
+    view = DrawingView("a quarter of a circle about the ICC", tuple(outlines(robot)), (radius,))
     return svg("book_2wd", [view])
 
 

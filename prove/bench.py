@@ -15,11 +15,11 @@ from typing import Any
 
 from diffbotctl.block import Block
 from diffbotctl.config.load import load
-from diffbotctl.engine.recorder import Recorder
-from diffbotctl.hub import recorder_process
 from diffbotctl.messages import Encoders, Goal
-from diffbotctl.runs.assembly import assemble
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.recording import writer_process
+from diffbotctl.recording.recorder import Recorder
+from diffbotctl.runs.build_graph import assemble
+from diffbotctl.runs.run import Run, RunOptions
 from prove import wire
 from prove.row import Row, printed
 
@@ -62,7 +62,7 @@ def overhead() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         about = {"epoch": "0"}
         path = Path(folder) / "bench.mcap"
-        channel, _ = recorder_process.start(path, graph.kinds, len(graph.sources), about)
+        channel, _ = writer_process.start_recorder(path, graph.kinds, len(graph.sources), about)
         recorder = Recorder(channel, waits=False, tell=print)
         left: list[Any] = []
         compiled = graph.compile({"gate.wheels": lambda now, m: left.append(m)}, recorder.record)
@@ -205,7 +205,7 @@ def simulated_speed() -> Iterator[Row]:
         for seed in range(5):
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "speed.mcap" if recorded else None
-                run = Run(setup, Options(goals=goals, seed=seed, fast=True, record=path))
+                run = Run(setup, RunOptions(goals=goals, seed=seed, fast=True, record=path))
                 began = time.perf_counter()
                 result = run.go()
                 best.append(result.ending.time / 1e9 / (time.perf_counter() - began))

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from diffbotctl.drivers.emulator_process import Emulator, MotorChange, StepResult, Transition
+from diffbotctl.emulator.process import Emulator, MotorChange, PinTransition, StepResult
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder, encode
-from diffbotctl.links.diffbot_settings import Settings, Side
+from diffbotctl.links.diffbot_codec import FrameDecoder, encode
+from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
 
 MS = 1_000_000
-BOOK = Settings(
-    Side(5, 6, 7, 2, reversed=True), Side(8, 9, 10, 3), range_channel=0, range_name="front"
+BOOK = BoardSettings(
+    WheelSettings(5, 6, 7, 2, reversed=True),
+    WheelSettings(8, 9, 10, 3),
+    range_channel=0,
+    range_name="front",
 )
 MOTORS = [(5, 6, 7), (8, 9, 10)]
 ENCODERS = (2, 3)
@@ -32,18 +35,18 @@ class Heard(NamedTuple):
 class Bench:
     """One board. `duty` is what the motors get now, forward positive as the settings have it."""
 
-    def __init__(self, eeprom: bytes | None = None, settings: Settings = BOOK) -> None:
+    def __init__(self, eeprom: bytes | None = None, settings: BoardSettings = BOOK) -> None:
         self.emulator = Emulator(MOTORS)
         if eeprom is not None:
             self.emulator.set_eeprom(eeprom)
             self.emulator.reset(1)
         self.settings = settings
-        self.decoders = [Decoder(), Decoder()]
+        self.decoders = [FrameDecoder(), FrameDecoder()]
         self.heard: list[Heard] = []
         self.changes: list[MotorChange] = []
         self.duty = [0.0, 0.0]
         self.pending = [b"", b""]
-        self.pins = [Transition(0, pin, 0) for pin in ENCODERS]
+        self.pins = [PinTransition(0, pin, 0) for pin in ENCODERS]
         self.was_reset = False
 
     def __enter__(self) -> Bench:
@@ -87,25 +90,29 @@ class Bench:
         self.heard += new
         return new
 
-    def ask(self, uart: int = RADIO) -> frames.Hello:
+    def ask(self, uart: int = RADIO) -> frames.HelloFrame:
         """Greet the board. Raises LookupError when it does not answer."""
-        self.send(uart, b"\0", frames.Ask(frames.VERSION))
-        return next(h.frame for h in self.wait(80) if isinstance(h.frame, frames.Hello))
+        self.send(uart, b"\0", frames.AskFrame(frames.VERSION))
+        return next(h.frame for h in self.wait(80) if isinstance(h.frame, frames.HelloFrame))
 
-    def configure(self, settings: Settings | frames.Settings, uart: int = RADIO) -> frames.Answer:
+    def configure(
+        self, settings: BoardSettings | frames.SettingsFrame, uart: int = RADIO
+    ) -> frames.AnswerFrame:
         """Send settings; the answer. Raises LookupError when there is none."""
         self.send(
-            uart, b"\0", settings if isinstance(settings, frames.Settings) else settings.frame()
+            uart,
+            b"\0",
+            settings if isinstance(settings, frames.SettingsFrame) else settings.frame(),
         )
         for _ in range(4):
             for heard in self.wait(60):
-                if isinstance(heard.frame, frames.Answer):
+                if isinstance(heard.frame, frames.AnswerFrame):
                     return heard.frame
         raise LookupError("no answer to settings")
 
     def claim(self, uart: int = RADIO, sequence: int = 15) -> None:
         """Own the commands."""
-        self.send(uart, b"\0", frames.Stop(sequence))
+        self.send(uart, b"\0", frames.StopFrame(sequence))
         self.wait(8)
 
     def ready(self, uart: int = RADIO) -> None:
@@ -117,9 +124,9 @@ class Bench:
             raise LookupError(f"settings refused: {answer}")
         self.claim(uart)
 
-    def state(self) -> frames.State:
+    def state(self) -> frames.StateFrame:
         """The last state frame. Raises LookupError when there was none."""
-        return next(h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.State))
+        return next(h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.StateFrame))
 
     def turn(self, seconds: float, rate: float = 30.0) -> None:
         """Let both encoders give `rate` edges a second for a while from now on."""
@@ -127,13 +134,16 @@ class Bench:
         for index in range(1, int(seconds * rate) + 1):
             rise = self.now + index * period
             for pin in ENCODERS:
-                self.pins += [Transition(rise, pin, 1), Transition(rise + period // 2, pin, 0)]
+                self.pins += [
+                    PinTransition(rise, pin, 1),
+                    PinTransition(rise + period // 2, pin, 0),
+                ]
 
 
-def speed(sequence: int, left: float, right: float) -> frames.Command:
+def speed(sequence: int, left: float, right: float) -> frames.CommandFrame:
     """A command of wheel speeds in rad/s."""
     one = frames.SPEED_ONE
-    return frames.Command(sequence & 0xF, round(left * one), round(right * one))
+    return frames.CommandFrame(sequence & 0xF, round(left * one), round(right * one))
 
 
 def wire_ns(uart: int, size: int) -> int:

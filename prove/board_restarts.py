@@ -8,13 +8,13 @@ from random import Random
 from typing import Any, NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.drivers.emulated import Emulated
-from diffbotctl.drivers.emulator_process import BROWNOUT, LINE, Emulator
+from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver
+from diffbotctl.emulator.process import BROWNOUT, LINE, Emulator
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import Sink
 from diffbotctl.links.diffbot_frames import RESET_MEANING
 from diffbotctl.messages import Goal, Odometry, Text
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 from prove.row import Row
 
 MS = 1_000_000
@@ -45,7 +45,7 @@ class Seen(NamedTuple):
 class Struck:
     """The emulated robot, to which something happens at `at`; WAIT later the operator resumes."""
 
-    def __init__(self, robot: Emulated, run: StruckRun) -> None:
+    def __init__(self, robot: EmulatedRobotDriver, run: StruckRun) -> None:
         self._robot, self._run = robot, run
 
     def __getattr__(self, name: str) -> Any:
@@ -78,7 +78,7 @@ class StruckRun(Run):
         self._last: Odometry | None = None
         super().__init__(
             load("goal", "book_2wd", (), real=False),
-            Options(port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST),
+            RunOptions(port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST),
             tell=lambda _: None,
         )
 
@@ -92,7 +92,7 @@ class StruckRun(Run):
 
     def _robot(self) -> Any:
         robot = super()._robot()
-        assert isinstance(robot, Emulated)
+        assert isinstance(robot, EmulatedRobotDriver)
         return Struck(robot, self)
 
     def _sinks(self) -> dict[str, list[Sink]]:

@@ -9,11 +9,11 @@ from statistics import median
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
+from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Goal
-from diffbotctl.plant.speed_loop import TICK, Gains, SpeedLoop
-from diffbotctl.runs.run import Options, Result, Run
-from prove.board_bench import BOOK, ENCODERS, MS, RADIO, Bench, Transition, speed
+from diffbotctl.runs.run import Run, RunOptions, RunResult
+from prove.board_bench import BOOK, ENCODERS, MS, RADIO, Bench, PinTransition, speed
 from prove.row import Row
 
 LONGEST = 60.0  # s of virtual time for one goal
@@ -68,11 +68,11 @@ def _trip(chance: Random, within: tuple[float, float], seed: int) -> Trip:
     return Trip(result.reached == 1, far, turned, result.link.damaged + result.link.lost, host.rate)
 
 
-def _drive(goal: Goal, seed: int) -> tuple[Result, DiffbotHost]:
+def _drive(goal: Goal, seed: int) -> tuple[RunResult, DiffbotHost]:
     configuration = load("goal", "book_2wd", (), real=False)
     run = Run(
         configuration,
-        Options(
+        RunOptions(
             port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST, digest=True
         ),
         tell=lambda _: None,
@@ -108,8 +108,8 @@ def _compare(chance: Random) -> list[float]:
 
     side = replace(BOOK.left, start=0.10, gain=0.086)
     settings = replace(BOOK, left=side, proportional=0.01, integral=chance.uniform(0.01, 0.05))
-    gains = Gains(0.10, 0.086, 0.01, settings.integral)
-    model = SpeedLoop(gains, settings.slots)
+    gains = SpeedGains(0.10, 0.086, 0.01, settings.integral)
+    model = WheelSpeedLoop(gains, settings.slots)
     differences = []
     with Bench(settings=settings) as bench:
         bench.ready()
@@ -133,7 +133,10 @@ def _compare(chance: Random) -> list[float]:
                 edge += round(1e9 / rate)
             for rise in edges:
                 for pin in ENCODERS:
-                    bench.pins += [Transition(rise, pin, 1), Transition(rise + 4 * MS, pin, 0)]
+                    bench.pins += [
+                        PinTransition(rise, pin, 1),
+                        PinTransition(rise + 4 * MS, pin, 0),
+                    ]
             while tick < start + 50 * MS:
                 for rise in [each for each in edges if each <= tick]:
                     model.edge(rise)

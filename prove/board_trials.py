@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 from statistics import median
 
-from diffbotctl.drivers.emulator_process import BROWNOUT, LINE, Transition
+from diffbotctl.emulator.process import BROWNOUT, LINE, PinTransition
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
 from prove.board_bench import BOOK, ENCODERS, MS, RADIO, USB, Bench, speed, wire_ns
@@ -65,13 +65,13 @@ def telemetry(seconds: int) -> Iterator[Row]:
         for number in range(seconds * 20):
             bench.send(RADIO, speed(number, 8, 8))
             bench.wait(50)
-        states = [h for h in bench.heard if isinstance(h.frame, frames.State)]
+        states = [h for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
         took = (bench.now - start) / 1e9
         gaps = sum((b.frame.sequence - a.frame.sequence - 1) % 64
                    for a, b in pairwise(states))  # fmt: skip
         dropped = sum(h.frame.dropped for h in states)
         damaged = bench.decoders[RADIO].damaged
-        status = [h.frame for h in bench.heard if isinstance(h.frame, frames.Status)]
+        status = [h.frame for h in bench.heard if isinstance(h.frame, frames.StatusFrame)]
     rate = len(states) / took
     yield Row("state frames with edge ages at 9600 baud", f"{rate:.2f} Hz", ">= 40 Hz",
               len(states) >= int(40 * took))  # fmt: skip
@@ -93,8 +93,8 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
         for index in range(count):
             rise = bench.now + MS + index * period
             for shift, pin in ((0, ENCODERS[0]), (period // 3, ENCODERS[1])):
-                bench.pins += [Transition(rise + shift, pin, 1),
-                               Transition(rise + shift + period // 2, pin, 0)]  # fmt: skip
+                bench.pins += [PinTransition(rise + shift, pin, 1),
+                               PinTransition(rise + shift + period // 2, pin, 0)]  # fmt: skip
         bench.pins.sort()
         heard = _in_pieces(bench, seconds + 0.2)
         after = bench.state()
@@ -113,7 +113,7 @@ def _in_pieces(bench: Bench, seconds: float) -> int:
     """Let time pass in steps whose edges fit one request; how many state frames came."""
     heard = 0
     for _ in range(round(seconds * 20)):
-        heard += sum(isinstance(h.frame, frames.State) for h in bench.wait(50))
+        heard += sum(isinstance(h.frame, frames.StateFrame) for h in bench.wait(50))
     return heard
 
 
@@ -137,11 +137,11 @@ def bounce(seed: int, seconds: int) -> Iterator[Row]:
               f"{count}, {count}", counted == [count, count])  # fmt: skip
 
 
-def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[Transition]:
+def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[PinTransition]:
     times = sorted(chance.randrange(1_500_000) for _ in range(2 * chance.randrange(6)))
-    flips = [Transition(at, pin, level)]
+    flips = [PinTransition(at, pin, level)]
     flips += [
-        Transition(at + time, pin, level ^ (index + 1) % 2) for index, time in enumerate(times)
+        PinTransition(at + time, pin, level ^ (index + 1) % 2) for index, time in enumerate(times)
     ]
     return flips
 
@@ -171,7 +171,7 @@ MISSING = {*range(70, 255)}
 USED = {5, 6, 7, 2, 8, 9, 10, 3}
 
 
-def spoil(chance: Random) -> frames.Settings:
+def spoil(chance: Random) -> frames.SettingsFrame:
     """The book robot's settings, one field of them unusable."""
     good = BOOK.frame()
     mandatory = {"left_enable": NO_PWM, "right_enable": NO_PWM, "left_encoder": NO_INTERRUPT,
@@ -324,12 +324,12 @@ def _trial(bench: Bench, chance: Random, kind: str) -> tuple[int, bool]:
     stopped = [change.time for change in bench.changes]
     end = max(stopped, default=bench.now)
     again = bench.duty != [0.0, 0.0]
-    bench.pins = [Transition(bench.now, pin, 0) for pin in ENCODERS]
+    bench.pins = [PinTransition(bench.now, pin, 0) for pin in ENCODERS]
     return end - last, again
 
 
 def _intrude(bench: Bench, chance: Random, kind: str, owner: int, numbers: Iterator[int],
-             last: frames.Command) -> None:  # fmt: skip
+             last: frames.CommandFrame) -> None:  # fmt: skip
     foreign = 1 - owner
     if kind == "half frame":
         if not bench.heard or chance.random() < 0.1:
@@ -340,6 +340,6 @@ def _intrude(bench: Bench, chance: Random, kind: str, owner: int, numbers: Itera
     elif kind == "half frames":
         bench.send(owner, encode(last)[: chance.randrange(1, 9)] + b"\0")
     elif kind == "second host":
-        bench.send(foreign, speed(next(numbers), 6, 6), frames.Ask(frames.VERSION))
+        bench.send(foreign, speed(next(numbers), 6, 6), frames.AskFrame(frames.VERSION))
     elif kind == "replay":
         bench.send(foreign, last)

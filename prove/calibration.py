@@ -15,13 +15,13 @@ from statistics import fmean, stdev
 
 from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
-from diffbotctl.calibrate.ends import end_error, mean_distance
-from diffbotctl.calibrate.fit import fit
+from diffbotctl.calibrate.dead_reckoning import end_error, mean_distance
 from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.optiodom import Session, is_session, read_session
+from diffbotctl.calibrate.geometry_fit import fit_geometry
+from diffbotctl.calibrate.optiodom import OptiodomSession, is_session, read_session
 from diffbotctl.calibrate.range_fit import DISTANCES, FAR_FROM, RulerPoint, fit_curve
-from diffbotctl.calibrate.range_step import LISTENING
-from diffbotctl.plant.sharp import CURVE
+from diffbotctl.calibrate.steps.range import LISTENING
+from diffbotctl.plant.sharp_ir import CURVE
 from prove.row import NoData, Row, printed
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
@@ -40,7 +40,7 @@ def rows(folders: Sequence[Path]) -> Iterator[Row]:
         yield NoData("calibration from a real robot's log", "no data", target, True)
         return
     learnt = read_session(found.pop(LEARNT_FROM))
-    fitted = fit(learnt.drives, learnt.nominal).geometry
+    fitted = fit_geometry(learnt.drives, learnt.nominal).geometry
     classic = by_umbmark(learnt)
     for path in found.values():
         session = read_session(path)
@@ -54,7 +54,7 @@ def rows(folders: Sequence[Path]) -> Iterator[Row]:
         yield NoData("from-log: end error on circles and by joystick", "no data", target, True)
 
 
-def by_umbmark(session: Session) -> Geometry:
+def by_umbmark(session: OptiodomSession) -> Geometry:
     """One round of UMBmark on a session of squares: first half clockwise, second counter."""
     if session.side is None:
         raise ValueError("UMBmark needs squares")
@@ -65,7 +65,7 @@ def by_umbmark(session: Session) -> Geometry:
     return umbmark.corrected(session.nominal, session.side, angles)
 
 
-def systematic_error(session: Session, geometry: Geometry) -> float:
+def systematic_error(session: OptiodomSession, geometry: Geometry) -> float:
     """E_max,syst of the session's squares, dead-reckoned with `geometry`; m."""
     return umbmark.systematic_error(*_ends(session, geometry))
 
@@ -81,14 +81,16 @@ def _is_other_path(path: Path) -> bool:
 
 
 def _ends(
-    session: Session, geometry: Geometry
+    session: OptiodomSession, geometry: Geometry
 ) -> tuple[list[umbmark.EndError], list[umbmark.EndError]]:
     ends = [end_error(drive, geometry) for drive in session.drives]
     half = len(ends) // 2
     return ends[:half], ends[half:]
 
 
-def _gain(session: Session, nominal: Geometry, found: Geometry, how: str, least: float) -> Row:
+def _gain(
+    session: OptiodomSession, nominal: Geometry, found: Geometry, how: str, least: float
+) -> Row:
     before, after = (systematic_error(session, each) * MM for each in (nominal, found))
     figure = f"{before:.1f} -> {after:.1f} mm"
     target = f"{before / after:.1f} times better, >= {least:g}"
@@ -97,7 +99,7 @@ def _gain(session: Session, nominal: Geometry, found: Geometry, how: str, least:
     )
 
 
-def _share(session: Session, nominal: Geometry, found: Geometry) -> Row:
+def _share(session: OptiodomSession, nominal: Geometry, found: Geometry) -> Row:
     before, after = (mean_distance(session.drives, each) * MM for each in (nominal, found))
     figure = f"{before:.1f} -> {after:.1f} mm"
     target = f"{after / before:.2f} of the nominal end error, <= {SHARE_MOST:g}"

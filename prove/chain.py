@@ -11,20 +11,20 @@ from statistics import median, pstdev
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from diffbotctl.calibrate import outing, squares, umbmark
+from diffbotctl.calibrate import autonomous_drive, umbmark
+from diffbotctl.calibrate.autonomous_drive import USUAL, DriveStyle
 from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.geometry_step import corners, wrapped
-from diffbotctl.calibrate.outing import USUAL, Manner
-from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.steps.squares import corners, wrapped
 from diffbotctl.calibrate.umbmark import EndError
 from diffbotctl.config.load import load_robot
-from diffbotctl.plant.body import Body
+from diffbotctl.plant.chassis import Chassis
 from prove.chain_robots import Chained, Wiring, chained, drawn
 from prove.row import Row, printed
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: a nearer goal could not be reached by counting.
-NAIVE = Manner(near=0.02, facing=0.09, method="count")
+NAIVE = DriveStyle(near=0.02, facing=0.09, method="count")
 SPEEDS = (0.05, 0.10, 0.15, 0.20, 0.25)  # m/s at which the feed-forward is judged
 SAG = 0.04  # of robots/book_2wd.yaml
 TOUR = 2.5  # m, side of the square that is toured
@@ -50,8 +50,10 @@ def umbmark_rows(seed: int, robots: int) -> Iterator[Row]:
             NOMINAL.left * (1 + chance.uniform(-0.005, 0.005)),
             NOMINAL.track * (1 + chance.uniform(-0.03, 0.03)),
         )
-        first = squares.fit(_driven(NOMINAL, true, chance), NOMINAL)
-        second = squares.fit(_driven(first.geometry, true, chance), first.geometry, share=0.5)
+        first = umbmark.fit_umbmark(_driven(NOMINAL, true, chance), NOMINAL)
+        second = umbmark.fit_umbmark(
+            _driven(first.geometry, true, chance), first.geometry, share=0.5
+        )
         # All three are scored by the same luck.
         before, *after = (
             _systematic(_driven(each, true, Random(f"score {seed} {number}")))
@@ -73,16 +75,18 @@ def umbmark_rows(seed: int, robots: int) -> Iterator[Row]:
               median(ratios) <= 0.0005)  # fmt: skip
 
 
-def _driven(used: Geometry, true: Geometry, chance: Random) -> squares.Squares:
+def _driven(used: Geometry, true: Geometry, chance: Random) -> umbmark.SquareErrors:
     ways = []
     for clockwise in (True, False):
         ways.append([_square(used, true, clockwise, chance) for _ in range(RUNS)])
-    return squares.Squares(SIDE, ways[0], ways[1])
+    return umbmark.SquareErrors(SIDE, ways[0], ways[1])
 
 
 def _square(used: Geometry, true: Geometry, clockwise: bool, chance: Random) -> EndError:
     """Where one square really ends that odometry believes to be perfect."""
-    body = Body(true.track, true.left / 2, true.right / 2, 0.0005, Random(chance.getrandbits(64)))
+    body = Chassis(
+        true.track, true.left / 2, true.right / 2, 0.0005, Random(chance.getrandbits(64))
+    )
     left = right = 0.0
     turn = (-1 if clockwise else 1) * pi / 2 * used.track / 2
     for _ in range(4):
@@ -97,7 +101,7 @@ def _square(used: Geometry, true: Geometry, clockwise: bool, chance: Random) -> 
     )
 
 
-def _systematic(driven: squares.Squares) -> float:
+def _systematic(driven: umbmark.SquareErrors) -> float:
     return umbmark.systematic_error(driven.clockwise, driven.counter)
 
 
@@ -250,10 +254,10 @@ def _short(found: Chained) -> Short:
     return Short(lateral, heading, wrapped(turned - pi / 2))
 
 
-def _true(found: Chained, places: list[outing.Place]) -> tuple[float, float]:
+def _true(found: Chained, places: list[autonomous_drive.Place]) -> tuple[float, float]:
     """How far to the left it truly ended, and how far it truly turned."""
     begun = found.truths.truth.pose
-    outing.drive(found.rig, places, 3.0, USUAL)
+    autonomous_drive.drive_to(found.rig, places, 3.0, USUAL)
     found.truths._mark = found.truths._mark._replace(pose=begun)
     return found.truths._value("left"), found.truths._value("turned")
 
@@ -262,7 +266,7 @@ def _toured_before(seed: int, folder: Path) -> float:
     """The tour of a robot nobody calibrated, which takes each count for a slot's pitch."""
     robot = folder / "before.yaml"
     robot.write_text(Wiring().text() + "drive: {polarity: by_hand}\n")
-    made, truths = rig(load_robot(str(robot)), "sim", seed)
+    made, truths = open_session(load_robot(str(robot)), "sim", seed)
     made.meet()
     try:
         return _tour(made, truths, NAIVE)
@@ -270,10 +274,10 @@ def _toured_before(seed: int, folder: Path) -> float:
         made.close()
 
 
-def _tour(made: object, truths: object, manner: Manner) -> float:
+def _tour(made: object, truths: object, manner: DriveStyle) -> float:
     """How far from its start a square tour of ten metres truly ends."""
     begun = truths.truth.pose  # type: ignore[attr-defined]
-    outing.drive(made, corners(TOUR, clockwise=False), BEYOND * TOUR * 2, manner)  # type: ignore
+    autonomous_drive.drive_to(made, corners(TOUR, clockwise=False), BEYOND * TOUR * 2, manner)  # type: ignore
     end = truths.truth.pose  # type: ignore[attr-defined]
     return hypot(end.x - begun.x, end.y - begun.y)
 

@@ -8,13 +8,12 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.instruments import Truths
-from diffbotctl.calibrate.order import step
-from diffbotctl.calibrate.rig import Rig
-from diffbotctl.calibrate.rigging import rig
-from diffbotctl.calibrate.step import Announce, Outcome
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.runner import make_step, run_step
+from diffbotctl.calibrate.session import RobotSession
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.simulated_tools import SimulatedTruth
+from diffbotctl.calibrate.step import MotionNotice, Outcome
 from diffbotctl.config.load import load_robot
 
 ANSWERS = """\
@@ -114,12 +113,12 @@ class Quiet:
 class Watched(AnswersFile):
     """An answers file that holds the robot to what was announced, by its truth."""
 
-    def __init__(self, path: Path, truths: Truths, made: Rig) -> None:
+    def __init__(self, path: Path, truths: SimulatedTruth, made: RobotSession) -> None:
         super().__init__(path, truths)
         self.truths = truths
         self.worst = 0.0
         """most of an announced bound that was used"""
-        self._announced: Announce | None = None
+        self._announced: MotionNotice | None = None
         self._from = truths.truth
         note = made.note
 
@@ -129,7 +128,7 @@ class Watched(AnswersFile):
 
         made.note = look  # type: ignore[method-assign]
 
-    def agree(self, announced: Announce) -> None:
+    def agree(self, announced: MotionNotice) -> None:
         """The bound holds from here."""
         self._announced, self._from = announced, self.truths.truth
 
@@ -161,8 +160,8 @@ class Watched(AnswersFile):
 class Chained(NamedTuple):
     """A robot after the chain."""
 
-    rig: Rig
-    truths: Truths
+    rig: RobotSession
+    truths: SimulatedTruth
     outcomes: dict[str, Outcome]
     attendant: Watched
 
@@ -178,7 +177,7 @@ class Chained(NamedTuple):
 
     def run(self, name: str) -> None:
         """Run one more step."""
-        self.outcomes[name] = perform(step(name), self.rig, self.attendant, Quiet())
+        self.outcomes[name] = run_step(make_step(name), self.rig, self.attendant, Quiet())
         self.rig.recording.clear()
 
     def switch_off_and_on(self, chance: Random) -> None:
@@ -197,7 +196,7 @@ def chained(
     file, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
     file.write_text(wiring.text(robot))
     answers.write_text(ANSWERS)
-    made, truths = rig(load_robot(str(file)), port, seed)
+    made, truths = open_session(load_robot(str(file)), port, seed)
     assert truths is not None
     attendant = Watched(answers, truths, made)
     found = Chained(made, truths, {}, attendant)

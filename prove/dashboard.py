@@ -13,7 +13,7 @@ from statistics import median
 
 from prove.row import Row, printed
 from prove.screen import Drain
-from tests.hub.running import Plain, command, moves, running, stands
+from tests.control_socket.running import Plain, command, moves, running, stands
 from tests.terminal import Terminal
 from tests.ui.test_lost_terminal import drive, lose, ssh_server
 

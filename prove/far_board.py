@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from diffbotctl.drivers.emulated import Emulated, EmulatedBoard
+from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.links.diffbot import DiffbotHost
+from diffbotctl.links.diffbot_host import DiffbotHost
 from tests.radio import BUFFER, Passed, Way
 
 DELAY = (0.010, 0.050)  # s
@@ -21,7 +21,7 @@ SECOND = 1e9
 TURNS = 0.1  # duty beyond which a motor has begun to turn
 
 
-class FarBoard(Emulated):
+class FarBoard(EmulatedRobotDriver):
     """A robot driver. `outage` is (kind, seconds after the first motion, seconds long); its kinds:
     `away`, the connection stays and bytes come late; `hung up`, it breaks, and is made again."""
 

@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from random import Random
 
-from diffbotctl.hub.recording import RecordingReader
+from diffbotctl.recording.mcap_file import RecordingReader
 from prove.row import Row, printed
 from tests.book_board import Device, OnPort
 

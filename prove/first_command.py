@@ -12,14 +12,14 @@ def main() -> None:
     """`python -m prove.first_command START WORDS...`: START is the monotonic time of the start."""
     began = float(sys.argv.pop(1))
     from diffbotctl.cli import main as cli
-    from diffbotctl.drivers.simulated import Simulated
+    from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 
-    def leave(self: Simulated, now: int, wanted: Any) -> None:
+    def leave(self: SimulatedRobotDriver, now: int, wanted: Any) -> None:
         if wanted.left or wanted.right:
             os.write(1, f"FIRST {time.monotonic() - began:.4f}\n".encode())
             os._exit(0)
 
-    Simulated.command = leave  # type: ignore[method-assign]
+    SimulatedRobotDriver.command = leave  # type: ignore[method-assign]
     cli.main()
 
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from diffbotctl.start.answers import QUESTIONS
+from diffbotctl.start.guide_answers import QUESTIONS
 from prove.row import Row, printed
 
 ROOT = Path(__file__).parent.parent

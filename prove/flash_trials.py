@@ -8,9 +8,9 @@ from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 
-from diffbotctl.drivers.emulator_process import IMAGE, Emulator, bootloader
-from diffbotctl.flash.image import write_hex
-from diffbotctl.flash.job import flash, load
+from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.flash.flasher import flash, load
+from diffbotctl.flash.intel_hex import write_hex
 from prove.board_bench import BOOK
 from prove.row import Row
 

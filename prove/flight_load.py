@@ -15,13 +15,13 @@ from typing import Any
 from unittest.mock import patch
 
 from diffbotctl.config.load import load
-from diffbotctl.engine.flight import Flight, Stopped
 from diffbotctl.graph import SECOND
-from diffbotctl.hub.ring import MOST
 from diffbotctl.messages import Encoders
-from diffbotctl.runs import records
-from diffbotctl.runs.assembly import Assembly, assemble
-from diffbotctl.runs.station import Socket, Station
+from diffbotctl.recording.black_box import BlackBox, StopEvent
+from diffbotctl.recording.black_box_store import MOST
+from diffbotctl.runs import recording
+from diffbotctl.runs.build_graph import Assembly, assemble
+from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
 from prove.row import Row
 
 PERIOD = SECOND // 10_000  # ns between two instants: so fast that the ring is full before it is old
@@ -33,16 +33,16 @@ SECONDS = 3.0  # of questions, from the moment in which the file is begun
 
 
 @contextmanager
-def hub(folder: Path) -> Iterator[tuple[Flight, Station, Assembly]]:
+def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
     """A hub with a flight recorder; the engine is this program."""
     setup = load("goal", None, [])
     assembly = assemble(setup, real=False)
-    facts = records.about(setup, "sim", 0, [], None)
-    flight, keeper = records.flight(
+    facts = recording.run_facts(setup, "sim", 0, [], None)
+    flight, keeper = recording.start_black_box(
         folder, setup, assembly, facts, lambda: None, lambda said: None, print
     )
     with patch.dict(os.environ, {"XDG_RUNTIME_DIR": str(folder)}):
-        station = Station(Socket("load"), setup, assembly, "sim", keeper=keeper)
+        station = RunControlSocket(SocketOptions("load"), setup, assembly, "sim", keeper=keeper)
     try:
         yield flight, station, assembly
     finally:
@@ -52,7 +52,7 @@ def hub(folder: Path) -> Iterator[tuple[Flight, Station, Assembly]]:
         flight.close()
 
 
-def fill(flight: Flight, assembly: Assembly) -> None:
+def fill(flight: BlackBox, assembly: Assembly) -> None:
     """Hand the recorder what hardly compresses until its ring is full; then a stop."""
     place = assembly.graph.sources.index("robot.encoders")
     chance, now, size = Random(1), 0, 0
@@ -71,7 +71,7 @@ def fill(flight: Flight, assembly: Assembly) -> None:
             batch.append(instant())
         flight.outlet.send(batch)
         size += BATCH * DRAWN
-    flight.outlet.send(Stopped(now, "load", "a measurement"))
+    flight.outlet.send(StopEvent(now, "load", "a measurement"))
     now += 2 * SECOND  # what comes after a stop belongs to its file
     flight.outlet.send([instant()])
 

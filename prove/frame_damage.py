@@ -7,7 +7,7 @@ from math import log, log1p
 from random import Random
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder, encode
+from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from prove import pure_parts
 from prove.board_bench import RADIO, Bench, speed
 from prove.row import Row
@@ -29,7 +29,7 @@ def to_board(seed: int, count: int) -> Iterator[Row]:
 def to_host(seed: int, count: int) -> Iterator[Row]:
     """State frames through the host's codec."""
     chance = Random(seed)
-    decoder = Decoder()
+    decoder = FrameDecoder()
     wrong = lost = 0
     for number in range(count):
         if number % 1000 == 0:
@@ -60,10 +60,10 @@ def damage(chance: Random, wire: bytes) -> bytes:
     return value.to_bytes(len(wire), "little")
 
 
-def state(chance: Random) -> frames.State:
+def state(chance: Random) -> frames.StateFrame:
     """A state frame with random content."""
     bits = [4, 6, 1, 0, 3, 12, 16, 16, 16, 12, 4, 16, 16]
-    return frames.State(*(chance.getrandbits(width) if width else 0 for width in bits))
+    return frames.StateFrame(*(chance.getrandbits(width) if width else 0 for width in bits))
 
 
 def through_binary(seed: int, count: int) -> Iterator[Row]:

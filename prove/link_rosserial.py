@@ -11,7 +11,7 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.links.rosserial import RosserialHost
+from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Message
 from prove.rosserial_session import MS, SECOND, Session
 from prove.row import Row, printed

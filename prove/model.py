@@ -8,7 +8,7 @@ from math import cos, sin
 from pathlib import Path
 from typing import Any
 
-from diffbotctl.config import resources
+from diffbotctl.config import lookup
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.model.frames import ON_ROBOT
@@ -66,7 +66,7 @@ def error(places: dict[str, Any], robot: Robot) -> float:
 
 def rows() -> Iterator[Row]:
     """Accepted by both, and how far off at most."""
-    accepted, most, names = 0, 0.0, resources.names("robots")
+    accepted, most, names = 0, 0.0, lookup.names("robots")
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
             robot = load_robot(name).robot

@@ -10,11 +10,11 @@ from random import Random
 from statistics import median, pstdev
 from typing import NamedTuple
 
-from diffbotctl.blocks.rest_to_rest import Limits, rest_to_rest_time
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
+from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 from prove.row import Row, printed
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
@@ -53,7 +53,7 @@ def configuration(kind: str, *sets: str) -> Configuration:
 
 def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> Trip:
     """Run one goal on the robot that `seed` draws; `reverse`: the bound may drive backwards."""
-    run = Run(setup, Options(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
+    run = Run(setup, RunOptions(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
     start = hypot(goal.x, goal.y)
     farthest = [0.0]
     plant = run.robot.robot
@@ -73,7 +73,7 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
     limits = setup.robot.limits
     bound = rest_to_rest_time(
         goal.x, goal.y, goal.heading,
-        Limits(limits.speed, limits.turn_rate, limits.acceleration, limits.braking,
+        MotionLimits(limits.speed, limits.turn_rate, limits.acceleration, limits.braking,
                setup.robot.drive.track),
         reverse=reverse,
     )  # fmt: skip

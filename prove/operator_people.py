@@ -16,7 +16,7 @@ from random import Random
 from typing import Any
 
 from prove.row import Row
-from tests.hub.running import Plain, command, moves, running, stands
+from tests.control_socket.running import Plain, command, moves, running, stands
 
 LIMIT = 0.5  # s from the loss to the wheels commanded to zero
 LATEST = 1.0  # s of driving before something happens

@@ -9,10 +9,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from diffbotctl.hub.caller import Caller, chosen
-from diffbotctl.hub.place import Engine
+from diffbotctl.control_socket.address import EngineAddress
+from diffbotctl.control_socket.client import ControlClient, choose_engine
 from diffbotctl.ui.dash.app import Dashboard
-from diffbotctl.ui.wishes import Wishes
+from diffbotctl.ui.engine_app import ScreenOptions
 
 SIZES = {"docs/dash.svg": (80, 24), "docs/dash_wide.svg": (160, 50)}
 PIPELINE = Path(__file__).parent / "data" / "picture.yaml"
@@ -35,7 +35,7 @@ def draw(path: Path, size: tuple[int, int]) -> str:
     return path.read_text()
 
 
-def _engine() -> Engine:
+def _engine() -> EngineAddress:
     """The engine as soon as it answers."""
     from time import monotonic, sleep
 
@@ -44,8 +44,8 @@ def _engine() -> Engine:
     deadline = monotonic() + PATIENCE
     while True:
         try:
-            found = chosen("picture")
-            Caller(found, "picture").close()
+            found = choose_engine("picture")
+            ControlClient(found, "picture").close()
             return found
         except UserError:
             if monotonic() > deadline:
@@ -53,8 +53,8 @@ def _engine() -> Engine:
             sleep(0.05)
 
 
-async def _picture(engine: Engine, path: Path, size: tuple[int, int]) -> None:
-    dashboard = Dashboard(engine, "picture", Wishes(), [])
+async def _picture(engine: EngineAddress, path: Path, size: tuple[int, int]) -> None:
+    dashboard = Dashboard(engine, "picture", ScreenOptions(), [])
     async with dashboard.run_test(size=size) as pilot, asyncio.timeout(PATIENCE):
         while not _is_near(dashboard):
             await pilot.pause(0.1)

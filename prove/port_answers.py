@@ -12,13 +12,13 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
+from diffbotctl.board.session import identify
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
-from diffbotctl.flash.ask import ask
 from diffbotctl.links import bootloader
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
-from diffbotctl.runs.real import diffbot_host
+from diffbotctl.runs.serial import diffbot_host
 from tests.book_board import Device
 
 Say = Callable[[bytes], bytes]  # what was heard in, what is said out
@@ -69,7 +69,9 @@ def book() -> Say:
 
 def newer() -> Say:
     """Our firmware of a later version."""
-    hello = frames.Hello(*(0 for _ in frames.Hello._fields))._replace(version=frames.VERSION + 1)
+    hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(
+        version=frames.VERSION + 1
+    )
     return lambda heard: encode(hello) if heard else b""
 
 
@@ -96,7 +98,7 @@ def problem_of(answer: Answer) -> tuple[str, str]:
         talker.start()
         try:
             robot = load_robot("book_2wd").robot
-            for _ in ask(str(port), diffbot_host(robot, str(port))):
+            for _ in identify(str(port), diffbot_host(robot, str(port))):
                 pass
         except RunError as error:
             return error.problems[0].code, error.problems[0].fix

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.errors import Problem
-from diffbotctl.ports.judge import Report, survey
-from diffbotctl.ports.named import judge_name
-from diffbotctl.ports.person import Person
+from diffbotctl.ports.diagnosis import PortReport, judge_name, survey_ports
+from diffbotctl.ports.permissions import SystemUser
 from prove import port_answers
 from prove.row import Row, printed
 from tests.fake_machine import CH340, MEGA, FakeMachine
@@ -218,12 +217,12 @@ def said(situation: Situation, folder: Path) -> tuple[Problem, ...]:
     """What is said of the situation, on a machine built in `folder`."""
     machine = FakeMachine(folder, *situation.group)
     situation.build(machine)
-    person = Person(ANA, USER, situation.groups)
-    seen = survey(machine.root, person)
+    person = SystemUser(ANA, USER, situation.groups)
+    seen = survey_ports(machine.root, person)
     if situation.asked is None:
         return seen.problems
     found = judge_name(machine.root, seen, situation.asked)
-    if isinstance(found, Report):
+    if isinstance(found, PortReport):
         return found.problems
     return () if found is None else (found,)
 

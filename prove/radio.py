@@ -15,13 +15,13 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
+from diffbotctl.emulator.robot import emulated_robot_driver
 from diffbotctl.engine.driver import RobotDriver
-from diffbotctl.hub.recording import RecordingReader
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder
+from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.messages import Goal, Stop
-from diffbotctl.runs.emulation import emulated
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.runs.run import Run, RunOptions
 from prove.far_board import FarBoard
 from prove.row import Row, printed
 from tests.radio import Passed
@@ -53,14 +53,14 @@ class Trial(NamedTuple):
 class Drive(Run):
     """A run on a far board, with a person who resumes what waits for that."""
 
-    def __init__(self, seed: int, outage: tuple[str, float, float], options: Options) -> None:
+    def __init__(self, seed: int, outage: tuple[str, float, float], options: RunOptions) -> None:
         self.seed, self.outage = seed, outage
         super().__init__(load("goal", "book_2wd", ()), options, tell=lambda _: None)
         self.consents, self.looked = 0, 0
         self.far.person = self.look
 
     def _robot(self) -> RobotDriver:
-        near = emulated(self.configuration, self.options.seed)
+        near = emulated_robot_driver(self.configuration, self.options.seed)
         self.far = FarBoard(near.board, near.host, self.seed, self.outage)
         return self.far
 
@@ -81,7 +81,7 @@ def trial(seed: int, outage: str) -> Trial:
     when = (outage, chance.uniform(0.0, LATEST), OUTAGE)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.mcap"
-        options = Options("emulated", (goal,), seed, fast=True, duration=LONGEST, record=file)
+        options = RunOptions("emulated", (goal,), seed, fast=True, duration=LONGEST, record=file)
         drive = Drive(seed, when, options)
         result = drive.go()
         stops = silences(file) + expiries(drive.far.passed)
@@ -119,13 +119,13 @@ def _of_silence(stop: Stop) -> bool:
 
 def expiries(passed: list[Passed]) -> list[tuple[float, str]]:
     """Longest silence of the host, in s, just before each stop by the board's dead-man."""
-    found, mode, decoder = [], None, Decoder()
+    found, mode, decoder = [], None, FrameDecoder()
     to_board = [each.at for each in passed if not each.to_host]
     for each in passed:
         if not each.to_host:
             continue
         for frame in decoder.feed(each.data):
-            if isinstance(frame, frames.State | frames.Counts):
+            if isinstance(frame, frames.StateFrame | frames.CountsFrame):
                 if frame.mode == EXPIRED and mode not in (None, EXPIRED):
                     found.append((_longest(to_board, each.at), "dead-man"))
                 mode = frame.mode

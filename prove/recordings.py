@@ -21,8 +21,8 @@ from random import Random
 from jsonschema import Draft7Validator
 from mcap.reader import make_reader
 
-from diffbotctl.bags.recover import recover
-from diffbotctl.hub.recording import RecordingReader
+from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.recover import recover
 from prove import flight_load
 from prove.row import Row, printed
 

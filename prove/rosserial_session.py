@@ -6,8 +6,8 @@ from bisect import bisect_right
 from collections.abc import Callable
 from struct import unpack_from
 
-from diffbotctl.links.rosserial import RosserialHost
-from diffbotctl.links.rosserial_frames import Decoder, Frame
+from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame
+from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Link, Message
 from tests.rosserial_device import RATED, Device
 
@@ -24,8 +24,8 @@ class Session:
         self.host = host or RosserialHost(RATED)
         # Fed the same bytes under the same rule, so that what the host's own decoder delivers
         # can be compared frame by frame with what was sent.
-        self.witness = Decoder(self.host.topics.plausible)
-        self.frames: list[Frame] = []
+        self.witness = RosserialDecoder(self.host.topics.plausible)
+        self.frames: list[RosserialFrame] = []
         self.heard: list[tuple[int, str, Message]] = []
         self.written: list[tuple[int, bytes]] = []
         self.arrived = b""  # at the last step
@@ -68,7 +68,9 @@ class Session:
     def lost_frames(self) -> int:
         """Frames that the board sent, that arrived whole, and that were not delivered in order."""
         at = lost = 0
-        whole = [Frame(topic, payload) for topic, payload, intact in self.device.sent if intact]
+        whole = [
+            RosserialFrame(topic, payload) for topic, payload, intact in self.device.sent if intact
+        ]
         # What is still on the wire at the end has not arrived; it is at most the tail of a burst.
         pending = len(self.device.outgoing)
         while pending > 0 and whole:

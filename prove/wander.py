@@ -13,10 +13,10 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.plant.body import Pose
-from diffbotctl.plant.contact import Outline, clearance, to_segment
-from diffbotctl.plant.world import Round, Wall, World
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.collision import BodyOutline, clearance, to_segment
+from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.runs.run import Run, RunOptions
 from prove.row import Row, printed
 
 WORLDS = 3
@@ -45,12 +45,12 @@ def world_of(chance: Random) -> World:
         Wall(-wide, -deep, wide, -deep), Wall(wide, -deep, wide, deep),
         Wall(wide, deep, -wide, deep), Wall(-wide, deep, -wide, -deep),
     ]  # fmt: skip
-    rounds: list[Round] = []
+    rounds: list[Pillar] = []
     while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and chance.random() < 0.85):
         x, y, radius = chance.uniform(-wide, wide), chance.uniform(-deep, deep), 0.0
         radius = chance.uniform(*PILLAR)
         if hypot(x, y) - radius > START_ROOM:
-            rounds.append(Round(x, y, radius))
+            rounds.append(Pillar(x, y, radius))
     for _ in range(chance.randint(*PARTITIONS)):
         x, y = chance.uniform(-wide, wide), chance.uniform(-deep, deep)
         length, bearing = chance.uniform(*PARTITION), chance.uniform(-pi, pi)
@@ -75,9 +75,9 @@ def walk(world: World, seed: int, minutes: float) -> Walk:
     """Let the robot that `seed` draws wander through `world`."""
     setup = load("wander", sets=sets_of(world))
     assert setup.robot is not None
-    run = Run(setup, Options(seed=seed, fast=True, duration=60.0 * minutes))
+    run = Run(setup, RunOptions(seed=seed, fast=True, duration=60.0 * minutes))
     body = setup.robot.body
-    outline = Outline(body.front, body.back, 0.5 * body.width)
+    outline = BodyOutline(body.front, body.back, 0.5 * body.width)
     plant = run.robot.robot  # type: ignore[union-attr]
     least, contacts, touching = inf, 0, False
 

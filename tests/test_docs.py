@@ -48,12 +48,12 @@ def test_the_robot_that_is_shown_is_fine(tmp_path):
 
 
 def test_the_table_of_robots_is_true():
-    from diffbotctl.config import resources
+    from diffbotctl.config import lookup
     from diffbotctl.config.load import load_robot
 
     text = (ROOT / "docs" / "robots.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \|.*\| ([^|]*) \|$", text, re.M))
-    assert set(rows) == set(resources.names("robots"))
+    assert set(rows) == set(lookup.names("robots"))
     for name, most in rows.items():
         limits = load_robot(name).robot.limits
         speed, rate = (float(part.split()[0]) for part in most.split(", "))
@@ -106,8 +106,8 @@ def test_codes_in_the_pages_are_explained():
 
 
 def test_the_reference_is_what_the_declarations_say():
-    from diffbotctl.config import reference
+    from diffbotctl.reference import pages
 
-    assert reference.PAGE.read_text() == reference.page(), (
-        "docs/reference.md is out of date: run `python -m diffbotctl.config.reference`"
+    assert pages.PAGE.read_text() == pages.page(), (
+        "docs/reference.md is out of date: run `python -m diffbotctl.reference.pages`"
     )

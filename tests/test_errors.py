@@ -8,9 +8,9 @@ from diffbotctl.errors import (
     Problem,
     Source,
     UsageError,
-    listed,
-    nearest,
-    printable,
+    closest_match,
+    escape_control,
+    join_words,
 )
 
 
@@ -88,7 +88,7 @@ def test_the_words_are_all_there_when_they_are_wrapped():
 
 def test_nothing_steers_the_terminal():
     text = rendered("a: \x1b[31mred\x07", 4, cause="\x1b]0;title\x07", fix="\x9b5m")
-    assert printable(text.replace("\n", "")) == text.replace("\n", "")
+    assert escape_control(text.replace("\n", "")) == text.replace("\n", "")
 
 
 def test_an_error_holds_all_problems_and_an_exit_code():
@@ -110,14 +110,14 @@ def test_an_error_holds_all_problems_and_an_exit_code():
     ],
 )
 def test_nearest(word, words, near):
-    assert nearest(word, words) == near
+    assert closest_match(word, words) == near
 
 
 @pytest.mark.parametrize(
     "words, text", [([], ""), ([2], "2"), ([2, 3], "2 or 3"), ([2, 20, 21], "2, 20 or 21")]
 )
 def test_listed(words, text):
-    assert listed(words) == text
+    assert join_words(words) == text
 
 
 @pytest.mark.parametrize(

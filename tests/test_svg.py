@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diffbotctl.svg import document, mark, number, points, words
+from diffbotctl.render.svg import document, mark, number, points, words
 
 
 @pytest.mark.parametrize(

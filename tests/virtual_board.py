@@ -12,8 +12,8 @@ import time
 from contextlib import contextmanager
 
 from diffbotctl.config.load import load_robot
-from diffbotctl.drivers.emulator_process import IMAGE
-from diffbotctl.runs.virtual_board import virtual_board
+from diffbotctl.emulator.process import IMAGE
+from diffbotctl.emulator.virtual_board import virtual_board
 
 MAIN = "from diffbotctl.cli.main import main; main()"
 LONGEST = 60  # s; everything that is waited for takes a few

@@ -11,7 +11,7 @@ import tty
 from contextlib import suppress
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder
+from diffbotctl.links.diffbot_codec import FrameDecoder
 from tests.alongside import Alongside
 
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
@@ -67,7 +67,7 @@ class Wire(Alongside):
 
     def follow(self, rate):
         """The board will run at `rate` once it has taken settings."""
-        self.decoder, self.settled_rate = Decoder(), rate
+        self.decoder, self.settled_rate = FrameDecoder(), rate
 
     def pull(self):
         """Cut it; the port vanishes, and whoever has it open is hung up on."""
@@ -107,7 +107,7 @@ class Wire(Alongside):
 
 
 def _taken(frame):
-    return isinstance(frame, frames.Answer) and frame.refusal == 0
+    return isinstance(frame, frames.AnswerFrame) and frame.refusal == 0
 
 
 def _write(file, data):

@@ -10,7 +10,7 @@ from diffbotctl.params import Param
 MOST_TURTLES = 100  # more do not fit on the sheet, nor a picture of them in one datagram
 
 
-class Canvas(Block):
+class TurtleCanvas(Block):
     """Keep the colours of a sheet and a pen, and the turtles that were put beside the first one.
 
     It says what it looks like whenever that has changed; the line itself is drawn by whoever shows
@@ -27,9 +27,12 @@ class Canvas(Block):
     pen_green = Param(int, default=184, least=0, most=255, live=True, help="Pen: green.")
     pen_blue = Param(int, default=255, least=0, most=255, live=True, help="Pen: blue.")
     pen = Param(
-        str, default="down", choices=("down", "up"), live=True,
+        str,
+        default="down",
+        choices=("down", "up"),
+        live=True,
         help="down: it draws; up: it leaves no line.",
-    )  # fmt: skip
+    )
 
     odometry = In(Odometry, help="Where the turtle is, in the frame of the sheet.")
     canvas = Out(Sheet, help="What the sheet looks like, whenever that has changed.")

@@ -18,9 +18,13 @@ class CommandMux(Block):
     """
 
     held_for = Param(
-        float, unit="s", default=0.4, least=0.05, most=2.0,
+        float,
+        unit="s",
+        default=0.4,
+        least=0.05,
+        most=2.0,
         help="A person's command counts for so long. Keys repeat each 30 ms, joysticks each 100.",
-    )  # fmt: skip
+    )
 
     teleop = In(Twist, fresh_for="held_for", optional=True, help="A person's command.")
     autonomous = In(Twist, optional=True, help="The pipeline's own command.")

@@ -28,7 +28,7 @@ class DiffDrive(Block):
         left, right = wheel_speeds(
             twist.linear, twist.angular, self.track, self.left_diameter, self.right_diameter
         )
-        return Wheels(twist.time, *saturated(left, right, self.left_rated, self.right_rated))
+        return Wheels(twist.time, *scale_to_rated(left, right, self.left_rated, self.right_rated))
 
 
 def wheel_speeds(
@@ -39,7 +39,7 @@ def wheel_speeds(
     return 2.0 * (linear - aside) / left_diameter, 2.0 * (linear + aside) / right_diameter
 
 
-def saturated(
+def scale_to_rated(
     left: float, right: float, left_most: float, right_most: float
 ) -> tuple[float, float]:
     """Both speeds scaled by one factor so that neither exceeds its most; their ratio is kept."""

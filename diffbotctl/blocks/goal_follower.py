@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from math import atan2, copysign, cos, exp, hypot, pi, sin, sqrt
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.blocks.rest_to_rest import Limits, rest_to_rest_time, shortest_turn
+from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time, shortest_turn
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 
@@ -17,10 +17,10 @@ SLOW_SPEED = 0.012  # m/s at the rim: it rolls on for about a millimetre; the ne
 STILL_TIME = 60_000_000  # ns of stillness after which the pose is believed
 MARGIN = 0.8  # of the braking limit: the rest is for what the motors add
 STEER = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
-MOST_STEER = 1.0  # rad/s; a correction is not a turn
-LESSON = 0.7  # share of a roll's surprise that is believed: the pose has its own errors
-LEAST_LESSON = 0.03  # m/s; slower, the surprise is the pose's alone
-PLAIN = 0.03  # m/s; the release at which half of the surprise is believed
+MAX_STEER = 1.0  # rad/s; a correction is not a turn
+COAST_GAIN = 0.7  # share of a roll's surprise that is believed: the pose has its own errors
+MIN_COAST_INNOVATION = 0.03  # m/s; slower, the surprise is the pose's alone
+COAST_GAIN_HALF_SPEED = 0.03  # m/s; the release at which half of the surprise is believed
 PIVOT = 2.5  # 1/s; place error to speed while turning
 PIVOT_SHARE = 0.3  # of the rim's speed at most, so that no wheel changes its direction
 LINE = 0.06  # m before the goal, from where the bearing to it says more of noise than of the way
@@ -42,9 +42,12 @@ class GoalFollower(Block):
     )
     reverse = Param(bool, default=False, help="May drive backwards where that is shorter.")
     creep = Param(
-        float, default=0.035, unit="m/s", above=0.0,
+        float,
+        default=0.035,
+        unit="m/s",
+        above=0.0,
         help="Least speed asked of a wheel: below it friction may hold one of the two.",
-    )  # fmt: skip
+    )
     attempts = Param(int, default=6, least=1, most=50, help="Tries before a goal is given up.")
     patience = Param(
         float, default=10.0, unit="s", above=0.0, help="How long to wait at an obstacle."
@@ -128,7 +131,9 @@ class GoalFollower(Block):
         self.target = goal
         self.tries = 0
         self.clock = self.held = self.idle = 0.0
-        limits = Limits(self.speed, self.turn_rate, self.acceleration, self.braking, self.track)
+        limits = MotionLimits(
+            self.speed, self.turn_rate, self.acceleration, self.braking, self.track
+        )
         away = hypot(goal.x - odometry.x, goal.y - odometry.y)
         self.allowed = 30.0 + 5.0 * rest_to_rest_time(away, 0.0, pi, limits)
         self._begin(odometry)
@@ -189,10 +194,10 @@ class GoalFollower(Block):
         span = (odometry.time, now + delay)
         while len(self.sent) > 1 and self.sent[1][0] + delay <= odometry.time:
             self.sent.popleft()
-        way, speed = foreseen(
+        way, speed = predict_motion(
             odometry.linear, span, [(t + delay, v) for t, v, _ in self.sent], self.lag
         )
-        turn, rate = foreseen(
+        turn, rate = predict_motion(
             odometry.angular, span, [(t + delay, w) for t, _, w in self.sent], self.lag
         )
         return way, speed, turn, rate
@@ -203,7 +208,7 @@ class GoalFollower(Block):
         _, _, turn, rate = foresight
         arm = 0.5 * self.track
         left = self._turn_left(odometry) - turn
-        rim = approach(arm * left, arm * rate, self.roll, step, self._turn_limits())
+        rim = approach_speed(arm * left, arm * rate, self.roll, step, self._turn_limits())
         if rim == 0.0 and self.nudge:
             rim = copysign(self._turn_limits()[0], left)
         self.nudge = False
@@ -220,7 +225,7 @@ class GoalFollower(Block):
 
     def _learn_roll(self, odometry: Odometry) -> None:
         """What is left of the way says how far a wheel truly rolls when it is let go."""
-        if self.let_go < LEAST_LESSON:
+        if self.let_go < MIN_COAST_INNOVATION:
             return
         if self.phase == "driving":
             goal = self.target
@@ -234,7 +239,7 @@ class GoalFollower(Block):
             rim = abs(odometry.angular) * 0.5 * self.track
             left = (left if same else -left) - rim * self.roll
         # A slow release says little: what the pose is wrong by weighs as much as the roll.
-        belief = LESSON * self.let_go / (self.let_go + PLAIN)
+        belief = COAST_GAIN * self.let_go / (self.let_go + COAST_GAIN_HALF_SPEED)
         wanted = self.roll - belief * left / self.let_go
         self.roll = min(max(wanted, 0.4 * self.lag), 2.0 * self.lag)
         self.let_go = 0.0
@@ -256,14 +261,14 @@ class GoalFollower(Block):
         if hypot(east, north) > LINE:
             self.line = atan2(north, east) + (pi if self.backwards else 0.0)
         ahead = east * cos(self.line) + north * sin(self.line) - way
-        linear = approach(
+        linear = approach_speed(
             ahead, speed, self.roll, step, (self.creep, self.speed, self.braking * MARGIN)
         )
         if linear == 0.0 or linear * (-1.0 if self.backwards else 1.0) < 0.0:
             self._release(-speed if self.backwards else speed)
             return 0.0, 0.0
         error = shortest_turn(self.line - odometry.heading - turn)
-        return linear, min(max(STEER * error, -MOST_STEER), MOST_STEER)
+        return linear, min(max(STEER * error, -MAX_STEER), MAX_STEER)
 
     def _turn_limits(self) -> tuple[float, float, float]:
         rim = min(self.speed, self.turn_rate * 0.5 * self.track)
@@ -283,7 +288,10 @@ class GoalFollower(Block):
         if left <= limit:
             return True
         # Where the motors are slow, what is left may be too little to be driven.
-        return approach(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits()) == 0.0
+        return (
+            approach_speed(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits())
+            == 0.0
+        )
 
     def _is_still(self, odometry: Odometry) -> bool:
         rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
@@ -343,9 +351,13 @@ class GoalFollower(Block):
         return told
 
 
-def approach(
-    left: float, speed: float, lag: float, step: float, limits: tuple[float, float, float],
-) -> float:  # fmt: skip
+def approach_speed(
+    left: float,
+    speed: float,
+    lag: float,
+    step: float,
+    limits: tuple[float, float, float],
+) -> float:
     """The speed (m/s) to ask for with `left` metres to go at `speed`; 0 when it is time to let go.
 
     A motor that is let go rolls on by its speed times its `lag` (s): only what remains beyond that
@@ -364,7 +376,7 @@ def approach(
     return direction * min(max(wanted, least), most)
 
 
-def foreseen(
+def predict_motion(
     speed: float, span: tuple[int, int], sent: Iterable[tuple[int, float]], lag: float
 ) -> tuple[float, float]:
     """Way and speed at the end of `span` (ns), from `speed` at its start.

@@ -29,34 +29,61 @@ class ObstacleStop(Block):
     """
 
     margin = Param(
-        float, unit="m", default=0.05, least=0.0, live=True,
+        float,
+        unit="m",
+        default=0.05,
+        least=0.0,
+        live=True,
         help="Distance between the robot's front and the obstacle where it comes to stand.",
-    )  # fmt: skip
+    )
     reaction = Param(
-        float, unit="s", default=None, none=True, least=0.0, most=2.0,
+        float,
+        unit="s",
+        default=None,
+        none=True,
+        least=0.0,
+        most=2.0,
         help="Time from the obstacle coming into view to the wheels slowing down; none: reckoned "
         "from the sensor's cycle, the telemetry, the debouncing, the command's way and the motors.",
-    )  # fmt: skip
+    )
     slowest = Param(
-        float, unit="m/s", default=0.05, above=0.0, live=True,
+        float,
+        unit="m/s",
+        default=0.05,
+        above=0.0,
+        live=True,
         help="Where it may only drive slower than this, it stops.",
-    )  # fmt: skip
+    )
     debounce = Param(
-        int, default=2, least=1, most=20, live=True,
+        int,
+        default=2,
+        least=1,
+        most=20,
+        live=True,
         help="So many readings in a row stop the robot, or let it go on.",
-    )  # fmt: skip
+    )
     stale_after = Param(
-        float, unit="s", default=0.2, least=0.02, most=1.0,
+        float,
+        unit="s",
+        default=0.2,
+        least=0.02,
+        most=1.0,
         help="A distance older than this counts as none.",
-    )  # fmt: skip
+    )
     resume_by = Param(
-        str, key="resume", default="by_itself", choices=("by_itself", "wait"), live=True,
+        str,
+        key="resume",
+        default="by_itself",
+        choices=("by_itself", "wait"),
+        live=True,
         help="After an obstacle has gone: drive on by itself, or wait for a person to resume.",
-    )  # fmt: skip
+    )
     sensor = Param(
-        str, none=True, default=None,
+        str,
+        none=True,
+        default=None,
         help="Sensor that the distance comes from; none: the robot's first.",
-    )  # fmt: skip
+    )
     braking = FromRobot("limits.braking")
     telemetry = FromRobot("board.telemetry")
     command_delay = FromRobot("link.command_delay")
@@ -103,10 +130,10 @@ class ObstacleStop(Block):
             return twist._replace(time=now), told
         if self.held[0] or self.is_latched:
             return Twist(now, 0.0, twist.angular), told
-        limit = allowed(gap - self.margin, self.braking, self.react_within)
+        limit = max_safe_speed(gap - self.margin, self.braking, self.react_within)
         if (twist.linear > limit) != self.is_slowing:
             self._tell_slowing(gap)
-        return slowed(twist, limit, now), told
+        return limit_to(twist, limit, now), told
 
     def _tell_slowing(self, gap: float) -> None:
         self.is_slowing = not self.is_slowing
@@ -173,7 +200,7 @@ def stopping_distance(speed: float, braking: float, reaction: float) -> float:
     return speed * speed / (2 * braking) + speed * reaction
 
 
-def allowed(free: float, braking: float, reaction: float) -> float:
+def max_safe_speed(free: float, braking: float, reaction: float) -> float:
     """Highest speed in m/s from which the robot stands within `free` metres; 0 when there are none.
 
     The inverse of `stopping_distance`.
@@ -185,7 +212,7 @@ def allowed(free: float, braking: float, reaction: float) -> float:
     return braking * (sqrt(reaction * reaction + 2 * free / braking) - reaction)
 
 
-def slowed(twist: Twist, limit: float, now: int) -> Twist:
+def limit_to(twist: Twist, limit: float, now: int) -> Twist:
     """`twist` at no more than `limit` m/s forward, on the same curve."""
     if twist.linear <= limit:
         return twist._replace(time=now)

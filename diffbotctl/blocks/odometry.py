@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from diffbotctl.block import Block, In, Out, action
-from diffbotctl.blocks.frame_times import FrameTimes
-from diffbotctl.blocks.odometry_wheel import CountedWheel, OdometryWheel, Side
-from diffbotctl.blocks.pose_estimate import PoseEstimate
+from diffbotctl.estimation.pose_filter import PoseFilter
+from diffbotctl.estimation.timestamp_filter import TimestampFilter
+from diffbotctl.estimation.wheel_odometer import CountWheelOdometer, SideConfig, WheelOdometer
 from diffbotctl.messages import Encoders
 from diffbotctl.messages import Odometry as Pose
 from diffbotctl.params import FromRobot, Param
 
-LEFT = 0.3  # of the scatter of frames' times, once they are followed
+RESIDUAL_JITTER_RATIO = 0.3  # of the scatter of frames' times, once they are followed
 # Without news for so long (ns) nobody knows what drove the motors: the host has stopped after a
 # quarter of a second, and the board's dead-man has after 0.1 to 0.5 s of its own.
 BLIND = 400_000_000
@@ -18,7 +18,7 @@ BLIND_PITCHES = 0.5  # sd of a wheel's way meanwhile: where in a slot it began, 
 DOUBT = 1.0  # natural logarithm; dry friction is believed when it tells the rolling out better
 
 
-class Odometry(Block):
+class OdometryBlock(Block):
     """Integrate both wheels' travel into a pose, finer than the encoders' slots.
 
     Each wheel has a filter driven by the model of its motor; `method: count` is the naive way,
@@ -32,25 +32,28 @@ class Odometry(Block):
         help="`model`: a filter a wheel, driven by the motor's model; `count`: counts alone.",
     )
     slip = Param(
-        float, default=0.0005, unit="m", least=0.0,
+        float,
+        default=0.0005,
+        unit="m",
+        least=0.0,
         help="Slip of a wheel: sd after a metre of its travel.",
-    )  # fmt: skip
+    )
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
     stamp_jitter: float = FromRobot("link.stamp_jitter")
     telemetry: float = FromRobot("board.telemetry")
     edge_times: bool = FromRobot("board.edge_times")
     track: float = FromRobot("drive.track")
-    left_side: Side = FromRobot("drive.left")
-    right_side: Side = FromRobot("drive.right")
+    left_side: SideConfig = FromRobot("drive.left")
+    right_side: SideConfig = FromRobot("drive.right")
     encoders = In(Encoders)
     odometry = Out(Pose)
 
     def reset(self) -> None:
         self.last: Encoders | None = None
-        self.pose = PoseEstimate(self.track, self.slip)
-        self.times = FrameTimes(self.stamp_jitter, self.telemetry)
-        self.wheels: tuple[OdometryWheel, OdometryWheel] | None = None
+        self.pose = PoseFilter(self.track, self.slip)
+        self.times = TimestampFilter(self.stamp_jitter, self.telemetry)
+        self.wheels: tuple[WheelOdometer, WheelOdometer] | None = None
 
     @action
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
@@ -82,7 +85,7 @@ class Odometry(Block):
         self.pose.move(left, right)
         return self.pose.message(time, left, right)
 
-    def _agree(self, left: OdometryWheel, right: OdometryWheel) -> None:
+    def _agree(self, left: WheelOdometer, right: WheelOdometer) -> None:
         """Both motors are of one kind: they roll out alike."""
         if len(left.filter.tracks) > 1 or len(right.filter.tracks) > 1:
             dry = left.filter.leaning() + right.filter.leaning() > DOUBT
@@ -91,7 +94,7 @@ class Odometry(Block):
         left.tell()
         right.tell()
 
-    def _count_on(self, encoders: Encoders, wheels: tuple[OdometryWheel, OdometryWheel]) -> Pose:
+    def _count_on(self, encoders: Encoders, wheels: tuple[WheelOdometer, WheelOdometer]) -> Pose:
         """After a silence: the counts tell the way, and nothing more is known of the wheels."""
         left, right = wheels[0].counted(encoders.left), wheels[1].counted(encoders.right)
         self.wheels = self._start(encoders)
@@ -99,10 +102,10 @@ class Odometry(Block):
         self.pose.start()
         return self.pose.message(encoders.time, *self.wheels)
 
-    def _start(self, encoders: Encoders) -> tuple[OdometryWheel, OdometryWheel]:
-        kind = OdometryWheel if self.method == "model" else CountedWheel
+    def _start(self, encoders: Encoders) -> tuple[WheelOdometer, WheelOdometer]:
+        kind = WheelOdometer if self.method == "model" else CountWheelOdometer
         time = encoders.time
-        link = (LEFT * self.stamp_jitter, self.command_jitter, self.edge_times)
+        link = (RESIDUAL_JITTER_RATIO * self.stamp_jitter, self.command_jitter, self.edge_times)
         return (
             kind(self.left_side, time, encoders.left, *link),
             kind(self.right_side, time, encoders.right, *link),

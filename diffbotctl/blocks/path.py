@@ -24,9 +24,11 @@ class PathSource(Block):
     shape = Param(str, default="square", choices=("square", "waypoints"), help="What to drive.")
     side = Param(float, unit="m", default=1.0, above=0.0, help="Length of the square's sides.")
     direction = Param(
-        str, default="counter_clockwise", choices=("counter_clockwise", "clockwise"),
+        str,
+        default="counter_clockwise",
+        choices=("counter_clockwise", "clockwise"),
         help="Which way round the square.",
-    )  # fmt: skip
+    )
     loops = Param(int, default=1, least=1, most=1000, help="How many times.")
     waypoints = Param(
         list[tuple[float, float]], unit="m", default=[], help="Points [x, y] for `waypoints`."

@@ -35,9 +35,13 @@ class RangeSensor(Block):
 
     sensor = Param(str, default="front", help="Name of the sensor in the robot file.")
     frozen_for = Param(
-        float, unit="s", default=3.0, above=0.0, none=True,
+        float,
+        unit="s",
+        default=3.0,
+        above=0.0,
+        none=True,
         help="A voltage that stays exactly equal for so long is not believed; none: believe it.",
-    )  # fmt: skip
+    )
     sensors = FromRobot("sensors")
     speed = FromRobot("limits.speed")
 
@@ -49,7 +53,7 @@ class RangeSensor(Block):
         curve: Any = self.sensors[self.sensor].curve
         self.curve = (curve.a, curve.b, curve.c)
         near = volts_at(NEAREST, *self.curve)
-        self.fold = Fold(near, self.speed)
+        self.fold = FoldbackDetector(near, self.speed)
         self.last_volts = float("nan")
         self.since = 0
         self.zeros = 0
@@ -97,7 +101,7 @@ class RangeSensor(Block):
         return self.frozen_for is not None and volts.time - self.since >= self.frozen_for * 1e9
 
 
-class Fold:
+class FoldbackDetector:
     """Whether the object is on the sensor's folded-back side, nearer than the peak at 3 cm.
 
     A voltage above `near`, that of the nearest certain distance, is too close on either side of the

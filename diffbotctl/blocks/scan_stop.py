@@ -5,7 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.footprint import Footprint, Point, Track, moved, placed, points_of, seen_from
+from diffbotctl.geometry.footprint import (
+    Footprint,
+    Point,
+    PointTracker,
+    moved,
+    placed,
+    points_of,
+    seen_from,
+)
 from diffbotctl.messages import Odometry, Scan, Stop, Twist
 from diffbotctl.params import Param
 
@@ -31,13 +39,21 @@ class ScanStop(Block):
     """
 
     margin = Param(
-        float, unit="m", default=0.05, least=0.0, live=True,
+        float,
+        unit="m",
+        default=0.05,
+        least=0.0,
+        live=True,
         help="Distance that is kept free around the robot's outline.",
-    )  # fmt: skip
+    )
     stale_after = Param(
-        float, unit="s", default=0.6, least=0.02, most=2.0,
+        float,
+        unit="s",
+        default=0.6,
+        least=0.02,
+        most=2.0,
         help="A scan older than this counts as none; then the robot stands.",
-    )  # fmt: skip
+    )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
     sensors = FromRobot("sensors")
     front = FromRobot("body.front")
@@ -61,7 +77,7 @@ class ScanStop(Block):
         self.mount = (mounted.at.x, mounted.at.y, mounted.at.heading) if mounted else (0.0,) * 3
         self.outline = Footprint(self.front, self.back, 0.5 * self.width)
         self.reaction = 1.0 / self.telemetry + self.command_delay + self.lag
-        self.way = Track()
+        self.way = PointTracker()
         self.points: list[Point] = []  # in the frame of `way`
         self.taken: Scan | None = None
         self.answered: Twist | None = None

@@ -48,16 +48,20 @@ class SpeedLimiter(Block):
             self.linear = self.angular = 0.0
             step = self.first_step
         self.time = twist.time
-        linear, angular = slowed(twist.linear, twist.angular, self.speed, self.turn_rate)
+        linear, angular = brake_limited(twist.linear, twist.angular, self.speed, self.turn_rate)
         arm = 2.0 / self.track  # a wheel's acceleration times this is the body's turning
-        self.linear = ramped(self.linear, linear, self.acceleration * step, self.braking * step)
-        self.angular = ramped(
+        self.linear = acceleration_limited(
+            self.linear, linear, self.acceleration * step, self.braking * step
+        )
+        self.angular = acceleration_limited(
             self.angular, angular, self.acceleration * arm * step, self.braking * arm * step
         )
         return Twist(twist.time, self.linear, self.angular)
 
 
-def slowed(linear: float, angular: float, speed: float, turn_rate: float) -> tuple[float, float]:
+def brake_limited(
+    linear: float, angular: float, speed: float, turn_rate: float
+) -> tuple[float, float]:
     """The twist scaled by one factor into |linear| <= speed and |angular| <= turn_rate."""
     scale = 1.0
     if abs(linear) > speed:
@@ -67,13 +71,13 @@ def slowed(linear: float, angular: float, speed: float, turn_rate: float) -> tup
     return linear * scale, angular * scale
 
 
-def ramped(before: float, wanted: float, faster: float, slower: float) -> float:
+def acceleration_limited(before: float, wanted: float, faster: float, slower: float) -> float:
     """`wanted`, or as near as one step lets: `faster` away from zero, `slower` towards it.
 
     A change of sign first stops at zero, for one step.
     """
     if before < 0.0:
-        return -ramped(-before, -wanted, faster, slower)
+        return -acceleration_limited(-before, -wanted, faster, slower)
     if wanted >= before:
         return min(wanted, before + faster)
     lowest = before - slower

@@ -6,8 +6,8 @@ from math import pi, sqrt
 from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.footprint import Footprint, Point, placed, points_of
 from diffbotctl.blocks.scan_stop import NEAREST
+from diffbotctl.geometry.footprint import Footprint, Point, placed, points_of
 from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.params import Param
 
@@ -28,24 +28,41 @@ class Wander(Block):
     """
 
     share = Param(
-        float, unit="1", default=0.8, above=0.0, most=1.0, live=True,
+        float,
+        unit="1",
+        default=0.8,
+        above=0.0,
+        most=1.0,
+        live=True,
         help="Of the robot's highest speed that it drives with.",
-    )  # fmt: skip
+    )
     turn_rate = Param(
         float, unit="rad/s", default=1.0, above=0.0, live=True, help="How fast it turns away."
     )
     turn_at = Param(
-        float, unit="m", default=0.25, above=0.0, live=True,
+        float,
+        unit="m",
+        default=0.25,
+        above=0.0,
+        live=True,
         help="Free way before its turning circle at which it turns away.",
-    )  # fmt: skip
+    )
     go_at = Param(
-        float, unit="m", default=0.60, above=0.0, live=True,
+        float,
+        unit="m",
+        default=0.60,
+        above=0.0,
+        live=True,
         help="Free way that it wants before it drives on.",
-    )  # fmt: skip
+    )
     room = Param(
-        float, unit="m", default=0.08, least=0.0, live=True,
+        float,
+        unit="m",
+        default=0.08,
+        least=0.0,
+        live=True,
         help="Room at either side of its turning circle.",
-    )  # fmt: skip
+    )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
     sensors = FromRobot("sensors")
     front = FromRobot("body.front")
@@ -88,7 +105,7 @@ class Wander(Block):
             points_of(scan.start, scan.step, scan.distances, NEAREST, self.go_at + SIDE_REACH),
             *self.mount,
         )
-        free = free_way(points, self.radius, self.radius + self.room)
+        free = free_distance(points, self.radius, self.radius + self.room)
         if self.side:
             wanted = self.go_at if self.turned < FULL_TURN else self.turn_at
             if free > wanted:
@@ -106,7 +123,7 @@ class Wander(Block):
             self.side, self.turning_since = -self.side, now
 
 
-def free_way(points: list[Point], radius: float, half: float) -> float:
+def free_distance(points: list[Point], radius: float, half: float) -> float:
     """Metres that a circle of `radius` about the axle can go ahead within a lane of `half` width.
 
     `points` in base_link; infinity where nothing stands in the lane.

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.errors import Problem
-from diffbotctl.ports.holders import programs
-from diffbotctl.ports.tree import text
+from diffbotctl.ports.port_users import programs
+from diffbotctl.ports.sysfs import text
 
 
 class Adapter(NamedTuple):

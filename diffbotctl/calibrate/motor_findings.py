@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import floor, hypot
 from typing import NamedTuple
 
-from diffbotctl.calibrate.findings import Finding
-from diffbotctl.calibrate.motor_fit import DEAD_STEP, Lag, Line
-from diffbotctl.calibrate.motor_trials import RESOLUTION
+from diffbotctl.calibrate.motor_experiments import RESOLUTION
+from diffbotctl.calibrate.motor_fit import DEAD_STEP, LagFit, SpeedDutyLine
+from diffbotctl.calibrate.result import Finding
+from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.sides import SIDES
-from diffbotctl.runs.simulation import takes_duty
+from diffbotctl.drivers.simulated_robot import is_duty_board
 
 INTEGRAL = 0.25  # 1/s; integral gain over kV: what is missing is made good within some seconds
 PROPORTIONAL = 0.0  # of kV: the speed of one slot alone is 4 % wrong, and would be passed on
@@ -19,19 +19,19 @@ CENTIMETRES = 100  # in a metre; limits are rounded down to whole ones
 DIFFERENT = 0.15  # between the directions of one motor: more is a fault of its gear or driver
 
 
-class Motor(NamedTuple):
+class MotorFit(NamedTuple):
     """What was measured of one motor."""
 
     start: dict[str, float]
     """duty that breaks it loose, by direction"""
-    lines: dict[str, Line]
+    lines: dict[str, SpeedDutyLine]
     """by direction"""
-    line: Line
+    line: SpeedDutyLine
     """of both directions together"""
-    lag: Lag
+    lag: LagFit
 
 
-def findings(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
+def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """Motors and loops of both sides, and a speed limit that both can keep."""
     slope = sum(motor.line.slope for motor in motors.values()) / len(motors)
     made = []
@@ -52,7 +52,7 @@ def findings(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
     return [*made, *_limit(robot, motors)]
 
 
-def _limit(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
+def _limit(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """A speed limit that both motors can keep, where the stated one is too much for them."""
     drive = {"left": robot.drive.left, "right": robot.drive.right}
     reach = min(motors[side].line.rated * drive[side].wheel.diameter / 2 for side in SIDES)
@@ -60,7 +60,7 @@ def _limit(robot: Robot, motors: dict[str, Motor]) -> list[Finding]:
     return [Finding("limits.speed", kept)] if kept < robot.limits.speed else []
 
 
-def delay(nominal: Robot, motors: dict[str, Motor]) -> list[Finding]:
+def delay(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """The time from a command to the motors, where it is another than the file states.
 
     A board that tells when a command took hold leaves only the motors' own dead time to be added
@@ -69,14 +69,14 @@ def delay(nominal: Robot, motors: dict[str, Motor]) -> list[Finding]:
     lags = [motor.lag for motor in motors.values()]
     dead = sum(lag.dead for lag in lags) / len(lags)
     parted = max(lag.parted for lag in lags)
-    if takes_duty(nominal):
+    if is_duty_board(nominal):
         return [Finding("link.command_delay", dead, hypot(lags[0].sd, parted))]
     if not dead:
         return []
     return [Finding("link.command_delay", nominal.link.command_delay + dead, DEAD_STEP)]
 
 
-def unlike(motors: dict[str, Motor]) -> list[str]:
+def unlike(motors: dict[str, MotorFit]) -> list[str]:
     """Motors that run one way much better than the other."""
     faults = []
     for side, motor in motors.items():
@@ -89,7 +89,7 @@ def unlike(motors: dict[str, Motor]) -> list[str]:
     return faults
 
 
-def report(robot: Robot, motors: dict[str, Motor]) -> list[str]:
+def report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
     """The table of both motors, and the slowest speed that can be had of them."""
     lines = [f"{'':<15} {'starts':>7} {'keeps':>7} {'full power':>12} {'lag':>8} {'dead time':>10}"]
     for side, motor in motors.items():

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from diffbotctl.calibrate import wheel_log
-from diffbotctl.calibrate.drive import Floats
+from diffbotctl.calibrate import edge_log
+from diffbotctl.calibrate.recorded_drive import Floats
 from diffbotctl.messages import Encoders
 
 Bools = NDArray[np.bool_]
@@ -22,7 +22,7 @@ DEAD_STEP, DEAD_MOST = 0.002, 0.060  # s; dead times that are tried
 BELIEVED = 12.0  # how much better, by chi squared, a dead time must explain the transition
 
 
-class Line(NamedTuple):
+class SpeedDutyLine(NamedTuple):
     """duty = static + slope * speed, for one wheel; duty 0 to 1, speed in rad/s."""
 
     static: float
@@ -36,7 +36,7 @@ class Line(NamedTuple):
         return (1.0 - self.static) / self.slope
 
 
-class Step(NamedTuple):
+class StepResponse(NamedTuple):
     """One step between two duties: frames around it, and when it took hold (s)."""
 
     frames: Sequence[Encoders]
@@ -44,7 +44,7 @@ class Step(NamedTuple):
     up: bool
 
 
-class Lag(NamedTuple):
+class LagFit(NamedTuple):
     """How late a wheel follows, s."""
 
     lag: float
@@ -55,7 +55,7 @@ class Lag(NamedTuple):
     """sd of how the sum is divided between them"""
 
 
-def line(duties: Sequence[float], speeds: Sequence[float]) -> Line:
+def fit_line(duties: Sequence[float], speeds: Sequence[float]) -> SpeedDutyLine:
     """The feed-forward through (duty, speed) points, by least squares; signs are left out.
 
     Raises ValueError when fewer than three wheels' speeds are known.
@@ -72,10 +72,10 @@ def line(duties: Sequence[float], speeds: Sequence[float]) -> Line:
     rest = duty - matrix @ (static, slope)
     variance = float(rest @ rest) / (len(duty) - 2)
     spread = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * variance)
-    return Line(float(static), float(slope), float(spread[0]), float(spread[1]))
+    return SpeedDutyLine(float(static), float(slope), float(spread[0]), float(spread[1]))
 
 
-def lag(steps: Sequence[Step], left: bool, slots: int) -> Lag:
+def fit_lag(steps: Sequence[StepResponse], left: bool, slots: int) -> LagFit:
     """The wheel's lag from steps up and down between the same two duties.
 
     Long after a step the wheel runs on a line that crosses the one from before a lag (and a dead
@@ -99,11 +99,11 @@ def lag(steps: Sequence[Step], left: bool, slots: int) -> Lag:
     # The matrix holds the late line for all edges after a step: what is missing yet is the bend.
     change = np.where(ups, fast - slow, slow - fast)
     rest, after, change = (places - model)[moving], times[moving], change[moving]
-    return Lag(*_parted(after, change, rest, both, sqrt(2.0) * SLOT * 2 * pi / slots), sd)
+    return LagFit(*_parted(after, change, rest, both, sqrt(2.0) * SLOT * 2 * pi / slots), sd)
 
 
 def gathered(
-    steps: Sequence[Step], left: bool, slots: int
+    steps: Sequence[StepResponse], left: bool, slots: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Time since its step (s), angle (rad), number of the step, and slot, of every edge.
 
@@ -112,11 +112,11 @@ def gathered(
     pitch = 2 * pi / slots
     rows: list[tuple[float, float, int, int]] = []
     for number, step in enumerate(steps):
-        if wheel_log.has_edges(step.frames):
-            times, counts = wheel_log.passed(step.frames, left)
+        if edge_log.has_edges(step.frames):
+            times, counts = edge_log.passed(step.frames, left)
             places: Floats = counts.astype(float)
         else:
-            times, places = wheel_log.sampled(step.frames, left)
+            times, places = edge_log.sampled(step.frames, left)
         rows += [
             (float(time) - step.at, float(place) * pitch, number, int(place) % slots)
             for time, place in zip(times, places, strict=True)
@@ -129,9 +129,15 @@ def gathered(
 
 
 def _solved(
-    times: Floats, places: Floats, which: Floats, slot: Floats, ups: Bools, settled: Bools,
-    count: int, slots: int,
-) -> tuple[Floats, Floats, Floats]:  # fmt: skip
+    times: Floats,
+    places: Floats,
+    which: Floats,
+    slot: Floats,
+    ups: Bools,
+    settled: Bools,
+    count: int,
+    slots: int,
+) -> tuple[Floats, Floats, Floats]:
     """Solution, standard deviations and the whole matrix of the joint least squares."""
     rows = len(times)
     matrix = np.zeros((rows, count + 3 + slots))

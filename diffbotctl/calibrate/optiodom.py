@@ -14,22 +14,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffbotctl.calibrate.drive import CAMERAS, Drive
 from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.recorded_drive import CAMERAS, RecordedDrive
 from diffbotctl.errors import Problem, UsageError
 
 COLUMNS = 6
 MARKED = "utf-8-sig"  # some files begin with a byte-order mark
 
 
-class Session(NamedTuple):
+class OptiodomSession(NamedTuple):
     """One folder."""
 
     name: str
     nominal: Geometry
     side: float | None
     """m; of the squares, None when there are none"""
-    drives: list[Drive]
+    drives: list[RecordedDrive]
 
 
 def is_session(folder: Path) -> bool:
@@ -37,7 +37,7 @@ def is_session(folder: Path) -> bool:
     return any(folder.glob("*_metadata.csv")) and any(folder.glob("*_run-*.csv"))
 
 
-def read_session(folder: Path) -> Session:
+def read_session(folder: Path) -> OptiodomSession:
     """The session in `folder`. Raises UsageError for one that lacks something."""
     paths = sorted(folder.glob("*_run-*.csv"))
     if not paths:
@@ -48,10 +48,10 @@ def read_session(folder: Path) -> Session:
     wheels = about["Di"]
     nominal = Geometry(wheels[0], wheels[-1], about["Li"][0])
     side = about["L"][0] if "L" in about else None
-    return Session(folder.name, nominal, side, [read_run(path, ticks) for path in paths])
+    return OptiodomSession(folder.name, nominal, side, [read_run(path, ticks) for path in paths])
 
 
-def read_run(path: Path, ticks_per_turn: float) -> Drive:
+def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
     """One run file. Raises UsageError when it is none."""
     try:
         table = np.loadtxt(path, delimiter=",", encoding=MARKED, ndmin=2)
@@ -62,7 +62,7 @@ def read_run(path: Path, ticks_per_turn: float) -> Drive:
     turns = np.cumsum(table[:, 4:], axis=0) / ticks_per_turn
     tick = 1 / ticks_per_turn
     rows = np.arange(len(table))
-    return Drive(
+    return RecordedDrive(
         path.stem, table[:, 0], turns - turns[0], rows, table[:, 1:4], (tick, tick), CAMERAS
     )
 

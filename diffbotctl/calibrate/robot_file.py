@@ -1,4 +1,6 @@
-"""Writing results into a robot file, keeping what was there, and bringing it back.
+"""The section `calibration:` of a robot file: its entries change, every other byte stays.
+
+Writing results into a robot file, keeping what was there, and bringing it back.
 
 What a file was is kept beside it, under a name that ends in the fingerprint of what was written:
 so `undo` knows whether the file is still what was written, and undoing goes back step by step.
@@ -7,27 +9,87 @@ so `undo` knows whether the file is still what was written, and undoing goes bac
 from __future__ import annotations
 
 import os
+import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import unified_diff
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.calibrate.findings import Finding, Origin, written
-from diffbotctl.calibrate.section import with_entries
+import yaml
+
+from diffbotctl.calibrate.result import Finding, Provenance, formatted_value
 from diffbotctl.config import lookup
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.load import load_robot
-from diffbotctl.config.rewrite import with_entry
+from diffbotctl.config.yaml_edit import reads_as, with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
+
+KEY = "calibration"
+INDENT = "  "
+# The section's line with nothing behind the key, or an empty mapping; what follows is a comment.
+EMPTY = re.compile(
+    rf"^(?P<key>{KEY}:)(?P<gap>[ ]*)(?P<braces>\{{[ ]*\}})?(?P<rest>[ ]*(?:#.*)?)$", re.MULTILINE
+)
+
+
+def replace_section(text: str, entries: Mapping[str, str]) -> str:
+    """`text` with each of `entries` (field path to what is written behind it) in the section.
+
+    Line ends are those of the file. Raises ValueError where its layout does not allow it.
+    """
+    crlf = "\r\n" in text and not re.search(r"(?<!\r)\n", text)
+    changed = text.replace("\r\n", "\n") if crlf else text
+    for path, written in entries.items():
+        changed = _with(changed, path, written)
+    return changed.replace("\n", "\r\n") if crlf else changed
+
+
+def _with(text: str, path: str, written: str) -> str:
+    if _is_empty(text):
+        return _opened(text, f"{INDENT}{path}: {written}")
+    return with_entry(text, [KEY, path], written)
+
+
+def _is_empty(text: str) -> bool:
+    top = yaml.load(text, Loader=yaml.CSafeLoader)
+    return isinstance(top, dict) and not top.get(KEY)
+
+
+def _opened(text: str, line: str) -> str:
+    """`text`, whose section is empty or missing, with `line` as the section's first entry."""
+    found = list(EMPTY.finditer(text))
+    if not found:
+        end = "" if text.endswith("\n") or not text else "\n"
+        changed = f"{text}{end}{KEY}:\n{line}\n"
+    elif len(found) == 1:
+        match = found[0]
+        # Spaces in the place of the braces keep a comment in its column.
+        filler = match["gap"] + " " * len(match["braces"] or "") if "#" in match["rest"] else ""
+        rest = match["rest"] if filler else ""
+        changed = (
+            f"{text[: match.start()]}{match['key']}{filler}{rest}\n{line}{text[match.end() :]}"
+        )
+    else:
+        raise ValueError("the word `calibration:` stands at the beginning of several lines")
+    return _checked(text, changed, line)
+
+
+def _checked(before: str, after: str, line: str) -> str:
+    """`after`, if it reads as `before` with that one entry in the section."""
+    wanted = yaml.load(before, Loader=yaml.CSafeLoader) | {
+        KEY: yaml.load(line, Loader=yaml.CSafeLoader)
+    }
+    return reads_as(after, wanted)
+
 
 FINGERPRINT = 8  # hexadecimal digits: one in four thousand million is no accident
 KEPT = ".before-"
 
 
-class Change(NamedTuple):
+class FileChange(NamedTuple):
     """A robot file as it is, and as it would be. Nothing is written yet."""
 
     path: Path
@@ -37,11 +99,11 @@ class Change(NamedTuple):
     def difference(self, state: str = "after") -> str:
         """What changes, as a unified diff; `state` says what the file is then."""
         old, new = (text.decode().splitlines() for text in (self.before, self.after))
-        name = lookup.shown(self.path)
+        name = lookup.display_path(self.path)
         return "\n".join(unified_diff(old, new, name, f"{name} ({state})", lineterm="", n=1))
 
 
-def own_file(path: Path) -> tuple[Path, bool]:
+def writable_copy(path: Path) -> tuple[Path, bool]:
     """The file to write for the robot at `path`, and whether it was copied to ./robots for that.
 
     What ships with diffbotctl is never written. Raises UsageError where it cannot be copied.
@@ -62,7 +124,7 @@ def own_file(path: Path) -> tuple[Path, bool]:
     return mine, True
 
 
-def change(path: Path, findings: Sequence[Finding], origin: Origin) -> Change:
+def change(path: Path, findings: Sequence[Finding], origin: Provenance) -> FileChange:
     """What `findings` make of the robot file at `path`.
 
     Raises UsageError where its layout does not allow it; ConfigurationError with the reasons when
@@ -70,15 +132,15 @@ def change(path: Path, findings: Sequence[Finding], origin: Origin) -> Change:
     """
     before = path.read_bytes()
     try:
-        entries = {each.field: written(each, origin) for each in findings}
-        after = with_entries(before.decode(), entries).encode()
+        entries = {each.field: formatted_value(each, origin) for each in findings}
+        after = replace_section(before.decode(), entries).encode()
     except ValueError as error:
         raise _unwritten(path, str(error), "write the entries by hand") from error
     _read(path, after)
-    return Change(path, before, after)
+    return FileChange(path, before, after)
 
 
-def entered(path: Path, keys: Sequence[str], value: str) -> Change:
+def write_findings(path: Path, keys: Sequence[str], value: str) -> FileChange:
     """The robot file at `path` with one of its own values replaced, or added.
 
     Raises as `change` does.
@@ -89,10 +151,10 @@ def entered(path: Path, keys: Sequence[str], value: str) -> Change:
     except ValueError as error:
         raise _unwritten(path, str(error), "write the entry by hand") from error
     _read(path, after)
-    return Change(path, before, after)
+    return FileChange(path, before, after)
 
 
-def write(made: Change) -> Path:
+def write(made: FileChange) -> Path:
     """Write the change in one go. Returns where the file as it was is kept.
 
     Raises RunError when the file was changed meanwhile, or cannot be written.
@@ -114,7 +176,7 @@ def write(made: Change) -> Path:
     return kept
 
 
-def undo(path: Path) -> Change:
+def undo(path: Path) -> FileChange:
     """Bring back the file at `path` as it was before the last calibration.
 
     Raises UsageError when there is none, or the file has been changed since.
@@ -126,7 +188,7 @@ def undo(path: Path) -> Change:
     before = kept.read_bytes()
     _replace(path.resolve(), before, path)
     kept.unlink()
-    return Change(path, now, before)
+    return FileChange(path, now, before)
 
 
 def _nothing_kept(path: Path) -> Problem:
@@ -143,15 +205,15 @@ def _kept(path: Path, after: bytes) -> Path:
     return path.with_name(f"{path.name}{KEPT}{sha256(after).hexdigest()[:FINGERPRINT]}")
 
 
-def tried(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
+def with_findings(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
     """The robot as `findings` would make it; nothing is written.
 
     Raises ConfigurationError with the reasons when a value is not plausible, or UsageError.
     """
-    now = Origin("trial", "", None, None)
-    entries = {each.field: written(each, now) for each in findings}
+    now = Provenance("trial", "", None, None)
+    entries = {each.field: formatted_value(each, now) for each in findings}
     try:
-        after = with_entries(file.file.read_bytes().decode(), entries).encode()
+        after = replace_section(file.file.read_bytes().decode(), entries).encode()
     except ValueError as error:
         raise _unwritten(file.file, str(error), "write the entries by hand") from error
     return replace(_read(file.file, after), file=file.file, files=file.files)

@@ -17,20 +17,20 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from diffbotctl.calibrate.findings import Finding
-from diffbotctl.calibrate.question import Question
+from diffbotctl.calibrate.result import Finding
+from diffbotctl.prompts.question import Question
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.rig import Rig
+    from diffbotctl.calibrate.session import RobotSession
 
 
-class Said(NamedTuple):
+class Message(NamedTuple):
     """A line for the person who waits."""
 
     text: str
 
 
-class Announce(NamedTuple):
+class MotionNotice(NamedTuple):
     """What will move next and how far; nothing moves before it is agreed to. Sent: nothing.
 
     The rig is held to `turns` and `reach` afterwards: going beyond is an error that stops it.
@@ -45,7 +45,7 @@ class Announce(NamedTuple):
     """whether the encoders can be believed already, so that the rig may stop by their counts"""
 
 
-class Mark(NamedTuple):
+class MarkFloor(NamedTuple):
     """A mark to be made on the floor at both wheels and the front: readings are taken from it.
 
     Sent: nothing. For the eye, the mark is on the wheels.
@@ -54,7 +54,7 @@ class Mark(NamedTuple):
     text: str
 
 
-class Act(NamedTuple):
+class ManualAction(NamedTuple):
     """Something that only a hand can do, and that is waited for. Sent: nothing.
 
     `roll` tells an answers file's hand which wheel to turn (`left`, `right`) and how many turns;
@@ -67,7 +67,7 @@ class Act(NamedTuple):
     place: tuple[str, float] | None = None
 
 
-class Progress(NamedTuple):
+class StepProgress(NamedTuple):
     """How far the step is."""
 
     what: str
@@ -75,14 +75,14 @@ class Progress(NamedTuple):
     total: float
 
 
-class Drawing(NamedTuple):
+class ScatterPlot(NamedTuple):
     """A picture for the terminal: points by their kind, m, x to the right and y upwards."""
 
     title: str
     points: dict[str, list[tuple[float, float]]]
 
 
-class Graph(NamedTuple):
+class CurvePlot(NamedTuple):
     """A curve and points of it for the terminal, x to the right and y upwards."""
 
     title: str
@@ -93,7 +93,16 @@ class Graph(NamedTuple):
     upwards: str
 
 
-Event = Said | Announce | Mark | Act | Progress | Drawing | Graph | Question
+Event = (
+    Message
+    | MotionNotice
+    | MarkFloor
+    | ManualAction
+    | StepProgress
+    | ScatterPlot
+    | CurvePlot
+    | Question
+)
 Running = Generator[Event, Any, "Outcome"]
 
 
@@ -122,5 +131,5 @@ class Step(Protocol):
     lifted: bool
     """whether the wheels must be off the ground"""
 
-    def run(self, rig: Rig) -> Running:
+    def run(self, rig: RobotSession) -> Running:
         """Do it. Raises RunError when it cannot be done, or was stopped."""

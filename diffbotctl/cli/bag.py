@@ -20,10 +20,10 @@ def command() -> None:
 @recording
 def info(file: Path) -> int:
     """What is in the recording FILE, why its run ended, and whether it is complete."""
-    from diffbotctl.bags.overview import overview
-    from diffbotctl.ui import bag
+    from diffbotctl.recording.info import recording_info
+    from diffbotctl.ui import recording_text
 
-    for line in bag.overview(overview(file)):
+    for line in recording_text.overview(recording_info(file)):
         click.echo(line)
     return 0
 
@@ -36,7 +36,7 @@ def recover(file: Path, output: Path | None) -> int:
 
     Without --output it stands beside FILE, named FILE-recovered.
     """
-    from diffbotctl.bags.recover import recover
+    from diffbotctl.recording.recover import recover
 
     target = output or file.with_stem(f"{file.stem}-recovered")
     done = recover(file, target)
@@ -58,10 +58,12 @@ def export(file: Path, fields: tuple[str, ...], output: Path | None) -> int:
     One line an instant at which one of them spoke; a field that was silent then is left empty.
     Times are seconds since the start of the run. Without FIELD everything is written.
     """
-    from diffbotctl.bags import columns
+    from diffbotctl.recording import fields as fields_module
 
-    known = columns.wires(file)
-    wanted = columns.chosen(fields, known) if fields else columns.everything(known)
+    known = fields_module.column_wires(file)
+    wanted = (
+        fields_module.choose_columns(fields, known) if fields else fields_module.all_columns(known)
+    )
     if output is None:
         _table(sys.stdout, file, wanted)
         return 0
@@ -76,11 +78,11 @@ def export(file: Path, fields: tuple[str, ...], output: Path | None) -> int:
 def _table(target: Any, file: Path, wanted: list[Any]) -> None:
     import csv
 
-    from diffbotctl.bags.columns import rows
+    from diffbotctl.recording.fields import table_rows
 
     writer = csv.writer(target, lineterminator="\n")
     writer.writerow(["time", *(column.name for column in wanted)])
-    for time, row in rows(file, wanted):
+    for time, row in table_rows(file, wanted):
         seconds = f"{time // SECOND}.{time % SECOND:09d}"
         writer.writerow([seconds, *(_cell(value) for value in row)])
 
@@ -102,16 +104,20 @@ def _cell(value: object) -> object:
 @click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="x.svg or x.png.")
 @click.option("--ascii", "plain", is_flag=True, help="Draw with plain characters only.")
 def plot(
-    fields: tuple[str, ...], file: Path, begin: str | None, until: str | None,
-    output: Path | None, plain: bool,
-) -> int:  # fmt: skip
+    fields: tuple[str, ...],
+    file: Path,
+    begin: str | None,
+    until: str | None,
+    output: Path | None,
+    plain: bool,
+) -> int:
     """Draw the FIELDs of the recording FILE over time, in the terminal or into --output.
 
     A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
     """
-    from diffbotctl.bags.series import series
-    from diffbotctl.cli.attach import quantity_of
+    from diffbotctl.cli.engine_client import quantity_of
     from diffbotctl.graph import NEVER
+    from diffbotctl.recording.fields import series
 
     first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
     last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)
@@ -119,9 +125,9 @@ def plot(
     if output is None:
         _on_terminal(drawn, plain)
         return 0
-    from diffbotctl.ui.figure import figure, save
+    from diffbotctl.ui.plot.image import make_figure, save_figure
 
-    save(figure(drawn, file.name), output)
+    save_figure(make_figure(drawn, file.name), output)
     click.echo(f"{output}")
     return 0
 
@@ -129,12 +135,12 @@ def plot(
 def _on_terminal(drawn: list[Any], plain: bool) -> None:
     from shutil import get_terminal_size
 
-    from diffbotctl.ui import terminal_plot
-    from diffbotctl.ui.dots import ASCII, BRAILLE
+    from diffbotctl.ui.plot import plots
+    from diffbotctl.ui.plot.canvas import ASCII, BRAILLE
 
     size = get_terminal_size((80, 24))
     font = ASCII if plain or not _speaks_braille() else BRAILLE
-    for line in terminal_plot.lines(drawn, size.columns, size.lines - 1, font):
+    for line in plots.plot_lines(drawn, size.columns, size.lines - 1, font):
         click.echo(line)
 
 
@@ -154,16 +160,16 @@ def diff(one: Path, other: Path) -> int:
 
     Exit code: 0 the same, 1 different.
     """
-    from diffbotctl.bags.compare import compare
-    from diffbotctl.bags.measured import measured
-    from diffbotctl.ui import bag
+    from diffbotctl.recording.diff import recording_differences
+    from diffbotctl.recording.metrics import recorded_metrics
+    from diffbotctl.ui import recording_text
 
-    topics = compare(one, other)
-    for line in bag.differences(topics, ("A", "B")):
+    topics = recording_differences(one, other)
+    for line in recording_text.differences(topics, ("A", "B")):
         click.echo(line)
-    both = measured(one), measured(other)
+    both = recorded_metrics(one), recorded_metrics(other)
     if both[0] != both[1]:
         click.echo()
-        for line in bag.metrics(*both, ("A", "B")):
+        for line in recording_text.metrics(*both, ("A", "B")):
             click.echo(line)
     return int(any(topic.place is not None for topic in topics))

@@ -11,10 +11,10 @@ import click
 @click.option("--times", default=10, show_default=True, type=click.IntRange(1, 1000))
 def command(port: str, robot: str | None, times: int) -> None:
     """Check a board in a minute: make the link, and blink its light. No motor moves."""
-    from diffbotctl.cli.port import choose_port
+    from diffbotctl.board.blink import blink
+    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.flash.blink import blink
-    from diffbotctl.runs.real import diffbot_host
+    from diffbotctl.runs.serial import diffbot_host
 
     device = choose_port(radio=True) if port == "auto" else port
     file = load_robot(robot)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.attach import engine_option
+from diffbotctl.cli.engine_client import engine_option
 
 if TYPE_CHECKING:
     from diffbotctl.block import Block
-    from diffbotctl.hub.caller import Caller
+    from diffbotctl.control_socket.client import ControlClient
     from diffbotctl.params import Declaration
 
 
@@ -29,14 +29,14 @@ def command(ctx: click.Context, live: bool, engine: str | None) -> int:
     if live or engine is not None:
         return _live(engine)
     from diffbotctl.config import registry
-    from diffbotctl.ui.paragraph import folded
+    from diffbotctl.ui.text import fold_text
 
     for name in registry.names():
         try:
             sentence = first_sentence(registry.block(name))
         except registry.RegistryError as error:
             sentence = f"cannot be used: {error}"
-        click.echo(folded(f"{name:15} {sentence}", hang=16))
+        click.echo(fold_text(f"{name:15} {sentence}", hang=16))
     clashes = registry.clashes()
     for clash in clashes:
         click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
@@ -44,7 +44,7 @@ def command(ctx: click.Context, live: bool, engine: str | None) -> int:
 
 
 def _live(engine: str | None) -> int:
-    from diffbotctl.cli.attach import attached
+    from diffbotctl.cli.engine_client import attached
 
     with attached(engine, "blocks") as caller:
         rows = _measured(caller)
@@ -58,7 +58,7 @@ def _live(engine: str | None) -> int:
     return 0
 
 
-def _measured(caller: Caller) -> list[dict[str, Any]]:
+def _measured(caller: ControlClient) -> list[dict[str, Any]]:
     """The rows once the engine has measured them; as they are when it does not in time."""
     deadline = time.monotonic() + MEASURING
     while True:
@@ -73,7 +73,7 @@ LOOK = 0.1  # s between two looks
 
 
 def _row(row: dict[str, Any]) -> str:
-    from diffbotctl.cli.attach import paced
+    from diffbotctl.cli.engine_client import paced
 
     busy = "-" if row["busy"] is None else f"{100 * row['busy']:.2f} %"
     overruns = "-" if row["overruns"] is None else row["overruns"]
@@ -91,14 +91,14 @@ def show(name: str) -> int:
     """Show the ports and parameters of the block NAME."""
     from diffbotctl.config import registry
     from diffbotctl.errors import Problem, UsageError
-    from diffbotctl.ui.paragraph import folded
+    from diffbotctl.ui.text import fold_text
 
     try:
         kind = registry.block(name)
     except registry.RegistryError as error:
         raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
     for line in described(name, kind):
-        click.echo(folded(line, hang=4))
+        click.echo(fold_text(line, hang=4))
     return 0
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from diffbotctl.bluetooth.measure import Figures
-    from diffbotctl.bluetooth.propose import Proposal
-    from diffbotctl.bluetooth.service import Found
+    from diffbotctl.bluetooth.bluez import NearbyModule
+    from diffbotctl.bluetooth.link_stats import LinkFigures
+    from diffbotctl.bluetooth.rate_advice import RateAdvice
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.config.robot import Robot
 
@@ -30,10 +30,10 @@ def command() -> None:
 @click.option("--all", "everything", is_flag=True, help="Phones, headphones and the like too.")
 def scan(seconds: float, everything: bool) -> int:
     """List the modules in reach. Exit code: 1 when there is none."""
-    from diffbotctl.bluetooth.service import Service
+    from diffbotctl.bluetooth.bluez import BluezService
 
     count = others = 0
-    with Service() as service:
+    with BluezService() as service:
         click.echo(f"Looking for {seconds:g} s. A module that waits blinks fast.")
         for found in service.scan(seconds):
             if everything or found.serial or not found.name:
@@ -47,7 +47,7 @@ def scan(seconds: float, everything: bool) -> int:
     return 0 if count else 1
 
 
-def _line(found: Found) -> str:
+def _line(found: NearbyModule) -> str:
     strength = "" if found.strength is None else f"{found.strength} dBm"
     kind = "serial port" if found.serial else ""
     paired = "paired" if found.paired else "not paired"
@@ -61,11 +61,10 @@ def _line(found: Found) -> str:
 @click.option("--for", "seconds", default=SCAN, show_default=True, help="s to look for it.")
 def pair(address: str, pin: str, again: bool, seconds: float) -> None:
     """Pair with the module of ADDRESS, once and for all."""
-    from diffbotctl.bluetooth.address import module
-    from diffbotctl.bluetooth.service import Service
+    from diffbotctl.bluetooth.bluez import BluezService, module
 
     wanted = module(address)
-    with Service() as service:
+    with BluezService() as service:
         found = service.find(wanted.address, seconds)
         if again and found.paired:
             service.forget(found)
@@ -89,39 +88,39 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     Meets the board, asks it questions, looks at its telemetry, and proposes rates for the robot
     file. No motor moves.
     """
-    from diffbotctl.bluetooth.measure import Figures
-    from diffbotctl.bluetooth.propose import propose
-    from diffbotctl.config import wire
+    from diffbotctl.bluetooth.link_stats import LinkFigures
+    from diffbotctl.bluetooth.rate_advice import advise_rate
+    from diffbotctl.board.link_measurement import measure_link
     from diffbotctl.config.load import load_robot
-    from diffbotctl.flash.find import is_usb
-    from diffbotctl.runs.link_test import measure
-    from diffbotctl.runs.real import diffbot_host
+    from diffbotctl.drivers.board_candidates import is_usb
+    from diffbotctl.links import bandwidth
+    from diffbotctl.runs.serial import diffbot_host
 
     device = _device(port)
     file = load_robot(robot)
     click.echo(f"robot {file.file}, port {device}, {seconds:g} s")
-    for said in measure(device, diffbot_host(file.robot, device), seconds):
-        if not isinstance(said, Figures):
+    for said in measure_link(device, diffbot_host(file.robot, device), seconds):
+        if not isinstance(said, LinkFigures):
             click.echo(said.text)
             continue
         for line in _figures(said):
             click.echo(line)
         link, board = file.robot.link, file.robot.board
-        frame = wire.frame_bytes(link.protocol, board.edge_times)
-        baud = wire.USB_BAUD if is_usb(device) else wire.baud_of(link)
-        for line in _proposal(propose(said, baud, frame), file.robot, baud):
+        frame = bandwidth.frame_bytes(link.protocol, board.edge_times)
+        baud = bandwidth.USB_BAUD if is_usb(device) else bandwidth.baud_of(link)
+        for line in _proposal(advise_rate(said, baud, frame), file.robot, baud):
             click.echo(line)
 
 
 def _device(port: str) -> str:
     """A bare address is a module's."""
-    from diffbotctl.bluetooth.address import module
+    from diffbotctl.bluetooth.bluez import module
     from diffbotctl.drivers.socket_port import is_socket
 
     return port if "/" in port or is_socket(port) or port.startswith("tty") else str(module(port))
 
 
-def _figures(found: Figures) -> list[str]:
+def _figures(found: LinkFigures) -> list[str]:
     """The link in lines."""
     return [
         f"telemetry  {found.rate:.1f} frames a second, {found.lost:.1%} lost, "
@@ -134,7 +133,7 @@ def _figures(found: Figures) -> list[str]:
     ]
 
 
-def _proposal(proposal: Proposal, robot: Robot, measured_at: int) -> list[str]:
+def _proposal(proposal: RateAdvice, robot: Robot, measured_at: int) -> list[str]:
     """What to write into the robot file, where it differs from what is there."""
     lines = [f"note       {reason}" for reason in proposal.reasons]
     changes = []
@@ -173,12 +172,12 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     Leads through the module's AT mode: its button must be held while its power comes on. Exit code:
     1 when the robot file does not say the module's rate in the end.
     """
-    from diffbotctl.bluetooth.at import Rate
-    from diffbotctl.cli.port import choose_port
+    from diffbotctl.bluetooth.hc05_at import ModuleRate
+    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.flash.find import refuse_radio
-    from diffbotctl.runs.emulation import settings_of
-    from diffbotctl.runs.module_rate import change_rate
+    from diffbotctl.drivers.board_candidates import refuse_radio
+    from diffbotctl.emulator.robot import board_settings
+    from diffbotctl.flash.hc05_baud import change_rate
 
     device = choose_port() if port == "auto" else port
     refuse_radio(device)
@@ -188,9 +187,9 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     _wait(yes)
     # Closed at once when the person gives up: the firmware goes back onto the board then.
     written = True
-    with closing(change_rate(device, settings_of(file.robot), int(rate))) as events:
+    with closing(change_rate(device, board_settings(file.robot), int(rate))) as events:
         for event in events:
-            if isinstance(event, Rate):
+            if isinstance(event, ModuleRate):
                 click.echo(DONE.format(before=event.before, now=event.now))
                 written = _noted(file, event.now, yes)
             else:
@@ -200,7 +199,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
 
 def _noted(file: RobotFile, now: int, yes: bool) -> bool:
     """Whether the robot file says the module's rate; it is written where it said another."""
-    from diffbotctl.calibrate.robot_file import entered
+    from diffbotctl.calibrate.robot_file import write_findings
     from diffbotctl.cli.calibrate_results import own, put
     from diffbotctl.errors import UserError
 
@@ -209,7 +208,7 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
         click.echo(f"{file.file} says so already.")
         return True
     try:
-        if put(entered(own(file.file), ("link", "baud"), str(now)), yes):
+        if put(write_findings(own(file.file), ("link", "baud"), str(now)), yes):
             return True
     except UserError as error:
         click.echo(str(error), err=True)
@@ -218,10 +217,10 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
 
 
 def _show(event: object, yes: bool) -> None:
-    from diffbotctl.flash.events import Said
-    from diffbotctl.runs.module_rate import Ask
+    from diffbotctl.board.progress import FlashMessage
+    from diffbotctl.flash.hc05_baud import Ask
 
-    if isinstance(event, Said):
+    if isinstance(event, FlashMessage):
         click.echo(event.text)
     elif isinstance(event, Ask):
         click.echo(event.text)

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.calibrate.order import STEPS
-from diffbotctl.cli import calibrate_parts, calibrate_steps
+from diffbotctl.calibrate.runner import STEPS
+from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show, undo
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.drive import Drive
-    from diffbotctl.calibrate.fit import Fit
     from diffbotctl.calibrate.geometry import Geometry
-    from diffbotctl.calibrate.logs import Counts
+    from diffbotctl.calibrate.geometry_fit import GeometryFit
+    from diffbotctl.calibrate.log_reader import CountLog
+    from diffbotctl.calibrate.recorded_drive import RecordedDrive
 
 A_FILE = click.Path(path_type=Path)
 
@@ -34,7 +34,7 @@ def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) ->
         _refuse_lost_options(context)
     else:
         names = [name for name in STEPS if name not in skip]
-        calibrate_steps.run(names, calibrate_steps.Wanted(**options))
+        calibrate_steps.run(names, calibrate_steps.CalibrateOptions(**options))
 
 
 def _refuse_lost_options(context: click.Context) -> None:
@@ -53,7 +53,7 @@ command.add_command(calibrate_steps.encoders)
 command.add_command(calibrate_steps.motors)
 command.add_command(calibrate_steps.distance)
 command.add_command(calibrate_steps.geometry)
-for step in (calibrate_parts.discs, calibrate_parts.range_, calibrate_parts.battery):
+for step in (calibrate_steps.discs, calibrate_steps.range_, calibrate_steps.battery):
     command.add_command(step)
 command.add_command(show)
 command.add_command(undo)
@@ -67,17 +67,21 @@ command.add_command(undo)
 @click.option("--save", is_flag=True, help="Write the result into the robot file.")
 @click.option("--yes", is_flag=True, help="Write it without asking.")
 def from_log(
-    files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...],
-    save: bool, yes: bool,
-) -> None:  # fmt: skip
+    files: tuple[Path, ...],
+    robot: str | None,
+    ends: Path | None,
+    truth: tuple[Path, ...],
+    save: bool,
+    yes: bool,
+) -> None:
     """Fit wheel diameters and track to recorded drives whose ends, or paths, are known.
 
     FILE: a recording, a CSV file with counts, or the folder of an OptiOdom session, which states
     its own geometry. Nothing moves.
     """
-    from diffbotctl.calibrate.fit import fit
+    from diffbotctl.calibrate.geometry_fit import fit_geometry
     from diffbotctl.errors import Problem, RunError
-    from diffbotctl.ui.geometry_table import lines
+    from diffbotctl.ui.calibration_report import lines
 
     folders = [file for file in files if file.is_dir()]
     if folders:
@@ -85,7 +89,7 @@ def from_log(
     else:
         drives, stated = _logs(files, robot, ends, truth)
     try:
-        found = fit(drives, stated)
+        found = fit_geometry(drives, stated)
     except ValueError as error:
         fix = "`diffbotctl explain E-CALIBRATE-FIT` tells the usual causes"
         place = ", ".join(map(str, files))
@@ -97,31 +101,33 @@ def from_log(
 
 
 def _save(
-    found: Fit, files: tuple[Path, ...], robot: str | None, is_session: bool, yes: bool
+    found: GeometryFit, files: tuple[Path, ...], robot: str | None, is_session: bool, yes: bool
 ) -> None:
     from datetime import UTC, datetime
 
-    from diffbotctl.calibrate.findings import Origin
-    from diffbotctl.calibrate.listing import stamp
-    from diffbotctl.calibrate.logs import fingerprint
-    from diffbotctl.calibrate.outcome import of_fit
+    from diffbotctl.calibrate.geometry_fit import findings_of_fit
+    from diffbotctl.calibrate.log_reader import fingerprint
+    from diffbotctl.calibrate.result import Provenance
+    from diffbotctl.calibrate.status import stamp
     from diffbotctl.config.load import load_robot
 
     if is_session:
         raise click.UsageError("A session is of another robot than yours: nothing to save.")
-    origin = Origin("from-log", stamp(datetime.now(UTC)), None, fingerprint(files))
-    keep(load_robot(robot).file, of_fit(found), origin, yes)
+    origin = Provenance("from-log", stamp(datetime.now(UTC)), None, fingerprint(files))
+    keep(load_robot(robot).file, findings_of_fit(found), origin, yes)
 
 
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
-) -> tuple[list[Drive], Geometry]:
-    from diffbotctl.calibrate.logs import unusable
+) -> tuple[list[RecordedDrive], Geometry]:
+    from diffbotctl.calibrate.log_reader import unusable
     from diffbotctl.calibrate.optiodom import read_session
 
     if has_options or len(folders) < len(files):
-        raise click.UsageError("A session's folder brings its own geometry and poses: give folders"
-                               " alone, without --robot, --ends and --truth.")  # fmt: skip
+        raise click.UsageError(
+            "A session's folder brings its own geometry and poses: give folders"
+            " alone, without --robot, --ends and --truth."
+        )
     sessions = [read_session(folder) for folder in folders]
     stated = sessions[0].nominal
     for folder, session in zip(folders, sessions, strict=True):
@@ -132,9 +138,9 @@ def _sessions(
 
 def _logs(
     files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
-) -> tuple[list[Drive], Geometry]:
+) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.geometry import Geometry
-    from diffbotctl.calibrate.logs import read_counts
+    from diffbotctl.calibrate.log_reader import read_counts
     from diffbotctl.config.load import load_robot
 
     if truth and (ends or len(truth) != len(files)):
@@ -148,10 +154,10 @@ def _logs(
 
 
 def _placed(
-    counts: list[Counts], ends: Path | None, truth: tuple[Path, ...], diameter: float
-) -> list[Drive]:
+    counts: list[CountLog], ends: Path | None, truth: tuple[Path, ...], diameter: float
+) -> list[RecordedDrive]:
     """The drives with the poses that are known of them, from wherever they are told."""
-    from diffbotctl.calibrate.logs import (
+    from diffbotctl.calibrate.log_reader import (
         read_ends,
         refuse_too_far,
         unusable,

@@ -11,15 +11,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from diffbotctl.calibrate.findings import Finding, Origin
-    from diffbotctl.calibrate.listing import Listed
-    from diffbotctl.calibrate.robot_file import Change
+    from diffbotctl.calibrate.result import Finding, Provenance
+    from diffbotctl.calibrate.robot_file import FileChange
+    from diffbotctl.calibrate.status import CalibrationEntry
 
 COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
 
-def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> bool:
+def keep(path: Path, findings: Sequence[Finding], origin: Provenance, yes: bool) -> bool:
     """Show what would change in the robot file at `path`, ask, and write it. False: not wanted.
 
     Raises UserError where it cannot be written or is not plausible.
@@ -31,18 +31,18 @@ def keep(path: Path, findings: Sequence[Finding], origin: Origin, yes: bool) -> 
 
 def own(path: Path) -> Path:
     """The file to write for the robot at `path`; tells of the copy where it is a shipped one."""
-    from diffbotctl.calibrate.robot_file import own_file
+    from diffbotctl.calibrate.robot_file import writable_copy
 
-    mine, was_copied = own_file(path)
+    mine, was_copied = writable_copy(path)
     if was_copied:
         click.echo(COPIED.format(name=path.name, mine=mine))
     return mine
 
 
-def put(made: Change, yes: bool) -> bool:
+def put(made: FileChange, yes: bool) -> bool:
     """Show the change, ask, and write it. False: not wanted. Raises RunError."""
     from diffbotctl.calibrate.robot_file import write
-    from diffbotctl.config.lookup import shown
+    from diffbotctl.config.lookup import display_path
 
     difference = made.difference()
     click.echo(_short(difference))
@@ -52,7 +52,7 @@ def put(made: Change, yes: bool) -> bool:
         click.echo(UNWRITTEN)
         return False
     kept = write(made)
-    click.echo(f"{shown(made.path)} is written; as it was: {kept.name}.")
+    click.echo(f"{display_path(made.path)} is written; as it was: {kept.name}.")
     click.echo("`diffbotctl calibrate undo` goes back.")
     return True
 
@@ -89,32 +89,32 @@ def show(robot: str | None) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
     from datetime import UTC, datetime
 
-    from diffbotctl.calibrate.listing import listing, missing
+    from diffbotctl.calibrate.status import calibration_entries, missing
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import shown
-    from diffbotctl.ui.columns import columns
+    from diffbotctl.config.lookup import display_path
+    from diffbotctl.ui.text import render_columns
 
     file = load_robot(robot)
-    rows = listing(file, datetime.now(UTC))
-    click.echo(shown(file.file))
+    rows = calibration_entries(file, datetime.now(UTC))
+    click.echo(display_path(file.file))
     for line in _grouped(rows):
         click.echo(line)
     unknown = missing(file)
     if unknown:
         click.echo("never calibrated, and found by:")
-    for line in columns(
+    for line in render_columns(
         [(f"  {path}", f"diffbotctl calibrate {by}") for path, by in unknown.items()]
     ):
         click.echo(line)
 
 
-def _grouped(rows: Sequence[Listed]) -> Iterator[str]:
+def _grouped(rows: Sequence[CalibrationEntry]) -> Iterator[str]:
     """The entries that one calibration found under what they have in common."""
     from itertools import groupby
 
-    from diffbotctl.ui.columns import columns
+    from diffbotctl.ui.text import render_columns
 
-    table = columns([("", "value", "sd"), *((f"  {row.field}", *row[1:3]) for row in rows)])
+    table = render_columns([("", "value", "sd"), *((f"  {row.field}", *row[1:3]) for row in rows)])
     heads = next(table)
     for (age, method, volts, recording), entries in groupby(rows, key=lambda row: row[3:]):
         yield f"{method}, {age}; battery {volts}; recording {recording}"
@@ -129,8 +129,8 @@ def undo(robot: str | None) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import shown
+    from diffbotctl.config.lookup import display_path
 
     made = undone(load_robot(robot).file)
     click.echo(_short(made.difference("as before")))
-    click.echo(f"{shown(made.path)} is as it was before.")
+    click.echo(f"{display_path(made.path)} is as it was before.")

@@ -1,4 +1,7 @@
-"""`diffbotctl calibrate encoders`, `motors`, ...: single steps, and all of them in order."""
+"""`diffbotctl calibrate encoders`, `motors`, ...: single steps, and all of them in order.
+
+`diffbotctl calibrate discs`, `range`, `battery`: single parts of the robot.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,18 @@ import click
 from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.answers import Attendant
-    from diffbotctl.calibrate.instruments import Truths
-    from diffbotctl.calibrate.rig import Rig
+    from diffbotctl.calibrate.answers_file import Prompter
+    from diffbotctl.calibrate.session import RobotSession
+    from diffbotctl.calibrate.simulated_tools import SimulatedTruth
     from diffbotctl.calibrate.step import Step
-    from diffbotctl.drivers.keys import Keyboard
-    from diffbotctl.ui.steps import StepScreen
+    from diffbotctl.prompts.keyboard import Keyboard
+    from diffbotctl.ui.calibration_screen import CalibrationScreen
 
 INTERRUPTED = "\nInterrupted: the robot stands, and nothing of this step was written."
 FOLDER = Path("recordings")
 
 
-class Wanted(NamedTuple):
+class CalibrateOptions(NamedTuple):
     """What the command line says of every step alike."""
 
     robot: str | None
@@ -39,30 +42,36 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options that every step has."""
     options = (
         click.option("--robot", help="Robot file or name; the rules of `run` for none."),
-        click.option("--port", default="auto", show_default=True,
-                     help="sim, emulated, auto, or the board's port."),
+        click.option(
+            "--port",
+            default="auto",
+            show_default=True,
+            help="sim, emulated, auto, or the board's port.",
+        ),
         click.option("--seed", default=0, help="Which simulated robot is drawn."),
-        click.option("--answers", type=click.Path(path_type=Path),
-                     help="YAML file that answers every question."),
+        click.option(
+            "--answers",
+            type=click.Path(path_type=Path),
+            help="YAML file that answers every question.",
+        ),
         click.option("--yes", is_flag=True, help="Move and write without asking."),
         click.option("--dry-run", is_flag=True, help="Write nothing into the robot file."),
-    )  # fmt: skip
+    )
     for option in reversed(options):
         command = option(command)
     return command
 
 
-def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
+def run(names: Sequence[str], wanted: CalibrateOptions, **settings: object) -> None:
     """Run the steps called `names` one after the other on one robot; `settings` go to each."""
-    from diffbotctl.calibrate.chain import refuse_unwritable
-    from diffbotctl.calibrate.order import step
-    from diffbotctl.ui.steps import StepScreen
+    from diffbotctl.calibrate.runner import make_step, refuse_unwritable
+    from diffbotctl.ui.calibration_screen import CalibrationScreen
 
     if not wanted.yes and not wanted.dry_run:
         refuse_nobody()
     refuse_unwritable(FOLDER)
-    screen = StepScreen()
-    steps = [step(name, **settings) for name in names]
+    screen = CalibrationScreen()
+    steps = [make_step(name, **settings) for name in names]
     with _at_robot(wanted, screen) as (rig, attendant):
         for number, each in enumerate(steps):
             if len(steps) > 1 and not _is_wanted(each, number, len(steps), wanted):
@@ -70,17 +79,23 @@ def run(names: Sequence[str], wanted: Wanted, **settings: object) -> None:
             _one(each, rig, attendant, screen, wanted)
 
 
-def _one(each: Step, rig: Rig, attendant: Attendant, screen: StepScreen, wanted: Wanted) -> None:
-    from diffbotctl.calibrate.chain import kept, perform
-    from diffbotctl.ui.paragraph import folded
+def _one(
+    each: Step,
+    rig: RobotSession,
+    attendant: Prompter,
+    screen: CalibrationScreen,
+    wanted: CalibrateOptions,
+) -> None:
+    from diffbotctl.calibrate.runner import run_step, save_result
+    from diffbotctl.ui.text import fold_text
 
     try:
-        outcome = perform(each, rig, attendant, screen)
+        outcome = run_step(each, rig, attendant, screen)
     finally:
         screen.rest()
     for line in outcome.report:
-        click.echo(folded(line, hang=2))
-    done = kept(each, outcome, rig, FOLDER)
+        click.echo(fold_text(line, hang=2))
+    done = save_result(each, outcome, rig, FOLDER)
     for file in done.files:
         click.echo(f"kept: {file}")
     if outcome.findings and not wanted.dry_run:
@@ -97,33 +112,35 @@ def _refuse(each: Step, faults: Sequence[str]) -> None:
     raise RunError(Problem("E-CALIBRATE-ROBOT", each.name, fault, fix) for fault in faults)
 
 
-def _is_wanted(each: Step, number: int, count: int, wanted: Wanted) -> bool:
-    from diffbotctl.ui.paragraph import folded
+def _is_wanted(each: Step, number: int, count: int, wanted: CalibrateOptions) -> bool:
+    from diffbotctl.ui.text import fold_text
 
     where = "wheels off the ground" if each.lifted else "on the floor"
-    click.echo(folded(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})"))
+    click.echo(fold_text(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})"))
     if wanted.yes or wanted.answers is not None:
         return True
     return click.confirm("Do this step?", default=True)
 
 
 @contextmanager
-def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attendant]]:
+def _at_robot(
+    wanted: CalibrateOptions, screen: CalibrationScreen
+) -> Iterator[tuple[RobotSession, Prompter]]:
     """The robot, and whoever stands beside it; in the end it is stopped and let go."""
-    from diffbotctl.calibrate.rigging import rig
-    from diffbotctl.cli.port import choose_port
+    from diffbotctl.calibrate.session_factory import open_session
+    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import shown
-    from diffbotctl.runs.scene import VIRTUAL
+    from diffbotctl.config.lookup import display_path
+    from diffbotctl.render.map_scene import VIRTUAL
 
     port = choose_port(radio=True) if wanted.port == "auto" else wanted.port
     real = port not in VIRTUAL
     file = load_robot(wanted.robot)
     if not wanted.dry_run:
         file = load_robot(str(own(file.file).absolute()))
-    click.echo(f"robot {shown(file.file)}, {port if real else f'{port}: SIMULATED'}")
+    click.echo(f"robot {display_path(file.file)}, {port if real else f'{port}: SIMULATED'}")
     keyboard = _keyboard()
-    made, truths = rig(file, port, wanted.seed, keyboard, click.echo)
+    made, truths = open_session(file, port, wanted.seed, keyboard, click.echo)
     interrupted = False
     try:
         attendant = _attendant(wanted, truths, keyboard)
@@ -143,20 +160,22 @@ def _at_robot(wanted: Wanted, screen: StepScreen) -> Iterator[tuple[Rig, Attenda
 
 
 def _keyboard() -> Keyboard | None:
-    from diffbotctl.drivers.keys import Keyboard
+    from diffbotctl.prompts.keyboard import Keyboard
 
     return Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
 
 
-def _attendant(wanted: Wanted, truths: Truths | None, keyboard: Keyboard | None) -> Attendant:
-    from diffbotctl.calibrate.answers import AnswersFile
-    from diffbotctl.ui.attendant import Person
+def _attendant(
+    wanted: CalibrateOptions, truths: SimulatedTruth | None, keyboard: Keyboard | None
+) -> Prompter:
+    from diffbotctl.calibrate.answers_file import AnswersFile
+    from diffbotctl.ui.terminal_prompter import TerminalPrompter
 
     if wanted.answers is not None:
         return AnswersFile(wanted.answers, truths)
     if keyboard is None:
         raise click.UsageError("Nobody is there to answer: give --answers FILE.")
-    return Person(keyboard, wanted.yes)
+    return TerminalPrompter(keyboard, wanted.yes)
 
 
 @click.command("encoders")
@@ -168,15 +187,20 @@ def _attendant(wanted: Wanted, truths: Truths | None, keyboard: Keyboard | None)
     type=click.IntRange(1, 100),
     help="Turns by hand in one go.",
 )
-@click.option("--rolls", default=3, show_default=True, type=click.IntRange(0, 20),
-              help="How often each wheel is turned by hand; 0: not at all.")  # fmt: skip
+@click.option(
+    "--rolls",
+    default=3,
+    show_default=True,
+    type=click.IntRange(0, 20),
+    help="How often each wheel is turned by hand; 0: not at all.",
+)
 def encoders(turns: int, rolls: int, **options: Any) -> None:
     """Find out which wire is which, which way is forward, how many slots.
 
     Wheels off the ground. Pulses one motor at a time and asks which wheel turned; then the wheels
     are turned by hand. What settings can make up for goes into the robot file.
     """
-    run(["encoders"], Wanted(**options), turns=turns, rolls=rolls)
+    run(["encoders"], CalibrateOptions(**options), turns=turns, rolls=rolls)
 
 
 @click.command("motors")
@@ -186,7 +210,7 @@ def motors(**options: Any) -> None:
 
     Wheels off the ground.
     """
-    run(["motors"], Wanted(**options))
+    run(["motors"], CalibrateOptions(**options))
 
 
 @click.command("distance")
@@ -198,11 +222,12 @@ def motors(**options: Any) -> None:
     type=click.FloatRange(0.2, 20),
     help="How far it drives.",
 )
-@click.option("--repeats", default=5, show_default=True, type=click.IntRange(1, 50),
-              help="How often.")  # fmt: skip
+@click.option(
+    "--repeats", default=5, show_default=True, type=click.IntRange(1, 50), help="How often."
+)
 def distance(metres: float, repeats: int, **options: Any) -> None:
     """Drive a metre several times, by the tape: finds the size of the wheels."""
-    run(["distance"], Wanted(**options), metres=metres, repeats=repeats)
+    run(["distance"], CalibrateOptions(**options), metres=metres, repeats=repeats)
 
 
 @click.command("geometry")
@@ -226,12 +251,19 @@ def distance(metres: float, repeats: int, **options: Any) -> None:
     type=click.IntRange(1, 5),
     help="Rounds of squares; each corrects what the one before has left.",
 )
-@click.option("--read", type=click.Choice(["places", "headings", "both"]),
-              help="What is measured of each square's end.")  # fmt: skip
+@click.option(
+    "--read",
+    type=click.Choice(["places", "headings", "both"]),
+    help="What is measured of each square's end.",
+)
 def geometry(
-    how: str, side: float | None, runs: int | None, rounds: int | None, read: str | None,
+    how: str,
+    side: float | None,
+    runs: int | None,
+    rounds: int | None,
+    read: str | None,
     **options: Any,
-) -> None:  # fmt: skip
+) -> None:
     """Find the track and the ratio of the wheels by driving what is then measured (UMBmark)."""
     names = {
         "squares": ("side", "runs"),
@@ -247,4 +279,43 @@ def geometry(
         settings |= {name: value for name, value in given.items() if value is not None}
     elif rounds or read or (side and how == "spin"):
         raise click.UsageError(f"--how {how} has no such option: see --help.")
-    run(["geometry"], Wanted(**options), **settings)
+    run(["geometry"], CalibrateOptions(**options), **settings)
+
+
+@click.command("discs")
+@common
+def discs(**options: Any) -> None:
+    """Find out where the slots of both encoders' discs lie.
+
+    Wheels off the ground. They turn forward and backward for some seconds; odometry finds the
+    discs again by their pattern after each power-on.
+    """
+    run(["discs"], CalibrateOptions(**options))
+
+
+@click.command("range")
+@common
+@click.option("--sensor", default="", help="Which distance sensor; the only one when left out.")
+@click.option(
+    "--seconds",
+    default=5.0,
+    show_default=True,
+    type=click.FloatRange(1, 60),
+    help="How long the voltage is averaged at each distance.",
+)
+def range_(sensor: str, seconds: float, **options: Any) -> None:
+    """Find the curve of a distance sensor, with a rule and a white card.
+
+    Six distances from 4 to 30 cm. Nothing moves.
+    """
+    run(["range"], CalibrateOptions(**options), sensor=sensor, seconds=seconds)
+
+
+@click.command("battery")
+@common
+def battery(**options: Any) -> None:
+    """Find the ratio of the battery's divider with a meter, and the limit below which it is low.
+
+    Nothing moves.
+    """
+    run(["battery"], CalibrateOptions(**options))

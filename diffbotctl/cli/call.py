@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
 
 
 @click.command()

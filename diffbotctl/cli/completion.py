@@ -56,7 +56,7 @@ class Known(click.types.StringParamType):
 
 def _files(kind: str) -> Callable[[], list[str]]:
     def names() -> list[str]:
-        from diffbotctl.config.resources import names as shipped
+        from diffbotctl.config.lookup import names as shipped
 
         own = (path.stem for path in Path(kind).glob("*.yaml"))
         return sorted({*shipped(kind), *own})

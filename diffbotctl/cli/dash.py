@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from diffbotctl.cli.attach import engine_option
-from diffbotctl.cli.cockpit import cockpit_options, launch, wishes_of
+from diffbotctl.cli.engine_client import engine_option
+from diffbotctl.cli.fullscreen import cockpit_options, launch, wishes_of
 
 
 @click.command()
@@ -14,9 +14,16 @@ from diffbotctl.cli.cockpit import cockpit_options, launch, wishes_of
 @cockpit_options
 @engine_option
 def command(
-    once: bool, fields: tuple[str, ...], keys: str, mode: str, hz: float, speed: str | None,
-    turn: str | None, ascii_only: bool, engine: str | None,
-) -> int:  # fmt: skip
+    once: bool,
+    fields: tuple[str, ...],
+    keys: str,
+    mode: str,
+    hz: float,
+    speed: str | None,
+    turn: str | None,
+    ascii_only: bool,
+    engine: str | None,
+) -> int:
     """Show a running engine on one screen: map, wheels, range, link, plots, parameters, log.
 
     Click on the map and the robot goes there; drag, and it looks that way when it arrives. `?`
@@ -24,14 +31,14 @@ def command(
     """
     import sys
 
-    from diffbotctl.hub.caller import chosen
+    from diffbotctl.control_socket.client import choose_engine
 
     wishes = wishes_of(keys, mode, hz, speed, turn, ascii_only)
     if once or not sys.stdout.isatty():
-        from diffbotctl.ui.dash.once import print_once
+        from diffbotctl.ui.dash.print_once import print_once
 
-        print_once(chosen(engine), wishes, list(fields))
+        print_once(choose_engine(engine), wishes, list(fields))
         return 0
     from diffbotctl.ui.dash.app import Dashboard
 
-    return launch(Dashboard(chosen(engine), "diffbotctl dash", wishes, list(fields)))
+    return launch(Dashboard(choose_engine(engine), "diffbotctl dash", wishes, list(fields)))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
 
 if TYPE_CHECKING:
-    from diffbotctl.hub.caller import Caller
+    from diffbotctl.control_socket.client import ControlClient
 
 PERIOD = 0.05  # s between two words; the engine takes 0.3 s of silence for a lost operator
 BRAKING = 0.15  # m/s2, gentle for any robot, so that it comes to rest near the mark
@@ -20,7 +20,7 @@ A_MOMENT = "1 s"
 CREEP = 0.25  # of the speed, kept up to the mark: slower, friction may hold a wheel before it
 
 
-class Way:
+class DriveProgress:
     """How far it is: the share of the speed that is still wanted, from 1 down to 0."""
 
     def __init__(self, seconds: float | None, metres: float | None, radians: float | None) -> None:
@@ -64,9 +64,14 @@ def slowed(left: float, speed: float, braking: float) -> float:
 @click.option("--take-over", is_flag=True, help="Even if someone else is driving.")
 @engine_option
 def command(
-    linear: str, angular: str, duration: str | None, distance: str | None, angle: str | None,
-    take_over: bool, engine: str | None,
-) -> int:  # fmt: skip
+    linear: str,
+    angular: str,
+    duration: str | None,
+    distance: str | None,
+    angle: str | None,
+    take_over: bool,
+    engine: str | None,
+) -> int:
     """Drive by hand, for a second unless you say how long or how far.
 
     Ctrl-C lets go and the robot stands; so does the end of this process. A goal that was under way
@@ -88,7 +93,9 @@ def command(
     return 0
 
 
-def _way(v: float, w: float, duration: str | None, distance: str | None, angle: str | None) -> Way:
+def _way(
+    v: float, w: float, duration: str | None, distance: str | None, angle: str | None
+) -> DriveProgress:
     if sum(each is not None for each in (duration, distance, angle)) > 1:
         raise click.UsageError("give one of --for, --distance, --angle")
     if (distance is not None and not v) or (angle is not None and not w):
@@ -98,20 +105,22 @@ def _way(v: float, w: float, duration: str | None, distance: str | None, angle: 
     seconds, metres, radians = (
         None if text is None else abs(quantity_of(text, unit, option))
         for text, unit, option in (
-            (duration, "s", "--for"), (distance, "m", "--distance"), (angle, "rad", "--angle")
+            (duration, "s", "--for"),
+            (distance, "m", "--distance"),
+            (angle, "rad", "--angle"),
         )
-    )  # fmt: skip
-    return Way(seconds, metres, radians)
+    )
+    return DriveProgress(seconds, metres, radians)
 
 
-def _watch_odometry(caller: Caller) -> None:
+def _watch_odometry(caller: ControlClient) -> None:
     for row in caller.ask("topics")["topics"]:
         if row["type"] == "Odometry":
             caller.ask("watch", topic=row["topic"])
             return
 
 
-def _look(caller: Caller, way: Way) -> None:
+def _look(caller: ControlClient, way: DriveProgress) -> None:
     """Take what comes until it is time for the next word."""
     for said in caller.stream(time.monotonic() + PERIOD):
         if "message" in said:

@@ -36,13 +36,13 @@ def command(
     terminal as those of a real board: flash, run --port, blink. What you would see of the wheels
     it tells here.
     """
-    from diffbotctl.cli.aside import Aside
+    from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
     from diffbotctl.config.load import load_robot
-    from diffbotctl.drivers.emulator_process import IMAGE
-    from diffbotctl.flash.job import load
+    from diffbotctl.emulator.process import IMAGE
+    from diffbotctl.emulator.virtual_board import virtual_board
+    from diffbotctl.flash.flasher import load
     from diffbotctl.runs.signals import Signals
-    from diffbotctl.runs.virtual_board import virtual_board
-    from diffbotctl.ui.paragraph import folded
+    from diffbotctl.ui.text import fold_text
 
     file = load_robot(robot)
     if image is None and not blank:
@@ -55,11 +55,11 @@ def command(
     with virtual_board(file.nominal, seed, walls, image) as board:
         what = "nothing but its bootloader" if image is None else image.name
         what = f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})"
-        click.echo(folded(what, hang=2))
+        click.echo(fold_text(what, hang=2))
         click.echo(f"USB port    {board.usb}")
         click.echo(f"radio port  {board.radio}")
         click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))
-        aside = Aside()  # a terminal that takes nothing must not stop the board's time
+        aside = NonBlockingStderr()  # a terminal that takes nothing must not stop the board's time
         board.serve(signals.file, aside.say)
         aside.end()
         if board.lost:
@@ -70,14 +70,16 @@ def _speaks_ours(robot: Robot, file: str) -> None:
     from diffbotctl.errors import ConfigurationError, Problem
 
     if robot.link.protocol != "diffbot":
-        cause = (f"the virtual board runs our firmware, but this robot's board speaks "
-                 f"{robot.link.protocol}")  # fmt: skip
+        cause = (
+            f"the virtual board runs our firmware, but this robot's board speaks "
+            f"{robot.link.protocol}"
+        )
         fix = "take a robot with link: {protocol: diffbot}, or give its own program with --hex FILE"
         raise ConfigurationError(Problem("E-EMULATOR", file, cause, fix))
 
 
 def _walls(pipeline: str, robot: str | None) -> World:
     from diffbotctl.config.load import load
-    from diffbotctl.runs.simulation import world
+    from diffbotctl.drivers.simulated_robot import world
 
     return world(load(pipeline, robot, ()))

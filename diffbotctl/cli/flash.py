@@ -11,7 +11,7 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.flash.events import Event
+    from diffbotctl.board.progress import Event
 
 FLOATS = """\
 After each reset the board's pins float for 0.83 s, and a motor driver whose
@@ -42,19 +42,24 @@ INTERRUPTED = "\nInterrupted. The bootloader is untouched: flash again whenever 
 )
 @click.option("--yes", is_flag=True, help="Ask nothing: the wheels are lifted.")
 def command(
-    what: str, port: str, robot: str | None, programmer: str, backup: Path | None,
-    image: Path | None, yes: bool,
-) -> None:  # fmt: skip
+    what: str,
+    port: str,
+    robot: str | None,
+    programmer: str,
+    backup: Path | None,
+    image: Path | None,
+    yes: bool,
+) -> None:
     """Write the FIRMWARE through the board's bootloader, verify it, and send the settings.
 
     An interrupted flash leaves a board that can be flashed again.
     """
-    from diffbotctl.cli.port import choose_port
+    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.resources import folder
-    from diffbotctl.flash.find import refuse_radio
-    from diffbotctl.flash.job import flash, load
-    from diffbotctl.runs.emulation import settings_of
+    from diffbotctl.config.lookup import folder
+    from diffbotctl.drivers.board_candidates import refuse_radio
+    from diffbotctl.emulator.robot import board_settings
+    from diffbotctl.flash.flasher import flash, load
 
     device = choose_port() if port == "auto" else port
     refuse_radio(device)
@@ -62,7 +67,7 @@ def command(
     ours = image is None
     program = folder("firmware") / "diffbot_mega2560.hex" if image is None else image
     load(program)
-    settings = settings_of(file.robot) if ours else None
+    settings = board_settings(file.robot) if ours else None
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
     if not yes and not _agreed():

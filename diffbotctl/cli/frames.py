@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from diffbotctl.model.frames import Frame
+    from diffbotctl.model.frames import RobotFrame
 
 MOVES = {
     "odometry": "moves with odometry",
@@ -34,7 +34,7 @@ def command(robot: str | None) -> int:
     return 0
 
 
-def branches(all_of_them: Iterable[Frame], parent: str, margin: str) -> Iterator[str]:
+def branches(all_of_them: Iterable[RobotFrame], parent: str, margin: str) -> Iterator[str]:
     """The lines of the tree below `parent`."""
     children = [frame for frame in all_of_them if frame.parent == parent]
     for frame in children:
@@ -44,7 +44,7 @@ def branches(all_of_them: Iterable[Frame], parent: str, margin: str) -> Iterator
         yield from branches(all_of_them, frame.name, margin + ("    " if is_last else "│   "))
 
 
-def described(frame: Frame) -> str:
+def described(frame: RobotFrame) -> str:
     """Where a frame is, and what moves it."""
     if frame.moves == "odometry":
         return MOVES[frame.moves]

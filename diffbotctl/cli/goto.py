@@ -6,7 +6,7 @@ from math import degrees
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, held_by, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, held_by, quantity_of
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.5 is a number here

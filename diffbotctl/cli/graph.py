@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, paced
+from diffbotctl.cli.engine_client import attached, engine_option, paced
 
 if TYPE_CHECKING:
     from rich.tree import Tree
@@ -25,16 +25,20 @@ Wire = tuple[str, str, str, str]  # from node, from port, to node, to port
 @click.option("--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE", help="Change one value.")
 @click.option("--mermaid", is_flag=True, help="Print a Mermaid diagram instead.")
 def command(
-    pipeline: str | None, live: bool, engine: str | None, robot: str | None,
-    sets: tuple[str, ...], mermaid: bool,
-) -> int:  # fmt: skip
+    pipeline: str | None,
+    live: bool,
+    engine: str | None,
+    robot: str | None,
+    sets: tuple[str, ...],
+    mermaid: bool,
+) -> int:
     """Draw PIPELINE with all that is added to it: who feeds whom, with what."""
     if live or engine is not None:
         return _live(engine)
     if pipeline is None:
         raise click.UsageError("name a pipeline, such as goal, or ask for --live")
     from diffbotctl.config.load import load
-    from diffbotctl.runs.assembly import assemble
+    from diffbotctl.runs.build_graph import assemble
 
     configuration = load(pipeline, robot, sets)
     assembly = assemble(configuration, False)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
 from diffbotctl.messages import LOG_LEVELS, LogLine
 
 if TYPE_CHECKING:
-    from diffbotctl.hub.caller import Caller
+    from diffbotctl.control_socket.client import ControlClient
 
 WATCHING = 10  # niceness: whoever looks on leaves a small machine to the control path
 COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
@@ -24,16 +24,27 @@ COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 @click.group(invoke_without_command=True)
 @click.option("--level", type=click.Choice(LOG_LEVELS), default="debug", help="Only from it on.")
 @click.option("--block", help="Only what this block says; also robot, operator or engine.")
-@click.option("--last", metavar="N", type=click.IntRange(0, 500), default=50, show_default=True,
-              help="Begin with so many lines that were said before.")  # fmt: skip
+@click.option(
+    "--last",
+    metavar="N",
+    type=click.IntRange(0, 500),
+    default=50,
+    show_default=True,
+    help="Begin with so many lines that were said before.",
+)
 @click.option("--once", is_flag=True, help="Only what was said before; do not wait for more.")
 @click.option("--for", "duration", metavar="TIME", help="Only so long, such as 10s.")
 @engine_option
 @click.pass_context
 def command(
-    ctx: click.Context, level: str, block: str | None, last: int, once: bool,
-    duration: str | None, engine: str | None,
-) -> int:  # fmt: skip
+    ctx: click.Context,
+    level: str,
+    block: str | None,
+    last: int,
+    once: bool,
+    duration: str | None,
+    engine: str | None,
+) -> int:
     """Follow the log of a running engine: words on a terminal, JSON lines when piped.
 
     A block speaks from the level info on; `log level guard debug` lets one say more.
@@ -50,7 +61,7 @@ def command(
 
 
 def _lines(
-    caller: Caller, last: int, once: bool, until: float | None, wanted: dict[str, str]
+    caller: ControlClient, last: int, once: bool, until: float | None, wanted: dict[str, str]
 ) -> Iterator[dict[str, Any]]:
     """Lines said before, then those that come."""
     if not once:
@@ -76,7 +87,7 @@ def _print(line: dict[str, Any]) -> None:
     if not sys.stdout.isatty():
         print(json.dumps(line), flush=True)
         return
-    from diffbotctl.ui.words import line as words
+    from diffbotctl.ui.message_text import line as words
 
     click.secho(words(LogLine(**line)), fg=COLOURS.get(line["level"]))
 

@@ -92,7 +92,7 @@ class Lazy(click.Group):
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             from difflib import get_close_matches
 
-            from diffbotctl.cli.ros_commands import answer
+            from diffbotctl.cli.ros_aliases import answer
 
             known = answer(args)
             if known:

@@ -62,7 +62,7 @@ def write(kind: str, name: str) -> None:
 
 def _schema(kind: str) -> str:
     """Where an editor finds the schema: beside the files in a checkout, else where we live."""
-    from diffbotctl.config.resources import folder
+    from diffbotctl.config.lookup import folder
 
     file = folder("schemas") / f"{kind}.schema.json"
     if file.parent.parent.resolve() == Path.cwd():

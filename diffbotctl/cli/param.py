@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option
+from diffbotctl.cli.engine_client import attached, engine_option
 
 
 @click.group()
@@ -37,9 +37,9 @@ def get(parameter: str, engine: str | None) -> int:
     """The value of PARAMETER, such as guard.margin."""
     rows = {row["parameter"]: row for row in _parameters(engine)}
     if parameter not in rows:
-        from diffbotctl.errors import nearest
+        from diffbotctl.errors import closest_match
 
-        near = nearest(parameter, rows)
+        near = closest_match(parameter, rows)
         hint = f" Did you mean {near}?" if near else ""
         raise click.UsageError(f"there is no parameter '{parameter}'.{hint}")
     _show(rows[parameter])
@@ -117,7 +117,7 @@ def save(parameters: tuple[str, ...], file: str | None, engine: str | None) -> i
 def _saved(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
     """Write `rows` into the pipeline, or into a new file that includes it; the file written."""
     from diffbotctl.config.lookup import is_shipped
-    from diffbotctl.config.rewrite import with_entry
+    from diffbotctl.config.yaml_edit import with_entry
     from diffbotctl.errors import Problem, UsageError
 
     if new is None and is_shipped(pipeline):

@@ -9,7 +9,7 @@ import click
 
 if TYPE_CHECKING:
     from diffbotctl.errors import Problem
-    from diffbotctl.ports.judge import Report, Survey
+    from diffbotctl.ports.diagnosis import PortReport, PortSurvey
 
 RESETS = "Asking. A board on a USB port is reset by it: lift the wheels."
 
@@ -19,18 +19,20 @@ RESETS = "Asking. A board on a USB port is reset by it: lift the wheels."
 @click.option("--ask", is_flag=True, help="Ask who is behind each port; resets boards on USB.")
 @click.option("--robot", help="Robot file whose baud rates --ask tries; the rules of `run`.")
 @click.option(
-    "--root", default="/", type=click.Path(exists=True, file_okay=False, path_type=Path),
+    "--root",
+    default="/",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="A folder that stands for /, such as a copy of another machine's.",
-)  # fmt: skip
+)
 def command(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
     """List the serial ports, or look at one PORT: chip, board, name that stays, rights, users.
 
     Exit code: 0 when a port could be used (or PORT can), 1 when not.
     """
-    from diffbotctl.ports.judge import survey
-    from diffbotctl.ports.person import myself
+    from diffbotctl.ports.diagnosis import survey_ports
+    from diffbotctl.ports.permissions import current_user
 
-    seen = survey(root, myself())
+    seen = survey_ports(root, current_user())
     if port is not None:
         usable = _one(root, seen, port)
         names = [port] if usable else []
@@ -42,29 +44,28 @@ def command(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
     return 0 if usable else 1
 
 
-def _all(seen: Survey) -> bool:
+def _all(seen: PortSurvey) -> bool:
     for report in seen.reports:
         _show(report)
     _tell(seen.problems)
     return any(report.usable for report in seen.reports)
 
 
-def _one(root: Path, seen: Survey, name: str) -> bool:
-    from diffbotctl.ports.judge import Report
-    from diffbotctl.ports.named import judge_name
+def _one(root: Path, seen: PortSurvey, name: str) -> bool:
+    from diffbotctl.ports.diagnosis import PortReport, judge_name
 
     found = judge_name(root, seen, name)
     if found is None:
         click.echo(f"{name}  a pseudo-terminal, such as an emulated board's")
         return True
-    if isinstance(found, Report):
+    if isinstance(found, PortReport):
         _show(found)
         return found.usable
     _tell((found,))
     return False
 
 
-def _show(report: Report) -> None:
+def _show(report: PortReport) -> None:
     port = report.port
     click.echo(f"{port.device}  {report.title}")
     if port.usb is not None:
@@ -83,17 +84,17 @@ def _tell(problems: tuple[Problem, ...]) -> None:
 
 
 def _ask(names: list[str], robot: str | None) -> bool:
+    from diffbotctl.board.session import identify
     from diffbotctl.config.load import load_robot
     from diffbotctl.errors import RunError
-    from diffbotctl.flash.ask import ask
-    from diffbotctl.runs.real import diffbot_host
+    from diffbotctl.runs.serial import diffbot_host
 
     file = load_robot(robot)
     click.echo(RESETS)
     answered = False
     for name in names:
         try:
-            for said in ask(name, diffbot_host(file.robot, name)):
+            for said in identify(name, diffbot_host(file.robot, name)):
                 click.echo(f"{name}  {said.text}")
             answered = True
         except RunError as error:

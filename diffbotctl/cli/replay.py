@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from diffbotctl.runs.again import Replayed, Show, Wanted
-    from diffbotctl.runs.recorded import RecordedRun
+    from diffbotctl.replay.replay import ReplayOptions, ReplayResult, Show
+    from diffbotctl.replay.source import RecordedRun
 
 SECOND = 1_000_000_000  # ns
 
@@ -18,24 +18,36 @@ SECOND = 1_000_000_000  # ns
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--check", is_flag=True, help="Compare every message with the recorded one.")
 @click.option(
-    "--speed", type=click.FloatRange(0.01, 1000.0), metavar="X",
+    "--speed",
+    type=click.FloatRange(0.01, 1000.0),
+    metavar="X",
     help="X times real time, with a view; without it as fast as it goes.",
-)  # fmt: skip
+)
 @click.option("--dash", is_flag=True, help="Show it in the dashboard, at real time or --speed.")
 @click.option("--from", "begin", metavar="TIME", help="Show and measure from there, such as 3s.")
 @click.option("--until", metavar="TIME", help="End there.")
 @click.option(
-    "--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE",
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="BLOCK.PARAM=VALUE",
     help="Change one value of the recorded files. Repeatable.",
-)  # fmt: skip
+)
 @click.option("--same-motion", is_flag=True, help="With --set: the recorded motion, in any case.")
 @click.option(
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write what came of it."
 )
 def command(
-    file: Path, check: bool, speed: float | None, dash: bool, begin: str | None, until: str | None,
-    sets: tuple[str, ...], same_motion: bool, record: Path | None,
-) -> int:  # fmt: skip
+    file: Path,
+    check: bool,
+    speed: float | None,
+    dash: bool,
+    begin: str | None,
+    until: str | None,
+    sets: tuple[str, ...],
+    same_motion: bool,
+    record: Path | None,
+) -> int:
     """Replay the recording FILE: the drivers' messages come from it, the blocks react anew.
 
     With --set, a simulated robot drives once more and answers to what was changed; any other robot
@@ -44,23 +56,29 @@ def command(
     Exit code: 0 the same, 1 different or unreadable.
     """
     from diffbotctl.graph import NEVER
-    from diffbotctl.runs import recorded
-    from diffbotctl.runs.again import Wanted, replay_as
+    from diffbotctl.replay import source
+    from diffbotctl.replay.replay import ReplayOptions, replay_as
 
     if check and (sets or begin or until):
         raise click.UsageError("--check compares the whole recording as it is: nothing else fits")
     if record is not None and record.exists() and record.samefile(file):
         raise click.UsageError("--record must not write over the recording that is replayed")
-    run = recorded.read(file)
+    run = source.read_run(file)
     if dash:
-        from diffbotctl.cli.own_dash import check_terminal
+        from diffbotctl.cli.run_dash import check_terminal
 
         check_terminal(has_socket=True)
         speed = speed or 1.0
-    wanted = Wanted(
-        check, speed, _time(begin, "--from", 0), _time(until, "--until", NEVER), sets, record,
-        None if speed is None else _view(run, dash), dash,
-    )  # fmt: skip
+    wanted = ReplayOptions(
+        check,
+        speed,
+        _time(begin, "--from", 0),
+        _time(until, "--until", NEVER),
+        sets,
+        record,
+        None if speed is None else _view(run, dash),
+        dash,
+    )
     _say_where_it_begins(run)
     if not sets:
         done = replay_as(run, wanted)
@@ -68,14 +86,14 @@ def command(
     return _measured(run, wanted, _changed(run, wanted, same_motion))
 
 
-def _changed(run: RecordedRun, wanted: Wanted, same_motion: bool) -> Replayed:
-    from diffbotctl.runs.again import replay_as
-    from diffbotctl.runs.once_more import drive_once_more, obstacle_to
+def _changed(run: RecordedRun, wanted: ReplayOptions, same_motion: bool) -> ReplayResult:
+    from diffbotctl.replay.replay import replay_as
+    from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
 
-    reason = "asked for" if same_motion else obstacle_to(run)
+    reason = "asked for" if same_motion else why_not_resimulable(run)
     if reason is None:
         click.echo("the simulated robot drives once more, and answers to what was changed")
-        done = drive_once_more(run, wanted)
+        done = resimulate(run, wanted)
     else:
         click.echo(f"the recorded motion ({reason})")
         done = replay_as(run, wanted)
@@ -83,7 +101,7 @@ def _changed(run: RecordedRun, wanted: Wanted, same_motion: bool) -> Replayed:
     return done
 
 
-def _told(done: Replayed) -> int:
+def _told(done: ReplayResult) -> int:
     """Say how the replay went; 1 when it differs from what it was compared with."""
     from diffbotctl import __version__
 
@@ -104,12 +122,12 @@ def _told(done: Replayed) -> int:
     return 0
 
 
-def _measured(run: RecordedRun, wanted: Wanted, done: Replayed) -> int:
+def _measured(run: RecordedRun, wanted: ReplayOptions, done: ReplayResult) -> int:
     """The metrics of the replay beside those of the recording, where they can differ."""
-    from diffbotctl.bags.measured import measured
     from diffbotctl.graph import NEVER
-    from diffbotctl.runs.again import replay_as
-    from diffbotctl.ui import bag
+    from diffbotctl.recording.metrics import recorded_metrics
+    from diffbotctl.replay.replay import replay_as
+    from diffbotctl.ui import recording_text
 
     if not wanted.sets and not wanted.begin and wanted.until == NEVER:
         return 0
@@ -119,9 +137,9 @@ def _measured(run: RecordedRun, wanted: Wanted, done: Replayed) -> int:
         ).metrics
     else:
         until = wanted.until if wanted.until < NEVER else None
-        before = measured(run.path, wanted.begin, until)
+        before = recorded_metrics(run.path, wanted.begin, until)
     click.echo()
-    for line in bag.metrics(before, done.metrics, ("recorded", "replayed")):
+    for line in recording_text.metrics(before, done.metrics, ("recorded", "replayed")):
         click.echo(line)
     return 0
 
@@ -135,7 +153,7 @@ def _say_where_it_begins(run: RecordedRun) -> None:
 
 
 def _time(text: str | None, option: str, default: int) -> int:
-    from diffbotctl.cli.attach import quantity_of
+    from diffbotctl.cli.engine_client import quantity_of
 
     return default if text is None else round(quantity_of(text, "s", option) * SECOND)
 
@@ -143,11 +161,11 @@ def _time(text: str | None, option: str, default: int) -> int:
 def _view(run: RecordedRun, dash: bool) -> Show:
     """What `run` draws: a map on a terminal, else one line an event; or the dashboard."""
     if dash:
-        from diffbotctl.cli.own_dash import show
+        from diffbotctl.cli.run_dash import show
 
         return show
     from diffbotctl.cli.run import screen
-    from diffbotctl.runs import recorded
+    from diffbotctl.replay import source
 
-    with recorded.configuration(run) as configuration:
+    with source.recorded_configuration(run) as configuration:
         return screen(configuration, run.about["port"])

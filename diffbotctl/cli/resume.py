@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, held_by, settled
+from diffbotctl.cli.engine_client import attached, engine_option, held_by, settled
 
 
 @click.command()
@@ -56,12 +56,12 @@ def outcome(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, str]:
 
 
 def _goal(status: dict[str, Any]) -> str:
-    from diffbotctl.links.json_messages import reader
     from diffbotctl.messages import GoalState
-    from diffbotctl.ui.words import goal_state
+    from diffbotctl.recording.json_codec import message_reader
+    from diffbotctl.ui.message_text import goal_state
 
     said = status["goal_state"]
     if said is None:
         return "no goal is under way"
-    state: GoalState = reader(GoalState)(said)
+    state: GoalState = message_reader(GoalState)(said)
     return f"goal {state.number}: {goal_state(state)}"

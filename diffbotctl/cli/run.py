@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.aside import Aside
+from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
-    from diffbotctl.hub.latest import Snapshot
     from diffbotctl.messages import Goal
-    from diffbotctl.runs.run import Options, Run
-    from diffbotctl.runs.station import Socket
+    from diffbotctl.processes.screen import RunSnapshot
+    from diffbotctl.runs.control_socket import SocketOptions
+    from diffbotctl.runs.run import Run, RunOptions
 
 
 @click.command()
@@ -50,13 +50,17 @@ if TYPE_CHECKING:
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
 )
 @click.option(
-    "--log", type=click.Path(dir_okay=False, path_type=Path),
+    "--log",
+    type=click.Path(dir_okay=False, path_type=Path),
     help="Add every event to a file, one JSON object a line.",
-)  # fmt: skip
+)
 @click.option(
-    "--log-level", "levels", multiple=True, metavar="[BLOCK=]LEVEL",
+    "--log-level",
+    "levels",
+    multiple=True,
+    metavar="[BLOCK=]LEVEL",
     help="Hear a block, or all, from debug, info, warning or error on. Repeatable.",
-)  # fmt: skip
+)
 @click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
 @click.option("--dash", is_flag=True, help="Show the dashboard; leaving it ends the run.")
@@ -65,23 +69,37 @@ if TYPE_CHECKING:
 @click.option("--no-socket", is_flag=True, help="Nobody can watch or command this run.")
 @click.option("--quiet", is_flag=True, help="No live view and no lines while it runs.")
 def command(
-    pipeline: str, robot: str | None, port: str, goals: tuple[str, ...], sets: tuple[str, ...],
-    seed: int, fast: bool, duration: str | None, record: Path | None, digest: bool, stay: bool,
-    dash: bool, name: str | None, group: str | None, no_socket: bool, quiet: bool,
-    log: Path | None, levels: tuple[str, ...],
-) -> int:  # fmt: skip
+    pipeline: str,
+    robot: str | None,
+    port: str,
+    goals: tuple[str, ...],
+    sets: tuple[str, ...],
+    seed: int,
+    fast: bool,
+    duration: str | None,
+    record: Path | None,
+    digest: bool,
+    stay: bool,
+    dash: bool,
+    name: str | None,
+    group: str | None,
+    no_socket: bool,
+    quiet: bool,
+    log: Path | None,
+    levels: tuple[str, ...],
+) -> int:
     """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
 
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
-    from diffbotctl.hub.flight_file import folder
-    from diffbotctl.runs.run import Options, Run
-    from diffbotctl.runs.scene import VIRTUAL
+    from diffbotctl.recording.black_box_store import black_box_folder
+    from diffbotctl.render.map_scene import VIRTUAL
+    from diffbotctl.runs.run import Run, RunOptions
     from diffbotctl.runs.signals import Signals
 
     if port == "auto":
-        from diffbotctl.cli.port import choose_port
+        from diffbotctl.cli.choose_port import choose_port
 
         port = choose_port(radio=True)
     wanted = tuple(_goal(text) for text in goals)
@@ -94,40 +112,40 @@ def command(
     fast = fast and port in VIRTUAL
     socket = None if no_socket or fast else _socket(name, group)  # a fast run is over at once
     stay = stay or dash
-    flights = None if fast else folder()  # a fast run is the same again from its seed
-    options = Options(
+    flights = None if fast else black_box_folder()  # a fast run is the same again from its seed
+    options = RunOptions(
         port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard, flights
     )
     if dash:
         return _with_dashboard(configuration, options)
-    aside = Aside()
+    aside = NonBlockingStderr()
     picture = None if quiet else screen(configuration, port)
     run = Run(configuration, options, picture, aside.say, Signals())
     return _finish(run, aside)
 
 
-def _socket(name: str | None, group: str | None) -> Socket:
-    from diffbotctl.runs.station import Socket
+def _socket(name: str | None, group: str | None) -> SocketOptions:
+    from diffbotctl.runs.control_socket import SocketOptions
 
-    return Socket(name, group)
+    return SocketOptions(name, group)
 
 
-def _with_dashboard(configuration: Configuration, options: Options) -> int:
+def _with_dashboard(configuration: Configuration, options: RunOptions) -> int:
     """The run, with the dashboard as its screen; what it has to say waits until that is left."""
-    from diffbotctl.cli.own_dash import Held, check_terminal, show
+    from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, show
     from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
 
     check_terminal(options.socket is not None)
-    held = Held()
+    held = SavedTerminal()
     run = Run(configuration, options, show, held.words.append, Signals(), held.give_back)
-    code = _finish(run, Aside())
+    code = _finish(run, NonBlockingStderr())
     for text in held.words:
         click.echo(text, err=True)
     return code
 
 
-def _finish(run: Run, aside: Aside) -> int:
+def _finish(run: Run, aside: NonBlockingStderr) -> int:
     try:
         result = run.go()
     finally:
@@ -143,39 +161,38 @@ def _finish(run: Run, aside: Aside) -> int:
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
-    from diffbotctl.runs.scene import VIRTUAL
-    from diffbotctl.ui.paragraph import folded
+    from diffbotctl.render.map_scene import VIRTUAL
+    from diffbotctl.ui.text import fold_text
 
     where = f"REAL robot on {port}"
     if port in VIRTUAL:
         where = f"{VIRTUAL[port]} (seed {seed})"
     name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
     where = where if configuration.robot is not None else "no robot"
-    click.echo(folded(f"{configuration.file}{name}: {where}", hang=2))
+    click.echo(fold_text(f"{configuration.file}{name}: {where}", hang=2))
 
 
-def screen(configuration: Configuration, port: str) -> Callable[[Iterator[Snapshot]], None]:
+def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSnapshot]], None]:
     """What draws a run: in a child process, which alone imports the drawing."""
 
-    def show(pictures: Iterator[Snapshot]) -> None:
+    def show(pictures: Iterator[RunSnapshot]) -> None:
         if not sys.stdout.isatty():
-            from diffbotctl.ui import plain
+            from diffbotctl.ui import plain_log
 
-            plain.show(pictures)
+            plain_log.show(pictures)
             return
-        from diffbotctl.runs.scene import scene
-        from diffbotctl.ui import live
-        from diffbotctl.ui.scene import scene_of
+        from diffbotctl.render.map_scene import scene, scene_of
+        from diffbotctl.ui import live_view
 
-        live.show(scene_of(scene(configuration, None, port)), pictures)
+        live_view.show(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
 
 
 def _level(text: str, configuration: Configuration) -> tuple[str, str]:
     """A source of the log and the level it is heard from: `guard=debug`, or `debug` for all."""
-    from diffbotctl.config.nodes import RESERVED
-    from diffbotctl.errors import nearest
+    from diffbotctl.config.node_ports import RESERVED
+    from diffbotctl.errors import closest_match
     from diffbotctl.log import ALL
     from diffbotctl.messages import LOG_LEVELS
 
@@ -184,7 +201,7 @@ def _level(text: str, configuration: Configuration) -> tuple[str, str]:
     if level not in LOG_LEVELS:
         raise click.UsageError(f"--log-level {text}: there are {', '.join(LOG_LEVELS)}")
     if source and source not in known:
-        near = nearest(source, known) or ", ".join(known)
+        near = closest_match(source, known) or ", ".join(known)
         raise click.UsageError(f"--log-level: there is no block '{source}'; did you mean {near}?")
     return source or ALL, level
 

@@ -60,7 +60,7 @@ WantedBy=multi-user.target
 @click.option("--name", default="robot", show_default=True, help="Of the service.")
 def command(
     pipeline: str, robot: str | None, port: str, user: str | None, group: str, name: str
-) -> int:  # fmt: skip
+) -> int:
     """Print a systemd unit that runs PIPELINE whenever the machine is on, from this folder.
 
     `standby` stands still until somebody says goto or drive. A pipeline with goals would drive off
@@ -78,11 +78,16 @@ def command(
         words += ["--robot", str(configuration.robot_file.resolve())]
     click.echo(
         UNIT.format(
-            pipeline=pipeline, port=port, name=name, group=group, user=user or getuser(),
-            folder=_escaped(str(Path.cwd())), command=" ".join(map(_quoted, words)),
+            pipeline=pipeline,
+            port=port,
+            name=name,
+            group=group,
+            user=user or getuser(),
+            folder=_escaped(str(Path.cwd())),
+            command=" ".join(map(_quoted, words)),
         ),
         nl=False,
-    )  # fmt: skip
+    )
     return 0
 
 

@@ -15,18 +15,18 @@ import click
 def command(robot: str | None, output: Path | None) -> int:
     """Draw ROBOT from above and from its left side, to scale: here, or as a picture."""
     from diffbotctl.cli.robot_argument import loaded, written
-    from diffbotctl.model.drawing import side, top
+    from diffbotctl.render.robot_views import side, top
 
     found = loaded(robot)
     views = [top(found.robot), side(found.robot)]
     if output is not None:
-        from diffbotctl.model.paper import svg
+        from diffbotctl.render.robot_svg import svg
 
         written(output, svg(found.file.stem, views))
         return 0
     from rich.console import Console
 
-    from diffbotctl.ui.portrait import portrait
+    from diffbotctl.ui.robot_view import portrait
 
     console = Console(highlight=False)
     console.print(f"[bold]{found.file.stem}[/bold]")

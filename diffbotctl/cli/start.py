@@ -19,22 +19,26 @@ import click
 @click.option("--status", is_flag=True, help="Only say what is true now and what comes next.")
 @click.option("--again", is_flag=True, help="From the beginning, whatever is done already.")
 def command(
-    robot: str | None, port: str, radio: str | None, answers: Path | None, status: bool,
+    robot: str | None,
+    port: str,
+    radio: str | None,
+    answers: Path | None,
+    status: bool,
     again: bool,
-) -> int:  # fmt: skip
+) -> int:
     """Go from nothing to a robot that drives to a goal, one step after another.
 
     First a simulated robot; then, with a board plugged in, yours. Leave at any time with Ctrl-C:
     the next `diffbotctl start` in this folder goes on where you left.
     """
-    from diffbotctl.cli.start_path import Walk
-    from diffbotctl.start.answers import Answers
-    from diffbotctl.start.record import Record, place
+    from diffbotctl.cli.start_guide import Walk
+    from diffbotctl.start.guide_answers import GuideAnswers
+    from diffbotctl.start.progress import GuideProgress, place
 
-    record = Record(place(), str(Path.cwd()))
+    record = GuideProgress(place(), str(Path.cwd()))
     if again:
         record.forget()
-    attendant = None if answers is None else Answers(answers)
+    attendant = None if answers is None else GuideAnswers(answers)
     walk = Walk(record, robot, None if port == "auto" else port, radio, attendant)
     if status:
         walk.tell()

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, settled
+from diffbotctl.cli.engine_client import attached, engine_option, settled
 
 if TYPE_CHECKING:
-    from diffbotctl.hub.place import Engine, Process
+    from diffbotctl.control_socket.address import EngineAddress, Process
 
 ENDING_TIME = 4.0  # s; a final stop may take 2 s to be confirmed
 LOOK = 0.02  # s between two looks whether it has ended
@@ -32,16 +32,16 @@ def command(engine: str | None, everyone: bool, reason: tuple[str, ...]) -> int:
 
     Without --engine all are stopped that you may speak to: nobody in a hurry is asked which.
     """
-    from diffbotctl.hub.caller import chosen
-    from diffbotctl.hub.place import engines
+    from diffbotctl.control_socket.address import engines
+    from diffbotctl.control_socket.client import choose_engine
 
-    wanted = engines() if engine is None else [chosen(engine)]
+    wanted = engines() if engine is None else [choose_engine(engine)]
     if not wanted and not everyone:
-        chosen(None)  # says that there is none
+        choose_engine(None)  # says that there is none
     return max((_stop(each, " ".join(reason)) for each in wanted), default=0)
 
 
-def _stop(engine: Engine, reason: str) -> int:
+def _stop(engine: EngineAddress, reason: str) -> int:
     from diffbotctl.errors import UserError
 
     try:

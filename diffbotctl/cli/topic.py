@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.attach import attached, engine_option, paced, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, paced, quantity_of
 
 if TYPE_CHECKING:
-    from diffbotctl.hub.caller import Caller
+    from diffbotctl.control_socket.client import ControlClient
 
 
 COUNTS = 0.2  # s a velocity holds that is said once; 0.3 s of silence are a lost operator
@@ -65,7 +65,7 @@ def echo(topic: str, once: bool, duration: str | None, engine: str | None) -> in
     return 0
 
 
-def _apart(caller: Caller, topic: str) -> tuple[str, list[str]]:
+def _apart(caller: ControlClient, topic: str) -> tuple[str, list[str]]:
     """The topic and the path of a field in it."""
     wires = {row["topic"] for row in caller.ask("topics")["topics"]}
     steps = topic.split(".")

@@ -30,11 +30,10 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
     Warnings are those of `check`. What stands here is made from the robot file alone.
     """
     from diffbotctl.cli.robot_argument import written
-    from diffbotctl.config.harness import harness
-    from diffbotctl.config.harness_notes import notes
+    from diffbotctl.config.harness import harness, notes
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import shown
-    from diffbotctl.ui.wiring_drawing import drawing
+    from diffbotctl.config.lookup import display_path
+    from diffbotctl.render.wiring_svg import drawing
 
     file = load_robot(robot)
     for warning in file.warnings:
@@ -45,7 +44,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
         written(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
         return
     if not table:
-        click.echo(f"{shown(file.file)}\n")
+        click.echo(f"{display_path(file.file)}\n")
         _draw(wires, notes(file.robot))
     for line in rows(wires):
         click.echo(line)
@@ -53,12 +52,12 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
 
 def rows(harness: Harness) -> Iterator[str]:
     """The table: one line a wire, its ends, colour and purpose."""
-    from diffbotctl.ui.columns import columns
+    from diffbotctl.ui.text import render_columns
 
     def called(part: str, pin: str) -> str:
         return f"{harness.parts[part].title} {pin}"
 
-    yield from columns(
+    yield from render_columns(
         [
             ("from", "to", "colour", "what"),
             *(
@@ -79,7 +78,7 @@ def _draw(harness: Harness, notes: Iterable[str]) -> None:
 
     from rich.console import Console
 
-    from diffbotctl.ui.wiring_terminal import picture
+    from diffbotctl.render.wiring_terminal import picture
 
     Console(width=WIDTH, highlight=False).print(picture(harness))
     click.echo()

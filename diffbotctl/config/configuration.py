@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from diffbotctl.block import Block
-from diffbotctl.config.pipeline import GoalEntry, World
+from diffbotctl.config.pipeline import GoalEntry, WorldEntry
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Place, Problem
 
@@ -52,7 +52,7 @@ class Configuration:
     blocks: tuple[BlockUse, ...]
     robot_wires: dict[str, str]
     goals: tuple[GoalEntry, ...]
-    world: World
+    world: WorldEntry
     files: tuple[Path, ...]
     warnings: tuple[Problem, ...] = ()
     settings: tuple[str, ...] = field(default=())

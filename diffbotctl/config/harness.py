@@ -2,6 +2,8 @@
 
 Colours are those of ribbon jumper wires: red and black for supply and ground as everywhere, one
 colour for each kind of signal.
+
+What no picture of the wires shows, and a person must see to before the battery is connected.
 """
 
 from __future__ import annotations
@@ -9,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from diffbotctl.config.boards import BOARDS, Board
-from diffbotctl.config.robot import Robot, Side
+from diffbotctl.config.board_pins import BOARDS, BoardPins
+from diffbotctl.config.robot import Robot, SideSection
 from diffbotctl.errors import Problem, UsageError
 
 SUPPLY, GROUND = "red", "black"
@@ -19,10 +21,17 @@ ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
 TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
 DIVIDER = "1k in it, 2k RXD to GND"  # 5 V x 2 / 3 = 3.3 V
 MEANINGS = {
-    SUPPLY: "supply", GROUND: "ground", ENABLE: "speed, PWM", FIRST: "direction 1",
-    SECOND: "direction 2", ENCODER: "encoder", SENSOR: "sensor", BUTTON: "stop button",
-    TO_BOARD: "to board", FROM_BOARD: "from board",
-}  # fmt: skip
+    SUPPLY: "supply",
+    GROUND: "ground",
+    ENABLE: "speed, PWM",
+    FIRST: "direction 1",
+    SECOND: "direction 2",
+    ENCODER: "encoder",
+    SENSOR: "sensor",
+    BUTTON: "stop button",
+    TO_BOARD: "to board",
+    FROM_BOARD: "from board",
+}
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
 # Half A of an L298N is the left one here: its input names, and its outputs.
@@ -32,24 +41,24 @@ HALVES = {
 }
 
 
-class Pin(NamedTuple):
+class HarnessPin(NamedTuple):
     """One terminal of one part."""
 
     part: str
     name: str
 
 
-class Wire(NamedTuple):
+class HarnessWire(NamedTuple):
     """One wire. `through` says what is soldered into it."""
 
-    start: Pin
-    end: Pin
+    start: HarnessPin
+    end: HarnessPin
     colour: str
     purpose: str
     through: str = ""
 
 
-class Part(NamedTuple):
+class HarnessPart(NamedTuple):
     """One thing that is wired: what its pins are called, in the order in which they are drawn.
 
     `remark` is a word on it: a voltage, or what is done to it.
@@ -68,8 +77,8 @@ class Harness(NamedTuple):
     name.
     """
 
-    parts: dict[str, Part]
-    wires: tuple[Wire, ...]
+    parts: dict[str, HarnessPart]
+    wires: tuple[HarnessWire, ...]
     printed: dict[str, str]
 
     def colours(self) -> dict[str, str]:
@@ -77,7 +86,7 @@ class Harness(NamedTuple):
         used = {wire.colour for wire in self.wires}
         return {colour: meaning for colour, meaning in MEANINGS.items() if colour in used}
 
-    def of(self, *keys: str) -> list[Wire]:
+    def of(self, *keys: str) -> list[HarnessWire]:
         """The wires between any two of these parts."""
         return [wire for wire in self.wires if {wire.start.part, wire.end.part} <= set(keys)]
 
@@ -108,17 +117,23 @@ def has_radio(robot: Robot) -> bool:
     return bool(robot.link.radio == "hc05")
 
 
-def _power(robot: Robot) -> Iterator[Wire]:
-    yield Wire(Pin(CELLS, "+"), Pin(DRIVER, "12V"), SUPPLY, "motor supply, through a switch")
-    yield Wire(Pin(CELLS, "-"), Pin(DRIVER, "GND"), GROUND, "motor supply")
+def _power(robot: Robot) -> Iterator[HarnessWire]:
+    yield HarnessWire(
+        HarnessPin(CELLS, "+"), HarnessPin(DRIVER, "12V"), SUPPLY, "motor supply, through a switch"
+    )
+    yield HarnessWire(HarnessPin(CELLS, "-"), HarnessPin(DRIVER, "GND"), GROUND, "motor supply")
     if robot.board.supply == "vin":
-        yield Wire(Pin(DRIVER, "12V"), Pin(BOARD, "VIN"), SUPPLY, "board's supply, 7 to 12 V")
+        yield HarnessWire(
+            HarnessPin(DRIVER, "12V"), HarnessPin(BOARD, "VIN"), SUPPLY, "board's supply, 7 to 12 V"
+        )
     elif robot.board.supply == "regulator":
-        yield Wire(Pin(DRIVER, "5V"), Pin(BOARD, "5V"), SUPPLY, "board's supply, 5 V")
-    yield Wire(Pin(DRIVER, "GND"), Pin(BOARD, "GND"), GROUND, "common ground")
+        yield HarnessWire(
+            HarnessPin(DRIVER, "5V"), HarnessPin(BOARD, "5V"), SUPPLY, "board's supply, 5 V"
+        )
+    yield HarnessWire(HarnessPin(DRIVER, "GND"), HarnessPin(BOARD, "GND"), GROUND, "common ground")
 
 
-def _motor(name: str, side: Side, board: Board) -> Iterator[Wire]:
+def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
     enable, first, second, out_first, out_second = HALVES[name]
     motor, key = side.motor, f"{name} motor"
     for pin, input_, colour, purpose in (
@@ -126,51 +141,57 @@ def _motor(name: str, side: Side, board: Board) -> Iterator[Wire]:
         (motor.in1, first, FIRST, "direction"),
         (motor.in2, second, SECOND, "direction"),
     ):
-        at = Pin(BOARD, board.named(str(pin)))
-        yield Wire(at, Pin(DRIVER, input_), colour, f"{name} motor: {purpose}")
-    yield Wire(Pin(DRIVER, out_first), Pin(key, "+"), SUPPLY, key)
-    yield Wire(Pin(DRIVER, out_second), Pin(key, "-"), GROUND, key)
+        at = HarnessPin(BOARD, board.named(str(pin)))
+        yield HarnessWire(at, HarnessPin(DRIVER, input_), colour, f"{name} motor: {purpose}")
+    yield HarnessWire(HarnessPin(DRIVER, out_first), HarnessPin(key, "+"), SUPPLY, key)
+    yield HarnessWire(HarnessPin(DRIVER, out_second), HarnessPin(key, "-"), GROUND, key)
 
 
-def _supplied(key: str, supply: str, ground: str, what: str) -> Iterator[Wire]:
-    yield Wire(Pin(BOARD, "5V"), Pin(key, supply), SUPPLY, f"{what}: 5 V")
-    yield Wire(Pin(BOARD, "GND"), Pin(key, ground), GROUND, f"{what}: ground")
+def _supplied(key: str, supply: str, ground: str, what: str) -> Iterator[HarnessWire]:
+    yield HarnessWire(HarnessPin(BOARD, "5V"), HarnessPin(key, supply), SUPPLY, f"{what}: 5 V")
+    yield HarnessWire(HarnessPin(BOARD, "GND"), HarnessPin(key, ground), GROUND, f"{what}: ground")
 
 
-def _radio(robot: Robot, board: Board) -> Iterator[Wire]:
+def _radio(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if not has_radio(robot):
         return
     receive, transmit = board.uarts[robot.link.uart]
     yield from _supplied(RADIO, "VCC", "GND", "HC-05")
-    yield Wire(Pin(RADIO, "TXD"), Pin(BOARD, receive), TO_BOARD, "data to the board")
+    yield HarnessWire(
+        HarnessPin(RADIO, "TXD"), HarnessPin(BOARD, receive), TO_BOARD, "data to the board"
+    )
     through = DIVIDER if robot.link.level == "divider" else ""
-    yield Wire(Pin(BOARD, transmit), Pin(RADIO, "RXD"), FROM_BOARD, "data", through)
+    yield HarnessWire(
+        HarnessPin(BOARD, transmit), HarnessPin(RADIO, "RXD"), FROM_BOARD, "data", through
+    )
 
 
-def _encoder(name: str, side: Side, board: Board) -> Iterator[Wire]:
+def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
     key = f"{name} encoder"
     yield from _supplied(key, "VCC", "GND", key)
-    pin = Pin(BOARD, board.named(str(side.encoder.pin)))
-    yield Wire(Pin(key, "OUT"), pin, ENCODER, f"{key}: edges")
+    pin = HarnessPin(BOARD, board.named(str(side.encoder.pin)))
+    yield HarnessWire(HarnessPin(key, "OUT"), pin, ENCODER, f"{key}: edges")
 
 
-def _sensors(robot: Robot, board: Board) -> Iterator[Wire]:
+def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     for name, sensor in robot.sensors.items():
         key = f"{name} sensor"
         yield from _supplied(key, "VCC", "GND", key)
-        pin = Pin(BOARD, board.named(str(sensor.pin)))
-        yield Wire(Pin(key, "Vo"), pin, SENSOR, f"{key}: 0 to 3.1 V")
+        pin = HarnessPin(BOARD, board.named(str(sensor.pin)))
+        yield HarnessWire(HarnessPin(key, "Vo"), pin, SENSOR, f"{key}: 0 to 3.1 V")
 
 
-def _button(robot: Robot, board: Board) -> Iterator[Wire]:
+def _button(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.board.stop_button is None:
         return
-    pin = Pin(BOARD, board.named(str(robot.board.stop_button)))
-    yield Wire(pin, Pin(STOP, "1"), BUTTON, "stop button: closed is pressed")
-    yield Wire(Pin(BOARD, "GND"), Pin(STOP, "2"), GROUND, "stop button: ground")
+    pin = HarnessPin(BOARD, board.named(str(robot.board.stop_button)))
+    yield HarnessWire(pin, HarnessPin(STOP, "1"), BUTTON, "stop button: closed is pressed")
+    yield HarnessWire(
+        HarnessPin(BOARD, "GND"), HarnessPin(STOP, "2"), GROUND, "stop button: ground"
+    )
 
 
-def _parts(robot: Robot, board: Board, wires: list[Wire]) -> dict[str, Part]:
+def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str, HarnessPart]:
     titles = {CELLS: "battery", DRIVER: "L298N", BOARD: board.title, RADIO: "HC-05"}
     titles |= {STOP: "stop button"} | {f"{name} sensor": f"{name}: Sharp" for name in robot.sensors}
     pins: dict[str, dict[str, None]] = {}
@@ -184,14 +205,48 @@ def _parts(robot: Robot, board: Board, wires: list[Wire]) -> dict[str, Part]:
         BOARD: {"vin": "VIN 7-12 V", "regulator": "5 V in", "usb": "USB power"}[robot.board.supply],
     }
     return {
-        key: Part(key, titles.get(key, key), tuple(names), remarks.get(key, ""))
+        key: HarnessPart(key, titles.get(key, key), tuple(names), remarks.get(key, ""))
         for key, names in pins.items()
     }
 
 
-def _printed(robot: Robot, board: Board) -> dict[str, str]:
+def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
     if not has_radio(robot):
         return {}
     receive, transmit = board.uarts[robot.link.uart]
     number = str(robot.link.uart or "")  # port 0 is printed RX and TX
     return {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}
+
+
+def notes(robot: Robot) -> Iterator[str]:
+    """What no wire shows, in the order in which a person comes upon it."""
+    yield (
+        "Take the jumpers ENA and ENB off the L298N: with them on, the motors know no speed but "
+        "full, and each fights its PWM pin."
+    )
+    if robot.board.supply == "regulator":
+        yield "Leave the L298N's 5 V jumper on: its regulator feeds the board. At most 12 V then."
+    else:
+        yield "The L298N's 5 V terminal stays free: its regulator feeds the L298N alone."
+    yield "One ground for all: battery, L298N and board. Without it no signal means anything."
+    full = robot.battery.full
+    battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
+    yield (
+        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a "
+        "motor; the kit's motors are made for 5 to 9 V."
+    )
+    if has_radio(robot) and robot.link.level == "divider":
+        yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
+    if robot.sensors:
+        yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in gulps."
+    yield (
+        "10 kOhm from ENA and from ENB to GND keep the motors still while the board is flashed, "
+        "when its pins float."
+    )
+    for name in HALVES:
+        if getattr(robot.drive, name).motor.reversed:
+            first, second = HALVES[name][1:3]
+            yield (
+                f"The {name} motor is mounted mirrored (reversed: true): {first} low and {second} "
+                "high drive it forward."
+            )

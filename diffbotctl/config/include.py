@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffbotctl.config import lookup, resources, yamlfile
-from diffbotctl.config.value import Value
+from diffbotctl.config import lookup, yaml_reader
+from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError
 
 CHAIN = 10  # files deep
@@ -33,7 +33,7 @@ def merge(below: Value, above: Value) -> Value:
 
 
 def _read(path: Path, kind: str, files: list[Path], chain: list[Path]) -> Value:
-    own = yamlfile.read(str(path), lookup.shown(path), not lookup.is_shipped(path))
+    own = yaml_reader.read(str(path), lookup.display_path(path), not lookup.is_shipped(path))
     if path not in files:
         files.append(path)
     wanted = own.entries.get("include")
@@ -73,7 +73,7 @@ def _find(wanted: Value, path: Path, kind: str) -> Path:
     beside = path.parent / (name if lookup.is_path(name) else f"{name}.yaml")
     if beside.is_file() or lookup.is_path(name):
         return beside
-    shipped = resources.folder(kind) / f"{name}.yaml"
+    shipped = lookup.folder(kind) / f"{name}.yaml"
     if shipped.is_file():
         return shipped
     try:

@@ -8,26 +8,26 @@ from typing import Any
 
 from diffbotctl.block import Block, robot_fields
 from diffbotctl.config import (
-    bypass,
-    calibration,
+    calibration_overlay,
+    drive_sides,
     include,
     lookup,
+    optional_blocks,
+    overrides,
     registry,
     schema,
-    sets,
-    shape,
-    sides,
+    schema_check,
     variables,
-    yamlfile,
+    yaml_reader,
 )
-from diffbotctl.config.case import Case
-from diffbotctl.config.checks.order import CHECKS
+from diffbotctl.config.check_context import CheckContext
+from diffbotctl.config.checks.all_checks import CHECKS
 from diffbotctl.config.configuration import BlockUse, Configuration, RobotFile
 from diffbotctl.config.pipeline import BlockEntry, Pipeline
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.typed import Reader
-from diffbotctl.config.value import Value
-from diffbotctl.errors import ConfigurationError, Problem, UserError, nearest
+from diffbotctl.config.typed_reader import Reader
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import ConfigurationError, Problem, UserError, closest_match
 from diffbotctl.params import declared
 
 
@@ -82,20 +82,20 @@ def _is_robot(name: str) -> bool:
             return lookup.is_known(name, "robots")
         return False
     try:
-        kind = yamlfile.read(name).entries.get("kind")
+        kind = yaml_reader.read(name).entries.get("kind")
     except ConfigurationError:
         return Path(name).parent.name == "robots"
-    return kind is not None and nearest(kind.text, ["robot", "pipeline"]) == "robot"
+    return kind is not None and closest_match(kind.text, ["robot", "pipeline"]) == "robot"
 
 
 class _Loader:
     """One reading of a pipeline or robot: what was found so far, right and wrong."""
 
     def __init__(self, texts: Sequence[str], real: bool) -> None:
-        self.case = Case(real=real)
+        self.case = CheckContext(real=real)
         self.problems = self.case.problems
         self.texts = tuple(texts)
-        self.settings = sets.parse(texts, self.problems)
+        self.settings = overrides.parse(texts, self.problems)
         self.files: list[Path] = []
 
     def pipeline(self, name: str, robot: str | None) -> Configuration:
@@ -104,7 +104,7 @@ class _Loader:
         if tree is not None:
             tree = self._pipeline_tree(tree)
         robot_file = self._robot_of(tree, robot)
-        bypass.apply(self.case)
+        optional_blocks.drop_unusable_blocks(self.case)
         self._check()
         case = self.case
         assert file is not None
@@ -161,10 +161,10 @@ class _Loader:
         return tree
 
     def _pipeline_tree(self, tree: Value) -> Value:
-        tree = sets.for_pipeline(tree, self.settings, self.problems)
+        tree = overrides.for_pipeline(tree, self.settings, self.problems)
         tree = variables.substitute(tree, self.problems)
         self.case.tree = tree
-        self.problems += shape.check(tree, schema.of_section(Pipeline), "the pipeline file")
+        self.problems += schema_check.check(tree, schema.of_section(Pipeline), "the pipeline file")
         reader = Reader()
         self.case.pipeline = reader.section(tree, Pipeline)
         self.problems += reader.problems
@@ -188,7 +188,7 @@ class _Loader:
         if not isinstance(given.data, dict):
             return
         where = f"{name}.with"
-        self.problems += shape.check(given, schema.of_parameters(kind), where)
+        self.problems += schema_check.check(given, schema.of_parameters(kind), where)
         reader = Reader()
         self.case.values[name] = {
             setting.name: reader.value(given.entries[setting.key], setting.kind, setting)
@@ -212,7 +212,7 @@ class _Loader:
     def _folder_of(self, value: Value) -> Path:
         """The folder of the file in which `value` stands."""
         for file in self.files:
-            if lookup.shown(file) == value.place.source.name:
+            if lookup.display_path(file) == value.place.source.name:
                 return file.parent
         return Path()
 
@@ -242,13 +242,15 @@ class _Loader:
         tree = self._tree(file, "robots")
         if tree is None:
             return file
-        tree = sets.for_robot(tree, self.settings)
+        tree = overrides.for_robot(tree, self.settings)
         tree = variables.substitute(tree, self.problems)
-        nominal = sides.spread(tree)
-        tree = sides.spread(calibration.apply(tree, self.problems))
+        nominal = drive_sides.copy_common_to_sides(tree)
+        tree = drive_sides.copy_common_to_sides(
+            calibration_overlay.overlay_calibration(tree, self.problems)
+        )
         self.case.robot_tree = tree
         whole = schema.of_section(Robot, merged=True)
-        self.problems += shape.check(tree, whole, "the robot file")
+        self.problems += schema_check.check(tree, whole, "the robot file")
         reader = Reader()
         self.case.robot = reader.section(tree, Robot)
         self.problems += reader.problems

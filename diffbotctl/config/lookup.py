@@ -1,12 +1,34 @@
-"""From what a person types to a file: `goal`, `pipelines/goal.yaml`, `--robot mine`."""
+"""The one place that finds the folders shipped beside the code.
+
+From what a person types to a file: `goal`, `pipelines/goal.yaml`, `--robot mine`.
+"""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from diffbotctl.config import resources
-from diffbotctl.errors import Problem, UsageError, nearest
+from diffbotctl.errors import Problem, UsageError, closest_match
+
+FOLDERS = ("robots", "pipelines", "schemas", "firmware")
+
+
+def folder(name: str) -> Path:
+    """The shipped folder `name`: inside the package when installed, beside it in a checkout.
+
+    Raises FileNotFoundError when the installation is damaged.
+    """
+    package = Path(__file__).resolve().parent.parent
+    for candidate in (package / name, package.parent / name):
+        if candidate.is_dir():
+            return candidate
+    raise FileNotFoundError(f"the folder {name} is missing from this installation of diffbotctl")
+
+
+def names(kind: str) -> list[str]:
+    """The names of the shipped YAML files in folder `kind`, without their ending."""
+    return sorted(path.stem for path in folder(kind).glob("*.yaml"))
+
 
 DEFAULT_ROBOT = "book_2wd"
 
@@ -46,7 +68,7 @@ def find(name: str, kind: str) -> Path:
     own = Path(kind) / f"{name}.yaml"
     if own.is_file():
         return own
-    shipped = resources.folder(kind) / f"{name}.yaml"
+    shipped = folder(kind) / f"{name}.yaml"
     if "\0" not in name and shipped.is_file():
         return shipped
     raise _not_found(name, kind)
@@ -57,7 +79,7 @@ def is_path(name: str) -> bool:
     return "/" in name or os.sep in name or name.endswith((".yaml", ".yml"))
 
 
-def shown(path: Path) -> str:
+def display_path(path: Path) -> str:
     """`path` as a person would write it from here; shipped files stand below `diffbotctl/`."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
@@ -67,7 +89,7 @@ def shown(path: Path) -> str:
 
 def is_shipped(path: Path) -> bool:
     """True when `path` is one of the files that ship with diffbotctl."""
-    folders = [resources.folder(kind) for kind in ("robots", "pipelines")]
+    folders = [folder(kind) for kind in ("robots", "pipelines")]
     try:
         return path.resolve().parent in [folder.resolve() for folder in folders]
     except (OSError, ValueError):
@@ -75,8 +97,8 @@ def is_shipped(path: Path) -> bool:
 
 
 def _not_found(name: str, kind: str) -> UsageError:
-    known = sorted({*resources.names(kind), *(path.stem for path in Path(kind).glob("*.yaml"))})
-    near = nearest(name, known)
+    known = sorted({*names(kind), *(path.stem for path in Path(kind).glob("*.yaml"))})
+    near = closest_match(name, known)
     what = kind.removesuffix("s")
     fix = f"did you mean {near}?" if near else f"known are {', '.join(known)}, or give a path"
     cause = f"there is no {what} called '{name}' in ./{kind} nor among the shipped ones"

@@ -33,38 +33,44 @@ class BlockEntry(Section):
     wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
     needs = Param(
-        str, choices=("Volts", "Scan"), none=True, default=None,
+        str,
+        choices=("Volts", "Scan"),
+        none=True,
+        default=None,
         help="Leave the block out, and pass on what it was given, where no sensor of the robot "
         "has this message.",
-    )  # fmt: skip
+    )
 
 
-class Wall(Section):
+class WallEntry(Section):
     """A straight wall of the simulated world."""
 
     start = Param(tuple[float, float], key="from", unit="m", help="One end: [x, y].")
     end = Param(tuple[float, float], key="to", unit="m", help="The other end: [x, y].")
 
 
-class Obstacle(Section):
+class ObstacleEntry(Section):
     """A round obstacle of the simulated world."""
 
     at = Param(tuple[float, float], unit="m", help="Its middle: [x, y].")
     radius = Param(float, unit="m", above=0.0, help="Its radius.")
 
 
-class World(Section):
+class WorldEntry(Section):
     """What stands around the simulated robot, in the world's frame.
 
     That is the frame odom, unless the robot's `simulation.start` says where in the world it begins.
     """
 
     field = Param(
-        tuple[float, float], unit="m", none=True, default=None,
+        tuple[float, float],
+        unit="m",
+        none=True,
+        default=None,
         help="A walled field from [0, 0] to here, which no simulated robot can leave.",
-    )  # fmt: skip
-    walls = Param(list[Wall], default=[], help="Straight walls.")
-    obstacles = Param(list[Obstacle], default=[], help="Round obstacles.")
+    )
+    walls = Param(list[WallEntry], default=[], help="Straight walls.")
+    obstacles = Param(list[ObstacleEntry], default=[], help="Round obstacles.")
 
 
 class Pipeline(Section):
@@ -73,13 +79,15 @@ class Pipeline(Section):
     format = Param(int, choices=(1,), help="Version of this file's shape.")
     kind = Param(str, choices=("pipeline",), help="What this file describes.")
     include: Any = Param(
-        object, none=True, default=None,
+        object,
+        none=True,
+        default=None,
         help="A pipeline file, or a list of them, that this one changes.",
-    )  # fmt: skip
+    )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
     robot = Param(
         RobotUse, none=True, default=None, help="The robot; left out, the pipeline has none."
     )
     goals = Param(list[GoalEntry], default=[], help="Poses to reach, in this order.")
     blocks = Param(dict[str, BlockEntry], help="The blocks by name.")
-    world = Param(World, default=World(), help="What stands around a simulated robot.")
+    world = Param(WorldEntry, default=WorldEntry(), help="What stands around a simulated robot.")

@@ -11,16 +11,16 @@ from importlib import import_module
 from typing import Any
 
 from diffbotctl.block import Block
-from diffbotctl.errors import nearest
+from diffbotctl.errors import closest_match
 
 BLOCKS = {
-    "canvas": "diffbotctl.blocks.canvas:Canvas",
+    "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
     "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",
     "listener": "diffbotctl.blocks.listener:Listener",
     "obstacle_stop": "diffbotctl.blocks.obstacle_stop:ObstacleStop",
-    "odometry": "diffbotctl.blocks.odometry:Odometry",
+    "odometry": "diffbotctl.blocks.odometry:OdometryBlock",
     "path": "diffbotctl.blocks.path:PathSource",
     "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
     "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
@@ -94,7 +94,7 @@ def _found(name: str, group: str) -> tuple[Any, str]:
 
 def _unknown(name: str, group: str) -> RegistryError:
     known = names(group)
-    near = nearest(name, known)
+    near = closest_match(name, known)
     what = group.rsplit(".", 1)[1].removesuffix("s")
     fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {', '.join(known)}"
     return RegistryError("E-BLOCK-UNKNOWN", f"there is no {what} called '{name}'", fix)

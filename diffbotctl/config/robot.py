@@ -6,79 +6,115 @@ from math import pi
 from typing import Any
 
 from diffbotctl.params import Param, Pin, Section
-from diffbotctl.plant.truth import Simulation
+from diffbotctl.plant.simulation import Simulation
 
 RPM = 2 * pi / 60  # rad/s
 
 
-class Board(Section):
+class BoardSection(Section):
     """The microcontroller board and how it speaks."""
 
     type = Param(
-        str, choices=("mega2560", "atmega328p", "simulated"), default="mega2560",
+        str,
+        choices=("mega2560", "atmega328p", "simulated"),
+        default="mega2560",
         help="Kind of board: its pins decide what can be connected where. simulated: none, the "
         "robot lives in the simulator alone and its pins are `none`.",
-    )  # fmt: skip
+    )
     telemetry = Param(
-        float, unit="Hz", default=40.0, least=1.0, most=100.0,
+        float,
+        unit="Hz",
+        default=40.0,
+        least=1.0,
+        most=100.0,
         help="How often the board reports counts, edge times and sensor voltages.",
-    )  # fmt: skip
+    )
     edge_times = Param(
         bool, default=True, help="Report when the last edge of each encoder came, not only counts."
     )
     deadman = Param(
-        float, unit="s", default=0.3, least=0.1, most=0.5,
+        float,
+        unit="s",
+        default=0.3,
+        least=0.1,
+        most=0.5,
         help="The board stops its motors by itself when no valid command came for so long.",
         reason="shorter stops the robot between two commands, longer lets it drive blind",
-    )  # fmt: skip
+    )
     stop_button = Param(
         Pin, none=True, default=None, help="Pin of an emergency stop button, or none."
     )
     supply = Param(
-        str, choices=("vin", "regulator", "usb"), default="vin",
+        str,
+        choices=("vin", "regulator", "usb"),
+        default="vin",
         help="What feeds it: the battery at VIN, the motor driver's 5 V regulator, or USB alone.",
-    )  # fmt: skip
+    )
 
 
-class Link(Section):
+class LinkSection(Section):
     """The serial line between host and board."""
 
     protocol = Param(
-        str, choices=("diffbot", "rosserial"), default="diffbot",
+        str,
+        choices=("diffbot", "rosserial"),
+        default="diffbot",
         help="diffbot: our firmware. rosserial: the book's firmware.",
-    )  # fmt: skip
+    )
     uart = Param(int, default=1, least=0, most=3, help="Serial port of the board; 0 is the USB.")
     baud = Param(
-        int, default=9600, choices=(9600, 19200, 38400, 57600, 115200),
+        int,
+        default=9600,
+        choices=(9600, 19200, 38400, 57600, 115200),
         help="Baud rate of that port. A USB port always means 115200.",
-    )  # fmt: skip
+    )
     radio = Param(
-        str, choices=("hc05", "cable"), none=True, default=None,
+        str,
+        choices=("hc05", "cable"),
+        none=True,
+        default=None,
         help="What is on that port; left out: an HC-05, or on port 0 the USB cable.",
-    )  # fmt: skip
+    )
     level = Param(
-        str, choices=("divider", "direct"), default="divider",
+        str,
+        choices=("divider", "direct"),
+        default="divider",
         help="How the board's 5 V signal reaches the module's 3.3 V input.",
-    )  # fmt: skip
+    )
     command_delay = Param(
-        float, unit="s", default=0.015, least=0.0, most=1.0,
+        float,
+        unit="s",
+        default=0.015,
+        least=0.0,
+        most=1.0,
         help="From the host to the motor: the wire, the radio, the board's loop.",
-    )  # fmt: skip
+    )
     command_jitter = Param(
-        float, unit="s", default=0.0, least=0.0, most=0.1,
+        float,
+        unit="s",
+        default=0.0,
+        least=0.0,
+        most=0.1,
         help="How much that delay scatters, sd; 0 where the board tells when a command took hold.",
-    )  # fmt: skip
+    )
     stamp_jitter = Param(
-        float, unit="s", default=0.0, least=0.0, most=0.1,
+        float,
+        unit="s",
+        default=0.0,
+        least=0.0,
+        most=0.1,
         help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
-    )  # fmt: skip
+    )
     range_formula = Param(
-        str, none=True, default=None, choices=("13/V",),
+        str,
+        none=True,
+        default=None,
+        choices=("13/V",),
         help="Formula by which a rosserial board turns volts into centimetres, to turn them back.",
-    )  # fmt: skip
+    )
 
 
-class Wheel(Section):
+class WheelSection(Section):
     """One wheel."""
 
     diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter of the wheel.")
@@ -88,24 +124,32 @@ class Wheel(Section):
     mass = Param(float, unit="kg", default=0.035, above=0.0, help="What it weighs.")
 
 
-class SpeedLoop(Section):
+class SpeedLoopSection(Section):
     """Feed-forward and PI of one wheel's speed, run on the board, or on the host for PWM boards."""
 
     static = Param(
-        float, unit="1", default=0.10, least=0.0, most=0.75,
+        float,
+        unit="1",
+        default=0.10,
+        least=0.0,
+        most=0.75,
         help="Duty that just overcomes friction.",
-    )  # fmt: skip
+    )
     speed = Param(
-        float, none=True, default=None, above=0.0, most=0.75,
+        float,
+        none=True,
+        default=None,
+        above=0.0,
+        most=0.75,
         help="Duty per rad/s above the static part; none: the rest of the duty at rated speed.",
-    )  # fmt: skip
+    )
     proportional = Param(
         float, default=0.0, least=0.0, most=0.75, help="Duty per rad/s of speed error."
     )
     integral = Param(float, default=0.02, least=0.0, most=0.29, help="Duty per rad of angle error.")
 
 
-class Motor(Section):
+class MotorSection(Section):
     """One motor and its half of the driver chip."""
 
     driver = Param(
@@ -115,13 +159,18 @@ class Motor(Section):
         help="Motor driver chip; none: of a robot that is simulated only.",
     )
     rated = Param(
-        float, unit="rad/s", above=0.0, default=100 * RPM,
+        float,
+        unit="rad/s",
+        above=0.0,
+        default=100 * RPM,
         help="Speed of the wheel at full duty and full battery.",
-    )  # fmt: skip
+    )
     idle = Param(
-        str, choices=("coast", "brake"), default="coast",
+        str,
+        choices=("coast", "brake"),
+        default="coast",
         help="What a motor at rest does: turn freely, or short its windings.",
-    )  # fmt: skip
+    )
     enable = Param(Pin, none=True, help="Pin of the driver's EN input; carries the PWM.")
     in1 = Param(Pin, none=True, help="Pin of the driver's first direction input.")
     in2 = Param(Pin, none=True, help="Pin of the driver's second direction input.")
@@ -129,21 +178,33 @@ class Motor(Section):
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
     lag = Param(
-        float, unit="s", default=0.1, above=0.0, below=2.0,
+        float,
+        unit="s",
+        default=0.1,
+        above=0.0,
+        below=2.0,
         help="Time constant from duty to speed.",
-    )  # fmt: skip
+    )
     start_duty = Param(
-        float, unit="1", default=0.12, least=0.0, below=1.0,
+        float,
+        unit="1",
+        default=0.12,
+        least=0.0,
+        below=1.0,
         help="Duty at which a wheel at rest begins to turn.",
-    )  # fmt: skip
+    )
     keep_duty = Param(
-        float, unit="1", default=0.096, least=0.0, below=1.0,
+        float,
+        unit="1",
+        default=0.096,
+        least=0.0,
+        below=1.0,
         help="Duty below which a turning wheel stops.",
-    )  # fmt: skip
-    loop = Param(SpeedLoop, default=SpeedLoop(), help="The wheel's speed loop.")
+    )
+    loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="The wheel's speed loop.")
 
 
-class Encoder(Section):
+class EncoderSection(Section):
     """One wheel encoder."""
 
     channels = Param(
@@ -154,55 +215,79 @@ class Encoder(Section):
         str, choices=("rising", "falling"), default="rising", help="Which flank of a slot counts."
     )
     glitch = Param(
-        float, unit="s", default=0.002, least=0.0, most=0.05,
+        float,
+        unit="s",
+        default=0.002,
+        least=0.0,
+        most=0.05,
         help="An edge this soon after the last is noise and is not counted.",
-    )  # fmt: skip
+    )
     pin = Param(Pin, none=True, help="Pin of the encoder's output; must raise interrupts.")
     slot_errors = Param(
-        list[float], unit="1", default=[], least=-0.4, most=0.4,
+        list[float],
+        unit="1",
+        default=[],
+        least=-0.4,
+        most=0.4,
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
         "turning forward; empty: not known.",
-    )  # fmt: skip
+    )
     back_errors = Param(
-        list[float], unit="1", default=[], least=-0.4, most=0.4,
+        list[float],
+        unit="1",
+        default=[],
+        least=-0.4,
+        most=0.4,
         help="The same of the flanks seen backward, beyond their place by open_share; empty: not "
         "known.",
-    )  # fmt: skip
+    )
     open_share = Param(
-        float, unit="1", none=True, default=None, least=0.1, most=0.9,
+        float,
+        unit="1",
+        none=True,
+        default=None,
+        least=0.1,
+        most=0.9,
         help="Share of a pitch during which the pin keeps the level that a counted flank brought: "
         "how far apart the flanks seen forward and backward lie; none: not known, about half.",
-    )  # fmt: skip
+    )
 
 
-class Side(Section):
+class SideSection(Section):
     """One side of the drive: what is written here, over what both sides share."""
 
-    wheel = Param(Wheel, shared=True, help="This side's wheel.")
-    motor = Param(Motor, shared=True, help="This side's motor.")
-    encoder = Param(Encoder, shared=True, help="This side's encoder.")
+    wheel = Param(WheelSection, shared=True, help="This side's wheel.")
+    motor = Param(MotorSection, shared=True, help="This side's motor.")
+    encoder = Param(EncoderSection, shared=True, help="This side's encoder.")
 
 
-class Drive(Section):
+class DriveSection(Section):
     """The two driven wheels. `wheel`, `motor` and `encoder` here hold for both sides."""
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
     track = Param(
-        float, unit="m", above=0.02, below=2.0,
+        float,
+        unit="m",
+        above=0.02,
+        below=2.0,
         help="Distance between the middles of the tyres.",
-    )  # fmt: skip
+    )
     polarity = Param(
-        str, choices=("unproven", "by_hand", "calibrated"), default="unproven",
+        str,
+        choices=("unproven", "by_hand", "calibrated"),
+        default="unproven",
         help="Who has seen that each motor turns its own wheel the right way.",
-    )  # fmt: skip
-    wheel: Any = Param(Wheel, shared=True, default=None, help="What both wheels share.")
-    motor: Any = Param(Motor, shared=True, default=None, help="What both motors share.")
-    encoder: Any = Param(Encoder, shared=True, default=None, help="What both encoders share.")
-    left = Param(Side, help="The left side.")
-    right = Param(Side, help="The right side.")
+    )
+    wheel: Any = Param(WheelSection, shared=True, default=None, help="What both wheels share.")
+    motor: Any = Param(MotorSection, shared=True, default=None, help="What both motors share.")
+    encoder: Any = Param(
+        EncoderSection, shared=True, default=None, help="What both encoders share."
+    )
+    left = Param(SideSection, help="The left side.")
+    right = Param(SideSection, help="The right side.")
 
 
-class Mount(Section):
+class MountSection(Section):
     """Where a sensor sits, seen from the middle of the axle (base_link)."""
 
     x = Param(float, unit="m", default=0.0, help="Forward.")
@@ -211,7 +296,7 @@ class Mount(Section):
     heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
 
 
-class Curve(Section):
+class CurveSection(Section):
     """A Sharp sensor's curve: volts = a / (distance + b) + c."""
 
     a = Param(float, default=0.1498, above=0.0, help="Steepness, in V m.")
@@ -219,32 +304,38 @@ class Curve(Section):
     c = Param(float, unit="V", default=-0.047, help="Shift of the voltage.")
 
 
-class Sensor(Section):
+class SensorSection(Section):
     """One sensor. Laser scanner and overhead camera exist in the simulator alone."""
 
     type = Param(
-        str, choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),
+        str,
+        choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),
         help="Part name of the sensor. overhead_camera: sees the true pose from above.",
-    )  # fmt: skip
+    )
     pin = Param(
         Pin, none=True, help="Analog pin that reads its voltage; none: it is read otherwise."
     )
-    at = Param(Mount, default=Mount(), help="Where it sits on the robot.")
-    curve = Param(Curve, default=Curve(), help="Its curve; the data sheet's typical part.")
+    at = Param(MountSection, default=MountSection(), help="Where it sits on the robot.")
+    curve = Param(
+        CurveSection, default=CurveSection(), help="Its curve; the data sheet's typical part."
+    )
 
 
-class Caster(Section):
+class CasterSection(Section):
     """The ball or caster that the robot rests on beside its two wheels."""
 
     x = Param(
-        float, unit="m", none=True, default=None,
+        float,
+        unit="m",
+        none=True,
+        default=None,
         help="Where it touches the ground, forward of the axle; none: near the farther end.",
-    )  # fmt: skip
+    )
     diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Of its ball.")
     mass = Param(float, unit="kg", default=0.02, above=0.0, help="What it weighs.")
 
 
-class Body(Section):
+class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
     front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
@@ -253,20 +344,28 @@ class Body(Section):
         float, unit="m", above=0.0, default=0.151, help="Its whole width, tyres included."
     )
     height = Param(
-        float, unit="m", above=0.0, default=0.1,
+        float,
+        unit="m",
+        above=0.0,
+        default=0.1,
         help="How high the chassis is, from its underside to its top.",
-    )  # fmt: skip
+    )
     clearance = Param(
         float, unit="m", above=0.0, default=0.02, help="Free height under the chassis."
     )
     mass = Param(
-        float, unit="kg", above=0.0, default=0.7,
+        float,
+        unit="kg",
+        above=0.0,
+        default=0.7,
         help="What the robot weighs without wheels and caster; only the model needs it.",
-    )  # fmt: skip
-    caster = Param(Caster, default=Caster(), help="What it rests on beside its wheels.")
+    )
+    caster = Param(
+        CasterSection, default=CasterSection(), help="What it rests on beside its wheels."
+    )
 
 
-class Limits(Section):
+class LimitsSection(Section):
     """What the robot may do at most."""
 
     speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Forward and backward speed.")
@@ -277,25 +376,40 @@ class Limits(Section):
     braking = Param(float, unit="m/s2", above=0.0, default=1.5, help="Slowing down, at a wheel.")
 
 
-class Battery(Section):
+class BatterySection(Section):
     """The motor supply."""
 
     full = Param(
-        float, unit="V", none=True, default=None, above=0.0, most=60.0,
+        float,
+        unit="V",
+        none=True,
+        default=None,
+        above=0.0,
+        most=60.0,
         help="Voltage of the full battery, for the wiring checks; none: not checked.",
-    )  # fmt: skip
+    )
     pin = Param(
-        Pin, none=True, default=None,
+        Pin,
+        none=True,
+        default=None,
         help="Analog pin that reads it through a divider, or none.",
-    )  # fmt: skip
+    )
     divider = Param(
-        float, unit="1", none=True, default=None, least=1.0, most=20.0,
+        float,
+        unit="1",
+        none=True,
+        default=None,
+        least=1.0,
+        most=20.0,
         help="Battery volts per volt at that pin; none: not known.",
-    )  # fmt: skip
+    )
     low = Param(
-        float, unit="V", least=0.0, default=0.0,
+        float,
+        unit="V",
+        least=0.0,
+        default=0.0,
         help="Below this voltage the battery counts as low.",
-    )  # fmt: skip
+    )
 
 
 class Calibrated(Section):
@@ -306,9 +420,11 @@ class Calibrated(Section):
     date = Param(str, none=True, default=None, help="When it was found.")
     method = Param(str, none=True, default=None, help="The calibration that found it.")
     volts: Any = Param(
-        object, none=True, default=None,
+        object,
+        none=True,
+        default=None,
         help="Battery voltage during the calibration, or `not measured`.",
-    )  # fmt: skip
+    )
     recording = Param(
         str, none=True, default=None, help="Hash of the recording that it was found from."
     )
@@ -320,17 +436,19 @@ class Robot(Section):
     format = Param(int, choices=(1,), help="Version of this file's shape.")
     kind = Param(str, choices=("robot",), help="What this file describes.")
     include: Any = Param(
-        object, none=True, default=None,
+        object,
+        none=True,
+        default=None,
         help="A robot file, or a list of them, that this one changes.",
-    )  # fmt: skip
+    )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
-    board = Param(Board, default=Board(), help="The microcontroller board.")
-    link = Param(Link, default=Link(), help="The serial line to the board.")
-    drive = Param(Drive, help="Wheels, motors and encoders.")
-    sensors = Param(dict[str, Sensor], default={}, help="Sensors by name.")
-    body = Param(Body, default=Body(), help="The outline.")
-    limits = Param(Limits, default=Limits(), help="What it may do at most.")
-    battery = Param(Battery, default=Battery(), help="The motor supply.")
+    board = Param(BoardSection, default=BoardSection(), help="The microcontroller board.")
+    link = Param(LinkSection, default=LinkSection(), help="The serial line to the board.")
+    drive = Param(DriveSection, help="Wheels, motors and encoders.")
+    sensors = Param(dict[str, SensorSection], default={}, help="Sensors by name.")
+    body = Param(BodySection, default=BodySection(), help="The outline.")
+    limits = Param(LimitsSection, default=LimitsSection(), help="What it may do at most.")
+    battery = Param(BatterySection, default=BatterySection(), help="The motor supply.")
     simulation = Param(Simulation, default=Simulation(), help="What the simulated robot is like.")
     calibration = Param(
         dict[str, Calibrated], default={}, help="Written by calibrate: field path to value."

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from diffbotctl.config.scalar import ScalarError, resolve
-from diffbotctl.config.value import Value
-from diffbotctl.errors import Problem, listed, nearest
+from diffbotctl.config.yaml_scalars import ScalarError, resolve
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import Problem, closest_match, join_words
 
 NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 WHOLE = re.compile(rf"\$({NAME})\Z")
@@ -79,11 +79,11 @@ def _within(value: Value, table: dict[str, Value], problems: list[Problem]) -> V
 
 
 def _unknown(value: Value, name: str, table: dict[str, Value]) -> Problem:
-    near = nearest(name, table)
+    near = closest_match(name, table)
     if near:
         fix = f"did you mean ${near}?"
     elif table:
-        fix = f"vars holds {listed(table, 'and')}; a dollar sign itself is written $$"
+        fix = f"vars holds {join_words(table, 'and')}; a dollar sign itself is written $$"
     else:
         fix = f"add `vars: {{{name}: ...}}`; a dollar sign itself is written $$"
     return Problem("E-VAR-UNKNOWN", value.spot, f"there is no variable {name}", fix)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from diffbotctl.drivers.guardian import Guardian
-from diffbotctl.drivers.port import OpenPort
+from diffbotctl.drivers.serial_port import OpenPort
+from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER
-from diffbotctl.links.protocol import LinkProtocol
+from diffbotctl.links.link_protocol import LinkProtocol
 from diffbotctl.messages import Duty, Message, Wheels
 
 MILLISECOND = 1_000_000
@@ -32,7 +32,7 @@ class SerialRobot:
         self,
         protocol: LinkProtocol,
         open_port: Callable[[], OpenPort],
-        guardian: Guardian | None = None,
+        guardian: WatchdogProcess | None = None,
     ) -> None:
         self.protocol = protocol
         self.open_port = open_port

@@ -12,7 +12,7 @@ import select
 import socket
 from contextlib import suppress
 
-from diffbotctl.bluetooth.address import BLUETOOTH, module
+from diffbotctl.bluetooth.bluez import BLUETOOTH, module
 from diffbotctl.errors import Problem, RunError
 
 READ_SIZE = 4096  # bytes
@@ -127,24 +127,26 @@ class SocketPort:
         self._socket.close()
 
 
-def called(device: str, baud: int, wait: float = 0.0) -> SocketPort:
+def connect_radio(device: str, baud: int, wait: float = 0.0) -> SocketPort:
     """Call the module of that name. Raises OSError, UsageError for a wrong name, RunError."""
     made, address = _made(device)
     return SocketPort(device, baud, made, address, wait)
 
 
-def connected(device: str, baud: int) -> SocketPort:
+def connect_socket(device: str, baud: int) -> SocketPort:
     """Connect to a module that must answer. Raises RunError, UsageError."""
     try:
-        return called(device, baud, LONGEST_CONNECT)
+        return connect_radio(device, baud, LONGEST_CONNECT)
     except OSError as error:
         raise unreachable(device, error) from error
 
 
 def unreachable(device: str, error: OSError) -> RunError:
     """What to tell of a module that cannot be reached, or no longer."""
-    cause, fix = MEANINGS.get(error.errno or 0, (error.strerror or str(error), "switch the module "
-                              "off and on, and try again"))  # fmt: skip
+    cause, fix = MEANINGS.get(
+        error.errno or 0,
+        (error.strerror or str(error), "switch the module off and on, and try again"),
+    )
     if device.startswith(SOCKET):
         fix = "does whoever serves that socket run?"
     address = device.removeprefix(BLUETOOTH)
@@ -160,8 +162,10 @@ def _made(device: str) -> tuple[socket.socket, Address]:
     wanted = module(device)
     family, protocol = (getattr(socket, name, None) for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"))
     if family is None or protocol is None:
-        fix = ("make the virtual environment with the system's Python: /usr/bin/python3 -m venv; "
-               "or bind the module with rfcomm and use /dev/rfcomm0")  # fmt: skip
+        fix = (
+            "make the virtual environment with the system's Python: /usr/bin/python3 -m venv; "
+            "or bind the module with rfcomm and use /dev/rfcomm0"
+        )
         cause = "this Python was built without Bluetooth sockets"
         raise RunError(Problem("E-BLUETOOTH-PYTHON", f"port {device}", cause, fix))
     return socket.socket(family, socket.SOCK_STREAM, protocol), (wanted.address, wanted.channel)

@@ -11,9 +11,9 @@ import gc
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
-from diffbotctl.engine.chronicle import Chronicle
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
+from diffbotctl.engine.event_log import EventLogger
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import NEVER, SECOND, Graph, Sink
 
@@ -21,7 +21,7 @@ INTERRUPTED = 130  # exit code, as shells have it
 STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed
 
 
-class Signals(Protocol):
+class SignalSource(Protocol):
     """Something that hears of signals: `file` is readable when `cause` has been set."""
 
     file: int
@@ -31,7 +31,7 @@ class Signals(Protocol):
         """Why to end, once there is a reason."""
 
 
-class Ending(NamedTuple):
+class RunOutcome(NamedTuple):
     """How a run ended. `code` is the exit code; `stopped` is None without a robot.
 
     `time` is the logical time at which it ended, or of the last instant if that came after it.
@@ -61,7 +61,7 @@ class Engine:
         sinks: dict[str, list[Sink]] | None = None,
         record: Callable[[tuple[Any, ...]], object] | None = None,
         idle: Callable[[], None] | None = None,
-        signals: Signals | None = None,
+        signals: SignalSource | None = None,
     ) -> None:
         self.graph = graph
         self.drivers = drivers
@@ -72,7 +72,7 @@ class Engine:
         self.place = {wire: i for i, wire in enumerate(graph.sources)}
         self.empty: list[Any] = [None] * len(graph.sources)
         self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
-        self.chronicle = None if graph.book is None else Chronicle(graph, graph.book)
+        self.chronicle = None if graph.book is None else EventLogger(graph, graph.book)
         told = {} if self.chronicle is None else self.chronicle.sinks()
         self.compiled = graph.compile(self.sinks, record, told)
         self.last = -1
@@ -89,7 +89,7 @@ class Engine:
         if self.ending is None:
             self.ending = (code, cause)
 
-    def run(self, until: int = NEVER) -> Ending:
+    def run(self, until: int = NEVER) -> RunOutcome:
         """Run until `end` is called or logical time reaches `until`, then stop the robot."""
         gc.collect()
         gc.freeze()  # what lives now lives to the end; collections need not walk it again
@@ -109,7 +109,7 @@ class Engine:
         stopped = self._stop()
         assert self.ending is not None
         code, cause = self.ending
-        return Ending(code, cause, stopped, max(self.last, self.over))
+        return RunOutcome(code, cause, stopped, max(self.last, self.over))
 
     def _turn_until(self, until: int) -> None:
         while self.ending is None:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
-from diffbotctl.flash.events import Progress
-from diffbotctl.flash.image import ERASED, PAGE, ROOM
-from diffbotctl.flash.trouble import RefusedError, VerifyMismatchError, WrongSignatureError
+from diffbotctl.board.progress import FlashProgress
+from diffbotctl.drivers.board_errors import RefusedError, VerifyMismatchError, WrongSignatureError
+from diffbotctl.flash.intel_hex import ERASED, PAGE, ROOM
 from diffbotctl.links.bootloader import LEAVE, SIGN_ON, START, TOKEN, message, parity
 
 LOAD_ADDRESS = 0x06
@@ -22,7 +22,7 @@ MEGA_2560 = "1e9801"
 LONGEST_BODY = 512
 
 
-class Ask(NamedTuple):
+class BootloaderRequest(NamedTuple):
     """Send this command and wait for its answer."""
 
     body: bytes
@@ -32,14 +32,14 @@ class Ask(NamedTuple):
         return message(sequence, self.body)
 
 
-HELLO = Ask(bytes([SIGN_ON]))
+HELLO = BootloaderRequest(bytes([SIGN_ON]))
 """is a bootloader there?"""
 
 
-Conversation = Generator[Ask | Progress, bytes, None]
+BootloaderSession = Generator[BootloaderRequest | FlashProgress, bytes, None]
 
 
-class Answers:
+class ReplyParser:
     """Bytes in, answer bodies out; what is no answer to `sequence` is passed over."""
 
     def __init__(self) -> None:
@@ -70,18 +70,18 @@ class Answers:
             return whole[5:-1]
 
 
-def identify(device: str) -> Conversation:
+def identify(device: str) -> BootloaderSession:
     """Make sure that the chip is an ATmega2560. Raises WrongSignatureError, RefusedError."""
     signature = b""
     for index in range(3):
-        answer = yield Ask(bytes([SPI_MULTI, 4, 4, 0, READ_SIGNATURE, 0, index, 0]))
+        answer = yield BootloaderRequest(bytes([SPI_MULTI, 4, 4, 0, READ_SIGNATURE, 0, index, 0]))
         _check(device, answer, SPI_MULTI, "read its signature", 7)
         signature += answer[5:6]
     if signature.hex() != MEGA_2560:
         raise WrongSignatureError(device, signature.hex())
 
 
-def write(device: str, image: bytes) -> Conversation:
+def write(device: str, image: bytes) -> BootloaderSession:
     """Write whole pages, every one and in order from address 0, then read them back.
 
     The stock bootloader erases the next page at each write, whatever the address: so no page is
@@ -91,40 +91,42 @@ def write(device: str, image: bytes) -> Conversation:
     for at in range(0, len(image), PAGE):
         page = image[at : at + PAGE]
         head = bytes([PROGRAM, *len(page).to_bytes(2, "big"), 0xC1, 10, 0x40, 0x4C, 0x20, 0, 0])
-        answer = yield Ask(head + page)
+        answer = yield BootloaderRequest(head + page)
         _check(device, answer, PROGRAM, f"write the page at 0x{at:05X}")
-        yield Progress("writing", at + len(page), len(image))
+        yield FlashProgress("writing", at + len(page), len(image))
     yield from _load(device, 0)
     for at in range(0, len(image), PAGE):
         got = yield from _page(device, at)
         _compare(device, at, image[at : at + PAGE], got)
-        yield Progress("verifying", at + PAGE, len(image))
+        yield FlashProgress("verifying", at + PAGE, len(image))
 
 
-def read(device: str, into: bytearray) -> Conversation:
+def read(device: str, into: bytearray) -> BootloaderSession:
     """Read the program on the board into `into`, without the erased rest. Raises RefusedError."""
     yield from _load(device, 0)
     for at in range(0, ROOM, PAGE):
         into += yield from _page(device, at)
-        yield Progress("reading", at + PAGE, ROOM)
+        yield FlashProgress("reading", at + PAGE, ROOM)
     while into and into[-1] == ERASED:
         into.pop()
 
 
-def leave(device: str) -> Conversation:
+def leave(device: str) -> BootloaderSession:
     """Let the program run. Raises RefusedError."""
-    answer = yield Ask(bytes([LEAVE, 1, 1]))
+    answer = yield BootloaderRequest(bytes([LEAVE, 1, 1]))
     _check(device, answer, LEAVE, "start the program")
 
 
-def _load(device: str, address: int) -> Conversation:
+def _load(device: str, address: int) -> BootloaderSession:
     # The bootloader doubles the word address and finds the upper half of the flash by its top bits.
-    answer = yield Ask(bytes([LOAD_ADDRESS, *(address // 2 | 1 << 31).to_bytes(4, "big")]))
+    answer = yield BootloaderRequest(
+        bytes([LOAD_ADDRESS, *(address // 2 | 1 << 31).to_bytes(4, "big")])
+    )
     _check(device, answer, LOAD_ADDRESS, "take an address")
 
 
-def _page(device: str, at: int) -> Generator[Ask | Progress, bytes, bytes]:
-    answer = yield Ask(bytes([READ, *PAGE.to_bytes(2, "big"), 0x20]))
+def _page(device: str, at: int) -> Generator[BootloaderRequest | FlashProgress, bytes, bytes]:
+    answer = yield BootloaderRequest(bytes([READ, *PAGE.to_bytes(2, "big"), 0x20]))
     _check(device, answer, READ, f"read the page at 0x{at:05X}", PAGE + 3)
     return answer[2 : 2 + PAGE]
 

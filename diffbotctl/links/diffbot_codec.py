@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from cobs import cobs  # type: ignore[import-untyped,unused-ignore]
 
-from diffbotctl.links.diffbot_frames import (
-    CHECK_POLYNOMIAL,
-    CHECK_START,
-    OF_TYPE,
-    WIRE,
-    Frame,
-)
+from diffbotctl.links.diffbot_frames import CHECK_POLYNOMIAL, CHECK_START, OF_TYPE, WIRE, Frame
 
 CHECK_BYTES = 3
 LONGEST = max(WIRE.values())  # bytes of a frame on the wire
@@ -42,7 +36,7 @@ def encode(frame: Frame) -> bytes:
     return stuffed + DELIMITER
 
 
-class Decoder:
+class FrameDecoder:
     """Bytes in, frames out. `received` and `damaged` count whole and refused frames."""
 
     def __init__(self) -> None:

@@ -50,7 +50,7 @@ BAUD = {0: 'b9600', 1: 'b19200', 2: 'b38400', 3: 'b57600', 4: 'b115200'}
 BAUD_MEANING = {'b9600': '9600', 'b19200': '19200', 'b38400': '38400', 'b57600': '57600', 'b115200': '115200'}
 
 
-class Command(NamedTuple):
+class CommandFrame(NamedTuple):
     """wheel speeds; 10 bytes on the wire"""
 
     sequence: int  # number of this command
@@ -67,7 +67,7 @@ class Command(NamedTuple):
         ).to_bytes(5, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Command | None:
+    def unpack(cls, payload: bytes) -> CommandFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 5:
             return None
@@ -79,7 +79,7 @@ class Command(NamedTuple):
         )
 
 
-class Duty(NamedTuple):
+class DutyFrame(NamedTuple):
     """raw duty for identification"""
 
     sequence: int  # number of this command
@@ -96,7 +96,7 @@ class Duty(NamedTuple):
         ).to_bytes(5, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Duty | None:
+    def unpack(cls, payload: bytes) -> DutyFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 5:
             return None
@@ -108,7 +108,7 @@ class Duty(NamedTuple):
         )
 
 
-class Stop(NamedTuple):
+class StopFrame(NamedTuple):
     """motors off; also claims the commands when nobody owns them; 6 bytes on the wire"""
 
     sequence: int  # number of this command
@@ -121,7 +121,7 @@ class Stop(NamedTuple):
         ).to_bytes(1, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Stop | None:
+    def unpack(cls, payload: bytes) -> StopFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 1:
             return None
@@ -131,7 +131,7 @@ class Stop(NamedTuple):
         )
 
 
-class Ask(NamedTuple):
+class AskFrame(NamedTuple):
     """asks for hello, and for telemetry from now on"""
 
     version: int  # the host's protocol version
@@ -144,7 +144,7 @@ class Ask(NamedTuple):
         ).to_bytes(1, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Ask | None:
+    def unpack(cls, payload: bytes) -> AskFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 1:
             return None
@@ -154,7 +154,7 @@ class Ask(NamedTuple):
         )
 
 
-class Action(NamedTuple):
+class ActionFrame(NamedTuple):
     """a small deed"""
 
     action: int  # code
@@ -169,7 +169,7 @@ class Action(NamedTuple):
         ).to_bytes(2, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Action | None:
+    def unpack(cls, payload: bytes) -> ActionFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 2:
             return None
@@ -180,7 +180,7 @@ class Action(NamedTuple):
         )
 
 
-class Settings(NamedTuple):
+class SettingsFrame(NamedTuple):
     """everything the firmware must know of the robot; also the content of an EEPROM slot"""
 
     edge: int  # which edges count
@@ -259,7 +259,7 @@ class Settings(NamedTuple):
         ).to_bytes(36, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Settings | None:
+    def unpack(cls, payload: bytes) -> SettingsFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 36:
             return None
@@ -302,7 +302,7 @@ class Settings(NamedTuple):
         )
 
 
-class State(NamedTuple):
+class StateFrame(NamedTuple):
     """both wheels at one moment, with the ages of their last edges"""
 
     boot: int  # changes at each restart
@@ -339,7 +339,7 @@ class State(NamedTuple):
         ).to_bytes(16, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> State | None:
+    def unpack(cls, payload: bytes) -> StateFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 16:
             return None
@@ -361,7 +361,7 @@ class State(NamedTuple):
         )
 
 
-class Counts(NamedTuple):
+class CountsFrame(NamedTuple):
     """the beginning of a state frame without the ages, for 50 Hz"""
 
     boot: int  # changes at each restart
@@ -394,7 +394,7 @@ class Counts(NamedTuple):
         ).to_bytes(12, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Counts | None:
+    def unpack(cls, payload: bytes) -> CountsFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 12:
             return None
@@ -414,7 +414,7 @@ class Counts(NamedTuple):
         )
 
 
-class Status(NamedTuple):
+class StatusFrame(NamedTuple):
     """one of the things that change slowly, in turn, so that no state frame waits long for it"""
 
     item: int  # code
@@ -429,7 +429,7 @@ class Status(NamedTuple):
         ).to_bytes(3, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Status | None:
+    def unpack(cls, payload: bytes) -> StatusFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 3:
             return None
@@ -440,7 +440,7 @@ class Status(NamedTuple):
         )
 
 
-class Hello(NamedTuple):
+class HelloFrame(NamedTuple):
     """who this is"""
 
     boot: int  # changes at each restart
@@ -471,7 +471,7 @@ class Hello(NamedTuple):
         ).to_bytes(12, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Hello | None:
+    def unpack(cls, payload: bytes) -> HelloFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 12:
             return None
@@ -490,7 +490,7 @@ class Hello(NamedTuple):
         )
 
 
-class Answer(NamedTuple):
+class AnswerFrame(NamedTuple):
     """what became of the settings sent"""
 
     refusal: int  # code
@@ -507,7 +507,7 @@ class Answer(NamedTuple):
         ).to_bytes(6, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Answer | None:
+    def unpack(cls, payload: bytes) -> AnswerFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 6:
             return None
@@ -519,7 +519,7 @@ class Answer(NamedTuple):
         )
 
 
-class Capture(NamedTuple):
+class CaptureFrame(NamedTuple):
     """raw edges, both flanks, unfiltered"""
 
     used: int  # entries in use
@@ -549,7 +549,7 @@ class Capture(NamedTuple):
         ).to_bytes(22, 'little')
 
     @classmethod
-    def unpack(cls, payload: bytes) -> Capture | None:
+    def unpack(cls, payload: bytes) -> CaptureFrame | None:
         """The frame in a payload of this type, or None when it is malformed."""
         if len(payload) != 22:
             return None
@@ -564,6 +564,6 @@ class Capture(NamedTuple):
         )
 
 
-Frame = Command | Duty | Stop | Ask | Action | Settings | State | Counts | Status | Hello | Answer | Capture
-OF_TYPE: dict[int, type[Frame]] = {1: Command, 2: Duty, 3: Stop, 4: Ask, 5: Action, 6: Settings, 8: State, 9: Counts, 10: Status, 11: Hello, 12: Answer, 13: Capture}
-WIRE: dict[type[Frame], int] = {Command: 10, Duty: 10, Stop: 6, Ask: 6, Action: 7, Settings: 41, State: 21, Counts: 17, Status: 8, Hello: 17, Answer: 11, Capture: 27}  # bytes on the wire
+Frame = CommandFrame | DutyFrame | StopFrame | AskFrame | ActionFrame | SettingsFrame | StateFrame | CountsFrame | StatusFrame | HelloFrame | AnswerFrame | CaptureFrame
+OF_TYPE: dict[int, type[Frame]] = {1: CommandFrame, 2: DutyFrame, 3: StopFrame, 4: AskFrame, 5: ActionFrame, 6: SettingsFrame, 8: StateFrame, 9: CountsFrame, 10: StatusFrame, 11: HelloFrame, 12: AnswerFrame, 13: CaptureFrame}
+WIRE: dict[type[Frame], int] = {CommandFrame: 10, DutyFrame: 10, StopFrame: 6, AskFrame: 6, ActionFrame: 7, SettingsFrame: 41, StateFrame: 21, CountsFrame: 17, StatusFrame: 8, HelloFrame: 17, AnswerFrame: 11, CaptureFrame: 27}  # bytes on the wire

@@ -17,7 +17,7 @@ MICROSECOND = 1_000  # ns
 
 
 @dataclass(frozen=True)
-class Side:
+class WheelSettings:
     """One wheel's motor and encoder; pins are the board's numbers (A0 is 54 on a Mega 2560)."""
 
     enable: int
@@ -38,11 +38,11 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Settings:
+class BoardSettings:
     """All settings of one robot. Times are ns."""
 
-    left: Side
-    right: Side
+    left: WheelSettings
+    right: WheelSettings
     slots: int = 20
     """counts in a turn of the wheel"""
     edge: str = "rising"
@@ -82,34 +82,49 @@ class Settings:
     baud: int = FIRST_BAUD
     """baud rate of UART1"""
 
-    def frame(self) -> frames.Settings:
+    def frame(self) -> frames.SettingsFrame:
         """The settings as they are sent and stored.
 
         Raises ValueError for a value that has no form on the wire; whether the board can use it,
         the board says.
         """
         left, right = self.left, self.right
-        return frames.Settings(
-            edge=EDGES[self.edge], edge_times=int(self.edge_times), brake=int(self.brake),
-            left_reversed=int(left.reversed), right_reversed=int(right.reversed),
+        return frames.SettingsFrame(
+            edge=EDGES[self.edge],
+            edge_times=int(self.edge_times),
+            brake=int(self.brake),
+            left_reversed=int(left.reversed),
+            right_reversed=int(right.reversed),
             left_encoder_reversed=int(left.encoder_reversed),
             right_encoder_reversed=int(right.encoder_reversed),
-            enable_inverted=int(self.enable_inverted), button_high=int(self.button_high),
-            reserved=0, baud=BAUDS[self.baud],
-            left_enable=left.enable, left_in1=left.in1, left_in2=left.in2,
-            left_encoder=left.encoder, left_encoder_b=_pin(left.encoder_b),
-            right_enable=right.enable, right_in1=right.in1, right_in2=right.in2,
-            right_encoder=right.encoder, right_encoder_b=_pin(right.encoder_b),
-            button=_pin(self.button), range=_pin(self.range_channel),
-            battery=_pin(self.battery_channel), telemetry=_whole("telemetry", self.telemetry),
+            enable_inverted=int(self.enable_inverted),
+            button_high=int(self.button_high),
+            reserved=0,
+            baud=BAUDS[self.baud],
+            left_enable=left.enable,
+            left_in1=left.in1,
+            left_in2=left.in2,
+            left_encoder=left.encoder,
+            left_encoder_b=_pin(left.encoder_b),
+            right_enable=right.enable,
+            right_in1=right.in1,
+            right_in2=right.in2,
+            right_encoder=right.encoder,
+            right_encoder_b=_pin(right.encoder_b),
+            button=_pin(self.button),
+            range=_pin(self.range_channel),
+            battery=_pin(self.battery_channel),
+            telemetry=_whole("telemetry", self.telemetry),
             slots=_whole("slots", self.slots),
             glitch=_whole("glitch", round(self.glitch / MICROSECOND)),
             deadman=_whole("dead-man", round(self.deadman / 1_000_000)),
-            left_start=_gain("start", left.start), left_gain=_gain("gain", left.gain),
-            right_start=_gain("start", right.start), right_gain=_gain("gain", right.gain),
+            left_start=_gain("start", left.start),
+            left_gain=_gain("gain", left.gain),
+            right_start=_gain("start", right.start),
+            right_gain=_gain("gain", right.gain),
             proportional=_gain("proportional", self.proportional),
             integral=_gain("integral", self.integral, frames.INTEGRAL_ONE),
-        )  # fmt: skip
+        )
 
     def mark(self) -> int:
         """Checksum of the settings, which a board that uses them shows at the handshake."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.board_clock import BoardClock
+from diffbotctl.links.clock_sync import BoardClock
 from diffbotctl.links.diffbot_settings import REFERENCE
 from diffbotctl.messages import Encoders, Volts
 
@@ -17,7 +17,7 @@ EDGE_SLACK = 3 * TICK  # the stamp of one edge, from two frames, may differ by r
 SEQUENCES = 64  # of state frames
 COMMANDS = 16  # numbers of commands
 
-State = frames.State | frames.Counts
+State = frames.StateFrame | frames.CountsFrame
 
 
 class Sent(NamedTuple):
@@ -96,12 +96,22 @@ class Telemetry:
             self._unwrap_count(side, raw) for side, raw in enumerate((frame.left, frame.right))
         ]
         edges: list[int | None] = [None, None]
-        if isinstance(frame, frames.State):
+        if isinstance(frame, frames.StateFrame):
             ages = (frame.left_age, frame.right_age)
             edges = [self._edge(side, board, age) for side, age in enumerate(ages)]
         sent, since = self._in_force(board, frame)
-        return Encoders(time, counts[0], counts[1], edges[0], edges[1], sent.left, sent.right,
-                        sent.kind, since, self.boots)  # fmt: skip
+        return Encoders(
+            time,
+            counts[0],
+            counts[1],
+            edges[0],
+            edges[1],
+            sent.left,
+            sent.right,
+            sent.kind,
+            since,
+            self.boots,
+        )
 
     @property
     def rate(self) -> float:
@@ -111,7 +121,7 @@ class Telemetry:
             return float("nan")
         return (count - 1) * SECOND / (self._board - first)
 
-    def raw_edges(self, now: int, frame: frames.Capture) -> list[RawEdge]:
+    def raw_edges(self, now: int, frame: frames.CaptureFrame) -> list[RawEdge]:
         """The flanks of a capture frame that arrived at `now`; state frames must come as well."""
         board = self._unwrap_time(now, frame.time % WRAP)
         found = []

@@ -17,7 +17,7 @@ OVERHEAD = HEADER + 1  # and the sum behind it
 LARGEST = 512  # bytes of payload: the client library's buffer on a Mega, the largest it has
 
 
-class Frame(NamedTuple):
+class RosserialFrame(NamedTuple):
     """One frame whose sums were right."""
 
     topic: int
@@ -40,7 +40,7 @@ def any_length(topic: int, length: int) -> bool:
     return length <= LARGEST
 
 
-class Decoder:
+class RosserialDecoder:
     """Finds frames in bytes as they come; how the bytes are cut into pieces makes no difference.
 
     Every ff may start a frame, and all such candidates are followed side by side. So a false header
@@ -69,9 +69,9 @@ class Decoder:
         self._buffer.clear()
         self._starts.clear()
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[RosserialFrame]:
         """Take more bytes of the stream; return the frames that they complete."""
-        found: list[Frame] = []
+        found: list[RosserialFrame] = []
         place, end = 0, len(data)
         while place < end:
             size = 0 if self._starts else self._whole(data, place)
@@ -81,7 +81,7 @@ class Decoder:
                 self._covered = self._seen
                 self.frames += 1
                 body = data[place + 5 : place + size - 1]
-                found.append(Frame(body[0] | body[1] << 8, body[2:]))
+                found.append(RosserialFrame(body[0] | body[1] << 8, body[2:]))
                 place += size
                 continue
             byte = data[place]
@@ -114,7 +114,7 @@ class Decoder:
         topic = data[start + 5] | data[start + 6] << 8
         return OVERHEAD + length if self.plausible(topic, length) else 0
 
-    def _advance(self) -> Frame | None:
+    def _advance(self) -> RosserialFrame | None:
         """Let every candidate judge the newest byte; return the frame that it completes."""
         frame = None
         alive: list[int] = []
@@ -150,13 +150,13 @@ class Decoder:
             return buffer[start + 2] | buffer[start + 3] << 8 <= LARGEST
         return (buffer[start + 2] + buffer[start + 3] + buffer[start + 4]) % 256 == 255
 
-    def _deliver(self, start: int) -> Frame:
+    def _deliver(self, start: int) -> RosserialFrame:
         begin = self._seen - len(self._buffer) + start
         self._taken += self._seen - max(begin, self._covered)
         self._covered = self._seen
         self.frames += 1
         body = self._buffer[start + 5 : -1]
-        return Frame(body[0] | body[1] << 8, bytes(body[2:]))
+        return RosserialFrame(body[0] | body[1] << 8, bytes(body[2:]))
 
     def _forget(self) -> None:
         """Drop what lies before the oldest candidate."""

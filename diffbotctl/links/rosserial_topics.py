@@ -26,7 +26,7 @@ EMPTY = ("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")
 SIZES = {INT32: 4, FLOAT32: 4, BOOL: 1, EMPTY: 0}  # bytes of payload
 
 
-class Names(NamedTuple):
+class TopicNames(NamedTuple):
     """What the sketch calls its topics. An empty name means that the sketch has no such topic."""
 
     left_ticks: str = "left_ticks"
@@ -37,7 +37,7 @@ class Names(NamedTuple):
     reset: str = "reset"
 
 
-class TopicInfo(NamedTuple):
+class RosserialTopicInfo(NamedTuple):
     """What the board says of one topic. `kind` is the message type and its md5."""
 
     number: int
@@ -46,7 +46,7 @@ class TopicInfo(NamedTuple):
     buffer: int
 
 
-def read_topic_info(payload: bytes) -> TopicInfo | None:
+def read_topic_info(payload: bytes) -> RosserialTopicInfo | None:
     """A TopicInfo from its bytes, or None where they do not add up. Leading slashes are dropped."""
     texts: list[str] = []
     at = 2
@@ -60,13 +60,13 @@ def read_topic_info(payload: bytes) -> TopicInfo | None:
         return None
     (number,) = struct.unpack_from("<H", payload)
     (buffer,) = struct.unpack_from("<i", payload, at)
-    return TopicInfo(number, texts[0].lstrip("/"), (texts[1], texts[2]), buffer)
+    return RosserialTopicInfo(number, texts[0].lstrip("/"), (texts[1], texts[2]), buffer)
 
 
 class Topics:
     """The numbers found so far. `wrong` says what is amiss with the sketch's own declarations."""
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: TopicNames) -> None:
         self.publishers = {name.lstrip("/") for name in names[:3]} - {""}
         self.subscribers = {name.lstrip("/") for name in names[3:]} - {""}
         self.kinds = {name.lstrip("/"): (INT32,) for name in names if name} | {
@@ -139,7 +139,7 @@ class Topics:
         most = max((number for number in numbers if number is not None), default=0)
         return all(number in self._heard for number in range(FIRST_TOPIC, most + 1))
 
-    def _number_is_free(self, info: TopicInfo) -> bool:
+    def _number_is_free(self, info: RosserialTopicInfo) -> bool:
         """Drop other names that claim the same number."""
         free = self._heard.get(info.number, info.name) == info.name
         for name in [n for n, number in self.numbers.items() if number == info.number]:
@@ -150,7 +150,7 @@ class Topics:
             self._heard.pop(info.number, None)
         return free
 
-    def _kind_fits(self, info: TopicInfo) -> bool:
+    def _kind_fits(self, info: RosserialTopicInfo) -> bool:
         kinds = self.kinds[info.name]
         if info.kind in kinds:
             self.wrong.pop(info.name, None)

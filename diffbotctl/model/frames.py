@@ -16,7 +16,7 @@ ON_ROBOT = ("sharp_gp2y0a41sk0f", "lds01")  # sensors of these kinds ride on the
 CASTER_SHARE = 0.8  # of the longer overhang: where a caster stands whose place is not given
 
 
-class Frame(NamedTuple):
+class RobotFrame(NamedTuple):
     """A frame in its parent: m, and rad about the parent's z axis.
 
     `moves` says what changes it: `odometry`, `wheel` (it turns about its own y axis) or nothing.
@@ -44,19 +44,19 @@ def caster_x(robot: Robot) -> float:
     return CASTER_SHARE * (-body.back if body.back >= body.front else body.front)
 
 
-def frames(robot: Robot) -> Iterator[Frame]:
+def frames(robot: Robot) -> Iterator[RobotFrame]:
     """Every frame of `robot`, parents first."""
     height = axle_height(robot)
-    yield Frame(GROUND, WORLD, moves="odometry")
-    yield Frame(BASE, GROUND, z=height)
+    yield RobotFrame(GROUND, WORLD, moves="odometry")
+    yield RobotFrame(BASE, GROUND, z=height)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         radius = 0.5 * getattr(robot.drive, side).wheel.diameter
         aside = sign * 0.5 * robot.drive.track
         # Wheels of unequal size both stand on the ground, so that their hubs differ in height.
-        yield Frame(f"{side}_wheel_link", BASE, y=aside, z=radius - height, moves="wheel")
+        yield RobotFrame(f"{side}_wheel_link", BASE, y=aside, z=radius - height, moves="wheel")
     caster = 0.5 * robot.body.caster.diameter
-    yield Frame("caster_link", BASE, caster_x(robot), z=caster - height)
+    yield RobotFrame("caster_link", BASE, caster_x(robot), z=caster - height)
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
             at = sensor.at
-            yield Frame(f"{name}_sensor_link", BASE, at.x, at.y, at.z, at.heading)
+            yield RobotFrame(f"{name}_sensor_link", BASE, at.x, at.y, at.z, at.heading)

@@ -9,7 +9,7 @@ from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from diffbotctl.config.robot import Robot
-from diffbotctl.model.frames import WORLD, Frame, frames
+from diffbotctl.model.frames import WORLD, RobotFrame, frames
 from diffbotctl.model.solids import Ball, Box, Cylinder, Solid, solids
 
 COLOURS = {
@@ -71,7 +71,7 @@ def _shape(geometry: Element, shape: Box | Cylinder | Ball) -> None:
             SubElement(geometry, "sphere", radius=numbers(radius))
 
 
-def _joint(root: Element, frame: Frame) -> None:
+def _joint(root: Element, frame: RobotFrame) -> None:
     turns = frame.moves == "wheel"
     kind = "continuous" if turns else "fixed"
     joint = SubElement(root, "joint", name=f"{frame.name.removesuffix('_link')}_joint", type=kind)

@@ -14,7 +14,7 @@ from math import exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.plant.truth import EncoderTruth
+from diffbotctl.plant.simulation import EncoderTruth
 
 SECOND = 1_000_000_000  # ns
 GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
@@ -25,7 +25,7 @@ NEVER = 1 << 62  # ns
 CLOSE = 1e-10  # s; an edge's time is found to this, a tenth of the clock's nanosecond
 
 
-class Motor(NamedTuple):
+class MotorModel(NamedTuple):
     """The truth about one motor with its gear.
 
     At duty u a turning wheel settles at `speed` * (u - keep) / (1 - keep), with the time constant
@@ -42,14 +42,14 @@ class Motor(NamedTuple):
     coulomb: bool = False
 
 
-class Change(NamedTuple):
+class LevelChange(NamedTuple):
     """What an encoder's pin does at `time` (ns): it goes to `level`, 0 or 1."""
 
     time: int
     level: int
 
 
-class Disc(NamedTuple):
+class EncoderDisc(NamedTuple):
     """A slotted disc: where its flanks lie in one turn, rising and falling in turn, in rad."""
 
     flanks: tuple[float, ...]
@@ -58,7 +58,7 @@ class Disc(NamedTuple):
     bounce: float = 0.0  # s; how long an edge chatters at most
 
 
-def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
+def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> EncoderDisc:
     """Draw a disc with `slots` slots."""
     pitch = 2 * pi / slots
     duty = _within(chance.gauss(0.5, truth.duty_spread), 0.3, 0.7)
@@ -69,24 +69,51 @@ def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> Disc:
         end = slot + duty + _within(chance.gauss(0.0, truth.slot_spread), -0.12, 0.12)
         flanks += [place * pitch, end * pitch]
     start = chance.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
-    return Disc(tuple(flanks), start, truth.jitter, truth.bounce)
+    return EncoderDisc(tuple(flanks), start, truth.jitter, truth.bounce)
 
 
-class Wheel:
+class WheelModel:
     """A wheel that turns as its motor is driven, and its encoder's pin.
 
     `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
     """
 
     __slots__ = (
-        "_ahead", "_angle", "_begun", "_behind", "_chance", "_changes", "_counted", "_disc", "_end",
-        "_fade", "_flank", "_halts", "_hand", "_keep", "_lag", "_over", "_pending", "_phase",
-        "_ripple", "_scale", "_settled",
-        "angle", "duty", "motor", "now", "speed",
-    )  # fmt: skip
+        "_ahead",
+        "_angle",
+        "_begun",
+        "_behind",
+        "_chance",
+        "_changes",
+        "_counted",
+        "_disc",
+        "_end",
+        "_fade",
+        "_flank",
+        "_halts",
+        "_hand",
+        "_keep",
+        "_lag",
+        "_over",
+        "_pending",
+        "_phase",
+        "_ripple",
+        "_scale",
+        "_settled",
+        "angle",
+        "duty",
+        "motor",
+        "now",
+        "speed",
+    )
 
     def __init__(
-        self, motor: Motor, disc: Disc, chance: Random, now: int = 0, falling: bool = False
+        self,
+        motor: MotorModel,
+        disc: EncoderDisc,
+        chance: Random,
+        now: int = 0,
+        falling: bool = False,
     ) -> None:
         """`falling`: the board listens to falling edges of the pin instead of rising ones."""
         self.motor = motor
@@ -96,7 +123,7 @@ class Wheel:
         self.now = now
         self.angle = self.speed = self.duty = 0.0
         self._pending: deque[int] = deque()
-        self._changes: deque[Change] | None = None
+        self._changes: deque[LevelChange] | None = None
         self._keep, self._lag = motor.keep, motor.lag
         self._ripple, self._phase = motor.ripple, motor.ripple_phase
         self._scale = motor.speed / (1.0 - motor.keep)
@@ -120,9 +147,9 @@ class Wheel:
         """From now on `changes` tells what the pin does, or no longer."""
         self._changes = deque() if on else None
 
-    def changes(self, until: int) -> list[Change]:
+    def changes(self, until: int) -> list[LevelChange]:
         """All that the watched pin did since the last call, until `until`; after `advance`."""
-        found: list[Change] = []
+        found: list[LevelChange] = []
         while self._changes and self._changes[0].time <= until:
             found.append(self._changes.popleft())
         return found
@@ -243,8 +270,8 @@ class Wheel:
         earliest = changes[-1].time if changes else 0
         for before, time in zip([None, *times], times, strict=False):
             if before is not None:
-                changes.append(Change(max(earliest, (before + time) // 2), 1 - level))
-            changes.append(Change(max(earliest, time), level))
+                changes.append(LevelChange(max(earliest, (before + time) // 2), 1 - level))
+            changes.append(LevelChange(max(earliest, time), level))
 
     def _time_of(self, place: float, past: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).
@@ -286,7 +313,7 @@ class Wheel:
         return due
 
 
-def settled_speed(motor: Motor, duty: float, speed: float) -> float:
+def settled_speed(motor: MotorModel, duty: float, speed: float) -> float:
     """Speed (rad/s) towards which a wheel tends that turns at `speed` and is driven with `duty`."""
     scale = motor.speed / (1.0 - motor.keep)
     if motor.coulomb and speed != 0.0:

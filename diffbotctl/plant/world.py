@@ -20,7 +20,7 @@ class Wall(NamedTuple):
     y2: float
 
 
-class Round(NamedTuple):
+class Pillar(NamedTuple):
     """A round obstacle."""
 
     x: float
@@ -34,7 +34,7 @@ class World:
     def __init__(
         self,
         walls: Sequence[Wall] = (),
-        rounds: Sequence[Round] = (),
+        rounds: Sequence[Pillar] = (),
         field: tuple[float, float] | None = None,
     ) -> None:
         """`field`: width and depth, from (0, 0), of a walled field that no robot can leave."""
@@ -44,9 +44,11 @@ class World:
         if field is not None:
             right, top = field
             self.walls += (
-                Wall(0.0, 0.0, right, 0.0), Wall(right, 0.0, right, top),
-                Wall(right, top, 0.0, top), Wall(0.0, top, 0.0, 0.0),
-            )  # fmt: skip
+                Wall(0.0, 0.0, right, 0.0),
+                Wall(right, 0.0, right, top),
+                Wall(right, top, 0.0, top),
+                Wall(0.0, top, 0.0, 0.0),
+            )
 
     @property
     def empty(self) -> bool:
@@ -105,7 +107,7 @@ def _scan_wall(found: list[float], x: float, y: float, heading: float, wall: Wal
             found[ray % len(found)] = height / across
 
 
-def _scan_round(found: list[float], x: float, y: float, heading: float, thing: Round) -> None:
+def _scan_round(found: list[float], x: float, y: float, heading: float, thing: Pillar) -> None:
     """Let the rays see `thing`."""
     from_x, from_y = thing.x - x, thing.y - y
     away = hypot(from_x, from_y)
@@ -137,7 +139,7 @@ def to_wall(x: float, y: float, ahead: float, aside: float, wall: Wall) -> float
     return far if 0.0 <= share <= 1.0 and far >= 0.0 else inf
 
 
-def to_round(x: float, y: float, ahead: float, aside: float, thing: Round) -> float:
+def to_round(x: float, y: float, ahead: float, aside: float, thing: Pillar) -> float:
     """Distance from (x, y) along the unit vector to `thing`; 0 inside it, inf when it misses."""
     from_x, from_y = thing.x - x, thing.y - y
     near = from_x * ahead + from_y * aside

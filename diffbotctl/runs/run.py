@@ -11,37 +11,37 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.drivers.operator import Operator
-from diffbotctl.engine import snapshot
-from diffbotctl.engine.changes import Changes
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.simulated_robot import is_duty_board, simulated_robot_driver
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
-from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.driver import Driver, RobotDriver
-from diffbotctl.engine.flight import Flight
-from diffbotctl.engine.loop import Ending, Engine
-from diffbotctl.engine.recorder import Recorder
+from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, NEVER, Sink
-from diffbotctl.hub import screen_process
-from diffbotctl.hub.latest import Latest, Snapshot
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
-from diffbotctl.plant.robot import CAMERA
-from diffbotctl.runs import log_file, records
-from diffbotctl.runs.assembly import Assembly, assemble, wires_of
-from diffbotctl.runs.scene import VIRTUAL
+from diffbotctl.plant.simulated_robot import CAMERA
+from diffbotctl.processes import screen
+from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
+from diffbotctl.recording import log_process, snapshot
+from diffbotctl.recording.black_box import BlackBox
+from diffbotctl.recording.digest import Digest
+from diffbotctl.recording.recorder import Recorder
+from diffbotctl.render.map_scene import VIRTUAL
+from diffbotctl.runs import recording as recording_module
+from diffbotctl.runs.build_graph import Assembly, assemble, wires_of
 from diffbotctl.runs.signals import Signals
-from diffbotctl.runs.simulation import simulated, takes_duty
 
 if TYPE_CHECKING:
-    from diffbotctl.drivers.person import Person
-    from diffbotctl.hub.flight_keeper import Keeper
-    from diffbotctl.runs.station import Socket, Station
+    from diffbotctl.control_socket.command_driver import ControlClientDriver
+    from diffbotctl.recording.black_box_store import BlackBoxStore
+    from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
 
 SECOND = 1_000_000_000
 
 
-class Options(NamedTuple):
+class RunOptions(NamedTuple):
     """What the command line says of a run."""
 
     port: str = "sim"
@@ -51,7 +51,7 @@ class Options(NamedTuple):
     duration: float | None = None  # s
     record: Path | None = None
     digest: bool = False
-    socket: Socket | None = None  # None: nobody can speak to this run
+    socket: SocketOptions | None = None  # None: nobody can speak to this run
     stay: bool = False
     dash: bool = False  # the screen drives as well
     log: Path | None = None
@@ -59,10 +59,10 @@ class Options(NamedTuple):
     flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
 
 
-class Result(NamedTuple):
+class RunResult(NamedTuple):
     """What a run came to, for the summary and the exit code."""
 
-    ending: Ending
+    ending: RunOutcome
     failure: UserError | None
     reached: int
     goals: int
@@ -81,8 +81,8 @@ class Run:
     def __init__(
         self,
         configuration: Configuration,
-        options: Options,
-        show: Callable[[Iterator[Snapshot]], None] | None = None,
+        options: RunOptions,
+        show: Callable[[Iterator[RunSnapshot]], None] | None = None,
         tell: Callable[[str], None] = print,
         signals: Signals | None = None,
         gone: Callable[[], None] | None = None,
@@ -92,7 +92,7 @@ class Run:
         self.assembly: Assembly = assemble(configuration, real)
         self.reckoned = wires_of(self.assembly, Odometry)
         self.children: list[int] = []
-        self.latest: Latest | None = None
+        self.latest: ScreenFeed | None = None
         self.recorder: Recorder | None = None
         self.tell = tell
         graph = self.assembly.graph
@@ -101,16 +101,16 @@ class Run:
         gc.collect()
         gc.freeze()
         if show is not None:
-            channel, pid = screen_process.start(show, options.dash)
+            channel, pid = screen.start(show, options.dash)
             self.children.append(pid)
-            self.latest = Latest(channel, self._progress, gone)
+            self.latest = ScreenFeed(channel, self._progress, gone)
         self.log: Recorder | None = None
-        self.flight: Flight | None = None
+        self.flight: BlackBox | None = None
         keeper = self._write_down()
         self.digest = Digest(graph.kinds) if options.digest else None
         self.station = self._hub(keeper)
         self.robot = self._robot()
-        self.changes = Changes(graph, {"robot": self.robot} if self.robot else {})
+        self.changes = LiveChanges(graph, {"robot": self.robot} if self.robot else {})
         self.seen: dict[str, Any] = {}
         self.travelled = 0.0
         self.operator = Operator(self._goals(), self._end)
@@ -119,7 +119,7 @@ class Run:
         for source, level in options.levels:
             self.operator.set_level(0, source, level)
         drivers: list[Driver] = [*([self.robot] if self.robot else []), self.operator]
-        self.person: Person | None = None
+        self.person: ControlClientDriver | None = None
         if self.station is not None:
             self.person = self.station.person(
                 self.operator, self.changes, real or self.robot is None
@@ -138,14 +138,14 @@ class Run:
         if self.person is not None:
             self.person.can_measure(self.engine)
 
-    def go(self) -> Result:
+    def go(self) -> RunResult:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
         options = self.options
         until = NEVER if options.duration is None else round(options.duration * SECOND)
         ending = self.engine.run(until)
         incomplete = self._close(ending)
         operator = self.operator
-        return Result(
+        return RunResult(
             ending=ending,
             failure=self.engine.failure,
             reached=operator.reached,
@@ -193,12 +193,12 @@ class Run:
         if self.configuration.robot is None:
             return None
         if self.options.port == "sim":
-            return simulated(self.configuration, self.options.seed)
+            return simulated_robot_driver(self.configuration, self.options.seed)
         if self.options.port == "emulated":
-            from diffbotctl.runs.emulation import emulated  # needs a compiler: only when asked
+            from diffbotctl.emulator.robot import emulated_robot_driver
 
-            return emulated(self.configuration, self.options.seed)
-        from diffbotctl.runs.real import serial_robot  # a simulated run needs no protocol
+            return emulated_robot_driver(self.configuration, self.options.seed)
+        from diffbotctl.runs.serial import serial_robot  # a simulated run needs no protocol
 
         return serial_robot(self.configuration.robot, self.options.port, self.tell)
 
@@ -233,10 +233,10 @@ class Run:
             for wire in self.assembly.graph.wires:
                 add(wire, self.latest.sink(wire) if wire != LOG else self.latest.hear)
         if self.log is not None:
-            add(LOG, log_file.sink(self.log))
+            add(LOG, log_process.log_sink(self.log))
 
     def _command(self, robot: RobotDriver) -> Sink:
-        duty = self.configuration.robot is not None and takes_duty(self.configuration.robot)
+        duty = self.configuration.robot is not None and is_duty_board(self.configuration.robot)
 
         def leave(now: int, wanted: Any) -> None:
             if self.engine.ending is not None:
@@ -296,47 +296,54 @@ class Run:
 
         return idle
 
-    def _write_down(self) -> Keeper | None:
+    def _write_down(self) -> BlackBoxStore | None:
         """Start the recording that was asked for, and the log. Without a recording a flight is
         kept: returns the hub's end of it."""
         keeper = None
         options, tell = self.options, self._tell_loss
-        facts = records.about(
+        facts = recording_module.run_facts(
             self.configuration, options.port, options.seed, self._goals(), options.duration
         )
         if options.record is not None:
-            self.recorder, pid = records.recorder(
+            self.recorder, pid = recording_module.start_run_recorder(
                 options.record, self.configuration, self.assembly, facts, options.fast, tell
             )
             self.children.append(pid)
         elif options.flights is not None and self.configuration.robot is not None:
-            self.flight, keeper = records.flight(
-                options.flights, self.configuration, self.assembly, facts, self._snapshot,
-                self.tell, tell,
-            )  # fmt: skip
+            self.flight, keeper = recording_module.start_black_box(
+                options.flights,
+                self.configuration,
+                self.assembly,
+                facts,
+                self._snapshot,
+                self.tell,
+                tell,
+            )
         if options.log is not None:
-            self.log, pid = log_file.opened(self.configuration, options.log, options.fast, tell)
+            self.log, pid = log_process.open_log(
+                self.configuration, options.log, options.fast, tell
+            )
             self.children.append(pid)
         return keeper
 
-    def _hub(self, keeper: Keeper | None) -> Station | None:
+    def _hub(self, keeper: BlackBoxStore | None) -> RunControlSocket | None:
         """Start the hub: with the control socket that is wanted, or for the flight alone."""
         wanted = self.options.socket
         if wanted is not None:
-            from diffbotctl.runs.station import Station
+            from diffbotctl.runs.control_socket import RunControlSocket
 
-            return Station(
+            return RunControlSocket(
                 wanted, self.configuration, self.assembly, self.options.port, keeper=keeper
             )
         if keeper is not None:
-            from diffbotctl.hub import hub_process
+            from diffbotctl.control_socket import process
 
-            self.children.append(hub_process.keep(keeper))
+            self.children.append(process.keep(keeper))
         return None
 
     def _snapshot(self) -> bytes | None:
         try:
-            return snapshot.take(self.engine)
+            return snapshot.take_snapshot(self.engine)
         except snapshot.StateError:
             return None  # the flight then begins in a state unknown, and says so
 
@@ -345,9 +352,9 @@ class Run:
         self.tell(text)
         self.operator.note(self.engine.last, "error", "engine", text)
 
-    def _say_the_end(self, ending: Ending) -> None:
+    def _say_the_end(self, ending: RunOutcome) -> None:
         """The last line: for files and watchers; a recording has its own record of the end."""
-        line = log_file.last_line(ending)
+        line = log_process.last_line(ending)
         if self.log is not None:
             self.log.record(line)
         if self.latest is not None:
@@ -361,7 +368,7 @@ class Run:
         plant = getattr(self.robot, "robot", None)
         return "" if plant is None else json.dumps(list(plant.truth().pose))
 
-    def _close(self, ending: Ending) -> str | None:
+    def _close(self, ending: RunOutcome) -> str | None:
         incomplete = None
         self._say_the_end(ending)
         if self.log is not None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffbotctl.calibrate.robot_file import own_file
+from diffbotctl.calibrate.robot_file import writable_copy
 from diffbotctl.config import lookup
 from diffbotctl.errors import Problem, UsageError
 
 
-def own(path: Path) -> Path:
+def make_own_copy(path: Path) -> Path:
     """The file at `path`, or a copy of it in ./robots where it is a shipped one.
 
     Raises UsageError where it cannot be copied.
     """
-    return own_file(path)[0]
+    return writable_copy(path)[0]
 
 
 def refuse_shipped_folder(path: Path) -> None:

@@ -10,19 +10,19 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.flash.events import Event
+    from diffbotctl.board.progress import Event
 
 
 def show(events: Iterable[Event], console: Console | None = None) -> None:
     """Draw the events of a job as they come. Raises what the job raises."""
-    from diffbotctl.flash.events import Said
+    from diffbotctl.board.progress import FlashMessage
 
     console = console or Console(highlight=False)
     columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         tasks = {}
         for event in events:
-            if isinstance(event, Said):
+            if isinstance(event, FlashMessage):
                 bars.console.print(event.text, markup=False)
                 continue
             if event.what not in tasks:

@@ -6,13 +6,13 @@ from math import degrees, hypot
 from textwrap import wrap
 
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Result
-from diffbotctl.ui import words
+from diffbotctl.runs.run import RunResult
+from diffbotctl.ui import message_text
 
 WIDTH, MARGIN = 80, 12  # columns of the narrowest terminal in use, and of the names
 
 
-def lines(result: Result, last_goal: Goal | None) -> list[str]:
+def lines(result: RunResult, last_goal: Goal | None) -> list[str]:
     """The summary as lines: a name, and what there is to say; long ones are folded."""
     made = []
     for name, text in rows(result, last_goal):
@@ -22,23 +22,25 @@ def lines(result: Result, last_goal: Goal | None) -> list[str]:
     return made
 
 
-def rows(result: Result, last_goal: Goal | None) -> list[tuple[str, str]]:
+def rows(result: RunResult, last_goal: Goal | None) -> list[tuple[str, str]]:
     """The summary as (name, text)."""
     ending = result.ending
     found = [("ended", f"{ending.cause}, after {ending.time / 1e9:.1f} s")]
     if result.goals:
         found.append(("goals", f"{result.reached} of {result.goals} reached"))
     if result.odometry is not None:
-        found.append(("pose", words.pose(result.odometry)))
+        found.append(("pose", message_text.pose(result.odometry)))
     if last_goal is not None and result.odometry is not None:
         found.append(("error", _error(last_goal, result.odometry)))
     if last_goal is not None and result.truth is not None:
         found.append(("true error", _error(last_goal, result.truth.pose)))
     if result.odometry is not None:
         found.append(("path", f"{result.path:.2f} m"))
-    found += [("stop", f"at {stop.time / 1e9:.1f} s, {words.stop(stop)}") for stop in result.stops]
+    found += [
+        ("stop", f"at {stop.time / 1e9:.1f} s, {message_text.stop(stop)}") for stop in result.stops
+    ]
     if result.link is not None:
-        found.append(("link", words.link(result.link)))
+        found.append(("link", message_text.link(result.link)))
     if ending.stopped is not None:
         confirmed = "confirmed" if ending.stopped else "NOT CONFIRMED: watch the wheels"
         found.append(("final stop", confirmed))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.blocks.canvas import MOST_TURTLES, Canvas, colour
+from diffbotctl.blocks.canvas import MOST_TURTLES, TurtleCanvas, colour
 from diffbotctl.messages import Odometry
 
 HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
@@ -11,7 +11,7 @@ HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
 @pytest.fixture
 def canvas():
     """A sheet that has told once what it looks like."""
-    block = Canvas()
+    block = TurtleCanvas()
     block.react(0, HERE)
     return block
 
@@ -25,7 +25,7 @@ def test_colours(parts, wanted):
 
 
 def test_it_speaks_at_first_and_then_only_of_changes(canvas):
-    assert Canvas().react(0, HERE) == (0, 0, "#4556ff", "#b3b8ff", True, ())
+    assert TurtleCanvas().react(0, HERE) == (0, 0, "#4556ff", "#b3b8ff", True, ())
     assert canvas.react(1, HERE) is None
     canvas.background_red = 255
     assert canvas.react(2, HERE).background == "#ff56ff"

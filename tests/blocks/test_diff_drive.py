@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.diff_drive import DiffDrive, saturated, wheel_speeds
+from diffbotctl.blocks.diff_drive import DiffDrive, scale_to_rated, wheel_speeds
 from diffbotctl.messages import Twist, Wheels
 
 RATED = 10 * pi / 3  # rad/s: 100 rpm
@@ -72,7 +72,7 @@ def test_no_twist_no_command():
 @given(st.floats(-3.0, 3.0), st.floats(-40.0, 40.0))
 def test_saturation_keeps_the_curvature(linear, angular):
     asked = wheel_speeds(linear, angular, TRACK, DIAMETER, DIAMETER)
-    left, right = saturated(*asked, RATED, RATED)
+    left, right = scale_to_rated(*asked, RATED, RATED)
     assert max(abs(left), abs(right)) <= RATED * (1 + 1e-12)
     # The way back: body speed and turn rate of what leaves stand in the ratio that was asked.
     speed = (left + right) * RADIUS / 2
@@ -83,4 +83,4 @@ def test_saturation_keeps_the_curvature(linear, angular):
 
 @given(st.floats(-RATED, RATED), st.floats(-RATED, RATED))
 def test_what_the_motors_can_do_is_not_changed(left, right):
-    assert saturated(left, right, RATED, RATED) == (left, right)
+    assert scale_to_rated(left, right, RATED, RATED) == (left, right)

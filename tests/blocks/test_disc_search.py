@@ -7,10 +7,10 @@ from statistics import fmean
 import pytest
 
 from diffbotctl.config.load import load
+from diffbotctl.drivers.simulated_robot import plant_parameters
 from diffbotctl.messages import Wheels
-from diffbotctl.plant.robot import SimulatedRobot
-from diffbotctl.plant.wheel import Disc, Wheel
-from diffbotctl.runs.simulation import machine
+from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.plant.wheel import EncoderDisc, WheelModel
 
 MS = 1_000_000
 SLOTS = 20
@@ -18,7 +18,7 @@ PITCH = 2 * pi / SLOTS  # rad
 SPEED = 8.0  # rad/s
 
 
-def errors(disc: Disc, first: int) -> list[float]:
+def errors(disc: EncoderDisc, first: int) -> list[float]:
     """Of the flanks seen forward (0) or backward (1), about their mean, in pitches."""
     places = [flank / PITCH - slot for slot, flank in enumerate(disc.flanks[first::2])]
     return [place - fmean(places) for place in places]
@@ -30,13 +30,15 @@ def drive(seed: int, way: float, turned: float, known) -> tuple:
     `known`: the disc that the robot file states for a robot's side, from its true one.
     """
     setup = load("goal", "book_2wd")
-    robot = SimulatedRobot("edges", machine(setup.robot), setup.robot.simulation, Random(seed))
+    robot = SimulatedRobot(
+        "edges", plant_parameters(setup.robot), setup.robot.simulation, Random(seed)
+    )
     drive = setup.robot.drive
     for side, disc in zip((drive.left, drive.right), robot.discs, strict=True):
         side.encoder.slot_errors = errors(known(disc), 0)
         side.encoder.back_errors = errors(known(disc), 1)
     robot.wheels = tuple(
-        Wheel(wheel.motor, disc._replace(start=turned), Random(seed))
+        WheelModel(wheel.motor, disc._replace(start=turned), Random(seed))
         for wheel, disc in zip(robot.wheels, robot.discs, strict=True)
     )
     use = next(use for use in setup.blocks if use.name == "odometry")
@@ -82,7 +84,7 @@ def test_going_backward_tells_the_disc_too():
 def test_a_strange_disc_is_not_believed(seed):
     """Each slot's error with its sign turned round: no turn of it fits, nothing is taken."""
 
-    def mirrored(disc: Disc) -> Disc:
+    def mirrored(disc: EncoderDisc) -> EncoderDisc:
         turned = tuple(
             2 * (place // 2 * PITCH + place % 2 * 0.5 * PITCH) - flank
             for place, flank in enumerate(disc.flanks)

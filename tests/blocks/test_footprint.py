@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.footprint import Footprint, Track, moved, placed, points_of, seen_from
+from diffbotctl.geometry.footprint import (
+    Footprint,
+    PointTracker,
+    moved,
+    placed,
+    points_of,
+    seen_from,
+)
 
 OUTLINE = Footprint(0.1, 0.2, 0.1)
 
@@ -46,7 +53,7 @@ def test_a_steady_velocity_leads_round_an_arc(linear, angular, seconds, wanted):
 
 
 def test_a_track_adds_up_arcs():
-    track = Track()
+    track = PointTracker()
     for quarter in range(5):  # four quarters of a circle lead back
         track.see(quarter * 10**9, 1.0, pi / 2)
     assert (track.x, track.y) == pytest.approx((0.0, 0.0), abs=1e-9)

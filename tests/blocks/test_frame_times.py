@@ -3,7 +3,7 @@
 from random import Random
 from statistics import pstdev
 
-from diffbotctl.blocks.frame_times import FrameTimes
+from diffbotctl.estimation.timestamp_filter import TimestampFilter
 
 MS = 1_000_000
 PERIOD = 60_606_061  # ns
@@ -17,7 +17,7 @@ def arrivals(seed: int, frames: int, pace: float = 1.0):
 
 
 def errors(pairs):
-    times, told, out = FrameTimes(0.008, 16.5), 0, []
+    times, told, out = TimestampFilter(0.008, 16.5), 0, []
     for true, stamp in pairs:
         told = times.sampled(stamp, told)
         out.append((told - true) / MS)
@@ -35,7 +35,7 @@ def test_a_board_that_is_a_percent_slower_is_followed():
 
 
 def test_after_a_pause_the_pace_begins_anew():
-    times = FrameTimes(0.008, 16.5)
+    times = TimestampFilter(0.008, 16.5)
     told = 0
     for frame in range(1, 30):
         told = times.sampled(frame * PERIOD, told)
@@ -45,8 +45,8 @@ def test_after_a_pause_the_pace_begins_anew():
 
 def test_time_never_goes_back_and_a_board_that_stamps_its_frames_is_believed():
     told = [0]
-    times = FrameTimes(0.008, 16.5)
+    times = TimestampFilter(0.008, 16.5)
     for _, stamp in arrivals(3, 400):
         told.append(times.sampled(stamp, told[-1]))
     assert told == sorted(told)
-    assert FrameTimes(0.0, 40.0).sampled(123, 100) == 123
+    assert TimestampFilter(0.0, 40.0).sampled(123, 100) == 123

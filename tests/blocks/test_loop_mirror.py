@@ -5,9 +5,9 @@ from random import Random
 
 import pytest
 
-from diffbotctl.blocks.loop_mirror import LoopMirror
-from diffbotctl.config.robot import SpeedLoop as Settings
-from diffbotctl.plant.speed_loop import TICK, Gains, SpeedLoop
+from diffbotctl.config.robot import SpeedLoopSection as Settings
+from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
+from diffbotctl.control.speed_loop_mirror import SpeedLoopMirror
 
 RATED = 100 * pi / 30  # rad/s
 SLOTS = 20
@@ -18,10 +18,10 @@ def run(targets, speeds, settings):
     """Both loops, frame by frame, over a wheel that turns at `speeds` (rad/s) as told: yields the
     duties of the board and of the mirror."""
     slope = (1.0 - settings.static) / RATED
-    board = SpeedLoop(
-        Gains(settings.static, slope, settings.proportional, settings.integral), SLOTS
+    board = WheelSpeedLoop(
+        SpeedGains(settings.static, slope, settings.proportional, settings.integral), SLOTS
     )
-    mirror = LoopMirror(settings, RATED, SLOTS, 0)
+    mirror = SpeedLoopMirror(settings, RATED, SLOTS, 0)
     pitch, angle, now, tick = 2 * pi / SLOTS, 0.3, 0, TICK
     last, count = 0, 0
     for target, speed in zip(targets, speeds, strict=True):

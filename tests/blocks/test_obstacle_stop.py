@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from diffbotctl.blocks.obstacle_stop import (
     ObstacleStop,
-    allowed,
+    limit_to,
+    max_safe_speed,
     reaction_time,
-    slowed,
     stopping_distance,
 )
-from diffbotctl.config.robot import Mount, Sensor
+from diffbotctl.config.robot import MountSection, SensorSection
 from diffbotctl.messages import Range, Resume, Twist
 
 MS = 1_000_000  # ns
@@ -22,7 +22,7 @@ FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 def guard(setback=0.0, **values):
     """A guard whose sensor sits `setback` metres behind the robot's front; braking 1.5 m/s2."""
-    sensor = Sensor(type="sharp_gp2y0a41sk0f", pin="A0", at=Mount(x=0.08 - setback))
+    sensor = SensorSection(type="sharp_gp2y0a41sk0f", pin="A0", at=MountSection(x=0.08 - setback))
     return ObstacleStop(
         **{"margin": 0.05, "reaction": 0.2, **values}, braking=1.5, telemetry=40.0,
         command_delay=0.015, lag=0.1, front=0.08, sensors={"front": sensor},
@@ -60,18 +60,18 @@ class Course:
 )
 def test_stopping_distance(speed, distance):
     assert stopping_distance(speed, 1.5, 0.2) == pytest.approx(distance)
-    assert allowed(distance, 1.5, 0.2) == pytest.approx(speed)
+    assert max_safe_speed(distance, 1.5, 0.2) == pytest.approx(speed)
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.1, 10.0), st.floats(0.0, 2.0))
 def test_the_allowed_speed_stops_within_the_free_way(free, braking, reaction):
-    speed = allowed(free, braking, reaction)
+    speed = max_safe_speed(free, braking, reaction)
     assert stopping_distance(speed, braking, reaction) <= free + 1e-9
 
 
 @pytest.mark.parametrize("free, speed", [(-1.0, 0.0), (0.0, 0.0), (inf, inf)])
 def test_allowed_at_the_ends(free, speed):
-    assert allowed(free, 1.5, 0.2) == speed
+    assert max_safe_speed(free, 1.5, 0.2) == speed
 
 
 def test_reaction_time():
@@ -80,8 +80,8 @@ def test_reaction_time():
 
 
 def test_slowing_keeps_the_curve():
-    assert slowed(Twist(1, 0.3, 0.6), 0.1, 5) == Twist(5, 0.1, pytest.approx(0.2))
-    assert slowed(Twist(1, 0.3, 0.6), 0.4, 5) == Twist(5, 0.3, 0.6)
+    assert limit_to(Twist(1, 0.3, 0.6), 0.1, 5) == Twist(5, 0.1, pytest.approx(0.2))
+    assert limit_to(Twist(1, 0.3, 0.6), 0.4, 5) == Twist(5, 0.3, 0.6)
 
 
 # gap = distance; free way = gap - 5 cm; v = 1.5 * (sqrt(0.04 + 2 free / 1.5) - 0.2)

@@ -7,9 +7,9 @@ from statistics import mean
 import pytest
 
 from diffbotctl.config.load import load
+from diffbotctl.drivers.simulated_robot import plant_parameters
 from diffbotctl.messages import Encoders, Wheels
-from diffbotctl.plant.robot import SimulatedRobot
-from diffbotctl.runs.simulation import machine
+from diffbotctl.plant.simulated_robot import SimulatedRobot
 
 MS = 1_000_000
 PITCH = pi * 0.065 / 20  # m
@@ -38,7 +38,7 @@ def drive(kind: str, seed: int, coasting: str = "linear", tour=TOUR):
     simulation = setup.robot.simulation
     simulation.motor.coasting = coasting
     simulation.slip = 0.0
-    robot = SimulatedRobot(kind, machine(setup.robot), simulation, Random(seed))
+    robot = SimulatedRobot(kind, plant_parameters(setup.robot), simulation, Random(seed))
     now, truths = 0, []
     for seconds, left, right in tour:
         until = now + int(seconds * 1000) * MS
@@ -97,7 +97,9 @@ def test_the_disc_is_learnt_in_a_few_turns():
     wrong = []
     for seed in range(6):
         setup, odometry = block("edges")
-        robot = SimulatedRobot("edges", machine(setup.robot), setup.robot.simulation, Random(seed))
+        robot = SimulatedRobot(
+            "edges", plant_parameters(setup.robot), setup.robot.simulation, Random(seed)
+        )
         *_, (odometry, _, _, _) = drive("edges", seed, tour=tour)
         for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
             wrong.append(spread(slot_errors(disc), wheel.filter.motion.disc.error[:20]))
@@ -151,7 +153,9 @@ def test_after_a_silence_the_counts_tell_the_way(kind, silent):
     setup.robot.simulation.slip = 0.0
     for seed in range(4):
         odometry.reset()
-        robot = SimulatedRobot(kind, machine(setup.robot), setup.robot.simulation, Random(seed))
+        robot = SimulatedRobot(
+            kind, plant_parameters(setup.robot), setup.robot.simulation, Random(seed)
+        )
         now, pose = 0, None
         while now < (1.5 + silent + 0.3) * 1e9:
             if now <= 1.5e9 and now % (100 * MS) == 0:

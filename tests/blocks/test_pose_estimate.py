@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from diffbotctl.blocks.pose_estimate import PoseEstimate, arc
+from diffbotctl.estimation.pose_filter import PoseFilter, arc
 
 TRACK = 0.125  # m
 
@@ -42,7 +42,7 @@ def test_a_quarter_turn_in_many_frames_loses_no_fifth_of_a_millimetre():
 
 
 def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
-    pose = PoseEstimate(TRACK, slip=0.0)
+    pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(1.0), Wheel(1.0))
     # The right wheel went 1.25 mm further at the start: 10 mrad to the left, 0.6 mm ahead.
     pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
@@ -51,7 +51,7 @@ def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
 
 
 def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
-    pose = PoseEstimate(TRACK, slip=0.0)
+    pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(2.0), Wheel(2.0))
     pose.start()
     pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
@@ -61,7 +61,7 @@ def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
 def test_slip_spreads_the_pose_as_many_slipping_robots_do():
     slip, robots = 0.002, 1500  # m per square root of a metre
     ends = [slipped(slip, Random(seed)) for seed in range(robots)]
-    pose = PoseEstimate(TRACK, slip)
+    pose = PoseFilter(TRACK, slip)
     for left, right in FRAMES:
         pose.move(Wheel(left), Wheel(right))
     covariance = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
@@ -87,7 +87,7 @@ def slipped(slip: float, chance: Random) -> tuple[float, float, float]:
 
 
 def test_doubt_about_a_wheel_is_doubt_about_the_heading_and_so_about_what_lies_across():
-    pose = PoseEstimate(TRACK, slip=0.0)
+    pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(1.0), Wheel(1.0))
     doubtful = Wheel(0.0, variance=1e-6)  # 1 mm
     xx, xy, xh, yy, yh, hh = pose.message(0, doubtful, doubtful).covariance

@@ -5,12 +5,12 @@ from random import Random
 import pytest
 
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor, distance_at, volts_at
-from diffbotctl.config.robot import Sensor
+from diffbotctl.config.robot import SensorSection
 from diffbotctl.messages import Resume, Volts
-from diffbotctl.plant.sharp import volts
+from diffbotctl.plant.sharp_ir import volts
 
 MS = 1_000_000  # ns
-SHARP = {"front": Sensor(type="sharp_gp2y0a41sk0f", pin="A0")}
+SHARP = {"front": SensorSection(type="sharp_gp2y0a41sk0f", pin="A0")}
 
 
 def sensor(speed=0.3, **values):

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.rest_to_rest import (
-    Limits,
+from diffbotctl.control.motion_profile import (
+    MotionLimits,
     drive_time,
     legs,
     ramp_time,
@@ -20,7 +20,7 @@ FREE = 100.0  # rad/s; a turn rate that never bounds: the wheels' speed does
 
 
 def limits(acceleration):
-    return Limits(0.34, FREE, acceleration, acceleration, 0.14)
+    return MotionLimits(0.34, FREE, acceleration, acceleration, 0.14)
 
 
 # Published lower bounds for 0.34 m/s and a track of 0.14 m, best of forwards and backwards. As an
@@ -61,7 +61,7 @@ def test_ramps_by_hand(distance, seconds):
 
 def test_turn_rate_bounds_a_turn():
     # 2 rad/s at an arm of 70 mm is 0.14 m/s; a wheel rolls pi/2 x 70 mm; ramps of 0.14 s.
-    slow = Limits(0.34, 2.0, 1.0, 1.0, 0.14)
+    slow = MotionLimits(0.34, 2.0, 1.0, 1.0, 0.14)
     assert turn_time(pi / 2, slow) == pytest.approx(pi / 4 + 0.14)
 
 

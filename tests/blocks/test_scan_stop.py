@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.footprint import Track
 from diffbotctl.blocks.scan_stop import OBSTACLE, STALE, ScanStop
 from diffbotctl.config.load import load_robot
+from diffbotctl.geometry.footprint import PointTracker
 from diffbotctl.messages import Odometry, Scan, Twist
-from diffbotctl.plant.body import Pose
-from diffbotctl.plant.contact import Outline, clearance
-from diffbotctl.plant.world import Round, Wall, World
+from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.collision import BodyOutline, clearance
+from diffbotctl.plant.world import Pillar, Wall, World
 
 MS = 1_000_000
 ROBOT = load_robot("turtlebot3_burger").robot
@@ -79,7 +79,7 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
         (World([Wall(-2, HALF + 0.051, 2, HALF + 0.051)]), 0.2, 0.0, (0.2, 0.0, "")),
         (World([Wall(-2, HALF + 0.030, 2, HALF + 0.030)]), 0.2, 0.0, (0.0, 0.0, OBSTACLE)),
         # a pole beside the tail is swept by it when it turns away from the pole
-        (World([], [Round(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
+        (World([], [Pillar(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
     ],
 )  # fmt: skip
 def test_what_it_lets_through(world, linear, angular, wanted):
@@ -89,7 +89,7 @@ def test_what_it_lets_through(world, linear, angular, wanted):
 def test_turning_on_is_allowed_where_driving_is_not():
     # Its skin is 50.5 mm before the front. The slowest drive that is tried, 0.02 m/s for 0.101 s,
     # takes 2 mm of it; the turn by 0.5 rad/s for 0.111 s takes 0.15 m (1 - cos 3.2 deg) = 0.2 mm.
-    found = asked(World([], [Round(0.15, 0.0, 0.0615)]), 0.2, 0.5)
+    found = asked(World([], [Pillar(0.15, 0.0, 0.0615)]), 0.2, 0.5)
     assert found == pytest.approx((0.0, 0.5, OBSTACLE))
 
 
@@ -141,15 +141,15 @@ def test_it_touches_nothing_whatever_is_asked(seed):
     """A robot that obeys after one frame and ramps as its limits say, driven by chance."""
     chance = Random(seed)
     things = [
-        Round(chance.uniform(-1, 1), chance.uniform(-1, 1), chance.uniform(0.02, 0.2))
+        Pillar(chance.uniform(-1, 1), chance.uniform(-1, 1), chance.uniform(0.02, 0.2))
         for _ in range(8)
     ]
     things = [each for each in things if each.x**2 + each.y**2 > (each.radius + 0.25) ** 2]
     world = World(
         [Wall(-1, -1, 1, -1), Wall(1, -1, 1, 1), Wall(1, 1, -1, 1), Wall(-1, 1, -1, -1)], things
     )
-    outline, block = Outline(FRONT, BACK, HALF), guard()
-    body, scan = Track(), None
+    outline, block = BodyOutline(FRONT, BACK, HALF), guard()
+    body, scan = PointTracker(), None
     allowed = Twist(0, 0.0, 0.0)
     linear = angular = 0.0
     wish = (0.0, 0.0)

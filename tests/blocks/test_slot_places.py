@@ -2,15 +2,15 @@
 
 import pytest
 
-from diffbotctl.blocks.odometry_wheel import SHARE, OdometryWheel
-from diffbotctl.blocks.slot_places import SlotPlaces
 from diffbotctl.config.load import load_robot
+from diffbotctl.estimation.slot_errors import SlotErrors
+from diffbotctl.estimation.wheel_odometer import SHARE, WheelOdometer
 
 
 @pytest.mark.parametrize("slots", [20, 100])  # the errors of so many are not learnt
 @pytest.mark.parametrize("both", [False, True])
 def test_a_flank_seen_backward_lies_off_by_what_the_open_share_is_off_a_half(slots, both):
-    places = SlotPlaces(slots, 0.03, 0.01, beyond=-0.08, both=both)
+    places = SlotErrors(slots, 0.03, 0.01, beyond=-0.08, both=both)
     for slot in range(slots):
         assert places.told(slot, forward=True).error == 0.0
         assert places.told(slot, forward=False).error == -0.08
@@ -22,7 +22,7 @@ def test_a_flank_seen_backward_lies_off_by_what_the_open_share_is_off_a_half(slo
 def test_a_measured_open_share_is_where_odometry_begins(share, error, sd):
     side = load_robot("book_2wd").robot.drive.left
     side.encoder.open_share = share
-    disc = OdometryWheel(side, 0, 0, 0.0, 0.0).filter.motion.disc
+    disc = WheelOdometer(side, 0, 0, 0.0, 0.0).filter.motion.disc
     told = disc.told(3, forward=False)
     assert told.error == pytest.approx(error)
     assert told.variance == pytest.approx(0.03**2 + sd**2)  # the slot itself is cut to 3 %

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.speed_limiter import SpeedLimiter, ramped, slowed
+from diffbotctl.blocks.speed_limiter import SpeedLimiter, acceleration_limited, brake_limited
 from diffbotctl.messages import Twist
 
 MS = 1_000_000
@@ -34,7 +34,7 @@ def driven(block, twists):
     ],
 )
 def test_slowed_as_a_whole(twist, slower):
-    assert slowed(*twist, SPEED, TURN_RATE) == pytest.approx(slower)
+    assert brake_limited(*twist, SPEED, TURN_RATE) == pytest.approx(slower)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_slowed_as_a_whole(twist, slower):
     ],
 )
 def test_one_step_of_the_ramp(before, wanted, after):
-    assert ramped(before, wanted, 0.02, 0.03) == pytest.approx(after)
+    assert acceleration_limited(before, wanted, 0.02, 0.03) == pytest.approx(after)
 
 
 def test_from_rest_to_the_limit_and_back():

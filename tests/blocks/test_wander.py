@@ -4,7 +4,7 @@ from math import inf, pi
 
 import pytest
 
-from diffbotctl.blocks.wander import Wander, free_way, freer_side
+from diffbotctl.blocks.wander import Wander, free_distance, freer_side
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Odometry, Scan
 from prove.wander import START_ROOM, walks, world_of
@@ -41,7 +41,7 @@ def odometry(time, angular=0.0):
     ],
 )
 def test_the_free_way(points, wanted):
-    assert free_way(points, radius=0.1, half=0.2) == pytest.approx(wanted)
+    assert free_distance(points, radius=0.1, half=0.2) == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize(

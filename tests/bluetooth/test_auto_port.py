@@ -2,8 +2,8 @@
 
 import pytest
 
-from diffbotctl.bluetooth.service import paired
-from diffbotctl.cli.port import over
+from diffbotctl.bluetooth.bluez import paired
+from diffbotctl.cli.choose_port import over
 from tests.bluez_double import Module, bluez, bus
 from tests.virtual_board import diffbotctl, flat
 

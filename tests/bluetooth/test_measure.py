@@ -2,23 +2,23 @@
 
 import pytest
 
-from diffbotctl.bluetooth.measure import Figures, Heard, figures, lateness, share
-from diffbotctl.bluetooth.propose import most_telemetry, propose
+from diffbotctl.bluetooth.link_stats import Arrival, LinkFigures, lateness, link_figures, share
+from diffbotctl.bluetooth.rate_advice import advise_rate, max_telemetry_rate
 from tests.radio import Radio
 from tests.virtual_board import board, diffbotctl, flat
 
 MS = 1_000_000
 # Four frames, taken each 25 ms by a clock that is 700 ms behind; number 2 never came.
 FRAMES = [
-    Heard(1000 * MS, 290 * MS, 62),  # 10 ms on the way
-    Heard(1040 * MS, 315 * MS, 63),  # 25 ms: 15 later than the fastest
-    Heard(1050 * MS, 340 * MS, 0),  # 10 ms; the numbers go round at 64
-    Heard(1130 * MS, 390 * MS, 2),  # 40 ms: 30 later; after 80 ms of silence
+    Arrival(1000 * MS, 290 * MS, 62),  # 10 ms on the way
+    Arrival(1040 * MS, 315 * MS, 63),  # 25 ms: 15 later than the fastest
+    Arrival(1050 * MS, 340 * MS, 0),  # 10 ms; the numbers go round at 64
+    Arrival(1130 * MS, 390 * MS, 2),  # 40 ms: 30 later; after 80 ms of silence
 ]
 
 
 def test_figures_by_hand():
-    found = figures(FRAMES, [0.030, 0.050, 0.040], damaged=1, sequences=64)
+    found = link_figures(FRAMES, [0.030, 0.050, 0.040], damaged=1, sequences=64)
     assert found.frames == 4 and found.damaged == 1
     assert found.rate == pytest.approx(3 / 0.130)
     assert found.lost == pytest.approx(1 / 5)
@@ -29,14 +29,14 @@ def test_figures_by_hand():
 
 def test_too_little_is_refused():
     with pytest.raises(ValueError):
-        figures(FRAMES[:1], [0.1], 0, 64)
+        link_figures(FRAMES[:1], [0.1], 0, 64)
     with pytest.raises(ValueError):
-        figures(FRAMES, [], 0, 64)
+        link_figures(FRAMES, [], 0, 64)
 
 
 def test_clocks_that_drift_apart_are_no_jitter():
     # 200 parts in a million, a bad crystal: 12 ms in the minute that this takes.
-    heard = [Heard(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
+    heard = [Arrival(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
     assert max(lateness(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
 
 
@@ -47,7 +47,7 @@ def test_share(part, value):
     assert share([4.0, 1.0, 3.0, 2.0], part) == value
 
 
-GOOD = Figures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
+GOOD = LinkFigures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ GOOD = Figures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
     ],
 )
 def test_most_telemetry(baud, frame, most):
-    assert most_telemetry(baud, frame) == most
+    assert max_telemetry_rate(baud, frame) == most
 
 
 @pytest.mark.parametrize(
@@ -77,15 +77,17 @@ def test_most_telemetry(baud, frame, most):
     ],
 )
 def test_proposals(figures, baud, frame, expected):
-    assert propose(figures, baud, frame)[:3] == pytest.approx(expected)
+    assert advise_rate(figures, baud, frame)[:3] == pytest.approx(expected)
 
 
 def test_every_change_has_a_reason():
-    assert propose(GOOD, 9600, 21).reasons == ()
-    assert "bluetooth baud 19200" in propose(GOOD, 9600, 27).reasons[0]
-    (late,) = propose(GOOD._replace(jitter_worst=0.15), 9600, 21).reasons
+    assert advise_rate(GOOD, 9600, 21).reasons == ()
+    assert "bluetooth baud 19200" in advise_rate(GOOD, 9600, 27).reasons[0]
+    (late,) = advise_rate(GOOD._replace(jitter_worst=0.15), 9600, 21).reasons
     assert "150 ms late" in late
-    assert any("lost" in reason for reason in propose(GOOD._replace(lost=0.2), 9600, 21).reasons)
+    assert any(
+        "lost" in reason for reason in advise_rate(GOOD._replace(lost=0.2), 9600, 21).reasons
+    )
 
 
 def test_a_link_of_known_delays_is_measured(tmp_path):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.bluetooth.at import Lines, NoAnswerError, Rate, set_rate
-from diffbotctl.config.resources import folder
-from diffbotctl.flash.image import read_hex
+from diffbotctl.bluetooth.hc05_at import AtLines, ModuleRate, NoReplyError, set_rate
+from diffbotctl.config.lookup import folder
+from diffbotctl.flash.intel_hex import read_hex
 from tests.hc05 import Hc05
 from tests.virtual_board import board, diffbotctl, flat
 
@@ -28,7 +28,7 @@ def talk(baud, answers):
             command = conversation.send(answer)
         except StopIteration as end:
             return said, end.value
-        except NoAnswerError as error:
+        except NoReplyError as error:
             return said, str(error)
     return said, None
 
@@ -42,13 +42,14 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
     [
         # All well.
         ([OK, OLD, OK, NEW, OK],
-         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"], Rate(9600, 115200)),
+         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+         ModuleRate(9600, 115200)),
         # The first command after power-on is answered with an error, as many modules do.
         ([["ERROR:(0)"], OK, OLD, OK, NEW, OK],
          ["AT", "AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-         Rate(9600, 115200)),
+         ModuleRate(9600, 115200)),
         # It has the rate already: nothing is changed.
-        ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], Rate(115200, 115200)),
+        ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], ModuleRate(115200, 115200)),
         # In data mode nothing answers.
         ([[], [], []], ["AT"] * 3, "nothing answers to AT"),
         # It takes the command and does not do it.
@@ -56,7 +57,8 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
          "it took the command, but its rate is still 9600 baud"),
         # No answer to the last command is fine: it has restarted.
         ([OK, OLD, OK, NEW, []],
-         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"], Rate(9600, 115200)),
+         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+         ModuleRate(9600, 115200)),
         # An HC-06 does not know the question.
         ([OK, *[["ERROR:(0)"]] * 3], ["AT", *["AT+UART?"] * 3],
          "AT+UART? fails: it does not know the command"),
@@ -79,7 +81,7 @@ def test_conversations(answers, said, end):
     ],
 )
 def test_lines(pieces, complete, lines):
-    reader = Lines()
+    reader = AtLines()
     ended = [reader.feed(piece) for piece in pieces]
     assert ended[-1] is complete and not any(ended[:-1])
     assert reader.lines == lines

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from diffbotctl.bluetooth.service import Service
+from diffbotctl.bluetooth.bluez import BluezService
 from diffbotctl.errors import RunError
 from tests.bluez_double import ERROR, Module, bluez, bus
 from tests.virtual_board import diffbotctl, flat
@@ -40,7 +40,7 @@ def test_scan_all_lists_phones_too(own_bus):
 
 def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
     """Profiles are read at pairing; till then an HC-05 is only a name."""
-    with bluez(Module(ROBOT, serial=False)), Service() as service:
+    with bluez(Module(ROBOT, serial=False)), BluezService() as service:
         (found,) = service.scan(0.1)
     assert found.serial
 
@@ -87,13 +87,13 @@ def test_a_module_that_is_off_is_told_from_a_wrong_number(own_bus):
 
 
 def test_an_unknown_module_that_never_answers(own_bus):
-    with bluez(), Service() as service, pytest.raises(RunError) as error:
+    with bluez(), BluezService() as service, pytest.raises(RunError) as error:
         service.find(ROBOT, 0.1)
     assert code_of(error) == "E-BLUETOOTH-ABSENT"
 
 
 def test_a_radio_that_is_off_is_switched_on(own_bus):
-    with bluez(Module(ROBOT), powered=False) as service, Service() as ours:
+    with bluez(Module(ROBOT), powered=False) as service, BluezService() as ours:
         assert [each.address for each in ours.scan(0.1)] == [ROBOT]
         assert service.powered
 
@@ -110,7 +110,7 @@ def test_a_radio_that_is_off_is_switched_on(own_bus):
     ],
 )  # fmt: skip
 def test_what_can_be_wrong_with_the_radio(own_bus, how, code):
-    with bluez(**how), pytest.raises(RunError) as error, Service() as service:
+    with bluez(**how), pytest.raises(RunError) as error, BluezService() as service:
         list(service.scan(0.1))
     assert code_of(error) == code
 
@@ -124,5 +124,5 @@ def test_without_the_service_its_package_is_named(own_bus):
 def test_without_a_bus(tmp_path, monkeypatch):
     monkeypatch.setitem(os.environ, "DBUS_SYSTEM_BUS_ADDRESS", f"unix:path={tmp_path}/none")
     with pytest.raises(RunError) as error:
-        Service()
+        BluezService()
     assert code_of(error) == "E-BLUETOOTH-SERVICE"

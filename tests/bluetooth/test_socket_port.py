@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.bluetooth.address import Module, module
-from diffbotctl.drivers.port import opened, reopened
+from diffbotctl.bluetooth.bluez import Module, module
+from diffbotctl.drivers.board_candidates import is_usb, refuse_radio
+from diffbotctl.drivers.board_errors import RadioPortError
+from diffbotctl.drivers.serial_port import open_port, reopen_port
 from diffbotctl.drivers.socket_port import SocketPort, unreachable
 from diffbotctl.errors import RunError, UsageError
-from diffbotctl.flash.find import is_usb, refuse_radio
-from diffbotctl.flash.trouble import RadioPortError
 
 ADDRESS = "98:D3:31:FC:12:34"
 
@@ -61,7 +61,7 @@ def server(tmp_path):
 
 
 def test_bytes_go_both_ways_and_a_hang_up_is_told(server):
-    port = opened(f"socket:{server.getsockname()}", 9600)
+    port = open_port(f"socket:{server.getsockname()}", 9600)
     module_end, _ = server.accept()
     assert port.read() == b""
     module_end.send(b"hello")
@@ -77,7 +77,7 @@ def test_bytes_go_both_ways_and_a_hang_up_is_told(server):
 
 
 def test_what_the_kernel_does_not_take_is_left(server):
-    port = opened(f"socket:{server.getsockname()}", 9600)
+    port = open_port(f"socket:{server.getsockname()}", 9600)
     module_end, _ = server.accept()
     sent = 0
     while taken := port.write(b"x" * 4096):
@@ -89,7 +89,7 @@ def test_what_the_kernel_does_not_take_is_left(server):
 
 def test_closing_hangs_up_though_another_process_holds_the_socket(server):
     """The guardian holds a copy; the module takes one caller only, so the call must end."""
-    port = opened(f"socket:{server.getsockname()}", 9600)
+    port = open_port(f"socket:{server.getsockname()}", 9600)
     copy = os.dup(port.fd)
     module_end, _ = server.accept()
     port.close()
@@ -100,7 +100,7 @@ def test_closing_hangs_up_though_another_process_holds_the_socket(server):
 
 def test_nobody_serves_the_socket(tmp_path):
     with pytest.raises(RunError) as error:
-        opened(f"socket:{tmp_path}/none", 9600)
+        open_port(f"socket:{tmp_path}/none", 9600)
     assert error.value.problems[0].code == "E-BLUETOOTH-CONNECT"
 
 
@@ -124,7 +124,7 @@ def test_each_refusal_has_its_fix(number, words):
 def test_a_module_is_reached_or_the_reason_is_told():
     """On a machine without Bluetooth, or a Python without, or with no such module near."""
     with pytest.raises(RunError) as error:
-        opened("bluetooth:00:00:00:00:00:00", 9600)
+        open_port("bluetooth:00:00:00:00:00:00", 9600)
     assert error.value.problems[0].code in ("E-BLUETOOTH-PYTHON", "E-BLUETOOTH-CONNECT")
 
 
@@ -170,4 +170,4 @@ def test_a_module_is_no_usb_port_and_cannot_be_flashed():
 
 def test_reopening_a_socket_that_is_not_there_is_an_os_error(tmp_path):
     with pytest.raises(OSError):
-        reopened(f"socket:{tmp_path}/none", 9600)
+        reopen_port(f"socket:{tmp_path}/none", 9600)

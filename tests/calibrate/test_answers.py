@@ -2,10 +2,10 @@
 
 import pytest
 
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.question import Question
-from diffbotctl.calibrate.step import Act
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.step import ManualAction
 from diffbotctl.errors import RunError, UsageError
+from diffbotctl.prompts.question import Question
 
 READING = Question("distance.reading", "How far?", "m", "mm", 0.5, 2.0, quantity="distance")
 FACING = Question("geometry.facing", "How far round?", "rad", "deg", quantity="facing")
@@ -62,7 +62,7 @@ def test_a_default_needs_no_entry(file):
 
 def test_a_hand_turns_a_wheel(file):
     instruments = Fixed(0)
-    file("{}", instruments).act(Act("encoders.left_turns", "turn it", ("left", 10.0)))
+    file("{}", instruments).act(ManualAction("encoders.left_turns", "turn it", ("left", 10.0)))
     assert instruments.rolled == [("left", 10.0)]
 
 
@@ -85,7 +85,7 @@ def test_what_cannot_answer_says_why(file, text, instruments, words):
 
 def test_a_hand_is_missing_for_a_real_robot(file):
     with pytest.raises(RunError, match="needs a hand"):
-        file("{}").act(Act("encoders.left_turns", "turn it", ("left", 10.0)))
+        file("{}").act(ManualAction("encoders.left_turns", "turn it", ("left", 10.0)))
 
 
 @pytest.mark.parametrize("text", ["- 1\n", "a: [", "", "1: 2"])

@@ -2,12 +2,12 @@
 
 import pytest
 
-from diffbotctl.calibrate import bounce
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.encoders import Encoders
-from diffbotctl.calibrate.findings import Reading
-from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate import encoder_fit
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.result import PartResult
+from diffbotctl.calibrate.runner import run_step
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 
@@ -26,7 +26,7 @@ ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open 
     ],
 )
 def test_flanks_that_follow_closely_are_one_that_chatters(times, lengths):
-    found = bounce.bursts([round(time * MS) for time in times])
+    found = encoder_fit.bursts([round(time * MS) for time in times])
     assert found == pytest.approx([length / 1000 for length in lengths])
 
 
@@ -48,7 +48,7 @@ def chattering(milliseconds, wheel=0):
     ],
 )
 def test_a_glitch_time_that_covers_the_chatter(milliseconds, glitch):
-    found = bounce.read(chattering(milliseconds), ROBOT)
+    found = encoder_fit.measure_glitch(chattering(milliseconds), ROBOT)
     assert found.faults == []
     values = [each.value for each in found.findings]
     assert values == ([] if glitch is None else pytest.approx([glitch, glitch]))
@@ -56,12 +56,12 @@ def test_a_glitch_time_that_covers_the_chatter(milliseconds, glitch):
 
 def test_chatter_as_long_as_a_slot_needs_a_capacitor():
     edges = [RawEdge((40 * number + late) * MS, 0, 0) for number in range(30) for late in (0, 3, 6)]
-    found = bounce.read(edges, ROBOT)
+    found = encoder_fit.measure_glitch(edges, ROBOT)
     assert found.findings == [] and "capacitor" in found.faults[0]
 
 
 def test_few_flanks_tell_nothing():
-    assert bounce.read(chattering(2.4)[:10], ROBOT) == Reading([], [], [])
+    assert encoder_fit.measure_glitch(chattering(2.4)[:10], ROBOT) == PartResult([], [], [])
 
 
 class Quiet:
@@ -76,10 +76,10 @@ def test_the_firmwares_capture_shows_it(tmp_path):
         "format: 1\nkind: robot\ninclude: book_2wd\nsimulation: {encoder: {bounce: 2.4 ms}}\n"
     )
     answers.write_text("encoders: {measure: eye}\n")
-    made, truths = rig(load_robot(str(robot)), "emulated", seed=1)
+    made, truths = open_session(load_robot(str(robot)), "emulated", seed=1)
     try:
-        step = Encoders(turns=2, rolls=2)
-        found = perform(step, made, AnswersFile(answers, truths), Quiet())
+        step = EncoderStep(turns=2, rolls=2)
+        found = run_step(step, made, AnswersFile(answers, truths), Quiet())
     finally:
         assert made.close()
     values = {each.field: each.value for each in found.findings}

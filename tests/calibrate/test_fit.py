@@ -6,10 +6,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.drive import stretches, whole
-from diffbotctl.calibrate.fit import fit
+from diffbotctl.calibrate.dead_reckoning import dead_reckon
 from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.reckoning import reckon
+from diffbotctl.calibrate.geometry_fit import fit_geometry
+from diffbotctl.calibrate.recorded_drive import segments, whole_drive
 from tests.calibrate.driven import STATED, drive, squares, wander
 
 TRUE = STATED.reshaped(1.004, 0.140 * 1.02)
@@ -26,7 +26,7 @@ def assert_near(found, true, share=1.0):
 @example(1.0, 1.0)  # other tracks close the same squares: nobody has made a mistake
 def test_exact_squares_give_the_geometry(ratio, track):
     true = STATED.reshaped(ratio, STATED.track * track)
-    found = fit(squares(true, each_way=1), STATED)
+    found = fit_geometry(squares(true, each_way=1), STATED)
     assert_near(found.geometry, true, share=0.01)
     assert found.geometry.mean == pytest.approx(STATED.mean, rel=1e-3)
 
@@ -37,7 +37,7 @@ def test_exact_paths_give_every_length_at_any_rate_of_rows(every):
     # step of steady curvature is a chord, exactly; the curvature changes every 100 rows, so steps
     # of 7 rows see it change within them, and are a little off.
     true = Geometry(0.0655, 0.0652, 0.1417)
-    found = fit([drive("one", wander(5), true, all_poses=True, every=every)], STATED)
+    found = fit_geometry([drive("one", wander(5), true, all_poses=True, every=every)], STATED)
     assert found.sees_diameter
     share = 1.0 if every == 7 else 0.1
     assert_near(found.geometry, true, share)
@@ -47,13 +47,13 @@ def test_exact_paths_give_every_length_at_any_rate_of_rows(every):
 def test_the_end_of_one_drive_proves_little():
     # Three figures, three unknowns: they fit exactly, and the tape may still be 5 mm off in 3 m.
     true = Geometry(0.0655, 0.0652, 0.1417)
-    found = fit([drive("one", wander(5), true)], STATED)
+    found = fit_geometry([drive("one", wander(5), true)], STATED)
     assert not found.sees_diameter
     assert found.confidence.track.half > 0.002
 
 
 def test_slip_leaves_the_truth_within_the_stated_confidence():
-    found = fit(squares(TRUE, slip=0.0005), STATED)
+    found = fit_geometry(squares(TRUE, slip=0.0005), STATED)
     assert found.strays == []
     assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half
     assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half
@@ -62,7 +62,7 @@ def test_slip_leaves_the_truth_within_the_stated_confidence():
 
 
 def test_squares_leave_the_mean_diameter_as_stated():
-    found = fit(squares(TRUE, slip=0.001), STATED)
+    found = fit_geometry(squares(TRUE, slip=0.001), STATED)
     assert not found.sees_diameter
     assert found.geometry.mean == pytest.approx(STATED.mean, rel=1e-4)
 
@@ -72,7 +72,7 @@ def test_odd_drives_are_named_and_change_little():
     poses = drives[3].poses + np.array([[0, 0, 0], [0.3, -0.2, 0.1]])  # it was kicked
     drives[3] = replace(drives[3], poses=poses)
     drives[7] = replace(drives[7], turns=drives[7].turns * (1.05, 1.0))  # a wheel slipped
-    found = fit(drives, STATED)
+    found = fit_geometry(drives, STATED)
     assert {stray.name for stray in found.strays} == {drives[3].name, drives[7].name}
     assert len(found.drives) == len(found.offsets) == 8
     assert_near(found.geometry, TRUE, share=2)
@@ -87,7 +87,7 @@ def test_swapped_columns_and_a_wrong_half_are_recognised(all_poses, swapped, tim
     drives = squares(TRUE, used, slip=0.0003, each_way=2, all_poses=all_poses)
     if not all_poses:  # an arc at the end, or the mirror image of a square is a square
         drives += [drive(f"arc-{k}", wander(k), TRUE, slip=0.0003, seed=k) for k in (1, 2)]
-    found = fit([each.swapped() if swapped else each for each in drives], used)
+    found = fit_geometry([each.swapped() if swapped else each for each in drives], used)
     assert (found.swapped, found.times_track) == (swapped, times)
     assert_near(found.geometry, TRUE, share=4)
 
@@ -96,7 +96,7 @@ def test_a_late_clock_is_found_and_costs_nothing():
     # Rows are 20 ms apart; the counts come five of them late, which is 100 ms.
     true = drive("late", wander(8), TRUE, all_poses=True)
     turns = np.concatenate([np.zeros((5, 2)), true.turns[:-5]])
-    found = fit([replace(true, turns=turns)], STATED)
+    found = fit_geometry([replace(true, turns=turns)], STATED)
     assert found.offsets == [pytest.approx(-0.1, abs=0.006)]
     assert_near(found.geometry, TRUE, share=4)
 
@@ -106,19 +106,19 @@ def test_twenty_slots_on_known_paths():
     drives = [
         drive(f"run-{k}", wander(k, 2000), TRUE, ticks=20, seed=k, all_poses=True) for k in range(6)
     ]
-    found = fit(drives, STATED)
+    found = fit_geometry(drives, STATED)
     assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half
     assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half
 
 
 def test_slopes_are_those_of_the_end():
-    piece = whole(drive("one", wander(3), TRUE))
-    here = reckon(piece, STATED)
+    piece = whole_drive(drive("one", wander(3), TRUE))
+    here = dead_reckon(piece, STATED)
     for which in range(3):
         step = 1e-7
         moved = list(STATED)
         moved[which] += step
-        change = (reckon(piece, Geometry(*moved)).end - here.end) / step
+        change = (dead_reckon(piece, Geometry(*moved)).end - here.end) / step
         assert here.slope[:, which] == pytest.approx(change, rel=1e-3, abs=1e-2)
 
 
@@ -128,14 +128,14 @@ def test_a_spin_by_hand():
     # the track for each wheel, minus pi over the track for the track.
     spin = drive("spin", [(0.05 * pi / 100, -0.05 * pi / 100)] * 100, Geometry(0.1, 0.1, 0.1),
                  Geometry(0.1, 0.1, 0.1))  # fmt: skip
-    found = reckon(whole(spin), Geometry(0.1, 0.1, 0.1))
+    found = dead_reckon(whole_drive(spin), Geometry(0.1, 0.1, 0.1))
     assert found.end == pytest.approx((0, 0, pi), abs=1e-12)
     assert found.slope[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))
 
 
 def test_too_little_to_fit():
     with pytest.raises(ValueError, match="no drives"):
-        fit([], STATED)
+        fit_geometry([], STATED)
     one = drive("one", wander(1), TRUE)
     with pytest.raises(ValueError, match="beginning and an end"):
-        stretches(replace(one, rows=one.rows[:1], poses=one.poses[:1]), STATED, 1.0)
+        segments(replace(one, rows=one.rows[:1], poses=one.poses[:1]), STATED, 1.0)

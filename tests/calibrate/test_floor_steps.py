@@ -2,11 +2,10 @@
 
 import pytest
 
-from diffbotctl.calibrate import commanded
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.order import step
-from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate import feedforward
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.runner import make_step, run_step
+from diffbotctl.calibrate.session_factory import open_session
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Duty, Wheels
 
@@ -35,9 +34,9 @@ def prepared(tmp_path):
             "drive: {polarity: by_hand}\n"
         )
         answers.write_text(ANSWERS)
-        made, truths = rig(load_robot(str(robot)), "sim", seed)
+        made, truths = open_session(load_robot(str(robot)), "sim", seed)
         attendant = AnswersFile(answers, truths)
-        perform(step("motors"), made, attendant, Quiet())
+        run_step(make_step("motors"), made, attendant, Quiet())
         return made, attendant, truths._plant.body
 
     return prepare
@@ -45,7 +44,7 @@ def prepared(tmp_path):
 
 def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
     made, attendant, body = prepared()
-    perform(step("geometry", how="spin", repeats=1), made, attendant, Quiet())
+    run_step(make_step("geometry", how="spin", repeats=1), made, attendant, Quiet())
     # It turns by way over track: with the stated diameter the track is off by as much as that.
     true = body.track * 0.065 / (body.left_radius + body.right_radius)
     assert made.file.robot.drive.track == pytest.approx(true, rel=0.003)
@@ -54,7 +53,7 @@ def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
 
 def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
     made, attendant, body = prepared()
-    perform(step("geometry", how="straight"), made, attendant, Quiet())
+    run_step(make_step("geometry", how="straight"), made, attendant, Quiet())
     drive = made.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.0015)
@@ -63,8 +62,8 @@ def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
 
 def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(prepared):
     made, attendant, body = prepared()
-    perform(step("geometry", how="spin", repeats=1), made, attendant, Quiet())
-    found = perform(step("distance", repeats=3), made, attendant, Quiet())
+    run_step(make_step("geometry", how="spin", repeats=1), made, attendant, Quiet())
+    found = run_step(make_step("distance", repeats=3), made, attendant, Quiet())
     drive = made.file.robot.drive
     assert drive.left.wheel.diameter == drive.right.wheel.diameter
     assert drive.left.wheel.diameter == pytest.approx(
@@ -76,7 +75,7 @@ def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(pre
 
 def test_squares_on_a_board_with_the_books_firmware(prepared):
     made, attendant, body = prepared("book_2wd_stock")
-    perform(step("geometry", runs=3, side=0.8), made, attendant, Quiet())
+    run_step(make_step("geometry", runs=3, side=0.8), made, attendant, Quiet())
     drive = made.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.003)
@@ -91,6 +90,6 @@ def test_squares_on_a_board_with_the_books_firmware(prepared):
     ],
 )
 def test_speeds_go_out_as_the_board_takes_them(base, command):
-    made = commanded.wheels(load_robot(base).robot, 5.0, -5.0)
+    made = feedforward.wheels(load_robot(base).robot, 5.0, -5.0)
     assert type(made) is type(command)
     assert (made.left, made.right) == pytest.approx((command.left, command.right), rel=1e-4)

@@ -2,12 +2,12 @@
 
 import pytest
 
-from diffbotctl.calibrate import motor_fit, motor_trials
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.hidden_delay import common_lag
-from diffbotctl.calibrate.motors import Motors
-from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate import motor_experiments, motor_fit
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.motor_lag_fit import common_lag
+from diffbotctl.calibrate.runner import run_step
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from prove.chain_robots import Quiet
@@ -26,7 +26,7 @@ def ended(running):
 
 def stock(seed, delay):
     """A rig of the book's robot whose commands take `delay` ms, which its file does not know."""
-    made, truths = rig(load_robot("book_2wd_stock"), "sim", seed)
+    made, truths = open_session(load_robot("book_2wd_stock"), "sim", seed)
     board = truths._plant.board
     board.kind = board.kind._replace(command_delay=delay * MS)
     made.meet()
@@ -36,7 +36,7 @@ def stock(seed, delay):
 @pytest.mark.parametrize("seed, delay", [(1, 100), (2, 30), (3, 180)])
 def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
-    found = common_lag(ended(motor_trials.steps(made)), 20, 0.012)
+    found = common_lag(ended(motor_experiments.steps(made)), 20, 0.012)
     lag = sum(motor.lag for motor in plant.motors) / 2
     # Each wheel takes each of 24 commands up to 25 ms early or late: 2 ms of their mean.
     assert found.lag + found.dead == pytest.approx(lag + delay / 1000, abs=0.01)
@@ -48,7 +48,7 @@ def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
     made, _ = stock(4, 60)
     answers = tmp_path / "answers.yaml"
     answers.write_text("{}")
-    outcome = perform(Motors(), made, AnswersFile(answers, None), Quiet())
+    outcome = run_step(MotorStep(), made, AnswersFile(answers, None), Quiet())
     found = {each.field: each for each in outcome.findings}
     delay = found["link.command_delay"]
     assert delay.value == pytest.approx(0.06, abs=3.5 * delay.sd)
@@ -58,6 +58,6 @@ def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
 
 def test_wheels_that_stand_tell_nothing():
     frames = [Encoders(60 * MS * number, 5, 5, None, None) for number in range(40)]
-    steps = [motor_fit.Step(frames, 1.0, up) for up in (True, False)] * 2
+    steps = [motor_fit.StepResponse(frames, 1.0, up) for up in (True, False)] * 2
     with pytest.raises(ValueError, match="did not turn it faster"):
         common_lag(steps, 20, 0.012)

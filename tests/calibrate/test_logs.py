@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.calibrate.logs import (
+from diffbotctl.calibrate.log_reader import (
     read_counts,
     read_ends,
     refuse_too_far,

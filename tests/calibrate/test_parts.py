@@ -8,11 +8,11 @@ import yaml
 from click.testing import CliRunner
 
 from diffbotctl.blocks.range_sensor import distance_at
-from diffbotctl.calibrate.battery import CHEMISTRIES, cells_of, divider
+from diffbotctl.calibrate.steps.battery import CHEMISTRIES, cells_of, divider
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import RunError
-from diffbotctl.plant.sharp import CURVE
+from diffbotctl.plant.sharp_ir import CURVE
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 ANSWERS = {

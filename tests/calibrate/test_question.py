@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from diffbotctl.calibrate.question import AnswerError, Question
+from diffbotctl.prompts.question import AnswerError, Question
 
 READING = Question(
     "distance.reading", "How far?", unit="m", written="mm", least=0.65, most=1.35,

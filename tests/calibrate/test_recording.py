@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.calibrate.logs import read_counts
+from diffbotctl.calibrate.log_reader import read_counts
 from diffbotctl.errors import UsageError
 from prove.calibration import rows
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.calibrate import outing
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.findings import Finding
-from diffbotctl.calibrate.rigging import rig
-from diffbotctl.calibrate.step import Announce, Outcome, Said
+from diffbotctl.calibrate import autonomous_drive
+from diffbotctl.calibrate.result import Finding
+from diffbotctl.calibrate.runner import run_step
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.step import Message, MotionNotice, Outcome
 from diffbotctl.config.load import load_robot
 from diffbotctl.engine.clock import VirtualClock
 from diffbotctl.errors import ConfigurationError, RunError
@@ -43,7 +43,7 @@ def robot(tmp_path):
 
 @pytest.fixture
 def made(robot):
-    one, truths = rig(robot, "sim", seed=1)
+    one, truths = open_session(robot, "sim", seed=1)
     one.meet()
     yield one, truths
     one.close()
@@ -91,7 +91,7 @@ def test_counts_are_those_of_now_when_a_wheel_was_turned_while_a_person_thought(
 
 def test_a_key_stops_it(robot):
     keys = Pipe()
-    one, truths = rig(robot, "sim", seed=1, keys=keys)
+    one, truths = open_session(robot, "sim", seed=1, keys=keys)
     one.meet()
     one.hold(FORWARD, 1.0)
     os.write(keys.end, b" ")
@@ -104,11 +104,11 @@ def test_a_key_stops_it(robot):
 
 def test_a_key_stops_an_outing(robot):
     keys = Pipe()
-    one, truths = rig(robot, "sim", seed=1, keys=keys)
+    one, truths = open_session(robot, "sim", seed=1, keys=keys)
     one.meet()
     os.write(keys.end, b"q")
     with pytest.raises(RunError, match="a key was pressed"):
-        outing.drive(one, [(1.0, 0.0, None)], 2.0)
+        autonomous_drive.drive_to(one, [(1.0, 0.0, None)], 2.0)
     assert truths.truth.pose.x < 0.5
     one.keys = None
     assert stands(one, truths)
@@ -126,12 +126,12 @@ def test_nothing_turns_further_than_was_announced(made):
 def test_an_outing_ends_where_its_reach_ends(made):
     one, truths = made
     with pytest.raises(RunError, match=r"further than the 0\.5 m"):
-        outing.drive(one, [(2.0, 0.0, None)], 0.5)
+        autonomous_drive.drive_to(one, [(2.0, 0.0, None)], 0.5)
     assert truths.truth.pose.x < 0.6 and stands(one, truths)
 
 
 def test_a_cable_that_is_pulled_ends_the_movement_and_the_board_stops_by_itself(robot):
-    one, truths = rig(robot, "emulated", seed=1)
+    one, truths = open_session(robot, "emulated", seed=1)
     try:
         one.meet()
         one.hold(FORWARD, 1.0)
@@ -167,7 +167,7 @@ def test_an_unproven_robot_drives_slowly(made):
     fastest = []
     note = one.note
     one.note = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
-    outing.drive(one, [(0.4, 0.0, None)], 1.0, outing.USUAL)
+    autonomous_drive.drive_to(one, [(0.4, 0.0, None)], 1.0, autonomous_drive.USUAL)
     # 0.1 m/s with a radius of 32.5 mm, and a little for steering
     assert 2.0 < max(fastest) < 3.5
 
@@ -179,9 +179,9 @@ class Breaking:
 
     def run(self, one):
         one.meet()
-        yield Announce("moves", 100.0)
+        yield MotionNotice("moves", 100.0)
         one.hold(Wheels(0, 5.0, 5.0), 1.0)
-        yield Said("and now?")
+        yield Message("and now?")
         return Outcome("breaking", [])
 
 
@@ -199,12 +199,12 @@ class Deaf:
 def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(made):
     one, truths = made
     with pytest.raises(KeyboardInterrupt):
-        perform(Breaking(), one, Deaf(), Deaf())
+        run_step(Breaking(), one, Deaf(), Deaf())
     assert stands(one, truths)
 
 
 def test_the_emulated_board_takes_duty_and_says_when_it_took_hold(robot):
-    one, truths = rig(robot, "emulated", seed=1)
+    one, truths = open_session(robot, "emulated", seed=1)
     try:
         one.meet()
         heard = one.hold(Duty(0, 0.5, -0.5), 1.0).encoders[-1]

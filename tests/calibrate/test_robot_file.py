@@ -9,19 +9,25 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.findings import Finding, Origin, written
-from diffbotctl.calibrate.listing import age
-from diffbotctl.calibrate.robot_file import change, entered, own_file, undo, write
-from diffbotctl.calibrate.section import with_entries
+from diffbotctl.calibrate.result import Finding, Provenance, formatted_value
+from diffbotctl.calibrate.robot_file import (
+    change,
+    replace_section,
+    undo,
+    writable_copy,
+    write,
+    write_findings,
+)
+from diffbotctl.calibrate.status import age
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import ConfigurationError, RunError, UsageError
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
-ORIGIN = Origin("geometry", "2026-05-01T09:30Z", 7.4, "4fd1")
+ORIGIN = Provenance("geometry", "2026-05-01T09:30Z", 7.4, "4fd1")
 TRACK = Finding("drive.track", 0.1263, 0.0002)
 LAG = Finding("drive.left.motor.lag", 0.093, 0.002)
-ENTRY = written(TRACK, ORIGIN)
+ENTRY = formatted_value(TRACK, ORIGIN)
 
 
 @pytest.fixture
@@ -37,7 +43,9 @@ def test_an_entry_tells_value_deviation_and_where_they_come_from():
         '{value: 0.1263 m, sd: 0.0002 m, date: "2026-05-01T09:30Z", method: geometry, '
         'volts: 7.4 V, recording: "4fd1"}'
     )
-    unmeasured = written(Finding("drive.polarity", "calibrated"), Origin("x", "", None, None))
+    unmeasured = formatted_value(
+        Finding("drive.polarity", "calibrated"), Provenance("x", "", None, None)
+    )
     assert unmeasured == '{value: calibrated, date: "", method: x, volts: not measured}'
 
 
@@ -62,7 +70,7 @@ def test_an_entry_tells_value_deviation_and_where_they_come_from():
     ],
 )  # fmt: skip
 def test_only_the_section_changes(before, after):
-    assert with_entries(before, {"drive.track": "{value: 1}"}) == after
+    assert replace_section(before, {"drive.track": "{value: 1}"}) == after
 
 
 COMMENTS = some.lists(some.sampled_from(["# one", "", "x: {y: 1}  # two", "z:\n  - 1  # three"]),
@@ -75,7 +83,7 @@ def test_every_other_line_survives(above, section, below):
     keys = [line.split(":")[0] for line in above if ":" in line]
     below = [line for line in below if line.split(":")[0] not in keys]
     text = "\n".join([*above, section, *below, ""])
-    after = with_entries(text, {"drive.track": "{value: 1}", "c": "{value: 2}"})
+    after = replace_section(text, {"drive.track": "{value: 1}", "c": "{value: 2}"})
     rest = [line for line in after.split("\n") if "value" not in line and "calibr" not in line]
     assert rest == "\n".join([*above, *below, ""]).split("\n")
 
@@ -103,7 +111,7 @@ def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
 
 def test_one_value_of_its_own_is_written_and_undone(robot):
     first = robot.read_text()
-    made = entered(robot, ("link", "baud"), "57600")
+    made = write_findings(robot, ("link", "baud"), "57600")
     assert "+link: {protocol: diffbot, uart: 1, baud: 57600}" in made.difference()
     write(made)
     assert robot.read_text() == first.replace("baud: 9600}", "baud: 57600}") != first
@@ -113,7 +121,7 @@ def test_one_value_of_its_own_is_written_and_undone(robot):
 
 def test_one_value_that_cannot_be_true_is_refused(robot):
     with pytest.raises(ConfigurationError):
-        entered(robot, ("link", "baud"), "1234")
+        write_findings(robot, ("link", "baud"), "1234")
 
 
 def test_a_file_that_was_edited_since_is_not_undone(robot):
@@ -152,10 +160,10 @@ def test_what_cannot_be_true_is_refused_with_the_reason(robot, finding, why):
 
 def test_what_ships_is_copied_to_the_person_s_own_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    mine, was_copied = own_file(load_robot("book_2wd").file)
+    mine, was_copied = writable_copy(load_robot("book_2wd").file)
     assert (mine, was_copied) == (Path("robots/book_2wd.yaml"), True)
     assert mine.read_bytes() == SHIPPED.read_bytes()
-    assert own_file(load_robot("book_2wd").file) == (mine, False)
+    assert writable_copy(load_robot("book_2wd").file) == (mine, False)
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.calibrate import shares
-from diffbotctl.calibrate.answers import AnswersFile
-from diffbotctl.calibrate.chain import perform
-from diffbotctl.calibrate.encoders import Encoders
-from diffbotctl.calibrate.rigging import rig
+from diffbotctl.calibrate import encoder_fit
+from diffbotctl.calibrate.answers_file import AnswersFile
+from diffbotctl.calibrate.runner import run_step
+from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from prove.chain_robots import Quiet
@@ -48,11 +48,11 @@ def turning(pitches, part, wheel=0, pitch=50.0):
     ],
 )
 def test_pitches_by_hand(changes, counted, found):
-    assert list(shares.pitches(flanks(*changes), 0.002, counted)) == pytest.approx(found)
+    assert list(encoder_fit.pitches(flanks(*changes), 0.002, counted)) == pytest.approx(found)
 
 
 def test_each_disc_has_its_own_share():
-    found = shares.read([*turning(60, 0.4), *turning(60, 0.55, wheel=1)], ROBOT)
+    found = encoder_fit.measure_slot_duty([*turning(60, 0.4), *turning(60, 0.55, wheel=1)], ROBOT)
     values = {each.field: each.value for each in found.findings}
     assert values == pytest.approx({
         "drive.left.encoder.open_share": 0.4,
@@ -62,12 +62,12 @@ def test_each_disc_has_its_own_share():
 
 
 def test_a_few_pitches_tell_nothing():
-    assert shares.read(turning(30, 0.4), ROBOT) == ([], [], [])
+    assert encoder_fit.measure_slot_duty(turning(30, 0.4), ROBOT) == ([], [], [])
 
 
 @pytest.mark.parametrize("part", [0.1, 0.9])
 def test_a_light_barrier_that_sees_the_rim_is_a_fault(part):
-    found = shares.read(turning(60, part), ROBOT)
+    found = encoder_fit.measure_slot_duty(turning(60, part), ROBOT)
     assert found.findings == [] and "90% of a pitch: move the light barrier" in found.faults[0]
 
 
@@ -80,9 +80,11 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
                      f"drive: {{encoder: {{edge: {edge}}}}}\ncalibration: {{}}\n")  # fmt: skip
     answers = tmp_path / "answers.yaml"
     answers.write_text("encoders: {measure: eye}\n")
-    made, truths = rig(load_robot(str(robot)), port, 3)
+    made, truths = open_session(load_robot(str(robot)), port, 3)
     try:
-        outcome = perform(Encoders(turns=5, rolls=1), made, AnswersFile(answers, truths), Quiet())
+        outcome = run_step(
+            EncoderStep(turns=5, rolls=1), made, AnswersFile(answers, truths), Quiet()
+        )
     finally:
         made.close()
     found = {each.field: each.value for each in outcome.findings}

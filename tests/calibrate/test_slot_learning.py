@@ -6,11 +6,11 @@ from statistics import fmean
 
 import pytest
 
-from diffbotctl.calibrate.slot_learning import Learning, learn_discs
+from diffbotctl.calibrate.slot_fit import Learning, learn_discs
 from diffbotctl.config.load import load
+from diffbotctl.drivers.simulated_robot import plant_parameters
 from diffbotctl.messages import Encoders, Wheels
-from diffbotctl.plant.robot import SimulatedRobot
-from diffbotctl.runs.simulation import machine
+from diffbotctl.plant.simulated_robot import SimulatedRobot
 
 MS = 1_000_000
 SLOTS = 20
@@ -28,7 +28,9 @@ def learner():
 def turned(seed: int, ways=(1.0, -1.0)):
     """A robot drawn from `seed`, and what its board told while both wheels turned."""
     setup = load("goal", "book_2wd")
-    robot = SimulatedRobot("edges", machine(setup.robot), setup.robot.simulation, Random(seed))
+    robot = SimulatedRobot(
+        "edges", plant_parameters(setup.robot), setup.robot.simulation, Random(seed)
+    )
     now, frames = 0, []
     for way in ways:
         for span, speed in WAYS:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate import motor_fit, slots, squares, umbmark
+from diffbotctl.calibrate import encoder_fit, motor_fit, umbmark
 from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.repeats import mean
+from diffbotctl.calibrate.robust_mean import robust_mean
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 
@@ -33,7 +33,7 @@ SECOND = 1_000_000_000
     ],
 )
 def test_slots_from_ten_turns_by_hand(rolls, findings, fault):
-    made = slots.read(rolls, 10, ROBOT)
+    made = encoder_fit.count_slots(rolls, 10, ROBOT)
     assert {f.field: f.value for f in made.findings} == {
         f"drive.{side}.encoder.slots": count for side, count in findings.items()
     }
@@ -41,12 +41,12 @@ def test_slots_from_ten_turns_by_hand(rolls, findings, fault):
 
 
 def test_a_stray_roll_is_named():
-    report = slots.read({"left": [240, 241, 264]}, 10, ROBOT).report
+    report = encoder_fit.count_slots({"left": [240, 241, 264]}, 10, ROBOT).report
     assert "left roll 3 left out: 264 counts, not 241" in report
 
 
 def test_a_mean_leaves_out_a_stray_reading():
-    found = mean([0.998, 1.002, 1.000, 0.999, 1.100], finest=0.001)
+    found = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], finest=0.001)
     assert found.strays == (4,)
     assert found.value == pytest.approx(0.99975)
     # four readings, sd 0.0017: 0.00085 of the mean, times t = 3.18 for three degrees of freedom
@@ -54,13 +54,13 @@ def test_a_mean_leaves_out_a_stray_reading():
 
 
 def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
-    found = mean([1.0] * 4, finest=0.002)
+    found = robust_mean([1.0] * 4, finest=0.002)
     assert found.sd == pytest.approx(0.001)  # 0.002 over the root of four
 
 
 def test_a_line_through_exact_points_is_found_again():
     # duty = 0.1 + 0.08 speed; the wheel that did not turn tells nothing
-    found = motor_fit.line([0.05, 0.3, 0.5, 0.9, -0.9], [0.0, 2.5, 5.0, 10.0, -10.0])
+    found = motor_fit.fit_line([0.05, 0.3, 0.5, 0.9, -0.9], [0.0, 2.5, 5.0, 10.0, -10.0])
     assert (found.static, found.slope) == pytest.approx((0.1, 0.08))
     assert found.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
 
@@ -74,7 +74,7 @@ def test_a_line_through_exact_points_is_found_again():
 )
 def test_a_wheel_that_does_not_follow_is_refused(duties, speeds, words):
     with pytest.raises(ValueError, match=words):
-        motor_fit.line(duties, speeds)
+        motor_fit.fit_line(duties, speeds)
 
 
 def steps(lag, dead, uneven=0.0, seed=1):
@@ -101,7 +101,7 @@ def steps(lag, dead, uneven=0.0, seed=1):
                 last = round((now - over / speed) * SECOND)
                 frames.append(Encoders(round(now * SECOND), count, count, last, last))
         if number:
-            made.append(motor_fit.Step(list(frames), at, up))
+            made.append(motor_fit.StepResponse(list(frames), at, up))
     return made
 
 
@@ -109,16 +109,16 @@ def steps(lag, dead, uneven=0.0, seed=1):
     "lag, dead, uneven", [(0.06, 0, 0), (0.15, 0, 0), (0.10, 0, 0.03), (0.08, 0.03, 0.01)]
 )
 def test_a_lag_is_found_again(lag, dead, uneven):
-    found = motor_fit.lag(steps(lag, dead, uneven), True, 20)
+    found = motor_fit.fit_lag(steps(lag, dead, uneven), True, 20)
     assert found.lag + found.dead == pytest.approx(lag + dead, abs=0.003)
     assert found.lag == pytest.approx(lag, rel=0.1)
     assert found.dead == pytest.approx(dead, abs=0.008)
 
 
 def test_steps_without_edges_are_refused():
-    empty = [motor_fit.Step([Encoders(0, 0, 0, None, None)], 0.0, True)] * 2
+    empty = [motor_fit.StepResponse([Encoders(0, 0, 0, None, None)], 0.0, True)] * 2
     with pytest.raises(ValueError, match="too few edges"):
-        motor_fit.lag(empty, True, 20)
+        motor_fit.fit_lag(empty, True, 20)
 
 
 USED = Geometry(0.065, 0.065, 0.125)
@@ -127,7 +127,7 @@ ERROR = some.floats(-1.0, 1.0)
 
 def ends_of(true, side=1.0):
     """Exact ends of five squares each way, all alike."""
-    return squares.Squares(
+    return umbmark.SquareErrors(
         side, *([umbmark.square_end(side, USED, true, way)] * 5 for way in (True, False))
     )
 
@@ -136,7 +136,7 @@ def ends_of(true, side=1.0):
 @given(ERROR, ERROR)
 def test_squares_without_noise_tell_track_and_ratio(track, ratio):
     true = USED.reshaped(1 + 0.005 * ratio, USED.track * (1 + 0.02 * track))
-    found = squares.fit(ends_of(true), USED)
+    found = umbmark.fit_umbmark(ends_of(true), USED)
     # The rules are averaged over x and y, which the model meets both; a ten thousandth is left.
     assert found.geometry.track == pytest.approx(true.track, rel=2e-5)
     assert found.geometry.ratio == pytest.approx(true.ratio, abs=1e-5)
@@ -146,42 +146,44 @@ def test_squares_without_noise_tell_track_and_ratio(track, ratio):
 def test_a_second_round_goes_on_from_the_first():
     true = USED.reshaped(1.005, USED.track * 1.02)
     first = USED.reshaped(1.004, USED.track * 1.018)  # chance has left something
-    rest = squares.Squares(
+    rest = umbmark.SquareErrors(
         1.0, *([umbmark.square_end(1.0, first, true, way)] * 5 for way in (True, False))
     )
-    second = squares.fit(rest, first).geometry
+    second = umbmark.fit_umbmark(rest, first).geometry
     assert second.track == pytest.approx(true.track, rel=1e-6)
     assert second.ratio == pytest.approx(true.ratio, abs=1e-6)
 
 
 def test_headings_alone_serve():
     true = USED.reshaped(1.002, USED.track * 1.01)
-    blind = squares.Squares(1.0, *(
+    blind = umbmark.SquareErrors(1.0, *(
         [end._replace(x=nan, y=nan) for end in ends]
         for ends in ends_of(true)[1:]
     ))  # fmt: skip
-    assert squares.fit(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
+    assert umbmark.fit_umbmark(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
 
 
 def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
     true = USED.reshaped(1.004, USED.track * 1.02)
     right = ends_of(true)
-    assert squares.look_swapped(right.exchanged()) and not squares.look_swapped(right)
+    assert umbmark.squares_look_swapped(right.exchanged()) and not umbmark.squares_look_swapped(
+        right
+    )
     chance = Random(3)
     for _ in range(200):
-        noise = squares.Squares(1.0, *(
+        noise = umbmark.SquareErrors(1.0, *(
             [umbmark.EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan) for _ in range(5)]
             for _ in range(2)
         ))  # fmt: skip
-        assert not squares.look_swapped(noise)
+        assert not umbmark.squares_look_swapped(noise)
 
 
 def test_squares_nobody_read_tell_nothing():
     nothing = [umbmark.EndError(nan, nan, nan)]
     with pytest.raises(ValueError, match="neither places nor headings"):
-        squares.fit(squares.Squares(1.0, nothing, nothing), USED)
+        umbmark.fit_umbmark(umbmark.SquareErrors(1.0, nothing, nothing), USED)
 
 
 @pytest.mark.parametrize("track, side", [(0.125, 1.0), (0.1, 0.8), (0.5, 1.0)])
 def test_the_side_suits_the_track(track, side):
-    assert squares.advised_side(track) == pytest.approx(side)  # no more than eight tracks
+    assert umbmark.advised_side(track) == pytest.approx(side)  # no more than eight tracks

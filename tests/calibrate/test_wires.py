@@ -2,8 +2,8 @@
 
 import pytest
 
-from diffbotctl.calibrate import wires
-from diffbotctl.calibrate.wires import Pulse
+from diffbotctl.calibrate import wiring_detection
+from diffbotctl.calibrate.wiring_detection import MotorPulse
 from diffbotctl.config.load import load_robot
 
 QUIET = {"left": 0, "right": 0}
@@ -12,10 +12,10 @@ QUIET = {"left": 0, "right": 0}
 def found(left, right, resting=QUIET):
     """`left`, `right`: what was seen and the counts of both sockets, by the channel pulsed."""
     pulses = {
-        channel: Pulse(channel, seen, {"left": a, "right": b})
+        channel: MotorPulse(channel, seen, {"left": a, "right": b})
         for channel, (seen, a, b) in (("left", left), ("right", right))
     }
-    return wires.read(pulses, resting)
+    return wiring_detection.detect_wiring(pulses, resting)
 
 
 def begins(faults):
@@ -98,7 +98,7 @@ def test_what_only_a_hand_can_mend(left, right, resting, faults, mended):
 def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
     robot = load_robot("book_2wd").robot  # left 5, 6, 7, reversed; right 8, 9, 10
     made = found(("right forward", 0, 4), ("left backward", 4, 0))
-    values = {each.field: each.value for each in wires.findings(made, robot)}
+    values = {each.field: each.value for each in wiring_detection.wiring_findings(made, robot)}
     assert values == {
         "drive.right.motor.enable": "5",
         "drive.right.motor.in1": "6",
@@ -113,11 +113,14 @@ def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
 
 def test_encoders_change_their_pins():
     made = found(("left forward", 0, 4), ("right forward", 4, 0))
-    values = {e.field: e.value for e in wires.findings(made, load_robot("book_2wd").robot)}
+    values = {
+        e.field: e.value
+        for e in wiring_detection.wiring_findings(made, load_robot("book_2wd").robot)
+    }
     assert values == {"drive.left.encoder.pin": "3", "drive.right.encoder.pin": "2"}
 
 
 def test_nothing_is_exchanged_on_half_a_proof():
     made = found(("none", 0, 0), ("left forward", 4, 0))
     assert not made.proven
-    assert wires.findings(made, load_robot("book_2wd").robot) == []
+    assert wiring_detection.wiring_findings(made, load_robot("book_2wd").robot) == []

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from diffbotctl.cli.aside import Aside
+from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
 
 LONGEST = 10  # s
 
@@ -42,7 +42,7 @@ def test_it_waits_for_nobody_and_says_the_rest_at_the_end(ends, monkeypatch):
     ending = b"\r\n" if os.isatty(theirs) else b"\n"
     with open(theirs, "w", closefd=False) as error:
         monkeypatch.setattr(sys, "stderr", error)
-        aside = Aside()
+        aside = NonBlockingStderr()
         aside.say("first")
         assert b"first" in read_until(ours, b"\n")  # at once
         fill(theirs)
@@ -58,7 +58,7 @@ def test_a_file_is_written_in_order(tmp_path, monkeypatch):
     path = tmp_path / "said"
     with path.open("w") as error:
         monkeypatch.setattr(sys, "stderr", error)
-        aside = Aside()
+        aside = NonBlockingStderr()
         aside.say("one")
         print("two", file=sys.stderr)
         aside.say("three")

@@ -152,7 +152,7 @@ def test_the_graph_as_mermaid():
 
 def test_every_wire_of_a_pipeline_is_drawn_once():
     from diffbotctl.config.load import load
-    from diffbotctl.runs.assembly import assemble
+    from diffbotctl.runs.build_graph import assemble
 
     _, tree = run(graph.command, "goal")
     _, mermaid = run(graph.command, "goal", "--mermaid")

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from diffbotctl.cli import check, new
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import UserError
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 ROOT = Path(__file__).parents[2]
 
@@ -49,7 +49,7 @@ def test_a_new_robot_is_the_kit_of_the_book():
 def test_a_new_pipeline_drives_a_new_robot_to_its_goal():
     run(new.command, "robot", "mine")
     run(new.command, "pipeline", "mine")
-    result = Run(load("mine"), Options(fast=True)).go()
+    result = Run(load("mine"), RunOptions(fast=True)).go()
     assert (result.reached, result.goals) == (1, 1)
 
 

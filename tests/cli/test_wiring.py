@@ -8,14 +8,13 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from diffbotctl.cli import wiring
-from diffbotctl.config import resources
-from diffbotctl.config.boards import BOARDS
-from diffbotctl.config.harness import BOARD, RADIO, harness
-from diffbotctl.config.harness_notes import notes
+from diffbotctl.config import lookup
+from diffbotctl.config.board_pins import BOARDS
+from diffbotctl.config.harness import BOARD, RADIO, harness, notes
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import UserError
-from diffbotctl.ui.wiring_drawing import BOXES, PAINTS, drawing
-from diffbotctl.ui.wiring_terminal import picture
+from diffbotctl.render.wiring_svg import BOXES, PAINTS, drawing
+from diffbotctl.render.wiring_terminal import picture
 
 # Written by hand from robots/book_2wd.yaml: pin of the Mega 2560, part, its pin, colour.
 BOOK = {
@@ -75,7 +74,7 @@ def has_board(name):
     return load_robot(name).robot.board.type in BOARDS
 
 
-@pytest.fixture(params=[*filter(has_board, resources.names("robots")), *OTHERS])
+@pytest.fixture(params=[*filter(has_board, lookup.names("robots")), *OTHERS])
 def robot(request, tmp_path):
     """Every shipped robot, and those above."""
     if request.param not in OTHERS:
@@ -298,7 +297,7 @@ def test_it_warns_as_check_does(tmp_path):
 
 
 def test_each_shipped_robot_has_a_picture_or_says_why_not(tmp_path):
-    for name in resources.names("robots"):
+    for name in lookup.names("robots"):
         if has_board(name):
             assert "common ground" in run(name)
         else:

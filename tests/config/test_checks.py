@@ -2,13 +2,13 @@
 
 import pytest
 
-from diffbotctl.config import wire
-from diffbotctl.config.boards import ATMEGA_328P, BOARDS, MEGA_2560
-from diffbotctl.config.checks import loops
+from diffbotctl.config.board_pins import ATMEGA_328P, BOARDS, MEGA_2560
+from diffbotctl.config.checks import graph
+from diffbotctl.config.checks.geometry import resolution
 from diffbotctl.config.checks.pins import able
-from diffbotctl.config.checks.tolerance import resolution
 from diffbotctl.config.load import check, load
-from diffbotctl.links.diffbot_frames import WIRE, Counts, State
+from diffbotctl.links import bandwidth
+from diffbotctl.links.diffbot_frames import WIRE, CountsFrame, StateFrame
 
 
 @pytest.mark.parametrize(
@@ -22,19 +22,19 @@ from diffbotctl.links.diffbot_frames import WIRE, Counts, State
 )
 def test_what_a_line_carries(baud, divider, bytes_a_second):
     assert 16e6 / 8 / divider / 10 == pytest.approx(bytes_a_second, abs=0.1)
-    assert wire.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
+    assert bandwidth.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
 
 
 @pytest.mark.parametrize(
     "protocol, has_edge_times, size",
     [
-        ("diffbot", True, WIRE[State]),
-        ("diffbot", False, WIRE[Counts]),
+        ("diffbot", True, WIRE[StateFrame]),
+        ("diffbot", False, WIRE[CountsFrame]),
         ("rosserial", False, 36),  # three messages of 12
     ],
 )
 def test_frames(protocol, has_edge_times, size):
-    assert wire.frame_bytes(protocol, has_edge_times) == size
+    assert bandwidth.frame_bytes(protocol, has_edge_times) == size
 
 
 TWO = """\
@@ -107,7 +107,7 @@ def test_ten_millimetres_pass_but_warn_on_the_stock_board(robot, warnings):
     ],
 )
 def test_loops(sources, found):
-    assert [sorted(loop) for loop in loops.loops(sources)] == found
+    assert [sorted(loop) for loop in graph.loops(sources)] == found
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,14 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from diffbotctl.config import resources
+from diffbotctl.config import lookup
 from diffbotctl.config.load import check, load
 from diffbotctl.errors import Problem, UserError
 
 SHIPPED = {
     path: path.read_bytes()
     for kind in ("robots", "pipelines")
-    for path in sorted(resources.folder(kind).glob("*.yaml"))
+    for path in sorted(lookup.folder(kind).glob("*.yaml"))
 }
 SCRAPS = [
     b"{", b"}", b"[", b"]", b":", b": ", b",", b"\n", b"\t", b"  ", b"- ", b"#", b"&a ", b"*a",
@@ -155,7 +155,7 @@ def test_any_set_is_answered_in_words(text):
         check("goal", None, [first + text])
 
 
-NAMES = {file.stem for file in resources.folder("pipelines").glob("*.yaml")}
+NAMES = {file.stem for file in lookup.folder("pipelines").glob("*.yaml")}
 
 
 @QUICK
@@ -170,6 +170,6 @@ def test_any_name_is_answered_in_words(name):
 
 
 def test_the_shipped_files_are_fine(monkeypatch):
-    os.chdir(resources.folder("robots").parent)
+    os.chdir(lookup.folder("robots").parent)
     for path in SHIPPED:
         assert not [p for p in check(str(path)) if p.severity == "error"], path

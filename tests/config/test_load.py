@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from diffbotctl.config import resources
+from diffbotctl.config import lookup
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import ConfigurationError, UserError
 
@@ -111,7 +111,7 @@ def test_a_pipeline_with_its_blocks_and_wires():
 
 
 def test_every_shipped_pipeline_makes_its_blocks():
-    for name in resources.names("pipelines"):
+    for name in lookup.names("pipelines"):
         for block in load(name).blocks:
             assert block.cls(**block.values) is not None
 
@@ -249,7 +249,7 @@ def test_a_valid_file_is_not_checked_by_jsonschema_again(tmp_path):
         "import sys; from diffbotctl.config.load import load; load('goal'); "
         "print('jsonschema' in sys.modules)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(resources.folder("robots").parent),
+    environment = {**os.environ, "PYTHONPATH": str(lookup.folder("robots").parent),
                    "XDG_CACHE_HOME": str(tmp_path)}  # fmt: skip
     said = [
         subprocess.run(
@@ -276,7 +276,7 @@ def test_only_the_blocks_of_the_pipeline_are_imported():
         "import sys; from diffbotctl.config.load import load; load('hello'); "
         "print(*[name for name in sys.modules if name.startswith('diffbotctl.blocks.')])"
     )
-    environment = {"PYTHONPATH": str(resources.folder("robots").parent), "HOME": "/nonexistent"}
+    environment = {"PYTHONPATH": str(lookup.folder("robots").parent), "HOME": "/nonexistent"}
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
     )

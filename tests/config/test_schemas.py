@@ -8,24 +8,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from diffbotctl.config import publish, registry, resources
+from diffbotctl.config import lookup, registry
 from diffbotctl.config.schema import of_declaration
-from diffbotctl.config.typed import read_leaf
-from diffbotctl.config.yamlfile import parse
+from diffbotctl.config.typed_reader import read_scalar
+from diffbotctl.config.yaml_reader import parse
 from diffbotctl.errors import ConfigurationError, Source
 from diffbotctl.params import Param, Pin, Section, declared
+from diffbotctl.reference import schemas
 
 
-@pytest.mark.parametrize("name", publish.SCHEMAS)
+@pytest.mark.parametrize("name", schemas.SCHEMAS)
 def test_the_committed_schema_is_the_generated_one(name):
-    committed = (resources.folder("schemas") / name).read_text(encoding="utf-8")
-    generated = publish.text(publish.SCHEMAS[name]())
-    assert committed == generated, "run python -m diffbotctl.config.publish, and read the diff"
+    committed = (lookup.folder("schemas") / name).read_text(encoding="utf-8")
+    generated = schemas.text(schemas.SCHEMAS[name]())
+    assert committed == generated, "run python -m diffbotctl.reference.schemas, and read the diff"
 
 
-@pytest.mark.parametrize("name", publish.SCHEMAS)
+@pytest.mark.parametrize("name", schemas.SCHEMAS)
 def test_the_schema_is_one(name):
-    Draft202012Validator.check_schema(publish.SCHEMAS[name]())
+    Draft202012Validator.check_schema(schemas.SCHEMAS[name]())
 
 
 def every_property(schema, path="$"):
@@ -40,17 +41,17 @@ def every_property(schema, path="$"):
             yield from every_property(each, path)
 
 
-@pytest.mark.parametrize("name", publish.SCHEMAS)
+@pytest.mark.parametrize("name", schemas.SCHEMAS)
 def test_every_key_is_described(name):
-    schema = publish.SCHEMAS[name]()
-    schema["$defs"]["BlockEntry" if "pipeline" in name else "Drive"].pop("if", None)
+    schema = schemas.SCHEMAS[name]()
+    schema["$defs"]["BlockEntry" if "pipeline" in name else "DriveSection"].pop("if", None)
     for path, value in every_property(schema):
         if ".if" in path or ".then.in" in path or path.endswith((".then.with", ".then.in")):
             continue  # conditions; the keys themselves are described where they are declared
         assert value.get("description"), f"{path} needs a sentence of help"
 
 
-@pytest.mark.parametrize("name", publish.SCHEMAS)
+@pytest.mark.parametrize("name", schemas.SCHEMAS)
 def test_every_mapping_of_known_keys_is_closed(name):
     def check(schema, path):
         if isinstance(schema, dict):
@@ -62,13 +63,13 @@ def test_every_mapping_of_known_keys_is_closed(name):
             for each in schema:
                 check(each, path)
 
-    check(publish.SCHEMAS[name](), "$")
+    check(schemas.SCHEMAS[name](), "$")
 
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline"])
 def test_shipped_files_fit_the_schema_that_their_first_line_names(kind):
-    schema = json.loads((resources.folder("schemas") / f"{kind}.schema.json").read_text())
-    for path in sorted(resources.folder(f"{kind}s").glob("*.yaml")):
+    schema = json.loads((lookup.folder("schemas") / f"{kind}.schema.json").read_text())
+    for path in sorted(lookup.folder(f"{kind}s").glob("*.yaml")):
         text = path.read_text()
         assert text.startswith(
             f"# yaml-language-server: $schema=../schemas/{kind}.schema.json\n"
@@ -77,7 +78,7 @@ def test_shipped_files_fit_the_schema_that_their_first_line_names(kind):
 
 
 def test_the_editor_s_schema_sees_mistakes():
-    schema = publish.pipeline()
+    schema = schemas.pipeline()
     head = {"format": 1, "kind": "pipeline"}
     wrong = [
         {**head, "blocks": {"a": {"block": "talker", "with": {"greting": "x"}}}},
@@ -134,7 +135,7 @@ def test_the_schema_and_the_typed_reader_are_of_one_mind(name, written):
     if value.data is None and setting.none:
         return  # `maybe:` with nothing behind it: the reader asks for the word none
     word = setting.none and value.text == "none" and not value.quoted
-    _, problem = (None, None) if word else read_leaf(value, setting.kind, setting)
+    _, problem = (None, None) if word else read_scalar(value, setting.kind, setting)
     assert fits is (problem is None), problem
 
 

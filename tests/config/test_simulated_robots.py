@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.config import resources
+from diffbotctl.config import lookup
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import ConfigurationError
 
@@ -58,7 +58,7 @@ def test_every_sensor_there_keeps_its_guard_and_no_other():
     assert wires(turtle)["kinematics"] == {"twist": "limiter.twist"}
 
 
-@pytest.mark.parametrize("robot", resources.names("robots"))
+@pytest.mark.parametrize("robot", lookup.names("robots"))
 @pytest.mark.parametrize("pipeline", ["goal", "distance", "square", "teleop"])
 def test_every_robot_goes_with_every_pipeline_that_is_for_all(pipeline, robot):
     last = load(pipeline, robot).blocks[-1]

@@ -5,17 +5,17 @@ import time
 
 import pytest
 
-from diffbotctl.config import yamlfile
+from diffbotctl.config import yaml_reader
 from diffbotctl.errors import ConfigurationError, Source
 
 
 def parsed(text):
-    return yamlfile.parse(Source("a.yaml", text)).plain()
+    return yaml_reader.parse(Source("a.yaml", text)).plain()
 
 
 def code_of(text):
     with pytest.raises(ConfigurationError) as caught:
-        yamlfile.parse(Source("a.yaml", text))
+        yaml_reader.parse(Source("a.yaml", text))
     return [problem.code for problem in caught.value.problems]
 
 
@@ -120,12 +120,12 @@ drive:
     ],
 )
 def test_every_value_knows_its_place(steps, line, column, length):
-    spot = yamlfile.parse(Source("a.yaml", DRIVE)).at(*steps).spot
+    spot = yaml_reader.parse(Source("a.yaml", DRIVE)).at(*steps).spot
     assert (spot.line, spot.column, spot.length) == (line, column, length)
 
 
 def test_columns_count_characters_not_bytes():
-    value = yamlfile.parse(Source("a.yaml", "greeting: {text: grüß, name: x}\n"))
+    value = yaml_reader.parse(Source("a.yaml", "greeting: {text: grüß, name: x}\n"))
     assert value.at("greeting", "name").place.column == 30
 
 
@@ -164,7 +164,7 @@ def test_what_is_no_configuration_is_refused_at_once(tmp_path, content, code):
     file.write_bytes(content)
     begin = time.process_time()
     with pytest.raises(ConfigurationError) as caught:
-        yamlfile.read(str(file))
+        yaml_reader.read(str(file))
     # The requirement is a second; the processor's time does not depend on who else is running.
     assert time.process_time() - begin < 1.0
     assert caught.value.problems[0].code == code
@@ -174,7 +174,7 @@ def test_the_first_byte_that_is_not_utf8_has_a_place(tmp_path):
     file = tmp_path / "latin.yaml"
     file.write_bytes("a: 1\nname: grüß\n".encode("latin-1"))
     with pytest.raises(ConfigurationError) as caught:
-        yamlfile.read(str(file))
+        yaml_reader.read(str(file))
     problem = caught.value.problems[0]
     assert (problem.line, problem.column) == (2, 9)  # `name: gr` has eight characters
 
@@ -182,7 +182,7 @@ def test_the_first_byte_that_is_not_utf8_has_a_place(tmp_path):
 def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
     file = tmp_path / "bom.yaml"
     file.write_bytes(b"\xef\xbb\xbfa: 1\n")
-    assert yamlfile.read(str(file)).plain() == {"a": 1}
+    assert yaml_reader.read(str(file)).plain() == {"a": 1}
 
 
 @pytest.mark.parametrize("make", ["directory", "pipe", "nothing", "device", "forbidden"])
@@ -197,7 +197,7 @@ def test_what_is_no_file_is_refused_in_words(tmp_path, make):
     elif make == "forbidden":
         path = tmp_path / ("x" * 300)  # no file system has such a name
     with pytest.raises(ConfigurationError) as caught:
-        yamlfile.read(str(path))
+        yaml_reader.read(str(path))
     problem = caught.value.problems[0]
     assert problem.code == "E-FILE-READ"
     assert problem.fix

@@ -5,11 +5,10 @@ import socket
 
 import pytest
 
-from diffbotctl.drivers.driving import SILENCE
-from diffbotctl.drivers.operator import Operator
-from diffbotctl.drivers.person import Person
-from diffbotctl.engine.changes import Changes
-from diffbotctl.engine.channel import Channel, Command, News
+from diffbotctl.control_socket.command_driver import SILENCE, ControlClientDriver
+from diffbotctl.control_socket.engine_channel import EngineChannel, EngineCommand, EngineUpdate
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.graph import NEVER, Graph
 from diffbotctl.messages import Goal, Stop
 
@@ -23,12 +22,12 @@ class Desk:
         ours, self.hub = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.ended = []
         self.operator = Operator(list(goals), lambda code, cause: self.ended.append(cause))
-        changes = Changes(Graph([], {}), {})
-        self.person = Person(Channel(ours), self.operator, changes, wakes=False)
+        changes = LiveChanges(Graph([], {}), {})
+        self.person = ControlClientDriver(EngineChannel(ours), self.operator, changes, wakes=False)
         self.said = {}
 
     def send(self, verb, *values, client=1, number=1):
-        command = Command(number, client, "ann", verb, values)
+        command = EngineCommand(number, client, "ann", verb, values)
         self.hub.send(pickle.dumps(tuple(command)))
 
     def idle(self, now):
@@ -38,7 +37,7 @@ class Desk:
             data = self.hub.recv(1 << 16, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return []
-        return [answer.code for answer in News(*pickle.loads(data)).answers]
+        return [answer.code for answer in EngineUpdate(*pickle.loads(data)).answers]
 
     def instant(self, now):
         """What both drivers deliver at `now`, by wire; the gate's stops come back at once."""

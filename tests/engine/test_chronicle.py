@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.engine.chronicle import chronicle
+from diffbotctl.engine.event_log import chronicle
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook
 from diffbotctl.messages import (

@@ -4,7 +4,7 @@ from math import inf, nan, pi
 
 import pytest
 
-from diffbotctl.engine.gate import Gate
+from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 
 MS = 1_000_000

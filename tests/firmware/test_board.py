@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from diffbotctl.drivers.emulator_process import DUTY_ONE, LINE, Emulator, build
+from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, build
 from diffbotctl.links import diffbot_frames as frames
 from prove import board_restarts, board_runs, board_trials, frame_damage
 from prove.board_bench import BOOK, MS, RADIO, USB, Bench, speed
@@ -52,7 +52,7 @@ def test_nothing_moves_before_settings():
         bench.wait(30)
         assert bench.ask().settings == 0
         bench.claim()
-        bench.send(RADIO, speed(1, 5, 5), frames.Duty(2, 30000, 30000))
+        bench.send(RADIO, speed(1, 5, 5), frames.DutyFrame(2, 30000, 30000))
         assert mode(bench) == "unset"
         assert bench.changes == []
 
@@ -78,7 +78,9 @@ def test_settings_are_not_taken_in_motion():
         for number in range(4):
             bench.send(RADIO, speed(number, 5, 5))
             bench.wait(60)
-        answer = next(h.frame for h in reversed(bench.heard) if isinstance(h.frame, frames.Answer))
+        answer = next(
+            h.frame for h in reversed(bench.heard) if isinstance(h.frame, frames.AnswerFrame)
+        )
         assert frames.REFUSAL[answer.refusal] == "moving"
         assert answer.settings == BOOK.mark()
 
@@ -100,7 +102,7 @@ def test_at_rest_it_coasts_or_brakes(brake, expected):
         bench.turn(1)
         bench.send(RADIO, speed(1, 5, 5))
         bench.wait(20)
-        bench.send(RADIO, frames.Stop(2))
+        bench.send(RADIO, frames.StopFrame(2))
         bench.wait(20)
         assert bench.duty == [0.0, 0.0]
         assert [change.brake for change in bench.changes[-2:]] == [expected] * 2
@@ -110,7 +112,7 @@ def test_raw_duty():
     with Bench() as bench:
         bench.ready()
         bench.turn(1)
-        bench.send(RADIO, frames.Duty(1, 16384, -DUTY_ONE))
+        bench.send(RADIO, frames.DutyFrame(1, 16384, -DUTY_ONE))
         assert mode(bench) == "duty"
         assert bench.duty == pytest.approx([0.5, -1.0], abs=0.004)
         bench.wait(300)
@@ -126,12 +128,12 @@ def test_a_wheel_with_power_and_without_edges_is_a_fault():
             bench.wait(50)
         assert mode(bench) == "fault"
         assert bench.duty == [0.0, 0.0]
-        status = [h.frame for h in bench.wait(1100) if isinstance(h.frame, frames.Status)]
+        status = [h.frame for h in bench.wait(1100) if isinstance(h.frame, frames.StatusFrame)]
         flags = [each.value for each in status if frames.ITEM[each.item] == "flags"]
         assert flags[-1] >> 6 == 0b01  # the left wheel
         bench.claim()
         assert mode(bench) == "fault"
-        bench.send(RADIO, frames.Action(1, 0))
+        bench.send(RADIO, frames.ActionFrame(1, 0))
         bench.claim()
         assert mode(bench) == "stopped"
 
@@ -143,7 +145,7 @@ def test_any_link_may_stop_and_the_owner_must_agree_before_it_goes_on(owner):
         bench.turn(3)
         bench.send(owner, speed(1, 5, 5))
         bench.wait(20)
-        bench.send(1 - owner, frames.Ask(frames.VERSION), frames.Stop(9))
+        bench.send(1 - owner, frames.AskFrame(frames.VERSION), frames.StopFrame(9))
         bench.wait(20)
         assert bench.duty == [0.0, 0.0]
         for number in range(3):
@@ -206,7 +208,7 @@ def test_counts_frames_at_50_hz():
         bench.ready()
         bench.turn(5)
         heard = [h for _ in range(40) for h in bench.wait(50)]
-        counts = [h.frame for h in heard if isinstance(h.frame, frames.Counts)]
+        counts = [h.frame for h in heard if isinstance(h.frame, frames.CountsFrame)]
         assert len(counts) >= 99
         steps = {(b.sequence - a.sequence) % 64 for a, b in pairwise(counts)}
         assert steps == {1}
@@ -215,11 +217,11 @@ def test_counts_frames_at_50_hz():
 def test_capture_tells_every_flank():
     with Bench() as bench:
         bench.ready()
-        bench.send(RADIO, frames.Action(2, 1))
+        bench.send(RADIO, frames.ActionFrame(2, 1))
         bench.wait(50)
         bench.turn(2, rate=20)
         heard = [h.frame for _ in range(45) for h in bench.wait(50)]
-        captured = [frame for frame in heard if isinstance(frame, frames.Capture)]
+        captured = [frame for frame in heard if isinstance(frame, frames.CaptureFrame)]
         assert not any(frame.lost for frame in captured)
         edges = [edge for frame in captured for edge in frame.edges[: frame.used]]
         # 2 wheels, 40 slots, 2 flanks
@@ -242,7 +244,7 @@ def test_a_quadrature_encoder_knows_its_direction():
     """Channel B 90 degrees behind A: forward; ahead of it: backward."""
     settings = replace(BOOK, left=replace(BOOK.left, encoder_b=22))
     with Bench(settings=settings) as bench:
-        bench.pins.append(board_trials.Transition(0, 22, 0))
+        bench.pins.append(board_trials.PinTransition(0, 22, 0))
         bench.ready()
         for lag, expected in ((5 * MS, 10), (-5 * MS, -10)):
             before = bench.state().left
@@ -250,8 +252,8 @@ def test_a_quadrature_encoder_knows_its_direction():
             for index in range(10):
                 for pin, shift in ((2, 0), (22, lag)):
                     rise = start + index * 20 * MS + shift
-                    bench.pins += [board_trials.Transition(rise, pin, 1),
-                                   board_trials.Transition(rise + 10 * MS, pin, 0)]  # fmt: skip
+                    bench.pins += [board_trials.PinTransition(rise, pin, 1),
+                                   board_trials.PinTransition(rise + 10 * MS, pin, 0)]  # fmt: skip
             for _ in range(6):
                 bench.wait(50)
             assert (bench.state().left - before + 32768) % 65536 - 32768 == expected
@@ -265,7 +267,7 @@ def test_the_light():
         emulator.step(30 * MS)
         lit = []
         for how in (1, 2, 2, 0):
-            frame = encode(frames.Action(0, how))
+            frame = encode(frames.ActionFrame(0, how))
             lit += emulator.step(emulator.now + 20 * MS, received=(frame, b"")).changes
         # The emulator reports the enable pin with both inputs low as braking.
         assert [change.brake for change in lit] == [True, False, True, False]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.config import wire
-from diffbotctl.config.boards import MEGA_2560
+from diffbotctl.config.board_pins import MEGA_2560
 from diffbotctl.config.checks.pins import able, serial_pins
-from diffbotctl.config.robot import Board, Encoder, Link, SpeedLoop
+from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
+from diffbotctl.links import bandwidth
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import BAUDS
 from prove import pure_parts
@@ -16,8 +16,8 @@ from prove import pure_parts
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 TIMERS = (0, 2, 3, 4, 5)  # of three PWM outputs each, in the order of the firmware's numbers
 NOTHING, LINK = 15, 14  # of board.h
-BOARDS = "diffbotctl/config/boards.py"
-BUDGET = "diffbotctl/config/wire.py"
+BOARDS = "diffbotctl/config/board_pins.py"
+BUDGET = "diffbotctl/links/bandwidth.py"
 ROBOT = "diffbotctl/config/robot.py"
 
 
@@ -69,8 +69,8 @@ def test_pins_of_the_serial_links(table, uart):
 @pytest.mark.parametrize(
     ("name", "believed", "frame"),
     [
-        ("EDGE_FRAME", wire.EDGE_FRAME, frames.State),
-        ("COUNT_FRAME", wire.COUNT_FRAME, frames.Counts),
+        ("EDGE_FRAME", bandwidth.EDGE_FRAME, frames.StateFrame),
+        ("COUNT_FRAME", bandwidth.COUNT_FRAME, frames.CountsFrame),
     ],
 )
 def test_bytes_of_a_frame(name, believed, frame):
@@ -86,10 +86,10 @@ def test_the_line_s_real_baud_rate():
     source = (FIRMWARE / "link.c").read_text()
     dividers = [int(each) for each in re.search(r"divisors\[\].*\{(.*)\}", source)[1].split(",")]
     for baud, code in BAUDS.items():
-        found = wire.CRYSTAL / 8 / (dividers[code] + 1) / wire.BITS
-        assert wire.capacity(baud) == pytest.approx(found), (
-            f"{baud} baud: the budget reckons with {wire.capacity(baud):.0f} bytes a second, the "
-            f"firmware's divider gives {found:.0f}: mend {BUDGET} or firmware/link.c"
+        found = bandwidth.CRYSTAL / 8 / (dividers[code] + 1) / bandwidth.BITS
+        assert bandwidth.capacity(baud) == pytest.approx(found), (
+            f"{baud} baud: the budget reckons with {bandwidth.capacity(baud):.0f} bytes a second, "
+            f"the firmware's divider gives {found:.0f}: mend {BUDGET} or firmware/link.c"
         )
 
 
@@ -97,22 +97,22 @@ def test_baud_rates():
     coded = {frames.BAUD_MEANING[name]: code for code, name in frames.BAUD.items()}
     believed = {str(baud): code for baud, code in BAUDS.items()}
     assert believed == coded, differ("baud rates", believed, coded, "diffbot_settings.py")
-    assert set(Link.baud.choices) <= set(BAUDS), differ(
-        "baud rates", Link.baud.choices, BAUDS, ROBOT
+    assert set(LinkSection.baud.choices) <= set(BAUDS), differ(
+        "baud rates", LinkSection.baud.choices, BAUDS, ROBOT
     )
 
 
 @pytest.mark.parametrize(
     ("parameter", "name", "unit", "most"),
     [
-        (Board.telemetry, "telemetry", 1, frames.TELEMETRY_MAXIMUM),
-        (Board.deadman, "deadman", 1e3, frames.DEADMAN_MAXIMUM),
-        (Encoder.slots, "slots", 1, frames.SLOTS_MAXIMUM),
-        (Encoder.glitch, "glitch", 1e6, frames.GLITCH_MAXIMUM),
-        (SpeedLoop.static, "static", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
-        (SpeedLoop.speed, "speed", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
-        (SpeedLoop.proportional, "proportional", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
-        (SpeedLoop.integral, "integral", frames.INTEGRAL_ONE, frames.GAIN_MAXIMUM),
+        (BoardSection.telemetry, "telemetry", 1, frames.TELEMETRY_MAXIMUM),
+        (BoardSection.deadman, "deadman", 1e3, frames.DEADMAN_MAXIMUM),
+        (EncoderSection.slots, "slots", 1, frames.SLOTS_MAXIMUM),
+        (EncoderSection.glitch, "glitch", 1e6, frames.GLITCH_MAXIMUM),
+        (SpeedLoopSection.static, "static", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoopSection.speed, "speed", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoopSection.proportional, "proportional", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
+        (SpeedLoopSection.integral, "integral", frames.INTEGRAL_ONE, frames.GAIN_MAXIMUM),
     ],
 )
 def test_bounds_of_the_robot_file(parameter, name, unit, most):
@@ -125,7 +125,7 @@ def test_bounds_of_the_robot_file(parameter, name, unit, most):
 
 
 def test_the_shortest_deadman():
-    least = Board.deadman.bounds["least"] * 1000
+    least = BoardSection.deadman.bounds["least"] * 1000
     assert least >= frames.DEADMAN_MINIMUM, (
         f"a robot file may ask for {least:g} ms, the board takes at least "
         f"{frames.DEADMAN_MINIMUM}: mend {ROBOT}"

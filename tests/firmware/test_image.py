@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.drivers.emulator_process import IMAGE
-from diffbotctl.flash.image import read_hex
+from diffbotctl.emulator.process import IMAGE
+from diffbotctl.flash.intel_hex import read_hex
 from prove import board_trials
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder, checksum, decode, encode
+from diffbotctl.links.diffbot_codec import FrameDecoder, checksum, decode, encode
 from prove import frame_damage, pure_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
@@ -29,11 +29,11 @@ def test_generated_files_are_up_to_date(path, made):
 
 def test_frames_keep_within_the_wire_budget():
     """At 9600 baud the Mega's divider gives 9615, so 961 bytes a second."""
-    assert frames.WIRE[frames.Command] <= 10  # 10.4 ms on the wire
-    assert frames.WIRE[frames.Stop] < frames.WIRE[frames.Command]
+    assert frames.WIRE[frames.CommandFrame] <= 10  # 10.4 ms on the wire
+    assert frames.WIRE[frames.StopFrame] < frames.WIRE[frames.CommandFrame]
     # 40 states and 10 pieces of status leave room for answers (12 of 11 bytes would take 132).
-    assert 40 * frames.WIRE[frames.State] + 10 * frames.WIRE[frames.Status] <= 920
-    assert 50 * frames.WIRE[frames.Counts] <= 930 - 5 * frames.WIRE[frames.Status] + 40
+    assert 40 * frames.WIRE[frames.StateFrame] + 10 * frames.WIRE[frames.StatusFrame] <= 920
+    assert 50 * frames.WIRE[frames.CountsFrame] <= 930 - 5 * frames.WIRE[frames.StatusFrame] + 40
 
 
 def test_checksum_is_that_of_flexray():
@@ -70,7 +70,7 @@ def test_five_flipped_bits_are_always_seen():
 
 def any_frame():
     def of(kind):
-        declared = PROTOCOL["frames"][kind.__name__.lower()]
+        declared = PROTOCOL["frames"][kind.__name__.removesuffix("Frame").lower()]
         values = []
         for _, width, _, many in generate.fields(declared):
             low, high = (
@@ -88,14 +88,14 @@ def test_frames_survive_the_wire(frame):
     wire = encode(frame)
     assert len(wire) == frames.WIRE[type(frame)]
     assert b"\0" not in wire[:-1]
-    assert Decoder().feed(wire) == [frame]
+    assert FrameDecoder().feed(wire) == [frame]
 
 
 @given(any_frame(), st.data())
 def test_bytes_may_come_in_any_pieces(frame, data):
     stream = encode(frame) * 3
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
-    decoder = Decoder()
+    decoder = FrameDecoder()
     got = []
     for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
         got += decoder.feed(stream[start:end])
@@ -105,19 +105,19 @@ def test_bytes_may_come_in_any_pieces(frame, data):
 
 @given(st.binary(max_size=200))
 def test_noise_is_never_an_error(noise):
-    decoder = Decoder()
+    decoder = FrameDecoder()
     decoder.feed(noise)
-    stop = frames.Stop(3)
+    stop = frames.StopFrame(3)
     # One delimiter ends whatever the noise began.
     assert decoder.feed(b"\0" + encode(stop))[-1] == stop
 
 
 def test_a_flood_without_delimiters_takes_no_memory():
-    decoder = Decoder()
+    decoder = FrameDecoder()
     for _ in range(100):
         decoder.feed(b"\x55" * 10_000)
     assert len(decoder._rest) <= 2 * max(frames.WIRE.values())
-    stop = frames.Stop(3)
+    stop = frames.StopFrame(3)
     assert decoder.feed(b"\0" + encode(stop)) == [stop]
 
 
@@ -139,7 +139,7 @@ def test_the_board_reads_what_the_host_writes(frame):
     ],
 )
 def test_malformed_frames_are_refused_on_both_sides(wire):
-    assert Decoder().feed(bytes.fromhex(wire)) == []
+    assert FrameDecoder().feed(bytes.fromhex(wire)) == []
     assert not any(line.startswith("frame") for line in pure_parts.run("codec", lines=[wire]))
 
 

@@ -4,21 +4,21 @@ from random import Random
 
 import pytest
 
+from diffbotctl.control.speed_loop import SpeedGains, WheelSpeedLoop
 from diffbotctl.links.diffbot_frames import (
     GAIN_MAXIMUM,
     GAIN_ONE,
     INTEGRAL_ONE,
     REFUSAL,
-    Settings,
+    SettingsFrame,
 )
-from diffbotctl.plant.speed_loop import Gains, SpeedLoop
 from prove import pure_parts
 from prove.board_bench import BOOK
 from prove.board_trials import spoil
 
 GOOD = BOOK.frame()
 UNKNOWN = 0xFFFFFF  # ticks: no period to go by
-FIELDS = Settings._fields
+FIELDS = SettingsFrame._fields
 # From the Mega 2560's pin drawing: which pins have PWM (without timer 1's 11 and 12, the board's
 # clock), which raise interrupts (18 and 19 carry the radio link).
 PWM = {2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 44, 45, 46}
@@ -112,8 +112,8 @@ def test_noise_through_everything():
 def test_the_plant_models_the_speed_loop(seed):
     """The same edges and commands at the same times: equal within what fixed point rounds."""
     chance = Random(seed)
-    gains = Gains(0.12, 0.08, chance.choice((0.0, 0.01)), chance.uniform(0.0, 0.05))
-    model = SpeedLoop(gains, 20)
+    gains = SpeedGains(0.12, 0.08, chance.choice((0.0, 0.01)), chance.uniform(0.0, 0.05))
+    model = WheelSpeedLoop(gains, 20)
     ones = (GAIN_ONE, GAIN_ONE, GAIN_ONE, INTEGRAL_ONE)
     units = [round(gain * one) for gain, one in zip(gains, ones, strict=True)]
     lines = ["gains {} {} {} {} 20".format(*units)]

@@ -4,13 +4,9 @@ import time
 
 import pytest
 
-from diffbotctl.drivers.emulator_process import IMAGE, Emulator, bootloader
-from diffbotctl.flash import find, stk500
-from diffbotctl.flash.find import Candidate
-from diffbotctl.flash.image import read_hex, write_hex
-from diffbotctl.flash.job import Board, Said, flash, load
-from diffbotctl.flash.stk500 import Answers, Ask, Progress, message
-from diffbotctl.flash.trouble import (
+from diffbotctl.drivers import board_candidates
+from diffbotctl.drivers.board_candidates import Candidate
+from diffbotctl.drivers.board_errors import (
     BadImageError,
     NoBoardError,
     NoSyncError,
@@ -20,6 +16,11 @@ from diffbotctl.flash.trouble import (
     VerifyMismatchError,
     WrongSignatureError,
 )
+from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.flash import stk500
+from diffbotctl.flash.flasher import Bootloader, FlashMessage, flash, load
+from diffbotctl.flash.intel_hex import read_hex, write_hex
+from diffbotctl.flash.stk500 import BootloaderRequest, FlashProgress, ReplyParser, message
 from prove import flash_trials
 from prove.board_bench import BOOK
 
@@ -43,10 +44,12 @@ def test_events_tell_how_far_it_is(blank):
     size = len(load(IMAGE))
     for what in ("writing", "verifying"):
         done = [
-            event.done for event in events if isinstance(event, Progress) and event.what == what
+            event.done
+            for event in events
+            if isinstance(event, FlashProgress) and event.what == what
         ]
         assert done == list(range(256, size + 1, 256))
-    said = [event.text for event in events if isinstance(event, Said)]
+    said = [event.text for event in events if isinstance(event, FlashMessage)]
     assert said[0].startswith("Mega 2560 on ")
     assert said[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
     assert said[-1].endswith(", ready")
@@ -55,7 +58,7 @@ def test_events_tell_how_far_it_is(blank):
 def test_an_interrupted_flash_can_be_flashed_again(blank):
     events = flash(blank.ports[0], IMAGE)
     for event in events:
-        if isinstance(event, Progress) and event.done >= 2048:
+        if isinstance(event, FlashProgress) and event.done >= 2048:
             break
     events.close()
     assert blank.flash(0, len(load(IMAGE))) != load(IMAGE)
@@ -71,7 +74,7 @@ def test_what_was_on_the_board_can_be_saved(tmp_path):
     older.write_text(write_hex(before))
     with Emulator([], image=older, boot=bootloader(), pty=True, paced=True) as board:
         conversation = bytearray()
-        with Board(board.ports[0]) as port:
+        with Bootloader(board.ports[0]) as port:
             port.synchronise()
             for progress in port.hold(stk500.read(port.device, conversation)):
                 if progress.done > 2048:  # the rest is erased; the whole takes half a minute
@@ -117,10 +120,10 @@ CLONE, OTHER_CLONE = (Candidate(f"/dev/ttyUSB{n}", "CH340", False) for n in (0, 
 )
 def test_choosing_a_board(found, chosen):
     if isinstance(chosen, str):
-        assert find.choose(found).device == chosen
+        assert board_candidates.choose(found).device == chosen
     else:
         with pytest.raises(chosen):
-            find.choose(found)
+            board_candidates.choose(found)
 
 
 def talk(conversation, answer_to):
@@ -131,7 +134,7 @@ def talk(conversation, answer_to):
             wish = conversation.send(answer)
         except StopIteration:
             return
-        answer = answer_to(wish.body) if isinstance(wish, Ask) else b""
+        answer = answer_to(wish.body) if isinstance(wish, BootloaderRequest) else b""
 
 
 @pytest.mark.parametrize(
@@ -167,7 +170,7 @@ def test_a_command_that_is_refused():
 
 def test_answers_are_found_in_noise():
     """Noise, an old answer, half an answer, then the one that is waited for."""
-    answers = Answers()
+    answers = ReplyParser()
     stream = b"\x1b\x1b\x00noise" + message(6, b"\x01\x00old") + message(7, b"\x13\x00")
     got = [answers.feed(bytes([byte]), 7) for byte in stream]
     assert [each for each in got if each is not None] == [b"\x13\x00"]

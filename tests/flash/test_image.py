@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.drivers.emulator_process import IMAGE
-from diffbotctl.flash.image import MONITOR, PAGE, ROOM, read_hex, write_hex
-from diffbotctl.flash.trouble import BadImageError
+from diffbotctl.drivers.board_errors import BadImageError
+from diffbotctl.emulator.process import IMAGE
+from diffbotctl.flash.intel_hex import MONITOR, PAGE, ROOM, read_hex, write_hex
 
 
 @given(st.binary(min_size=1, max_size=2000).filter(lambda data: MONITOR not in data))

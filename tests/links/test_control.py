@@ -6,22 +6,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.links.control import LONGEST_LINE, Lines, RefusalError, check_hello, lines, request
+from diffbotctl.control_socket.protocol import (
+    LONGEST_LINE,
+    LineBuffer,
+    RefusalError,
+    check_hello,
+    encode_lines,
+    parse_request,
+)
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 1000])
 def test_lines_come_whole_however_they_were_cut(size):
     data = b'{"a": 1}\n\n{"b": 2}\nrest'
-    found, cutter = [], Lines()
+    found, cutter = [], LineBuffer()
     for start in range(0, len(data), size):
         cutter.add(data[start : start + size])
-        found += lines(cutter)
+        found += encode_lines(cutter)
     assert found == [b'{"a": 1}', b"", b'{"b": 2}']
     assert cutter.rest == b"rest"
 
 
 def test_a_line_of_the_longest_length_passes_and_one_byte_more_is_refused():
-    cutter = Lines()
+    cutter = LineBuffer()
     cutter.add(b"x" * LONGEST_LINE + b"\n")
     assert len(cutter.next()) == LONGEST_LINE
     cutter.add(b"x" * (LONGEST_LINE + 1))
@@ -44,7 +51,7 @@ def test_a_line_of_the_longest_length_passes_and_one_byte_more_is_refused():
 )
 def test_what_is_no_request_is_refused(line, words):
     with pytest.raises(RefusalError, match=words):
-        request(line)
+        parse_request(line)
 
 
 @pytest.mark.parametrize(
@@ -52,12 +59,12 @@ def test_what_is_no_request_is_refused(line, words):
 )
 def test_what_is_no_finite_number_is_refused(value):
     with pytest.raises(RefusalError, match="must be a finite number"):
-        request(b'{"v": %s}' % value.encode()).number_of("v", "m/s")
+        parse_request(b'{"v": %s}' % value.encode()).number_of("v", "m/s")
 
 
 @pytest.mark.parametrize("value", [0, -3, 0.25, 1e308])
 def test_finite_numbers_are_taken(value):
-    assert request(json.dumps({"v": value}).encode()).number_of("v", "m/s") == value
+    assert parse_request(json.dumps({"v": value}).encode()).number_of("v", "m/s") == value
 
 
 @pytest.mark.parametrize(
@@ -74,20 +81,20 @@ def test_finite_numbers_are_taken(value):
 )
 def test_another_hello_is_refused(hello, words):
     with pytest.raises(RefusalError, match=words):
-        check_hello(request(json.dumps(hello).encode()))
+        check_hello(parse_request(json.dumps(hello).encode()))
 
 
 def test_a_misspelt_field_is_refused():
     with pytest.raises(RefusalError, match="no field 'speeed'"):
-        request(b'{"do": "drive", "speeed": 1}').only("linear", "angular")
+        parse_request(b'{"do": "drive", "speeed": 1}').only("linear", "angular")
 
 
 @given(st.binary(max_size=400))
 def test_any_bytes_end_in_requests_or_refusals(data):
-    cutter = Lines()
+    cutter = LineBuffer()
     cutter.add(data + b"\n")
-    for line in lines(cutter):
+    for line in encode_lines(cutter):
         try:
-            assert isinstance(request(line).fields, dict)
+            assert isinstance(parse_request(line).fields, dict)
         except RefusalError as refusal:
             assert refusal.code in ("E-PROTOCOL", "E-REQUEST") and refusal.cause

@@ -4,7 +4,7 @@ from math import isnan
 
 import pytest
 
-from diffbotctl.links.diffbot_frames import COMMAND_AGE_NONE, State
+from diffbotctl.links.diffbot_frames import COMMAND_AGE_NONE, StateFrame
 from diffbotctl.links.diffbot_telemetry import COMMAND_AGE, TICK, Sent, Telemetry
 
 MILLISECOND = 1_000_000
@@ -15,7 +15,7 @@ NUMBER = 5  # of the command that matters
 def state(board, command, age):
     """A frame stamped at `board` ms, whose command took hold `age` ms before; None: long ago."""
     units = COMMAND_AGE_NONE if age is None else age * MILLISECOND // COMMAND_AGE
-    return State(
+    return StateFrame(
         boot=1, sequence=board // 25 % 64, dropped=0, reserved=0, mode=2, command_age=units,
         time=board * MILLISECOND // TICK, left=0, right=0, range=0, command=command, left_age=0,
         right_age=0,

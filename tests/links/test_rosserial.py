@@ -5,9 +5,9 @@ from math import isnan
 
 import pytest
 
-from diffbotctl.links.rosserial import RosserialHost
 from diffbotctl.links.rosserial_frames import encode
-from diffbotctl.links.rosserial_topics import Names
+from diffbotctl.links.rosserial_host import RosserialHost
+from diffbotctl.links.rosserial_topics import TopicNames
 from diffbotctl.messages import Duty, Text, Volts, Wheels
 from prove.link_rosserial import RECORDINGS, recorded, rows
 from prove.rosserial_session import MS, SECOND, Session, pair_in
@@ -195,7 +195,8 @@ def test_wrong_type_in_the_sketch_is_said():
 def test_other_names_and_slashes():
     publishers = (("/wheel_l", "Int32"), PUBLISHERS[1], PUBLISHERS[2])
     session = Session(
-        Device(1, publishers=publishers), RosserialHost(RATED, names=Names(left_ticks="wheel_l"))
+        Device(1, publishers=publishers),
+        RosserialHost(RATED, names=TopicNames(left_ticks="wheel_l")),
     ).run(2 * SECOND)
     assert "wheel_l" in session.host.topics.numbers
 

@@ -2,15 +2,15 @@
 
 import pytest
 
-from diffbotctl.links.rosserial_counts import Count
+from diffbotctl.links.rosserial_ticks import TickUnwrapper
 
 RATE = 100 / 60 * 20  # counts/s: 100 rpm, 20 slots
 STEP = 60_000_000  # ns between two values; reach: floor(33.3 * 1.5 * 0.11) + 2 = 7 counts
 
 
-def run(values: list[int]) -> tuple[list[str], Count]:
+def run(values: list[int]) -> tuple[list[str], TickUnwrapper]:
     """Judge values that come every STEP."""
-    count = Count(RATE)
+    count = TickUnwrapper(RATE)
     return [count.take(index * STEP, raw) for index, raw in enumerate(values)], count
 
 

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.links.rosserial_frames import LARGEST, Decoder, Frame, encode
+from diffbotctl.links.rosserial_frames import LARGEST, RosserialDecoder, RosserialFrame, encode
 
-TICKS = Frame(125, bytes.fromhex("2a000000"))
+TICKS = RosserialFrame(125, bytes.fromhex("2a000000"))
 TICKS_BYTES = "fffe0400fb7d002a00000058"  # 255 - (0x7d + 0x2a) = 0x58
 frames = st.lists(
     st.builds(
-        Frame,
+        RosserialFrame,
         st.integers(0, 300),
         # Without ff no payload can hold a frame of its own, so the stream has one reading only.
         st.lists(st.integers(0, 254), max_size=40).map(bytes),
@@ -49,20 +49,20 @@ def test_bytes_of_a_frame(topic, payload, expected):
     ],
 )
 def test_three_frames_follow_at_once_after(before, damaged):
-    decoder = Decoder()
+    decoder = RosserialDecoder()
     assert decoder.feed(bytes.fromhex(before + TICKS_BYTES * 3)) == [TICKS] * 3
     assert (decoder.frames, decoder.damaged) == (3, damaged)
 
 
 def test_largest_payload_passes_and_one_more_byte_is_refused_at_its_header():
-    assert Decoder().feed(encode(7, bytes(LARGEST))) == [Frame(7, bytes(LARGEST))]
-    decoder = Decoder()
+    assert RosserialDecoder().feed(encode(7, bytes(LARGEST))) == [RosserialFrame(7, bytes(LARGEST))]
+    decoder = RosserialDecoder()
     decoder.feed(encode(7, bytes(LARGEST + 1))[:5])
     assert decoder.damaged == 5
 
 
 def test_implausible_topic_is_not_waited_for():
-    decoder = Decoder(lambda topic, length: topic == 125 and length == 4)
+    decoder = RosserialDecoder(lambda topic, length: topic == 125 and length == 4)
     assert decoder.feed(bytes.fromhex("fffe2000df7e00" + TICKS_BYTES)) == [TICKS]
     assert decoder.feed(encode(126, b"1234")) == []
 
@@ -72,7 +72,7 @@ def test_implausible_topic_is_not_waited_for():
 def test_one_flipped_bit_loses_that_frame_alone(position, bit):
     stream = bytearray(bytes.fromhex(TICKS_BYTES * 3))
     stream[12 + position] ^= 1 << bit
-    assert Decoder().feed(bytes(stream)) == [TICKS, TICKS]
+    assert RosserialDecoder().feed(bytes(stream)) == [TICKS, TICKS]
 
 
 @given(st.lists(st.tuples(junk, frames), max_size=4))
@@ -81,7 +81,7 @@ def test_every_intact_frame_comes_through_junk(parts):
     for rubbish, some in parts:
         stream += rubbish + b"".join(encode(*frame) for frame in some)
         sent += some
-    decoder = Decoder()
+    decoder = RosserialDecoder()
     assert [f for f in decoder.feed(stream) if f in sent] == sent
 
 
@@ -89,7 +89,7 @@ def test_every_intact_frame_comes_through_junk(parts):
                                  bytes.fromhex(TICKS_BYTES)]), max_size=30), st.data())  # fmt: skip
 def test_how_the_bytes_are_cut_makes_no_difference(parts, data):
     stream = b"".join(parts)
-    whole, cut, single = Decoder(), Decoder(), Decoder()
+    whole, cut, single = RosserialDecoder(), RosserialDecoder(), RosserialDecoder()
     expected = whole.feed(stream)
     at = data.draw(st.integers(0, len(stream)))
     assert cut.feed(stream[:at]) + cut.feed(stream[at:]) == expected
@@ -99,7 +99,7 @@ def test_how_the_bytes_are_cut_makes_no_difference(parts, data):
 
 @given(st.binary(max_size=400))
 def test_anything_is_survived_and_accounted_for(stream):
-    decoder = Decoder()
+    decoder = RosserialDecoder()
     found = decoder.feed(stream)
     assert 0 <= decoder.damaged <= len(stream)
     assert len(found) == decoder.frames

@@ -8,9 +8,9 @@ import tty
 
 import pytest
 
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.drivers.serial_robot import SerialRobot
-from diffbotctl.links.rosserial import RosserialHost
+from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders
 from tests.rosserial_device import RATED, Device, OnTerminal
 
@@ -45,7 +45,7 @@ def test_negotiates_drives_and_stops(terminal):
     board, name = terminal
     with OnTerminal(Device(1), board) as device:
         host = RosserialHost(RATED)
-        robot = SerialRobot(host, lambda: Port(name, 9600))
+        robot = SerialRobot(host, lambda: SerialPortDevice(name, 9600))
         far = Duty(0, 0.8, 0.6)
         until(robot, lambda heard: any(getattr(m, "left", 0) > 20 for m in heard), far)
         assert device.commands["set_left_speed"][-1][1] == 204  # 0.8 of 255

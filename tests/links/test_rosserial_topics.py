@@ -11,7 +11,7 @@ from diffbotctl.links.rosserial_topics import (
     INT32,
     PUBLISHER,
     SUBSCRIBER,
-    Names,
+    TopicNames,
     Topics,
     read_topic_info,
 )
@@ -33,7 +33,7 @@ BOOK = [
 ]
 
 
-def told(answers, names=Names()):  # noqa: B008  (a NamedTuple never changes)
+def told(answers, names=TopicNames()):  # noqa: B008  (a NamedTuple never changes)
     topics = Topics(names)
     for role, payload in answers:
         topics.learn(role, payload)
@@ -72,12 +72,12 @@ def test_leading_slash_and_empty_reset():
         (SUBSCRIBER, info(102, "/reset", EMPTY)),
     ]
     assert told(slashed).complete
-    assert told(slashed, Names(*(f"/{name}" for name in Names()))).complete
+    assert told(slashed, TopicNames(*(f"/{name}" for name in TopicNames()))).complete
 
 
 def test_topic_without_a_name_is_not_needed():
-    assert told(BOOK[:5], Names(reset="")).complete
-    assert told(BOOK[:2] + BOOK[3:], Names(distance="")).complete
+    assert told(BOOK[:5], TopicNames(reset="")).complete
+    assert told(BOOK[:2] + BOOK[3:], TopicNames(distance="")).complete
 
 
 @pytest.mark.parametrize(

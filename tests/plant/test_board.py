@@ -4,18 +4,18 @@ from random import Random
 
 import pytest
 
+from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Wheels
-from diffbotctl.plant.board import KINDS, Board
-from diffbotctl.plant.speed_loop import Gains
+from diffbotctl.plant.simulated_board import KINDS, SimulatedBoard
 
 MS = 1_000_000
 # Half duty for 5 rad/s by the feed-forward alone.
-GAINS = Gains(static=0.1, slope=0.08, proportional=0.0, integral=0.0)
+GAINS = SpeedGains(static=0.1, slope=0.08, proportional=0.0, integral=0.0)
 HELD = 14_900_000  # ns; 10.4 ms on the wire and 4.5 ms by radio
 
 
 def board(kind="edges", glitch=2 * MS, deadman=300 * MS, seed=1):
-    return Board(KINDS[kind], (GAINS, GAINS), 20, glitch, deadman, Random(seed))
+    return SimulatedBoard(KINDS[kind], (GAINS, GAINS), 20, glitch, deadman, Random(seed))
 
 
 def serve_until(made, until):

@@ -6,13 +6,13 @@ from statistics import fmean, pstdev
 
 import pytest
 
-from diffbotctl.plant.body import Body
+from diffbotctl.plant.chassis import Chassis
 
 TRACK, RADIUS = 0.125, 0.0325  # m
 
 
 def body(slip=0.0, seed=1):
-    return Body(TRACK, RADIUS, RADIUS, slip, Random(seed))
+    return Chassis(TRACK, RADIUS, RADIUS, slip, Random(seed))
 
 
 @pytest.mark.parametrize(

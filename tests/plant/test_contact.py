@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.body import Pose
-from diffbotctl.plant.contact import Outline, clearance
-from diffbotctl.plant.world import Round, Wall, World
+from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.collision import BodyOutline, clearance
+from diffbotctl.plant.world import Pillar, Wall, World
 
-OUTLINE = Outline(0.1, 0.2, 0.1)  # reaches 0.1 ahead, 0.2 back, 0.1 to either side
+OUTLINE = BodyOutline(0.1, 0.2, 0.1)  # reaches 0.1 ahead, 0.2 back, 0.1 to either side
 HERE = Pose()
 
 CASES = [
@@ -26,10 +26,10 @@ CASES = [
     (Wall(-1, 0.5, 1, 0.5), Pose(0, 0, pi / 2), 0.4),
     # and its left side looks along -x
     (Wall(-0.5, -1, -0.5, 1), Pose(0, 0, pi / 2), 0.4),
-    (Round(0.5, 0, 0.1), HERE, 0.3),
-    (Round(0.4, 0.5, 0.1), HERE, 0.4),  # 0.3 and 0.4 off the corner, less its radius
-    (Round(0, 0, 0.05), HERE, 0.0),
-    (Round(1.5, 2, 0.1), Pose(1, 2, 0), 0.3),
+    (Pillar(0.5, 0, 0.1), HERE, 0.3),
+    (Pillar(0.4, 0.5, 0.1), HERE, 0.4),  # 0.3 and 0.4 off the corner, less its radius
+    (Pillar(0, 0, 0.05), HERE, 0.0),
+    (Pillar(1.5, 2, 0.1), Pose(1, 2, 0), 0.3),
 ]
 
 

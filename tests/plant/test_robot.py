@@ -5,19 +5,19 @@ from random import Random
 
 import pytest
 
+from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
-from diffbotctl.plant.machine import Machine, Mounting
-from diffbotctl.plant.robot import SimulatedRobot
-from diffbotctl.plant.sharp import RESIDUE, volts
-from diffbotctl.plant.speed_loop import Gains
-from diffbotctl.plant.truth import MotorTruth, SensorTruth, Simulation, WiringTruth
+from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
+from diffbotctl.plant.sharp_ir import RESIDUE, volts
+from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.plant.simulation import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.plant.world import Wall, World
 
 MS = 1_000_000
 SECOND = 1_000_000_000
 FRAME = 25 * MS
-GAINS = Gains(0.1, 0.0859, 0.0, 0.02)
-MACHINE = Machine(
+GAINS = SpeedGains(0.1, 0.0859, 0.0, 0.02)
+MACHINE = PlantParameters(
     track=0.125, left_diameter=0.065, right_diameter=0.065, rated=10 * pi / 3, slots=20,
     glitch=2 * MS, deadman=300 * MS, gains=(GAINS, GAINS),
 )  # fmt: skip
@@ -216,7 +216,7 @@ def test_the_sensor_sees_the_wall_that_comes_nearer():
     # Sensor 80 mm before the axle, the wall at 0.38 m: 0.30 m at the start.
     sight = {
         "world": World([Wall(0.38, -1.0, 0.38, 1.0)]),
-        "machine": {"sensors": (Mounting("front", 0.08),)},
+        "machine": {"sensors": (MountedSensor("front", 0.08),)},
         "sensors": {"front": SensorTruth(noise=0.0)},
     }
     made = robot(**sight)
@@ -231,7 +231,7 @@ def test_the_sensor_sees_the_wall_that_comes_nearer():
 
 def test_a_sensor_in_an_empty_world_sees_nothing():
     made = robot(
-        machine={"sensors": (Mounting("front", 0.08),)},
+        machine={"sensors": (MountedSensor("front", 0.08),)},
         sensors={"front": SensorTruth(noise=0.0)},
     )
     heard = driven(made, 0.5, 5.0, 5.0)

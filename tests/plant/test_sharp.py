@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.sharp import CYCLE, RESIDUE, SETTLE, Sharp, volts
+from diffbotctl.plant.sharp_ir import CYCLE, RESIDUE, SETTLE, Sharp, volts
 
 
 @pytest.mark.parametrize(

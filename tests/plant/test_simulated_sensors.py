@@ -7,12 +7,12 @@ from random import Random
 import pytest
 
 from diffbotctl.config.load import load, load_robot
+from diffbotctl.drivers.simulated_robot import plant_parameters, simulated_robot_driver
 from diffbotctl.messages import Odometry, Scan, Wheels
-from diffbotctl.plant.body import Pose
-from diffbotctl.plant.robot import SimulatedRobot
-from diffbotctl.plant.scanner import Part, Scanner
-from diffbotctl.plant.world import Round, Wall, World
-from diffbotctl.runs.simulation import machine, simulated
+from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.laser_scanner import Scanner, ScannerModel
+from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.plant.world import Pillar, Wall, World
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -20,7 +20,9 @@ SECOND = 1000 * MS
 
 def robot_of(name, world=None, seed=1):
     robot = load_robot(name).nominal
-    return SimulatedRobot("simulated", machine(robot), robot.simulation, Random(seed), world)
+    return SimulatedRobot(
+        "simulated", plant_parameters(robot), robot.simulation, Random(seed), world
+    )
 
 
 def heard(plant, until, command=None, every=40 * MS):
@@ -37,14 +39,14 @@ def heard(plant, until, command=None, every=40 * MS):
 def test_a_scanner_tells_clear_near_and_measured():
     # four rays: 2 m ahead, nothing left, 0.05 m behind, 5 m right
     world = World([Wall(2, -1, 2, 1), Wall(-0.05, -1, -0.05, 1), Wall(-1, -5, 1, -5)])
-    scanner = Scanner(Part(4, 0.12, 3.5, SECOND), 0.0, Random(1))
+    scanner = Scanner(ScannerModel(4, 0.12, 3.5, SECOND), 0.0, Random(1))
     assert scanner.measure(world, 0.0, 0.0, 0.0) == pytest.approx((2.0, inf, 0.0, inf))
     assert scanner.due == 2 * SECOND
 
 
 def test_its_noise_is_as_wide_as_said():
-    world = World([], [Round(2.0, 0.0, 0.5)])  # 1.5 m ahead
-    scanner = Scanner(Part(1, 0.12, 3.5, SECOND), 0.01, Random(1))
+    world = World([], [Pillar(2.0, 0.0, 0.5)])  # 1.5 m ahead
+    scanner = Scanner(ScannerModel(1, 0.12, 3.5, SECOND), 0.01, Random(1))
     told = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
     mean = sum(told) / len(told)
     spread = (sum((each - mean) ** 2 for each in told) / len(told)) ** 0.5
@@ -53,7 +55,7 @@ def test_its_noise_is_as_wide_as_said():
 
 
 def test_scans_come_five_times_a_second_and_in_order():
-    plant = robot_of("turtlebot3_burger", World([], [Round(1.0, 0.0, 0.1)]))
+    plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
     said = heard(plant, 2 * SECOND)
     scans = [message for _, message in said if isinstance(message, Scan)]
     assert len(scans) == 9  # the tenth is still on its way
@@ -65,7 +67,7 @@ def test_scans_come_five_times_a_second_and_in_order():
 
 def test_a_scan_is_seen_from_where_the_scanner_sits():
     # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
-    plant = robot_of("turtlebot3_burger", World([], [Round(1.0, 0.0, 0.1)]))
+    plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
     plant._eyes.scanners[0][1]._spread = 0.0
     (scan, *_) = [m for _, m in heard(plant, SECOND // 2) if isinstance(m, Scan)]
     assert scan.distances[0] == pytest.approx(0.932)
@@ -88,7 +90,9 @@ def test_the_camera_sees_the_true_pose_in_the_world():
 def test_the_start_is_where_odom_begins_in_the_world():
     robot = load_robot("turtle").nominal
     start = Pose(1.0, 2.0, pi / 2)
-    plant = SimulatedRobot("simulated", machine(robot), robot.simulation, Random(1), World(), start)
+    plant = SimulatedRobot(
+        "simulated", plant_parameters(robot), robot.simulation, Random(1), World(), start
+    )
     heard(plant, SECOND, (2.0, 2.0))
     truth, place = plant.truth().pose, plant.truth_in_world()
     # ahead in odom is up in this world
@@ -102,7 +106,7 @@ def test_the_start_is_where_odom_begins_in_the_world():
 
 def test_no_robot_leaves_the_field():
     setup = load("turtle")
-    driver = simulated(setup, 1)
+    driver = simulated_robot_driver(setup, 1)
     plant = driver.robot
     heard(plant, 20 * SECOND, (10.0, 10.0))  # 2 m/s would be 40 m
     assert plant.truth_in_world().x == pytest.approx(11.09)
@@ -111,7 +115,7 @@ def test_no_robot_leaves_the_field():
 
 
 def test_a_hop_goes_by_the_robot_s_own_bearings():
-    driver = simulated(load("turtle"), 1)
+    driver = simulated_robot_driver(load("turtle"), 1)
     driver.hop(0, 1.0, pi / 2)  # turn left, then 1 m ahead
     assert driver.robot.truth_in_world() == pytest.approx((5.544, 6.544, pi / 2))
     driver.home(0)

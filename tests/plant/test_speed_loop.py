@@ -4,16 +4,16 @@ from math import pi
 
 import pytest
 
-from diffbotctl.plant.speed_loop import MOST_INTEGRAL, SLEW, TICK, Gains, SpeedLoop
+from diffbotctl.control.speed_loop import MOST_INTEGRAL, SLEW, TICK, SpeedGains, WheelSpeedLoop
 
 MS = 1_000_000
 # 5 rad/s: 0.1 against friction and 5 x 0.08: duty 0.5.
-FORWARD = Gains(0.1, 0.08, 0.0, 0.0)
+FORWARD = SpeedGains(0.1, 0.08, 0.0, 0.0)
 PITCH = 2 * pi / 20
 
 
 def loop(gains=FORWARD):
-    return SpeedLoop(gains, 20)
+    return WheelSpeedLoop(gains, 20)
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_speed_is_the_last_period_or_the_age_of_the_last_edge():
 
 
 def test_proportional_and_integral_parts():
-    made = loop(Gains(0.1, 0.08, 0.02, 0.5))
+    made = loop(SpeedGains(0.1, 0.08, 0.02, 0.5))
     made.command(0, 5.0)
     made.edge(0)
     made.edge(100 * MS)  # pi rad/s: 1.858 too slow
@@ -49,7 +49,7 @@ def test_proportional_and_integral_parts():
 
 
 def test_the_integral_is_bounded():
-    made = loop(Gains(0.1, 0.02, 0.0, 50.0))
+    made = loop(SpeedGains(0.1, 0.02, 0.0, 50.0))
     made.command(0, 5.0)
     for k in range(20):
         made.edge(k * 100 * MS)

@@ -8,22 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.truth import EncoderTruth
-from diffbotctl.plant.wheel import REST, Disc, Motor, Wheel, draw_disc
+from diffbotctl.plant.simulation import EncoderTruth
+from diffbotctl.plant.wheel import REST, EncoderDisc, MotorModel, WheelModel, draw_disc
 
 SECOND = 1_000_000_000
 SLOTS = 20
 PITCH = 2 * pi / SLOTS
 # Half of each pitch open: rising flanks at whole pitches, falling ones half a pitch later.
-IDEAL = Disc(tuple(k * PITCH / 2 for k in range(2 * SLOTS)), 0.0, 0.0)
+IDEAL = EncoderDisc(tuple(k * PITCH / 2 for k in range(2 * SLOTS)), 0.0, 0.0)
 LAG = 0.1  # s
 # 10 rad/s at full duty; duty 0.55 is half-way between the keeping 0.1 and 1: 5 rad/s.
-MOTOR = Motor(speed=10.0, lag=LAG, start=0.12, keep=0.1)
+MOTOR = MotorModel(speed=10.0, lag=LAG, start=0.12, keep=0.1)
 HALF = 0.55
 
 
 def wheel(disc=IDEAL, **changes):
-    return Wheel(MOTOR._replace(**changes), disc, Random(1))
+    return WheelModel(MOTOR._replace(**changes), disc, Random(1))
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -68,7 +68,7 @@ def test_edge_times_by_hand(sign, first):
 
 @pytest.mark.parametrize("sign, first", [(1, 0.5), (-1, 1.0)])
 def test_falling_edges_come_at_the_other_flanks(sign, first):
-    made = Wheel(MOTOR, IDEAL, Random(1), falling=True)
+    made = WheelModel(MOTOR, IDEAL, Random(1), falling=True)
     falls = made.advance(3 * SECOND, sign * HALF)
     # The slot that lies open at the start closes half a pitch ahead, or at its near end behind,
     # which is where the disc stands: that one is a whole pitch away.
@@ -82,7 +82,9 @@ def test_falling_edges_come_at_the_other_flanks(sign, first):
 def test_a_watched_pin_tells_both_flanks_of_each_slot(sign, falling):
     # A quarter of each pitch is open.
     flanks = [place * PITCH for k in range(SLOTS) for place in (k, k + 0.25)]
-    made = Wheel(MOTOR, Disc(tuple(flanks), 0.1 * PITCH, 0.0), Random(1), falling=falling)
+    made = WheelModel(
+        MOTOR, EncoderDisc(tuple(flanks), 0.1 * PITCH, 0.0), Random(1), falling=falling
+    )
     assert made.level == 1  # it starts within an open slot
     made.watch(True)
     counted = list(made.advance(3 * SECOND, sign * HALF))
@@ -225,7 +227,7 @@ def test_a_drawn_disc_has_its_flanks_in_order():
 @given(st.integers(0, 10_000))
 def test_each_turn_has_as_many_edges_as_slots(seed):
     disc = draw_disc(EncoderTruth(), SLOTS, Random(seed))
-    made = Wheel(MOTOR, disc, Random(seed))
+    made = WheelModel(MOTOR, disc, Random(seed))
     rises = made.advance(10 * SECOND, HALF)
     # Within half a slot: the flanks' places spread by 3 %, at most 12 %, of the pitch.
     assert abs(len(rises) - made.angle / PITCH) < 1.25

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.world import Round, Wall, World
+from diffbotctl.plant.world import Pillar, Wall, World
 
 AHEAD = Wall(1.0, -1.0, 1.0, 1.0)  # across the x axis, 1 m away
 
@@ -51,12 +51,12 @@ def test_walls(wall, x, y, degrees, distance):
     ],
 )
 def test_round_obstacles(x, y, degrees, distance):
-    world = World(rounds=[Round(1.0, 0.0, 0.2)])
+    world = World(rounds=[Pillar(1.0, 0.0, 0.2)])
     assert world.distance(x, y, degrees * pi / 180) == pytest.approx(distance)
 
 
 def test_the_nearest_thing_counts():
-    world = World([AHEAD], [Round(0.5, 0.0, 0.1), Round(1.5, 0.0, 0.1)])
+    world = World([AHEAD], [Pillar(0.5, 0.0, 0.1), Pillar(1.5, 0.0, 0.1)])
     assert world.distance(0.0, 0.0, 0.0) == pytest.approx(0.4)
     assert world.distance(0.7, 0.0, 0.0) == pytest.approx(0.3)
 
@@ -84,7 +84,7 @@ def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
         length = hypot(x2 - x1, y2 - y1)
         assume(length > 1e-3)
         assume(abs((x1 - x) * (y2 - y1) - (y1 - y) * (x2 - x1)) / length > 1e-3)
-    world = World([Wall(*each) for each in walls], [Round(*each) for each in rounds])
+    world = World([Wall(*each) for each in walls], [Pillar(*each) for each in rounds])
     rays = 24
     for ray, found in enumerate(world.scan(x, y, heading, rays)):
         bearing = heading + ray * 2 * pi / rays

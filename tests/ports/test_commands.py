@@ -12,11 +12,11 @@ from click.testing import CliRunner
 
 from diffbotctl.bluetooth.adapter import adapter
 from diffbotctl.cli.main import program
-from diffbotctl.drivers.port import opened
+from diffbotctl.diagnostics.doctor import BAD, NOTE, OK, doctor_findings
+from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
-from diffbotctl.ports.judge import survey
-from diffbotctl.ports.person import Person
-from diffbotctl.runs.checkup import BAD, NOTE, OK, findings
+from diffbotctl.ports.diagnosis import survey_ports
+from diffbotctl.ports.permissions import SystemUser
 from tests.book_board import OnPort
 from tests.fake_machine import CH340, MEGA, FakeMachine
 
@@ -116,7 +116,7 @@ def test_the_real_port_refuses_whom_the_verdict_refuses():
 
     def act():
         try:
-            opened(os.ttyname(slave), 9600).close()
+            open_port(os.ttyname(slave), 9600).close()
         except RunError as error:
             return 1, error.problems[0].code
         return 0, ""
@@ -140,8 +140,8 @@ def test_what_fix_prints_are_whole_commands(machine):
 
 def doctor(machine, user=NOBODY, groups=frozenset()):
     """Its findings about a machine, for a user."""
-    person = Person("ana", user, groups)
-    return list(findings(machine.root, person, survey(machine.root, person)))
+    person = SystemUser("ana", user, groups)
+    return list(doctor_findings(machine.root, person, survey_ports(machine.root, person)))
 
 
 def about(found, topic):

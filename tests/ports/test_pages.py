@@ -38,14 +38,14 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
     import os
 
     from diffbotctl.cli.ports import _show
-    from diffbotctl.ports.judge import survey
-    from diffbotctl.ports.person import Person
+    from diffbotctl.ports.diagnosis import survey_ports
+    from diffbotctl.ports.permissions import SystemUser
     from tests.fake_machine import MEGA, FakeMachine
 
     machine = FakeMachine(tmp_path / "machine")
     machine.port("ttyACM0", MEGA, product="Mega 2560",
                  by_id="usb-Arduino_Mega_2560_75330303-if00")  # fmt: skip
-    seen = survey(machine.root, Person("ana", os.getuid() + 4000, frozenset()))
+    seen = survey_ports(machine.root, SystemUser("ana", os.getuid() + 4000, frozenset()))
 
     @click.command()
     def show():

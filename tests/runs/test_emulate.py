@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.flash.image import write_hex
+from diffbotctl.flash.intel_hex import write_hex
 from tests.virtual_board import LONGEST, command, diffbotctl, flat, run
 
 

@@ -1,11 +1,11 @@
 """The real firmware binary in the emulator, in lockstep with the plant, as a user runs it."""
 
 from diffbotctl.config.load import load
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 
 def go(seed):
-    options = Options(port="emulated", fast=True, seed=seed, duration=60.0, digest=True)
+    options = RunOptions(port="emulated", fast=True, seed=seed, duration=60.0, digest=True)
     return Run(load("goal"), options).go()
 
 
@@ -23,6 +23,6 @@ def test_falling_edges_serve_as_well_as_rising_ones(tmp_path):
     )
     setup = load("goal", str(robot))
     for port in ("sim", "emulated"):
-        result = Run(setup, Options(port=port, fast=True, seed=2, duration=60.0)).go()
+        result = Run(setup, RunOptions(port=port, fast=True, seed=2, duration=60.0)).go()
         assert result.reached == 1, port
         assert abs(result.truth.pose.x - 1.0) < 0.05 and abs(result.truth.pose.y - 0.5) < 0.05

@@ -11,7 +11,7 @@ import pytest
 from diffbotctl.block import Block, In, Out
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 FAR = ["run", "goal", "--goal", "2 0", "--set", "world.walls=[]"]
 PROGRAM = "from diffbotctl.cli.main import main; main()"
@@ -43,7 +43,7 @@ def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
 
 
 def test_the_end_of_the_time_is_a_confirmed_stop():
-    run = Run(load("goal", None, ["world.walls=[]"]), Options(fast=True, duration=2.0))
+    run = Run(load("goal", None, ["world.walls=[]"]), RunOptions(fast=True, duration=2.0))
     result = run.go()
     assert result.ending.stopped is True and result.ending.code == 0
     left, right = (wheel.speed for wheel in run.robot.robot.wheels)
@@ -81,7 +81,7 @@ blocks:
   kinematics: {block: diff_drive, in: {twist: bad.twist}}
 """
     )
-    options = Options(fast=True, goals=(Goal(0, 0, 2.0, 0.0, None),), record=tmp_path / "r.mcap")
+    options = RunOptions(fast=True, goals=(Goal(0, 0, 2.0, 0.0, None),), record=tmp_path / "r.mcap")
     result = Run(load(str(file)), options).go()
     assert result.ending.code == 1 and result.ending.stopped is True
     text = str(result.failure)
@@ -91,7 +91,7 @@ blocks:
 def test_a_full_disk_is_told_at_once_and_the_run_goes_on():
     told = []
     setup = load("goal", None, ["world.walls=[]"])
-    run = Run(setup, Options(fast=True, record="/dev/full"), tell=told.append)
+    run = Run(setup, RunOptions(fast=True, record="/dev/full"), tell=told.append)
     result = run.go()
     assert result.reached == 1 and result.ending.stopped is True
     assert "No space left" in result.recording
@@ -100,8 +100,8 @@ def test_a_full_disk_is_told_at_once_and_the_run_goes_on():
 
 def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):
     from diffbotctl.errors import RunError
-    from diffbotctl.hub.recording import RecordingReader
-    from diffbotctl.runs.again import replay
+    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.replay.replay import replay
 
     path = tmp_path / "killed.mcap"
     process = start(*FAR, "--record", str(path))
@@ -119,9 +119,9 @@ def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):
 
 
 def test_a_replay_is_the_run_again_bit_for_bit(tmp_path):
-    from diffbotctl.runs.again import replay
+    from diffbotctl.replay.replay import replay
 
     path = tmp_path / "whole.mcap"
-    result = Run(load("goal"), Options(fast=True, record=path, digest=True, seed=8)).go()
+    result = Run(load("goal"), RunOptions(fast=True, record=path, digest=True, seed=8)).go()
     again = replay(path, check=True)
     assert again.difference is None and again.digest == result.digest and again.compared > 1000

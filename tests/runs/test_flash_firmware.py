@@ -13,11 +13,11 @@ from contextlib import suppress
 import pytest
 from serial.tools.list_ports_common import ListPortInfo
 
-from diffbotctl.drivers.port import Port
+from diffbotctl.drivers import board_candidates
+from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.errors import RunError
-from diffbotctl.flash import find
-from diffbotctl.flash.image import write_hex
-from diffbotctl.flash.job import flash as job
+from diffbotctl.flash.flasher import flash as job
+from diffbotctl.flash.intel_hex import write_hex
 from prove.board_bench import BOOK
 from tests.virtual_board import LONGEST, board, command, diffbotctl, flash, flat, wait_until
 
@@ -113,7 +113,7 @@ def test_avrdude_does_it_as_well():
 @pytest.mark.parametrize("programmer", ["built-in", "avrdude"])
 def test_a_port_in_use_names_who_uses_it(programmer):
     with board() as virtual:
-        held = Port(str(virtual.usb), 115200)
+        held = SerialPortDevice(str(virtual.usb), 115200)
         code, said = flash(virtual, "--programmer", programmer)
         held.close()
     assert code == 1
@@ -138,7 +138,7 @@ def refused(forbid):
         if us == 0:
             os.seteuid(65534)
         with pytest.raises(RunError) as raised:
-            Port(os.ttyname(slave), 9600)
+            SerialPortDevice(os.ttyname(slave), 9600)
     finally:
         os.seteuid(us)
         os.close(master)
@@ -237,7 +237,9 @@ def port(device, usb=(None, None), product=None):
     ],
 )
 def test_which_ports_may_lead_to_a_board(ports, radio, found):
-    assert [each.device for each in find.sort(ports, radio)] == [f"/dev/{name}" for name in found]
+    assert [each.device for each in board_candidates.sort(ports, radio)] == [
+        f"/dev/{name}" for name in found
+    ]
 
 
 def test_a_board_has_a_name_that_stays(tmp_path):
@@ -246,6 +248,8 @@ def test_a_board_has_a_name_that_stays(tmp_path):
     names.mkdir()
     (names / "usb-Arduino_Mega_1-if00").symlink_to(tmp_path / "ttyACM0")
     device = os.path.realpath(tmp_path / "ttyACM0")
-    (one,) = find.sort([port(device, MEGA)], stable=find.stable_names(names))
+    (one,) = board_candidates.sort(
+        [port(device, MEGA)], stable=board_candidates.stable_names(names)
+    )
     assert one.stable == str(names / "usb-Arduino_Mega_1-if00")
-    assert find.stable_names(tmp_path / "none") == {}
+    assert board_candidates.stable_names(tmp_path / "none") == {}

@@ -8,23 +8,23 @@ import signal
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.bags.overview import overview
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
-from diffbotctl.engine import snapshot
 from diffbotctl.engine.clock import VirtualClock
-from diffbotctl.engine.digest import Digest
 from diffbotctl.engine.loop import Engine
-from diffbotctl.engine.outlet import Outlet
-from diffbotctl.engine.replay import Replay
 from diffbotctl.errors import RunError
-from diffbotctl.hub.flight_file import KEPT, folder, prune
-from diffbotctl.hub.recording import RecordingReader
 from diffbotctl.messages import Goal
-from diffbotctl.runs import recorded
-from diffbotctl.runs.again import Wanted, replay_as
-from diffbotctl.runs.assembly import assemble
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.recording import snapshot
+from diffbotctl.recording.black_box_store import KEPT, black_box_folder, delete_oldest
+from diffbotctl.recording.digest import Digest
+from diffbotctl.recording.info import recording_info
+from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.recorder import ChildSender
+from diffbotctl.recording.replay_driver import Replay
+from diffbotctl.replay import source
+from diffbotctl.replay.replay import ReplayOptions, replay_as
+from diffbotctl.runs.build_graph import assemble
+from diffbotctl.runs.run import Run, RunOptions
 from tests.runs.test_endings import FAR, read_until, start
 
 WALL = ("world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s")
@@ -38,7 +38,7 @@ def fly(where, sets=WALL, goals=ONE, **options):
     """Run with a flight recorder; the lines that were said, and the flights."""
     told = []
     run = Run(
-        load("goal", None, sets), Options(fast=True, flights=where, goals=goals, **options),
+        load("goal", None, sets), RunOptions(fast=True, flights=where, goals=goals, **options),
         tell=told.append,
     )  # fmt: skip
     result = run.go()
@@ -59,10 +59,10 @@ def test_a_stop_is_announced_in_one_line_with_the_file(tmp_path):
     assert told == [
         f"The whole run so far is in {path}; diffbotctl replay {path}" for path in flights
     ]
-    seen = overview(flights[0])
+    seen = recording_info(flights[0])
     assert "obstacle" in seen.end["cause"] and seen.complete
     assert {topic.origin for topic in seen.topics if topic.messages} == {"driver"}
-    assert "blocked" in overview(flights[-1]).end["cause"]
+    assert "blocked" in recording_info(flights[-1]).end["cause"]
 
 
 def test_a_run_without_a_stop_leaves_nothing(tmp_path):
@@ -75,8 +75,8 @@ def test_a_replay_makes_all_that_was_said_anew(tmp_path):
     _, _, flights = fly(tmp_path / "flights")
     full, again = tmp_path / "full.mcap", tmp_path / "again.mcap"
     sets = load("goal", None, WALL)
-    Run(sets, Options(fast=True, record=full, goals=ONE)).go()
-    done = replay_as(recorded.read(flights[-1]), Wanted(record=again))
+    Run(sets, RunOptions(fast=True, record=full, goals=ONE)).go()
+    done = replay_as(source.read_run(flights[-1]), ReplayOptions(record=again))
     assert done.begins == "run"
     assert said_by_blocks(again) == said_by_blocks(full)
 
@@ -89,7 +89,7 @@ def long(tmp_path_factory):
     _, told, flights = fly(where / "flights", sets, (*ROUND, LAST), seed=5)
     full = where / "full.mcap"
     Run(
-        load("goal", None, sets), Options(fast=True, record=full, goals=(*ROUND, LAST), seed=5)
+        load("goal", None, sets), RunOptions(fast=True, record=full, goals=(*ROUND, LAST), seed=5)
     ).go()
     return told, flights, full
 
@@ -97,25 +97,25 @@ def long(tmp_path_factory):
 def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
     told, flights, full = long
     assert "The last 3 minutes are in" in told[-1]
-    run = recorded.read(flights[-1])
+    run = source.read_run(flights[-1])
     assert run.begins == "state"
     begin = run.state[0]
     assert 180e9 <= run.last - begin <= 245e9  # the span, and up to a state or two before it
     again = tmp_path / "again.mcap"
-    replay_as(run, Wanted(record=again))
+    replay_as(run, ReplayOptions(record=again))
     assert said_by_blocks(again) == said_by_blocks(full, after=begin)
     assert len(said_by_blocks(again)) > 10_000
 
 
 def test_what_is_live_can_be_changed_in_the_midst_of_a_run_and_nothing_else(long):
-    run = recorded.read(long[1][-1])
-    plain = replay_as(run, Wanted())
+    run = source.read_run(long[1][-1])
+    plain = replay_as(run, ReplayOptions())
     live, fixed = ("guard.margin=0.2 m", "guard.resume=wait"), ("follower.tolerance=25 mm",)
-    changed = replay_as(run, Wanted(sets=live))
+    changed = replay_as(run, ReplayOptions(sets=live))
     assert changed.digest != plain.digest
-    assert replay_as(run, Wanted(sets=live)).digest == changed.digest
+    assert replay_as(run, ReplayOptions(sets=live)).digest == changed.digest
     with pytest.raises(RunError, match="midst of one"):
-        replay_as(run, Wanted(sets=fixed))
+        replay_as(run, ReplayOptions(sets=fixed))
 
 
 def test_the_command_says_where_a_replay_begins(long, tmp_path):
@@ -130,7 +130,7 @@ def test_the_command_says_where_a_replay_begins(long, tmp_path):
 
 def test_a_check_of_a_flight_is_refused(long):
     with pytest.raises(RunError, match="nothing that the blocks made"):
-        replay_as(recorded.read(long[1][-1]), Wanted(check=True))
+        replay_as(source.read_run(long[1][-1]), ReplayOptions(check=True))
 
 
 def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
@@ -140,11 +140,11 @@ def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     rest = process.stdout.read()  # the children hold the pipe: when it ends they have written all
-    (path,) = folder().glob("*.mcap")
+    (path,) = black_box_folder().glob("*.mcap")
     assert path.parent == tmp_path / "diffbotctl" / "flights"
-    assert overview(path).end["cause"] == "the engine was killed"
+    assert recording_info(path).end["cause"] == "the engine was killed"
     assert f"diffbotctl replay {path}" in rest
-    assert replay_as(recorded.read(path), Wanted()).ending.code == 0
+    assert replay_as(source.read_run(path), ReplayOptions()).ending.code == 0
 
 
 def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
@@ -160,7 +160,7 @@ def test_only_the_newest_flights_are_kept(tmp_path):
         path.write_text("")
         os.utime(path, ns=(number, number))
     (tmp_path / "notes.txt").write_text("mine")
-    prune(tmp_path)
+    delete_oldest(tmp_path)
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {f"{99 - number}.mcap" for number in range(5, KEPT + 5)} | {"notes.txt"}
 
@@ -179,7 +179,7 @@ def test_where_flights_lie(monkeypatch, state, home):
     monkeypatch.delenv("XDG_STATE_HOME")
     if state is not None:
         monkeypatch.setenv("XDG_STATE_HOME", state)
-    assert str(folder()) == f"{home}/diffbotctl/flights"
+    assert str(black_box_folder()) == f"{home}/diffbotctl/flights"
 
 
 class Evil:
@@ -195,7 +195,7 @@ class Evil:
     [
         lambda mark: pickle.dumps(Evil(os.system, f"touch {mark}")),
         lambda mark: pickle.dumps(Evil(open, str(mark), "w")),
-        lambda mark: pickle.dumps(Evil(Outlet, str(mark))),  # ours, but no part of a block
+        lambda mark: pickle.dumps(Evil(ChildSender, str(mark))),  # ours, but no part of a block
         lambda mark: pickle.dumps(({}, {})),
         lambda mark: pickle.dumps(7),
         lambda mark: b"",
@@ -206,7 +206,7 @@ def test_a_state_can_do_nothing_but_be_a_state(tmp_path, evil):
     mark = tmp_path / "mark"
     graph = assemble(load("goal"), real=False).graph
     with pytest.raises(snapshot.StateError):
-        snapshot.restore(evil(mark), Engine(graph, [], VirtualClock()))
+        snapshot.restore_snapshot(evil(mark), Engine(graph, [], VirtualClock()))
     assert not mark.exists()
 
 
@@ -224,7 +224,7 @@ def test_a_state_can_do_nothing_but_be_a_state(tmp_path, evil):
 def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot):
     full = tmp_path / "full.mcap"
     setup = load(pipeline, robot)
-    Run(setup, Options(fast=True, duration=4.0, record=full, seed=2)).go()
+    Run(setup, RunOptions(fast=True, duration=4.0, record=full, seed=2)).go()
     half = 2_000_000_000
 
     def engine(after, said):
@@ -235,12 +235,14 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     first, rest = [], []
     before, behind = engine(-1, first), engine(half, rest)
     before.run(half + 1)
-    data = snapshot.take(before)
-    snapshot.restore(data, behind)
+    data = snapshot.take_snapshot(before)
+    snapshot.restore_snapshot(data, behind)
     behind.last = half
     behind.run(4_000_000_000)
     digest = Digest(before.graph.kinds)
     for instant in first + rest:
         digest.record(instant)
-    assert digest.text() == replay_as(recorded.read(full), Wanted(until=4_000_000_000)).digest
+    assert (
+        digest.text() == replay_as(source.read_run(full), ReplayOptions(until=4_000_000_000)).digest
+    )
     assert len(first) > 10 < len(rest)

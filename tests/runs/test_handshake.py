@@ -16,12 +16,12 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.drivers.emulator_process import IMAGE
+from diffbotctl.board.blink import blink
+from diffbotctl.emulator.process import IMAGE
 from diffbotctl.errors import RunError
-from diffbotctl.flash.blink import blink
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot import DiffbotHost
-from diffbotctl.links.diffbot_codec import Decoder
+from diffbotctl.links.diffbot_codec import FrameDecoder
+from diffbotctl.links.diffbot_host import DiffbotHost
 from prove.board_bench import BOOK
 from tests.book_board import OnPort
 from tests.virtual_board import board, diffbotctl, flash, flat, run
@@ -201,5 +201,5 @@ def test_a_stop_is_the_first_frame_on_every_new_link(tmp_path):
     with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0") as wire:
         code, said = diffbotctl(*run(wire.name, "--goal", "0.1 0"))
         assert code == 0, said
-        sent = Decoder().feed(wire.to_board)
-    assert isinstance(sent[0], frames.Stop)
+        sent = FrameDecoder().feed(wire.to_board)
+    assert isinstance(sent[0], frames.StopFrame)

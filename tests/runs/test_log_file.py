@@ -8,7 +8,7 @@ import pytest
 from diffbotctl.config.load import load
 from diffbotctl.errors import RunError
 from diffbotctl.messages import LOG_LEVELS, LogLine
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 WALL = ["world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "guard.resume=by_itself"]
 
@@ -19,7 +19,7 @@ def written(path):
 
 def test_every_event_is_a_line_of_json(tmp_path):
     path = tmp_path / "run.jsonl"
-    result = Run(load("goal"), Options(fast=True, log=path)).go()
+    result = Run(load("goal"), RunOptions(fast=True, log=path)).go()
     lines = written(path)
     assert result.reached == 1
     assert all(set(line) == {"at", *LogLine._fields} for line in lines)
@@ -35,7 +35,7 @@ def test_every_event_is_a_line_of_json(tmp_path):
 
 def test_one_line_an_event_and_never_one_a_message(tmp_path):
     path = tmp_path / "run.jsonl"
-    run = Run(load("goal", None, WALL), Options(fast=True, log=path, duration=20.0))
+    run = Run(load("goal", None, WALL), RunOptions(fast=True, log=path, duration=20.0))
     run.go()
     said = [line["text"] for line in written(path)]
     assert any("STOP obstacle" in text for text in said)
@@ -45,14 +45,14 @@ def test_one_line_an_event_and_never_one_a_message(tmp_path):
 def test_a_second_run_adds_to_the_file(tmp_path):
     path = tmp_path / "run.jsonl"
     for _ in range(2):
-        Run(load("goal"), Options(fast=True, log=path, duration=0.5)).go()
+        Run(load("goal"), RunOptions(fast=True, log=path, duration=0.5)).go()
     starts = [line for line in written(path) if line["text"].startswith("started")]
     assert len(starts) == 2
 
 
 def test_a_full_disk_is_said_once_and_the_run_goes_on():
     told = []
-    run = Run(load("goal"), Options(fast=False, log="/dev/full", duration=1.5), tell=told.append)
+    run = Run(load("goal"), RunOptions(fast=False, log="/dev/full", duration=1.5), tell=told.append)
     result = run.go()
     assert result.ending.stopped is True
     assert len(told) == 1
@@ -61,16 +61,16 @@ def test_a_full_disk_is_said_once_and_the_run_goes_on():
 
 def test_a_file_that_cannot_be_opened_is_refused_before_anything_starts(tmp_path):
     with pytest.raises(RunError, match="E-LOG"):
-        Run(load("goal"), Options(fast=True, log=tmp_path / "nowhere" / "run.jsonl"))
+        Run(load("goal"), RunOptions(fast=True, log=tmp_path / "nowhere" / "run.jsonl"))
 
 
 @pytest.mark.parametrize("sets", [[], WALL], ids=["open", "wall"])
 def test_a_replay_has_the_same_log_line_by_line(tmp_path, sets):
-    from diffbotctl.hub.recording import RecordingReader
-    from diffbotctl.runs.again import replay
+    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.replay.replay import replay
 
     path = tmp_path / "run.mcap"
-    options = Options(fast=True, record=path, digest=True, duration=20.0, seed=3)
+    options = RunOptions(fast=True, record=path, digest=True, duration=20.0, seed=3)
     result = Run(load("goal", None, sets), options).go()
     lines = [item for item in RecordingReader(path).messages() if item.wire == "log"]
     assert len(lines) > 4 and not any(item.from_driver for item in lines)
@@ -79,12 +79,12 @@ def test_a_replay_has_the_same_log_line_by_line(tmp_path, sets):
 
 
 def test_a_replay_that_says_something_else_is_found_out(tmp_path, monkeypatch):
-    from diffbotctl.engine import chronicle
-    from diffbotctl.runs.again import replay
+    from diffbotctl.engine import event_log
+    from diffbotctl.replay.replay import replay
 
     path = tmp_path / "run.mcap"
-    Run(load("goal"), Options(fast=True, record=path, duration=2.0)).go()
-    monkeypatch.setattr(chronicle, "_away", lambda state: "some way")
+    Run(load("goal"), RunOptions(fast=True, record=path, duration=2.0)).go()
+    monkeypatch.setattr(event_log, "_away", lambda state: "some way")
     difference = replay(path, check=True).difference
     assert difference is not None and difference.wire == "log" and "some way" in difference.replayed
 
@@ -107,7 +107,7 @@ def test_the_block_that_raised_says_so_in_the_log(tmp_path, monkeypatch):
         "  kinematics: {block: diff_drive, in: {twist: bad.twist}}\n"
         "goals: [{x: 2 m, y: 0 m}]\n"
     )
-    result = Run(load(str(file)), Options(fast=True, log=path)).go()
+    result = Run(load(str(file)), RunOptions(fast=True, log=path)).go()
     bad = [line for line in written(path) if line["source"] == "bad"]
     assert result.ending.code == 1
     assert [line["level"] for line in bad] == ["error"] and "ZeroDivisionError" in bad[0]["text"]

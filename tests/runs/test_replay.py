@@ -7,18 +7,18 @@ from itertools import groupby
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.bags.compare import compare
-from diffbotctl.bags.measured import measured
-from diffbotctl.bags.overview import overview
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
 from diffbotctl.graph import SECOND
-from diffbotctl.hub.recording import Recording, RecordingReader
 from diffbotctl.messages import BUILT_IN
-from diffbotctl.runs import recorded
-from diffbotctl.runs.again import Wanted, replay_as
-from diffbotctl.runs.once_more import drive_once_more, obstacle_to
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.recording.diff import recording_differences
+from diffbotctl.recording.info import recording_info
+from diffbotctl.recording.mcap_file import Recording, RecordingReader
+from diffbotctl.recording.metrics import recorded_metrics
+from diffbotctl.replay import source
+from diffbotctl.replay.replay import ReplayOptions, replay_as
+from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
+from diffbotctl.runs.run import Run, RunOptions
 
 WHEELS = "gate.wheels"
 SLOWER = ("robot.limits.speed=0.15 m/s",)
@@ -27,8 +27,8 @@ SLOWER = ("robot.limits.speed=0.15 m/s",)
 @pytest.fixture(scope="module")
 def goal(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "goal.mcap"
-    Run(load("goal"), Options(fast=True, record=path, digest=True, seed=3)).go()
-    return recorded.read(path)
+    Run(load("goal"), RunOptions(fast=True, record=path, digest=True, seed=3)).go()
+    return source.read_run(path)
 
 
 def said(*words):
@@ -38,43 +38,45 @@ def said(*words):
 
 
 def test_driving_once_more_unchanged_is_the_run_itself(goal):
-    assert obstacle_to(goal) is None
-    again = drive_once_more(goal, Wanted())
+    assert why_not_resimulable(goal) is None
+    again = resimulate(goal, ReplayOptions())
     assert again.digest == goal.end["digest"]
-    assert again.metrics == measured(goal.path)
+    assert again.metrics == recorded_metrics(goal.path)
     assert again.metrics.true_error is not None
 
 
-@pytest.mark.parametrize("replayed", [drive_once_more, replay_as])
+@pytest.mark.parametrize("replayed", [resimulate, replay_as])
 def test_the_same_change_twice_is_the_same_run(goal, replayed):
-    first, again = (replayed(goal, Wanted(sets=SLOWER)) for _ in range(2))
+    first, again = (replayed(goal, ReplayOptions(sets=SLOWER)) for _ in range(2))
     assert first.digest == again.digest != goal.end["digest"]
     assert first.metrics == again.metrics
 
 
 def test_a_slower_robot_arrives_later(goal):
-    slow = drive_once_more(goal, Wanted(sets=SLOWER)).metrics
+    slow = resimulate(goal, ReplayOptions(sets=SLOWER)).metrics
     assert slow.goals_reached == 1
     # 1.12 m at half the 0.3 m/s takes 3.7 s longer, less what ramps take of it
-    assert slow.time_to_goal - measured(goal.path).time_to_goal == pytest.approx(3.5, abs=1.0)
+    assert slow.time_to_goal - recorded_metrics(goal.path).time_to_goal == pytest.approx(
+        3.5, abs=1.0
+    )
 
 
 def test_with_the_recorded_motion_only_what_the_blocks_say_changes(goal, tmp_path):
     path = tmp_path / "changed.mcap"
-    replay_as(goal, Wanted(sets=SLOWER, record=path))
-    topics = {topic.name: topic.place for topic in compare(goal.path, path)}
+    replay_as(goal, ReplayOptions(sets=SLOWER, record=path))
+    topics = {topic.name: topic.place for topic in recording_differences(goal.path, path)}
     assert topics["robot.encoders"] is None and topics["odometry.odometry"] is None
     assert topics["follower.twist"] is not None
-    assert json.loads(recorded.read(path).about["sets"]) == list(SLOWER)
+    assert json.loads(source.read_run(path).about["sets"]) == list(SLOWER)
 
 
 def test_a_replay_written_out_equals_its_recording(goal, tmp_path):
     path = tmp_path / "again.mcap"
-    done = replay_as(goal, Wanted(record=path))
+    done = replay_as(goal, ReplayOptions(record=path))
     assert done.digest == goal.end["digest"]
-    assert all(topic.place is None for topic in compare(goal.path, path))
-    assert overview(path).complete
-    assert replay_as(recorded.read(path), Wanted(check=True)).difference is None
+    assert all(topic.place is None for topic in recording_differences(goal.path, path))
+    assert recording_info(path).complete
+    assert replay_as(source.read_run(path), ReplayOptions(check=True)).difference is None
 
 
 def rewritten(goal, path, wires, kept=lambda item: True):
@@ -91,15 +93,15 @@ def rewritten(goal, path, wires, kept=lambda item: True):
             said = {item.wire: item.message for item in instant}
             recording.write((instant[0].time, *(said.get(wire) for wire in kinds)))
         recording.finish(reader.end)
-    return recorded.read(path)
+    return source.read_run(path)
 
 
 @pytest.mark.parametrize("missing", ["log", "follower.state"])
 def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path, missing):
-    whole = replay_as(goal, Wanted(check=True))
+    whole = replay_as(goal, ReplayOptions(check=True))
     assert missing in goal.wires and not whole.left_out
     old = rewritten(goal, tmp_path / "old.mcap", set(goal.wires) - {missing})
-    done = replay_as(old, Wanted(check=True))
+    done = replay_as(old, ReplayOptions(check=True))
     assert done.difference is None and set(done.left_out) == {missing}
     assert done.compared + done.left_out[missing] == whole.compared
     code, text = said(old.path, "--check")
@@ -108,7 +110,7 @@ def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path
 
 def test_a_wire_that_the_recording_has_is_compared_to_its_last_message(goal, tmp_path):
     silent = rewritten(goal, tmp_path / "silent.mcap", goal.wires, lambda item: item.wire != "log")
-    done = replay_as(silent, Wanted(check=True))
+    done = replay_as(silent, ReplayOptions(check=True))
     assert done.difference.wire in ("log", "(time)") and not done.left_out
     assert said(silent.path, "--check")[0] == 1
 
@@ -120,15 +122,15 @@ def test_beside_a_wire_that_is_left_out_a_single_lost_message_shows(goal, tmp_pa
     holed = rewritten(
         goal, tmp_path / "holed.mcap", wires, lambda item: (item.wire, item.time) != (WHEELS, lost)
     )
-    first = replay_as(holed, Wanted(check=True)).difference
+    first = replay_as(holed, ReplayOptions(check=True)).difference
     assert (first.wire, first.time, first.recorded) == (WHEELS, lost, "nothing")
 
 
 @pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])
 def test_a_part_is_measured_as_in_the_recording(goal, begin, until):
     begin, until = round(begin * SECOND), round(until * SECOND)
-    done = replay_as(goal, Wanted(begin=begin, until=until))
-    expected = measured(goal.path, begin, until)
+    done = replay_as(goal, ReplayOptions(begin=begin, until=until))
+    expected = recorded_metrics(goal.path, begin, until)
     assert done.metrics._replace(true_error=None) == expected
     assert done.ending.time <= until
 
@@ -137,7 +139,7 @@ def test_speed_changes_nothing_but_the_time_it_takes(goal):
     def show(pictures):
         assert list(pictures)[-1].messages  # in a child
 
-    fast = replay_as(goal, Wanted(speed=1000.0, begin=SECOND, show=show))
+    fast = replay_as(goal, ReplayOptions(speed=1000.0, begin=SECOND, show=show))
     assert fast.digest == goal.end["digest"]
 
 
@@ -151,7 +153,7 @@ def test_speed_changes_nothing_but_the_time_it_takes(goal):
     ],
 )
 def test_what_cannot_drive_once_more(goal, change, reason):
-    assert reason in obstacle_to(goal._replace(about={**goal.about, **change}))
+    assert reason in why_not_resimulable(goal._replace(about={**goal.about, **change}))
 
 
 def test_the_command_prints_the_metrics_of_both(goal):

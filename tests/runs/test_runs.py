@@ -4,13 +4,13 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 
 def go(pipeline, robot=None, sets=(), **options):
     options.setdefault("fast", True)
     options.setdefault("duration", 120.0)
-    return Run(load(pipeline, robot, sets), Options(**options)).go()
+    return Run(load(pipeline, robot, sets), RunOptions(**options)).go()
 
 
 @pytest.mark.parametrize("robot", ["book_2wd", "book_2wd_counts", "book_2wd_stock"])

@@ -2,14 +2,14 @@
 
 import pytest
 
-from diffbotctl.runs.seen_wheels import SeenWheels
+from diffbotctl.emulator.wheel_report import WheelReport
 
 MS = 1_000_000
 
 
 def told(*looks):
     """What is said while (ms, left, right) ... are looked at."""
-    seen = SeenWheels()
+    seen = WheelReport()
     said = [seen.look(time * MS, (left, right)) for time, left, right in looks]
     return [each for each in said if each]
 

@@ -8,12 +8,12 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Options, Run
+from diffbotctl.runs.run import Run, RunOptions
 
 
 def go(pipeline, robot=None, sets=(), **options):
     options = {"fast": True, "duration": 120.0, **options}
-    return Run(load(pipeline, robot, sets), Options(**options)).go()
+    return Run(load(pipeline, robot, sets), RunOptions(**options)).go()
 
 
 @pytest.mark.parametrize("robot", ["turtle", "turtlebot3_burger"])
@@ -46,7 +46,7 @@ def test_a_wall_stops_the_burger_at_its_margin():
 
 
 def test_a_burger_keeps_to_its_limits():
-    run = Run(load("wander"), Options(fast=True, duration=20.0, seed=2))
+    run = Run(load("wander"), RunOptions(fast=True, duration=20.0, seed=2))
     fastest = [0.0, 0.0]
     plant = run.robot.robot
 

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import Decoder
+from diffbotctl.links.diffbot_codec import FrameDecoder
 from tests.virtual_board import board, diffbotctl, flash, flat, moving, run, start, wait_until
 from tests.wire import Wire
 
@@ -82,10 +82,10 @@ def test_after_a_pulled_link_a_stop_comes_first_and_a_person_must_consent(tmp_pa
         went = virtual.board.plant.truth().pose.x
         wire.plug()
         said, _ = driver.communicate()
-        sent = Decoder().feed(wire.to_board)
+        sent = FrameDecoder().feed(wire.to_board)
         assert virtual.board.plant.truth().pose.x - went < 0.03  # it rolls out, no more
-    assert isinstance(sent[0], frames.Stop)
-    assert not [frame for frame in sent if isinstance(frame, frames.Command) and frame.left]
+    assert isinstance(sent[0], frames.StopFrame)
+    assert not [frame for frame in sent if isinstance(frame, frames.CommandFrame) and frame.left]
     said = flat(said)
     assert "link_lost" in said and "waits for `resume`" in said
     assert "link up" in said and "final stop confirmed" in said

@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.errors import UsageError
-from diffbotctl.start.answers import QUESTIONS, Answers
+from diffbotctl.start.guide_answers import QUESTIONS, GuideAnswers
 
 
 @pytest.fixture
@@ -11,7 +11,7 @@ def answers(tmp_path):
     def written(text):
         path = tmp_path / "answers.yaml"
         path.write_text(text)
-        return Answers(path)
+        return GuideAnswers(path)
 
     return written
 
@@ -47,4 +47,4 @@ def test_what_is_wrong_is_said(answers, text, name, words):
 
 def test_a_missing_file(tmp_path):
     with pytest.raises(UsageError, match="No such file"):
-        Answers(tmp_path / "none.yaml")
+        GuideAnswers(tmp_path / "none.yaml")

@@ -3,27 +3,27 @@
 import pytest
 
 from diffbotctl.errors import RunError
-from diffbotctl.start.record import Record, place
+from diffbotctl.start.progress import GuideProgress, place
 
 
 def test_what_was_done_is_there_at_the_next_visit(tmp_path):
     path = tmp_path / "new" / "start.json"
-    record = Record(path, "/home/me/robot")
+    record = GuideProgress(path, "/home/me/robot")
     record.notes["port"] = "/dev/ttyACM0"
     record.finish("simulated")
     record.finish("simulated")
-    again = Record(path, "/home/me/robot")
+    again = GuideProgress(path, "/home/me/robot")
     assert again.done == ["simulated"]
     assert again.notes == {"port": "/dev/ttyACM0"}
-    assert Record(path, "/home/me/other").done == []
+    assert GuideProgress(path, "/home/me/other").done == []
 
 
 def test_one_robot_does_not_forget_for_another(tmp_path):
     path = tmp_path / "start.json"
-    Record(path, "one").finish("board")
-    Record(path, "two").finish("wheels")
-    Record(path, "one").forget()
-    assert (Record(path, "one").done, Record(path, "two").done) == ([], ["wheels"])
+    GuideProgress(path, "one").finish("board")
+    GuideProgress(path, "two").finish("wheels")
+    GuideProgress(path, "one").forget()
+    assert (GuideProgress(path, "one").done, GuideProgress(path, "two").done) == ([], ["wheels"])
 
 
 @pytest.mark.parametrize(
@@ -33,16 +33,16 @@ def test_one_robot_does_not_forget_for_another(tmp_path):
 def test_a_damaged_record_is_an_empty_one(tmp_path, text):
     path = tmp_path / "start.json"
     path.write_text(text, encoding="latin-1")
-    record = Record(path, "one")
+    record = GuideProgress(path, "one")
     assert (record.done, record.notes) == ([], {})
     record.finish("simulated")
-    assert Record(path, "one").done == ["simulated"]
+    assert GuideProgress(path, "one").done == ["simulated"]
 
 
 def test_where_it_cannot_be_kept_the_place_is_named(tmp_path):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(RunError, match="XDG_STATE_HOME"):
-        Record(tmp_path / "file" / "start.json", "one").finish("simulated")
+        GuideProgress(tmp_path / "file" / "start.json", "one").finish("simulated")
 
 
 def test_it_lies_where_state_belongs(monkeypatch):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.load import load_robot
-from diffbotctl.drivers.emulator_process import IMAGE
+from diffbotctl.emulator.process import IMAGE
 from tests.terminal import Terminal
 from tests.virtual_board import LONGEST, board, command
 

@@ -1,27 +1,27 @@
 """A curve in characters: points where they belong, axes with their numbers."""
 
-from diffbotctl.ui.curve import HEIGHT, LABEL, WIDTH, curve
+from diffbotctl.ui.plot.plots import CURVE_HEIGHT, CURVE_LABEL_WIDTH, CURVE_WIDTH, render_curve
 
 
 def cells(text: str) -> list[str]:
     """The picture's rows without the numbers on the left."""
-    return [line[LABEL + 2 :] for line in text.split("\n")[:HEIGHT]]
+    return [line[CURVE_LABEL_WIDTH + 2 :] for line in text.split("\n")[:CURVE_HEIGHT]]
 
 
 def test_the_least_and_the_most_stand_in_the_corners():
-    text = curve({"fit": [(4.0, 2.7), (30.0, 0.4)]}, "cm", "V").plain
+    text = render_curve({"fit": [(4.0, 2.7), (30.0, 0.4)]}, "cm", "V").plain
     rows = cells(text)
-    assert rows[0][0] == "." and rows[-1][WIDTH - 1] == "."
+    assert rows[0][0] == "." and rows[-1][CURVE_WIDTH - 1] == "."
     assert text.startswith("    2.7 |")
     assert "4" in text and "30" in text and text.endswith(". fit; across cm, upwards V")
 
 
 def test_points_are_drawn_over_the_curve():
-    rows = cells(curve({"fit": [(0, 0), (1, 1), (2, 2)], "rule": [(1, 1)]}, "", "").plain)
+    rows = cells(render_curve({"fit": [(0, 0), (1, 1), (2, 2)], "rule": [(1, 1)]}, "", "").plain)
     assert sum(row.count("o") for row in rows) == 1
     assert sum(row.count(".") for row in rows) == 2
 
 
 def test_one_value_alone_is_no_division_by_zero():
-    assert "o" not in "".join(cells(curve({"fit": [(1.0, 1.0)]}, "", "").plain))
-    assert curve({}, "", "").plain
+    assert "o" not in "".join(cells(render_curve({"fit": [(1.0, 1.0)]}, "", "").plain))
+    assert render_curve({}, "", "").plain

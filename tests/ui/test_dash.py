@@ -8,7 +8,7 @@ import termios
 
 import pytest
 
-from tests.hub.running import Plain, command, moves, running
+from tests.control_socket.running import Plain, command, moves, running
 from tests.terminal import Terminal
 
 SIZES = [(80, 24), (120, 40), (200, 60)]

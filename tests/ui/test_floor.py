@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.hub.latest import Snapshot
 from diffbotctl.messages import Goal, Odometry, Range
-from diffbotctl.ui import floor
-from diffbotctl.ui.camera import Camera, around
-from diffbotctl.ui.map import Layer, Map, scale_bar
-from diffbotctl.ui.scene import Beam, Outline, Scene
+from diffbotctl.processes.screen import RunSnapshot
+from diffbotctl.render.map_scene import Scene, SceneBeam, SceneOutline
+from diffbotctl.ui.map import layers
+from diffbotctl.ui.map.canvas import Layer, Map, scale_bar
+from diffbotctl.ui.map.viewport import Camera, around
 
 CERTAIN = (0.0,) * 6
-BODY = Outline(0.08, 0.15, 0.14, 0.125, 0.065, 0.065, 0.3, 4.0)
+BODY = SceneOutline(0.08, 0.15, 0.14, 0.125, 0.065, 0.065, 0.3, 4.0)
 
 
 @given(st.integers(0, 79), st.integers(0, 23), st.floats(2.0, 200.0))
@@ -62,18 +62,18 @@ def test_the_highest_layer_gives_the_letter():
 
 
 def picture(**messages):
-    return Snapshot(0, {name.replace("_", "."): each for name, each in messages.items()}, 0, 0)
+    return RunSnapshot(0, {name.replace("_", "."): each for name, each in messages.items()}, 0, 0)
 
 
 def test_everything_is_on_the_map_in_letters():
     scene = Scene("t", "", ((1.0, -1.0, 1.0, 1.0),), ((0.0, 0.7, 0.1),), BODY,
-                  (Beam("range.range", 0.08, 0.0, 0.0, 0.3),))  # fmt: skip
+                  (SceneBeam("range.range", 0.08, 0.0, 0.0, 0.3),))  # fmt: skip
     here = Odometry(0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.01, 0.0, 0.0, 0.0025, 0.0, 0.0))
     seen = picture(odometry=here, goal=Goal(0, 1, 0.7, -0.5, pi / 2), range_range=Range(
         0, 0.2, "measured"))  # fmt: skip
     trail = [(-0.5 + 0.01 * i, -0.4) for i in range(30)]
     camera = around([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
-    text = floor.draw(scene, seen, trail, camera, 70, 35, plain=True).text().plain
+    text = layers.draw(scene, seen, trail, camera, 70, 35, plain=True).text().plain
     for (
         sign
     ) in "#.o>X+:x~,|":  # wall, trail, outline, robot, goal, heading, beam, hit, doubt, way, bar
@@ -95,7 +95,7 @@ def test_everything_is_on_the_map_in_letters():
     ],
 )
 def test_the_ellipse_holds_three_sigmas(covariance, axes, turn):
-    long, short, found = floor.ellipse(covariance)
+    long, short, found = layers.ellipse(covariance)
     assert (long, short) == pytest.approx(axes)
     assert found == pytest.approx(turn)
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from diffbotctl.ui.teleop.hand import KEY_LASTS, Hand
-from diffbotctl.ui.teleop.keys import DOWN, UP
-from diffbotctl.ui.teleop.pulse import PATIENCE, PERIOD, multiplexer
-from diffbotctl.ui.teleop.reins import FIRST_ANSWER, STALL, Reins
+from diffbotctl.ui.teleop.deadman import FIRST_ANSWER, STALL, TeleopDeadman
+from diffbotctl.ui.teleop.key_layouts import DOWN, UP
+from diffbotctl.ui.teleop.key_to_velocity import KEY_LASTS, KeyboardVelocity
+from diffbotctl.ui.teleop.terminal_heartbeat import PATIENCE, PERIOD, multiplexer
 
 LIMITS = (0.3, 4.0)  # one begins with half: 0.15 m/s and 2 rad/s
 F, T = 0.15, 2.0
@@ -24,14 +24,14 @@ F, T = 0.15, 2.0
     ],
 )  # fmt: skip
 def test_each_key_drives_as_in_ros(keys, key, linear, angular):
-    hand = Hand(LIMITS, keys)
+    hand = KeyboardVelocity(LIMITS, keys)
     assert hand.press(key, 0.0)
     assert hand.wanted(0.0) == (linear, angular)
 
 
 @pytest.mark.parametrize("key", ["k", "space"])
 def test_a_stop_key_lets_go(key):
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     hand.press("i", 0.0)
     assert hand.press(key, 0.1)
     assert hand.wanted(0.1) is None
@@ -42,7 +42,7 @@ def test_a_stop_key_lets_go(key):
     [("q", UP, UP), ("z", DOWN, DOWN), ("w", UP, 1), ("x", DOWN, 1), ("e", 1, UP), ("c", 1, DOWN)],
 )
 def test_speed_keys_change_what_a_press_means(key, speed, turn):
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     hand.press("i", 0.0)
     hand.press(key, 0.0)
     assert (hand.speed, hand.turn) == pytest.approx((F * speed, T * turn))
@@ -50,7 +50,7 @@ def test_speed_keys_change_what_a_press_means(key, speed, turn):
 
 
 def test_speeds_stay_within_the_robots_limits():
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     for _ in range(100):
         hand.press("q", 0.0)
     assert (hand.speed, hand.turn) == LIMITS
@@ -60,7 +60,7 @@ def test_speeds_stay_within_the_robots_limits():
 
 
 def test_a_held_key_counts_until_its_repeats_end():
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     for repeat in range(10):
         hand.press("i", repeat * 0.1)
         assert hand.wanted(repeat * 0.1) == (F, 0)
@@ -70,7 +70,7 @@ def test_a_held_key_counts_until_its_repeats_end():
 
 
 def test_a_first_repeat_that_comes_late_is_told():
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     hand.press("i", 0.0)
     assert hand.wanted(KEY_LASTS + 0.1) is None
     hand.press("i", 0.66)  # the slowest first repeat that keyboards are set to
@@ -80,7 +80,7 @@ def test_a_first_repeat_that_comes_late_is_told():
 
 
 def test_latched_a_press_stays_until_another_key():
-    hand = Hand(LIMITS, mode="latched")
+    hand = KeyboardVelocity(LIMITS, mode="latched")
     hand.press("i", 0.0)
     assert hand.wanted(1000.0) == (F, 0)
     hand.press("k", 1000.0)
@@ -88,7 +88,7 @@ def test_latched_a_press_stays_until_another_key():
 
 
 def test_latched_turtle_keys_add_steps_and_ten_up_and_ten_down_are_zero():
-    hand = Hand(LIMITS, "turtle", "latched")
+    hand = KeyboardVelocity(LIMITS, "turtle", "latched")
     for _ in range(12):  # ten steps are the limit
         hand.press("w", 0.0)
     assert hand.wanted(0.0) == pytest.approx((0.3, 0.0))
@@ -99,7 +99,7 @@ def test_latched_turtle_keys_add_steps_and_ten_up_and_ten_down_are_zero():
 
 
 def test_a_change_of_mode_or_keys_lets_go():
-    hand = Hand(LIMITS)
+    hand = KeyboardVelocity(LIMITS)
     hand.press("i", 0.0)
     hand.use(mode="latched")
     assert hand.wanted(0.0) is None
@@ -118,8 +118,8 @@ class Line:
 
     def __init__(self, mode="hold", answers=True):
         self.now, self.said, self.questions = 0.0, [], 0
-        self.hand = Hand(LIMITS, mode=mode)
-        self.reins = Reins(self.hand, self.say, self.question, 0.0)
+        self.hand = KeyboardVelocity(LIMITS, mode=mode)
+        self.reins = TeleopDeadman(self.hand, self.say, self.question, 0.0)
         self.answers = answers
         self.run(0.2)
 

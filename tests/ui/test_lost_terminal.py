@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from diffbotctl.hub.recording import RecordingReader
-from tests.hub.running import Plain, command, moves, running, stands
+from diffbotctl.recording.mcap_file import RecordingReader
+from tests.control_socket.running import Plain, command, moves, running, stands
 from tests.terminal import PATIENCE, Terminal
 
 LIMIT = 1_000_000_000  # ns to wheels commanded to zero; `make prove` holds it to half of that

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.ui.paragraph import folded
+from diffbotctl.ui.text import fold_text
 
 CASES = (
     # text, hang, width, what comes of it
@@ -19,4 +19,4 @@ CASES = (
 
 @pytest.mark.parametrize(("text", "hang", "width", "expected"), CASES)
 def test_folding(text, hang, width, expected):
-    assert folded(text, hang, width) == expected
+    assert fold_text(text, hang, width) == expected

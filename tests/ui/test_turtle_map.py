@@ -7,17 +7,16 @@ import pytest
 from rich.console import Console
 
 from diffbotctl.config.load import load
-from diffbotctl.hub.latest import Snapshot
 from diffbotctl.messages import Canvas, Odometry, Scan
-from diffbotctl.runs.assembly import assemble
-from diffbotctl.runs.scene import scene
-from diffbotctl.ui import floor
-from diffbotctl.ui.camera import Camera
-from diffbotctl.ui.live import LiveView
-from diffbotctl.ui.map import Layer
-from diffbotctl.ui.scene import Scene, scene_of
-from diffbotctl.ui.sheet import MOST_LINES, Sheet
-from diffbotctl.ui.words import located
+from diffbotctl.processes.screen import RunSnapshot
+from diffbotctl.render.map_scene import Scene, scene, scene_of
+from diffbotctl.runs.build_graph import assemble
+from diffbotctl.ui.live_view import LiveView
+from diffbotctl.ui.map import layers
+from diffbotctl.ui.map.canvas import Layer
+from diffbotctl.ui.map.trail import MOST_LINES, TurtleTrail
+from diffbotctl.ui.map.viewport import Camera
+from diffbotctl.ui.message_text import located
 
 EXACT = (0.0,) * 6
 
@@ -33,7 +32,7 @@ def looks(sheet=0, pen="#ff0000", is_down=True, turtles=()):
 def picture(**messages):
     """The newest messages by wire, `__` for the dot."""
     named = {wire.replace("__", "."): message for wire, message in messages.items()}
-    return Snapshot(0, named, 0, 0)
+    return RunSnapshot(0, named, 0, 0)
 
 
 def drawn(view, shown, width=60, height=40):
@@ -51,7 +50,7 @@ def test_a_block_s_pose_goes_before_the_camera_s():
 
 
 def test_the_pen_draws_in_its_colour_only_while_down():
-    sheet = Sheet()
+    sheet = TurtleTrail()
     way = [
         (0.0, looks()),
         (0.2, looks()),
@@ -70,13 +69,13 @@ def test_the_pen_draws_in_its_colour_only_while_down():
 
 
 def test_a_run_without_a_canvas_has_no_sheet():
-    sheet = Sheet()
+    sheet = TurtleTrail()
     sheet.see(picture(robot__pose=pose(1.0, 0.0)))
     assert sheet.looks is None and sheet.last is None
 
 
 def test_a_long_line_loses_its_beginning():
-    sheet = Sheet()
+    sheet = TurtleTrail()
     for step in range(MOST_LINES + 10):
         sheet.see(picture(robot__pose=pose(0.1 * step, 0.0), canvas__canvas=looks()))
     assert len(sheet.lines) == MOST_LINES
@@ -122,7 +121,7 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     # ahead 1.032 m, clear to the left, too close behind, 0.5 m to the right of the eye
     scan = Scan(0, 0.0, pi / 2, (1.032, inf, 0.0, 0.5))
     camera = Camera(0.0, 0.0, 20.0)
-    made = floor.draw(
+    made = layers.draw(
         Scene("", "", beams=shown.beams), picture(o__o=pose(0, 0), robot__scan=scan), (), camera,
         60, 40,
     )  # fmt: skip

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from diffbotctl.config.boards import BOARDS, SIMULATED, Board
-from diffbotctl.config.case import Case
-from diffbotctl.config.sides import SIDES
-from diffbotctl.errors import Place, listed
+from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
+from diffbotctl.config.check_context import CheckContext
+from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.errors import Place, join_words
 
 SHOWN = 6  # pins that a fix names before it says that there are more
 
@@ -22,7 +22,7 @@ class Use(NamedTuple):
     place: Place | str
 
 
-def check(case: Case) -> None:
+def check_pins(case: CheckContext) -> None:
     """Check every pin of the robot file against the table of its board."""
     known = case.known("board.type", "link.uart", "link.protocol")
     if known is None:
@@ -33,11 +33,11 @@ def check(case: Case) -> None:
     board, uart, protocol = BOARDS[known[0]], known[1], known[2]
     if uart not in board.uarts:
         cause = f"an {board.title} has no uart {uart}"
-        fix = f"it has uart {listed(board.uarts)}"
+        fix = f"it has uart {join_words(board.uarts)}"
         case.error("E-LINK-UART", case.blame("link.uart", "board.type"), cause, fix)
         return
     if uart not in board.links[protocol]:
-        ports = listed(board.links[protocol], "and")
+        ports = join_words(board.links[protocol], "and")
         cause = f"our firmware speaks on uart {ports} of a {board.title}, not on {uart}"
         fix = f"connect the radio to uart {board.links[protocol][-1]}: {_pins_of(board, protocol)}"
         case.error("E-LINK-UART", case.blame("link.uart", "link.protocol"), cause, fix)
@@ -50,14 +50,14 @@ def check(case: Case) -> None:
     _check_shared(case, uses)
 
 
-def _check_simulated(case: Case) -> None:
+def _check_simulated(case: CheckContext) -> None:
     if case.real:
         place = case.robot_place("board", "type")
         cause = "this robot lives in the simulator alone: there is no board to speak to"
         case.error("E-BOARD-SIMULATED", place, cause, "run it without --port")
 
 
-def _check_given(case: Case) -> None:
+def _check_given(case: CheckContext) -> None:
     """Refuse `none` for a pin that a robot with a board must have."""
     if case.robot is None:
         return
@@ -84,12 +84,12 @@ PINLESS = ("lds01", "overhead_camera")  # sensors that no pin reads
 NONE = (None, "none")
 
 
-def _pins_of(board: Board, protocol: str) -> str:
+def _pins_of(board: BoardPins, protocol: str) -> str:
     receive, transmit = board.uarts[board.links[protocol][-1]]
     return f"its TX to pin {receive}, its RX to pin {transmit}"
 
 
-def serial_pins(board: Board, uart: int, protocol: str) -> dict[str, str]:
+def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
     """The pins that carry serial lines, with what they carry.
 
     Our firmware listens on all its ports at once, whichever is the link.
@@ -103,7 +103,7 @@ def serial_pins(board: Board, uart: int, protocol: str) -> dict[str, str]:
     return found
 
 
-def pins_in_use(case: Case, board: Board) -> Iterator[Use]:
+def pins_in_use(case: CheckContext, board: BoardPins) -> Iterator[Use]:
     """Every pin that the robot file names."""
     paths: list[tuple[str, str, tuple[str, ...], str]] = [
         ("digital", "direction input", ("drive", side, "motor", name), side)
@@ -124,7 +124,12 @@ def pins_in_use(case: Case, board: Board) -> Iterator[Use]:
 
 
 def _check_use(
-    case: Case, board: Board, protocol: str, use: Use, uses: list[Use], serial: dict[str, str]
+    case: CheckContext,
+    board: BoardPins,
+    protocol: str,
+    use: Use,
+    uses: list[Use],
+    serial: dict[str, str],
 ) -> None:
     wrong = _wrong(board, protocol, use, serial)
     if wrong is not None:
@@ -133,7 +138,9 @@ def _check_use(
         case.error(code, use.place, cause, fix)
 
 
-def _wrong(board: Board, protocol: str, use: Use, serial: dict[str, str]) -> tuple[str, str] | None:
+def _wrong(
+    board: BoardPins, protocol: str, use: Use, serial: dict[str, str]
+) -> tuple[str, str] | None:
     """The code and the reason why this pin cannot do this, or None when it can."""
     pin = f"pin {use.pin} of a {board.title}".replace("a ATmega", "an ATmega")
     if not board.has(use.pin):
@@ -155,7 +162,7 @@ def _wrong(board: Board, protocol: str, use: Use, serial: dict[str, str]) -> tup
     return None
 
 
-def able(board: Board, role: str, protocol: str) -> list[str]:
+def able(board: BoardPins, role: str, protocol: str) -> list[str]:
     """The pins of `board` that can do `role`, those on the clock's timer left out."""
     if role == "pwm":
         clock = board.clock_timer[protocol]
@@ -172,7 +179,7 @@ def _fix(candidates: list[str], use: Use, uses: list[Use], serial: dict[str, str
     free = [pin for pin in candidates if pin not in taken and pin not in serial]
     shown = free[:SHOWN]
     more = f" ({len(free) - SHOWN} more would do)" if len(free) > SHOWN else ""
-    choice = f"use {listed(shown)}{more}"
+    choice = f"use {join_words(shown)}{more}"
     if not free:
         choice = "no pin that could do it is free: move something else first"
     if len(candidates) > SHOWN * 2:
@@ -181,11 +188,11 @@ def _fix(candidates: list[str], use: Use, uses: list[Use], serial: dict[str, str
     lines = [pin for pin in candidates if pin in serial]
     if lines:
         verb = "carries" if len(lines) == 1 else "carry"
-        notes.append(f"{listed(lines, 'and')} {verb} {serial[lines[0]]}")
+        notes.append(f"{join_words(lines, 'and')} {verb} {serial[lines[0]]}")
     return f"{choice} ({'; '.join(notes)})" if notes else choice
 
 
-def _check_shared(case: Case, uses: list[Use]) -> None:
+def _check_shared(case: CheckContext, uses: list[Use]) -> None:
     first: dict[str, Use] = {}
     for use in uses:
         other = first.setdefault(use.pin, use)

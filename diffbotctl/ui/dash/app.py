@@ -13,15 +13,14 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Static
 
-from diffbotctl.hub.place import Engine
-from diffbotctl.ui.cockpit import Cockpit
+from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.facts import facts
-from diffbotctl.ui.dash.keys import HELP, VIEWS, help_page, press
+from diffbotctl.ui.dash.key_bindings import HELP, VIEWS, help_page, press
 from diffbotctl.ui.dash.map_box import MapBox
+from diffbotctl.ui.dash.panels import facts
 from diffbotctl.ui.dash.prompt import Asked, Prompt
-from diffbotctl.ui.dash.sight import MOST_LINES, Sight
-from diffbotctl.ui.wishes import Wishes
+from diffbotctl.ui.dash.state import MOST_LINES, RunView
+from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
 
 SIDE, WIDE_SIDE = 32, 44  # characters of the facts
 WIDE, HIGH = 110, 36  # from this size on plots, blocks and log have a place below the map
@@ -29,7 +28,7 @@ HIGHEST = 55  # and from this height on the parameters too
 PLOTS = 3  # fields that are plotted until somebody chooses
 
 
-class Dashboard(Cockpit):
+class Dashboard(EngineApp):
     """Map and facts; the other views in place of the map, or below it where there is room."""
 
     CSS = """
@@ -45,7 +44,9 @@ class Dashboard(Cockpit):
     """
     BINDINGS: ClassVar[list[BindingType]] = []
 
-    def __init__(self, engine: Engine, tool: str, wishes: Wishes, fields: list[str]) -> None:
+    def __init__(
+        self, engine: EngineAddress, tool: str, wishes: ScreenOptions, fields: list[str]
+    ) -> None:
         super().__init__(engine, tool, wishes)
         self.view = "map"
         self.fields = fields
@@ -235,13 +236,13 @@ class Dashboard(Cockpit):
     def _choose(self, text: str | None) -> None:
         if text is None:
             return
-        from diffbotctl.errors import nearest
+        from diffbotctl.errors import closest_match
 
         known = self.sight.fields
         self.fields = [name for name in text.split() if name in known]
         wrong = [name for name in text.split() if name not in known]
         if wrong:
-            near = nearest(wrong[0], known)
+            near = closest_match(wrong[0], known)
             self.said = f"there is no {wrong[0]}" + (f"; did you mean {near}?" if near else "")
 
     def _hear(self, text: str | None) -> None:
@@ -259,7 +260,7 @@ class Dashboard(Cockpit):
             self.do("set", parameter=rows[self.chosen]["parameter"], value=text)
 
 
-def first_fields(sight: Sight) -> list[str]:
+def first_fields(sight: RunView) -> list[str]:
     """What is plotted until somebody chooses: the wheels, else whatever there is."""
     wanted = ("gate.wheels.left", "gate.wheels.right")
     found = [name for end in wanted for name in sight.fields if name.endswith(end)]

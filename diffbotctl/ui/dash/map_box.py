@@ -9,9 +9,9 @@ from textual import events
 from textual.message import Message
 from textual.widget import Widget
 
-from diffbotctl.ui import floor
-from diffbotctl.ui.camera import Camera, Point
-from diffbotctl.ui.dash.sight import Sight
+from diffbotctl.ui.dash.state import RunView
+from diffbotctl.ui.map import layers
+from diffbotctl.ui.map.viewport import Camera, Point
 
 ZOOM = 1.25  # a step of the wheel
 ROOM = 0.9  # of the scale that would just fit, so that the map stands still for a while
@@ -35,7 +35,7 @@ class MapBox(Widget):
     def __init__(self, plain: bool) -> None:
         super().__init__()
         self.plain = plain
-        self.sight: Sight | None = None
+        self.sight: RunView | None = None
         self.camera: Camera | None = None
         self.fitted: tuple[Camera, int, int] | None = None  # and the window that it was made for
         self.used: Camera | None = None  # with which the map was last drawn
@@ -50,16 +50,22 @@ class MapBox(Widget):
         if self.sight is None or width < 1 or height < 1:
             return Text("")
         self.used = self._camera(self.sight, width, height)
-        drawing = floor.draw(
-            self.sight.scene, self.sight.picture, self.sight.trail.places, self.used, width, height,
-            self.plain, self.sight.sheet,
-        )  # fmt: skip
+        drawing = layers.draw(
+            self.sight.scene,
+            self.sight.picture,
+            self.sight.trail.places,
+            self.used,
+            width,
+            height,
+            self.plain,
+            self.sight.sheet,
+        )
         if self.pressed is not None:
             at, heading = self._goal(self.pressed, self.dragged or self.pressed)
-            floor.mark_goal(drawing, at, heading)
+            layers.mark_goal(drawing, at, heading)
         return drawing.text()
 
-    def see(self, sight: Sight) -> None:
+    def see(self, sight: RunView) -> None:
         """Draw this."""
         self.sight = sight
         self.refresh()
@@ -132,7 +138,7 @@ class MapBox(Widget):
         to = self.used.place(*end, width, height)
         return at, atan2(to[1] - at[1], to[0] - at[0])
 
-    def _camera(self, sight: Sight, width: int, height: int) -> Camera:
+    def _camera(self, sight: RunView, width: int, height: int) -> Camera:
         if self.pressed is not None and self.used is not None:
             return self.used  # the floor must not move under the mouse
         if self.camera is None:
@@ -142,9 +148,9 @@ class MapBox(Widget):
             return self.camera._replace(x=x, y=y)
         return self.camera
 
-    def _fitted(self, sight: Sight, width: int, height: int) -> Camera:
+    def _fitted(self, sight: RunView, width: int, height: int) -> Camera:
         """A camera that has all in view; the one in use stays as long as it is about right."""
-        wanted = floor.look(sight.scene, sight.picture, sight.trail.places, width, height)
+        wanted = layers.look(sight.scene, sight.picture, sight.trail.places, width, height)
         last = self.fitted
         if last is not None and last[1:] == (width, height):
             off = hypot(wanted.x - last[0].x, wanted.y - last[0].y) * wanted.scale

@@ -7,16 +7,16 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from diffbotctl.ui.cockpit import Cockpit
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.facts import facts
+from diffbotctl.ui.dash.panels import facts
+from diffbotctl.ui.engine_app import EngineApp
 
 HELP = "t other keys   b hold/latched   r resume   space stop   ctrl-c leave"
 OWN = {"t": "next_keys", "b": "next_mode"}
 WIDEST = 60  # characters of the facts
 
 
-class Teleop(Cockpit):
+class Teleop(EngineApp):
     """Keys, speeds and facts; no map."""
 
     CSS = "Screen { overflow: hidden; }"

@@ -1,0 +1,55 @@
+"""What a run has to say while the robot drives: said at once, or later, but never waited for.
+
+A terminal takes nothing more once somebody has pressed Ctrl-S in it, or its ssh hangs. Whoever
+writes to it then sleeps, and a control path that sleeps commands nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from stat import S_ISCHR, S_ISFIFO
+
+import click
+
+FLAGS = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+
+
+class NonBlockingStderr:
+    """Writes lines to standard error without waiting; what is not taken is said at the end."""
+
+    def __init__(self) -> None:
+        self._unsaid = b""
+        self._file: int | None = None
+
+    def say(self, text: str) -> None:
+        """A line, as much of it as is taken now."""
+        file = self._opened()
+        if file is None:
+            click.echo(text, err=True)
+            return
+        self._unsaid += f"{text}\n".encode(errors="replace")
+        with suppress(OSError):
+            self._unsaid = self._unsaid[os.write(file, self._unsaid) :]
+
+    def end(self) -> None:
+        """The robot stands: say the rest, however long that takes."""
+        if self._unsaid:
+            click.echo(self._unsaid, nl=False, err=True)
+        if self._file is not None:
+            os.close(self._file)
+        self._unsaid, self._file = b"", None
+
+    def _opened(self) -> int | None:
+        """Standard error, opened anew: not to wait is a property of our own opening alone.
+
+        None for what is no terminal and no pipe: a file on a disk takes all.
+        """
+        if self._file is None:
+            with suppress(OSError, ValueError, AttributeError):  # a socket, or none at all
+                given = sys.stderr.fileno()
+                kind = os.fstat(given).st_mode
+                if S_ISCHR(kind) or S_ISFIFO(kind):
+                    self._file = os.open(f"/proc/self/fd/{given}", FLAGS)
+        return self._file

@@ -1,0 +1,84 @@
+"""`run --dash`: the dashboard as a run's own screen, in a child process of the engine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import termios
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from diffbotctl.control_socket.address import EngineAddress
+    from diffbotctl.processes.screen import RunSnapshot
+
+PATIENCE = 10.0  # s for the engine's socket to stand
+LOOK = 0.01  # s between two looks for it
+# Leave the alternate screen; no mouse, no focus reports, no bracketed paste; show the cursor.
+TERMINAL_BACK = (
+    "\x1b[?1049l\x1b[?1000l\x1b[?1002l\x1b[?1003l\x1b[?1006l\x1b[?1004l\x1b[?2004l\x1b[?25h"
+)
+GONE = "the dashboard is gone; the run goes on: Ctrl-C ends it, `diffbotctl dash` looks again"
+
+
+def check_terminal(has_socket: bool) -> None:
+    """Raises click.UsageError where there can be no dashboard."""
+    if not has_socket:
+        raise click.UsageError("--dash needs the control socket: leave out --fast and --no-socket")
+    if not sys.stdin.isatty() or not sys.stdout.isatty():
+        raise click.UsageError("--dash needs a terminal; without one run prints lines")
+
+
+class SavedTerminal:
+    """The terminal as it was, for the engine to give back should the dashboard be killed.
+
+    `words` are what the engine had to say meanwhile.
+    """
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+        self.settings = termios.tcgetattr(sys.stdin.fileno())
+
+    def give_back(self) -> None:
+        """Make the terminal usable again: its Ctrl-C is the only key left to end the run."""
+        termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, self.settings)
+        os.write(sys.stdout.fileno(), f"{TERMINAL_BACK}{GONE}\r\n".encode())
+
+
+def show(pictures: Iterator[RunSnapshot]) -> None:
+    """What the child runs: a dashboard at its parent's socket. Leaving it ends the run."""
+    from diffbotctl.errors import UserError
+    from diffbotctl.ui.dash.app import Dashboard
+    from diffbotctl.ui.engine_app import ScreenOptions
+
+    parent = os.getppid()
+    try:
+        dashboard = Dashboard(_engine_of(parent), "diffbotctl run --dash", ScreenOptions(), [])
+        dashboard.run_to_end()
+        if dashboard.problem is not None:
+            print(dashboard.problem, file=sys.stderr)
+        ended = dashboard.sight.ended
+    except UserError as error:
+        print(error, file=sys.stderr)
+        ended = False
+    if not ended and os.getppid() == parent:
+        os.kill(parent, signal.SIGINT)
+        for _ in pictures:  # until the engine has ended: it takes an earlier end for a death
+            pass
+
+
+def _engine_of(pid: int) -> EngineAddress:
+    from diffbotctl.control_socket.address import engines
+    from diffbotctl.errors import Problem, RunError
+
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        for engine in engines():
+            if engine.process is not None and engine.process.pid == pid:
+                return engine
+        time.sleep(LOOK)
+    raise RunError(Problem("E-NO-ENGINE", "--dash", "the engine's socket never stood", "see above"))

@@ -1,0 +1,83 @@
+"""What each pin of each board can do: the one table, from the data sheets and board drawings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class BoardPins:
+    """One kind of board. Pins are named as printed; an analog pin's digital number is the same pin.
+
+    `pwm` maps a pin to the timer behind it, `uarts` a port to its (receive, transmit) pins. A
+    firmware, named by its protocol, keeps its clock with one timer, whose PWM is not free then, and
+    speaks on some of the ports.
+    """
+
+    title: str
+    digital: tuple[str, ...]
+    analog: tuple[str, ...]
+    analog_only: tuple[str, ...]
+    first_analog: int
+    pwm: dict[str, int]
+    interrupts: tuple[str, ...]
+    uarts: dict[int, tuple[str, str]]
+    clock_timer: dict[str, int]
+    links: dict[str, tuple[int, ...]]
+
+    def named(self, pin: str) -> str:
+        """`pin` by the name under which the tables know it: 54 of a Mega 2560 is A0."""
+        if pin.isdigit() and pin not in self.digital:
+            name = f"A{int(pin) - self.first_analog}"
+            return name if name in self.analog else pin
+        return pin
+
+    def has(self, pin: str) -> bool:
+        """True when there is such a pin; `pin` as `named` gives it."""
+        return pin in self.digital or pin in self.analog
+
+
+MEGA_2560 = BoardPins(
+    title="Mega 2560",
+    digital=tuple(str(number) for number in range(54)),
+    analog=tuple(f"A{number}" for number in range(16)),
+    analog_only=(),
+    first_analog=54,
+    pwm={
+        "4": 0,
+        "13": 0,
+        "11": 1,
+        "12": 1,
+        "9": 2,
+        "10": 2,
+        "2": 3,
+        "3": 3,
+        "5": 3,
+        "6": 4,
+        "7": 4,
+        "8": 4,
+        "44": 5,
+        "45": 5,
+        "46": 5,
+    },
+    interrupts=("2", "3", "18", "19", "20", "21"),
+    uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
+    clock_timer={"diffbot": 1, "rosserial": 0},
+    links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
+)
+
+ATMEGA_328P = BoardPins(
+    title="ATmega328P",
+    digital=tuple(str(number) for number in range(14)),
+    analog=tuple(f"A{number}" for number in range(8)),
+    analog_only=("A6", "A7"),
+    first_analog=14,
+    pwm={"5": 0, "6": 0, "9": 1, "10": 1, "3": 2, "11": 2},
+    interrupts=("2", "3"),
+    uarts={0: ("0", "1")},
+    clock_timer={"diffbot": 0, "rosserial": 0},
+    links={"diffbot": (0,), "rosserial": (0,)},
+)
+
+SIMULATED = "simulated"  # the type of a robot that has no board: it lives in the simulator alone
+BOARDS = {"mega2560": MEGA_2560, "atmega328p": ATMEGA_328P}

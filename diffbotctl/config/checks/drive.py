@@ -1,0 +1,190 @@
+"""The board's dead-man's time outlasts the gap between two commands.
+
+Edges come no faster than frames: a frame tells the time of one edge of each wheel.
+
+One-channel encoders cannot see a motor that turns the wrong way.
+
+The motors can do what the limits allow, and are no faster than motors of such robots are.
+
+The robot stops within what its sensor sees.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from diffbotctl.block import robot_fields
+from diffbotctl.blocks.obstacle_stop import ObstacleStop, reaction_time, stopping_distance
+from diffbotctl.blocks.range_sensor import REACH
+from diffbotctl.config.check_context import CheckContext
+from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.errors import Place
+
+SAFE = 3  # commands; two in a row may be lost to noise without a stop
+
+
+def check_deadman(case: CheckContext) -> None:
+    """Compare the dead-man's time with the time from one command to the next."""
+    known = case.known("board.deadman", "board.telemetry", "link.protocol")
+    if known is None or known[2] != "diffbot":
+        return  # the book's firmware has none; `run` says so
+    deadman, rate, _ = known
+    commands = deadman * rate
+    place = case.blame("board.deadman", "board.telemetry")
+    cause = (
+        f"commands go out with each frame, every {1000 / rate:.0f} ms; "
+        f"the board stops {deadman * 1000:.0f} ms after the last"
+    )
+    fix = "raise board.telemetry, or board.deadman up to 500 ms"
+    if commands <= 1:
+        case.error("E-DEADMAN", place, f"{cause}, so it would stop between any two", fix)
+    elif commands < SAFE:
+        case.warn("W-DEADMAN", place, f"{cause}, so two lost ones stop it", fix)
+
+
+# Edges a frame at full speed. Odometry tells which slot an edge belongs to from the one before it;
+# simulated robots with twice as many lost their heading by ten degrees and more.
+MOST = 1.25
+
+
+def check_edges(case: CheckContext) -> None:
+    """Compare the edges at full speed with the frames that a board with edge times sends."""
+    known = case.known(
+        "board.edge_times",
+        "board.telemetry",
+        "drive.left.wheel.diameter",
+        "drive.left.encoder.slots",
+        "limits.speed",
+    )
+    if known is None:
+        return
+    has_edge_times, telemetry, diameter, slots, speed = known
+    rate = speed / (pi * diameter) * slots
+    if not has_edge_times or rate <= MOST * telemetry:
+        return
+    place = case.blame("board.telemetry", "drive.encoder.slots", "limits.speed")
+    cause = (
+        f"at {speed:g} m/s {rate:.0f} edges come each second and {telemetry:g} frames: a frame "
+        "tells the time of one edge alone, and the heading drifts"
+    )
+    fix = f"telemetry: {rate:.0f} Hz, or a lower limits.speed, or edge_times: false"
+    case.warn("W-EDGES", place, cause, fix)
+
+
+def check_polarity(case: CheckContext) -> None:
+    """Before a real robot moves: has anyone seen its wheels turn the right way?"""
+    known = case.known("drive.polarity", "drive.left.encoder.channels")
+    if not case.real or known is None or known != ("unproven", 1):
+        return
+    cause = (
+        "nobody has seen yet that both motors turn the right way, and one-channel encoders "
+        "cannot tell: the robot is held to 0.1 m/s"
+    )
+    fix = "run `diffbotctl calibrate encoders`, or set drive: {polarity: by_hand} when you have"
+    case.warn("W-POLARITY", case.robot_place("drive", "polarity"), cause, fix)
+
+
+FIELDS = ("motor.rated", "wheel.diameter")
+FASTEST = 60.0  # rad/s, 573 rpm; who forgets to write rpm usually states more
+
+
+def check_speed(case: CheckContext) -> None:
+    """Compare the speed limit with the wheels' rated speed."""
+    limit = case.known("limits.speed")
+    wheels = [
+        known[0] * known[1] / 2
+        for side in SIDES
+        if (known := case.known(f"drive.{side}.motor.rated", f"drive.{side}.wheel.diameter"))
+    ]
+    if not wheels:
+        return
+    top = min(wheels)
+    rated = case.known(*(f"drive.{side}.motor.rated" for side in SIDES))
+    if rated is not None and max(rated) > FASTEST:
+        _warn(case, max(rated))
+    if limit is None or limit[0] <= top:
+        return
+    rpm = top / _radius(case) / (2 * pi) * 60
+    cause = f"the wheels reach {top:.2f} m/s at their rated {rpm:.0f} rpm, not {limit[0]:g} m/s"
+    fix = f"set limits.speed to at most {int(top * 100) / 100:g} m/s, or correct drive.motor.rated"
+    fields = [f"drive.{side}.{field}" for side in SIDES for field in FIELDS]
+    case.error("E-LIMIT-SPEED", case.blame("limits.speed", *fields), cause, fix)
+
+
+def _warn(case: CheckContext, rated: float) -> None:
+    """A bare number is in rad/s, and motors are sold in rpm."""
+    cause = (
+        f"{rated:.4g} rad/s are {rated / (2 * pi) * 60:.0f} rpm, more than a geared motor of such "
+        "robots turns a wheel"
+    )
+    fields = [f"drive.{side}.{field}" for side in SIDES for field in FIELDS]
+    fix = "it is the wheel's speed, behind the gear; write the unit: `rated: 100 rpm`"
+    case.warn("W-MOTOR-RATED", case.blame("drive.motor.rated", *fields), cause, fix)
+
+
+def _radius(case: CheckContext) -> float:
+    """The radius of the slower side's wheel."""
+    radii = [
+        (known[0] * known[1], known[1] / 2)
+        for side in SIDES
+        if (known := case.known(f"drive.{side}.motor.rated", f"drive.{side}.wheel.diameter"))
+    ]
+    return float(min(radii)[1])
+
+
+def check_reach(case: CheckContext) -> None:
+    """Compare the stopping distance at full speed with the reach of each guarding sensor."""
+    for name, kind in case.kinds.items():
+        if issubclass(kind, ObstacleStop) and name in case.values:
+            _check_guard(case, name, kind)
+
+
+def _check_guard(case: CheckContext, name: str, kind: type[ObstacleStop]) -> None:
+    values = case.values[name]
+    fields = {each: case.known(path) for each, path in robot_fields(kind).items()}
+    speed = case.known("limits.speed")
+    if speed is None or None in fields.values() or any(each is None for each in _used(values)):
+        return
+    robot: dict[str, Any] = {each: found[0] for each, found in fields.items() if found}
+    reaction = values["reaction"]
+    if reaction is None:
+        reaction = reaction_time(
+            robot["telemetry"], values["debounce"], robot["command_delay"], robot["lag"]
+        )
+    needed = stopping_distance(speed[0], robot["braking"], reaction)
+    mounted = case.known(f"sensors.{values['sensor'] or next(iter(robot['sensors']), '')}.at.x")
+    seen = REACH - (robot["front"] - mounted[0] if mounted else 0.0)
+    if needed + values["margin"] <= seen:
+        return
+    cause = (
+        f"from {speed[0]:g} m/s it takes {needed * 100:.0f} cm to stop ({reaction * 1000:.0f} ms "
+        f"to react, then braking); the sensor sees {seen * 100:.0f} cm ahead of the front"
+    )
+    fix = (
+        f"at most {_most(seen - values['margin'], robot['braking'], reaction):g} m/s stops in time"
+    )
+    place = _place(case, name, values["sensor"] or next(iter(robot["sensors"]), ""))
+    if needed > seen:
+        case.error("E-STOP-REACH", place, cause, fix)
+    else:
+        nearer = f"it would stand closer than the margin of {values['margin'] * 100:.0f} cm"
+        case.warn("W-STOP-REACH", place, f"{cause}: {nearer}", fix)
+
+
+def _used(values: dict[str, Any]) -> tuple[Any, ...]:
+    return values["debounce"], values["margin"]
+
+
+def _place(case: CheckContext, name: str, sensor: str) -> Place | str:
+    given = [case.at("blocks", name, "with", each) for each in ("reaction", "margin", "debounce")]
+    fields = ("limits.speed", "limits.braking", f"sensors.{sensor}.at.x", "board.telemetry")
+    return case.blame(*fields, also=given)
+
+
+def _most(free: float, braking: float, reaction: float) -> float:
+    """The highest speed, in steps of 1 cm/s, that stops within `free` metres."""
+    speed = 0.0
+    while stopping_distance(speed + 0.01, braking, reaction) <= free:
+        speed += 0.01
+    return round(speed, 2)

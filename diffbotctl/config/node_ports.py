@@ -1,0 +1,59 @@
+"""What can stand at the ends of a wire: the blocks, and the two drivers every pipeline has."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from diffbotctl import block, messages
+from diffbotctl.config.robot import Robot
+
+SENSOR_MESSAGES: dict[str, type] = {
+    "sharp_gp2y0a41sk0f": messages.Volts,
+    "lds01": messages.Scan,
+    "overhead_camera": messages.Odometry,
+}
+OPERATOR: dict[str, type] = {
+    "goal": messages.Goal,
+    "path": messages.Path,
+    "twist": messages.Twist,
+    "resume": messages.Resume,
+    "stop": messages.Stop,
+    "halt": messages.Stop,
+    "setting": messages.Setting,
+    "call": messages.Call,
+    "log": messages.LogLine,
+}
+ROBOT: dict[str, type] = {
+    "encoders": messages.Encoders,
+    "link": messages.Link,
+    "battery": messages.Battery,
+    "text": messages.Text,
+    "stop": messages.Stop,
+}
+RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed")
+
+
+class NodePorts(NamedTuple):
+    """The ports of one node: message class of each output, input port of each input."""
+
+    outputs: dict[str, type]
+    inputs: dict[str, block.In]
+
+
+def of_block(kind: type[block.Block]) -> NodePorts:
+    """The ports of a block class; timers are no inputs for wires."""
+    inputs = {name: port for name, port in block.inputs(kind).items() if isinstance(port, block.In)}
+    return NodePorts({name: port.kind for name, port in block.outputs(kind).items()}, inputs)
+
+
+def operator() -> NodePorts:
+    """The ports of the operator: what a person, or the list of goals, puts in."""
+    return NodePorts(dict(OPERATOR), {})
+
+
+def robot(which: Robot | None) -> NodePorts:
+    """The ports of a robot: its telemetry, one output for each sensor, and its wheels."""
+    outputs = dict(ROBOT)
+    for name, sensor in (which.sensors or {}).items() if which else ():
+        outputs[name] = SENSOR_MESSAGES.get(getattr(sensor, "type", ""), messages.Volts)
+    return NodePorts(outputs, {"wheels": block.In(messages.Wheels, optional=True)})

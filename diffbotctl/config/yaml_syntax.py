@@ -1,0 +1,86 @@
+"""The YAML parser's complaints in our words, with the place that is really to blame."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from diffbotctl.errors import Place, Problem, Source
+
+
+def problem(source: Source, error: Any) -> Problem:
+    """What `error`, a yaml.YAMLError, means to the person who wrote `source`."""
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    words = str(getattr(error, "problem", None) or getattr(error, "reason", None) or error)
+    if mark is None:
+        cause = f"this is not YAML text: {words.splitlines()[0].strip()}"
+        return Problem("E-FILE-ENCODING", source.name, cause, "save it as UTF-8 text")
+    place = Place(source, mark.line + 1, mark.column + 1)
+    tab = _indented_by_tab(source, mark.line + 1)
+    if tab is not None:
+        cause = "a tab stands here; YAML indents by spaces only"
+        return Problem("E-YAML-TAB", tab, cause, "replace each tab by spaces")
+    if "mapping values are not allowed" in words:
+        return _unexpected_key(source, place)
+    for pattern, cause, fix in SYNTAX:
+        if re.search(pattern, words):
+            opened = getattr(error, "context_mark", None)
+            where = f" (opened in line {opened.line + 1})" if opened and "closed" in cause else ""
+            return Problem("E-YAML-SYNTAX", place, cause + where, fix)
+    cause = f"YAML cannot be read from here: {words}"
+    return Problem("E-YAML-SYNTAX", place, cause, "compare this line with the ones around it")
+
+
+SYNTAX = [
+    (
+        r"expected ',' or '[}]'|expected ',' or '\]'|flow (mapping|sequence)",
+        "a brace or bracket is not closed before here",
+        "close it, and put a comma between its entries",
+    ),
+    (
+        r"could not find expected ':'|expected ':'",
+        "a key without a colon",
+        "write `key: value`, with a space behind the colon",
+    ),
+    (
+        r"quoted scalar|end of stream",
+        "a quotation mark is not closed before here",
+        "close the text with the same mark that opened it",
+    ),
+    (
+        r"expected <block end>|did not find expected key|block (mapping|collection|end)",
+        "this line is indented unlike the lines that it belongs to",
+        "give all keys of one mapping the same indentation",
+    ),
+    (
+        r"cannot start any token",
+        "no value can begin with this character",
+        "put the text in quotes",
+    ),
+]
+
+
+def _unexpected_key(source: Source, colon: Place) -> Problem:
+    """A key where none can stand: usually the line before is to blame, or the indentation."""
+    line, before = source.line(colon.line), source.line(colon.line - 1)
+    glued = re.match(r"\s*[A-Za-z_][A-Za-z0-9_]*(:)\S", before)
+    if glued:
+        place = Place(source, colon.line - 1, glued.start(1) + 1)
+        return Problem("E-YAML-SYNTAX", place, "no space follows this colon", "write `key: value`")
+    indent = len(line) - len(line.lstrip())
+    if ":" not in line[: colon.column - 1] and indent > len(before) - len(before.lstrip()):
+        cause = "this is indented deeper than the line before, which has a value already"
+        place = Place(source, colon.line, indent + 1)
+        fix = "give all keys of one mapping the same indentation"
+        return Problem("E-YAML-SYNTAX", place, cause, fix)
+    cause = "a second colon in this line: what stands before it cannot be a key"
+    fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around a text"
+    return Problem("E-YAML-SYNTAX", colon, cause, fix)
+
+
+def _indented_by_tab(source: Source, number: int) -> Place | None:
+    for candidate in (number, number - 1):
+        found = re.match(r"[ ]*(\t)", source.line(candidate))
+        if found:
+            return Place(source, candidate, found.start(1) + 1)
+    return None

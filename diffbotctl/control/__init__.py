@@ -1,0 +1,1 @@
+"""Wheel-speed control: the speed loop, its feed-forward, and motion profiles."""

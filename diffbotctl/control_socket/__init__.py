@@ -1,0 +1,1 @@
+"""The control socket of a running engine: server, client and protocol."""

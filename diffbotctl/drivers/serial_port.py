@@ -1,0 +1,194 @@
+"""A serial port as the loop wants it: locked, raw, never blocking."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import grp
+import os
+import stat
+import termios
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from diffbotctl.drivers.socket_port import connect_radio, connect_socket, is_socket, unreachable
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.ports.port_users import UNSEEN, holder
+
+READ_SIZE = 4096  # bytes; more than any board sends between two looks
+
+
+class SerialPortDevice:
+    """An open serial device. Raises OSError from `read` and `write` when the device is gone."""
+
+    def __init__(self, device: str, baud: int) -> None:
+        self.device = device
+        self.baud = baud
+        self.fd = _open(device)
+        try:
+            _lock(self.fd, device)
+            _make_raw(self.fd, baud)
+            termios.tcflush(self.fd, termios.TCIOFLUSH)
+        except BaseException:
+            os.close(self.fd)
+            raise
+
+    def read(self) -> bytes:
+        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+        try:
+            data = os.read(self.fd, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise OSError(errno.EIO, "the device hung up")
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the kernel; returns how many it took."""
+        try:
+            return os.write(self.fd, data)
+        except BlockingIOError:
+            return 0
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate, and forget what came at the old one. Raises OSError."""
+        if baud != self.baud:
+            self.baud = baud
+            _make_raw(self.fd, baud)
+            termios.tcflush(self.fd, termios.TCIFLUSH)
+
+    def discard_unsent(self) -> None:
+        """Throw away what the kernel has not put on the wire."""
+        with suppress(termios.error):
+            termios.tcflush(self.fd, termios.TCOFLUSH)
+
+    def close(self) -> None:
+        """Let the device go."""
+        with suppress(OSError):
+            os.close(self.fd)
+
+
+class OpenPort(Protocol):
+    """What the loop needs of a port, whatever it is made of."""
+
+    device: str
+    baud: int
+    fd: int
+
+    def read(self) -> bytes:
+        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the kernel; returns how many it took. Raises OSError."""
+
+    def change_baud(self, baud: int) -> None:
+        """Go on at another rate. Raises OSError."""
+
+    def discard_unsent(self) -> None:
+        """Throw away what has not left, as far as that can be done."""
+
+    def close(self) -> None:
+        """Let the device go."""
+
+
+def reopen_port(device: str, baud: int) -> OpenPort:
+    """Open a port that was lost; a module is only called, without waiting. Raises OSError."""
+    return connect_radio(device, baud) if is_socket(device) else SerialPortDevice(device, baud)
+
+
+def open_port(device: str, baud: int) -> OpenPort:
+    """Open a port that must be there. Raises RunError."""
+    if is_socket(device):
+        return connect_socket(device, baud)
+    try:
+        return SerialPortDevice(device, baud)
+    except OSError as error:
+        raise disconnected_error(device, error) from error
+
+
+def disconnected_error(device: str, error: OSError) -> RunError:
+    """What to tell of a device that is not there, or no longer."""
+    if is_socket(device):
+        return unreachable(device, error)
+    fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
+    return _trouble("E-PORT-OPEN", device, error.strerror or str(error), fix)
+
+
+def _open(device: str) -> int:
+    try:
+        fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except PermissionError as error:
+        raise _no_right(device) from error
+    except OSError as error:
+        if error.errno == errno.EBUSY:
+            raise _busy(device) from error
+        raise
+    if not stat.S_ISCHR(os.fstat(fd).st_mode) or not os.isatty(fd):
+        os.close(fd)
+        raise _trouble("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
+    return fd
+
+
+def _trouble(code: str, device: str, cause: str, fix: str) -> RunError:
+    return RunError(Problem(code, f"port {device}", cause, fix))
+
+
+FIND_PORT = "look for the board's name under /dev/serial/by-id, or unplug it and see what vanishes"
+
+
+def _lock(fd: int, device: str) -> None:
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.ioctl(fd, termios.TIOCEXCL)
+    except OSError as error:
+        raise _busy(device) from error
+
+
+def _busy(device: str) -> RunError:
+    from diffbotctl.ports.diagnosis import busy_problem
+
+    return RunError(busy_problem(device, holder(Path("/"), os.path.abspath(device)) or UNSEEN))
+
+
+def _no_right(device: str) -> RunError:
+    """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
+    from diffbotctl.ports.diagnosis import OF_RIGHTS, PortReport, judge_name, survey_ports
+    from diffbotctl.ports.permissions import current_user
+
+    root = Path("/")
+    found = judge_name(root, survey_ports(root, current_user()), os.path.abspath(device))
+    problems = found.problems if isinstance(found, PortReport) else ()
+    for problem in problems:
+        if problem.code in OF_RIGHTS:
+            return RunError(problem)
+    group = _group(device)
+    fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"
+    cause = f"you have no right to open it; it belongs to the group {group}"
+    return _trouble("E-PORT-RIGHTS", device, cause, fix)
+
+
+def _group(device: str) -> str:
+    """The group that owns the device; `dialout`, as Debian has it, when that is of no use."""
+    try:
+        number = os.stat(device).st_gid
+        return grp.getgrgid(number).gr_name if number else "dialout"
+    except (OSError, KeyError):
+        return "dialout"
+
+
+def _make_raw(fd: int, baud: int) -> None:
+    speed = getattr(termios, f"B{baud}", None)
+    if speed is None:
+        problem = Problem(
+            "E-PORT-BAUD", "link.baud", f"{baud} baud is no standard rate", "use 9600 or 115200"
+        )
+        raise RunError(problem)
+    control = termios.CS8 | termios.CREAD | termios.CLOCAL
+    try:
+        special = termios.tcgetattr(fd)[6]
+        special[termios.VMIN], special[termios.VTIME] = 1, 0  # so that empty means hung up
+        settings: list[object] = [0, 0, control, 0, speed, speed, special]
+        termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
+    except termios.error as error:
+        raise OSError(*error.args) from error

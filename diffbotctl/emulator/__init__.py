@@ -1,0 +1,1 @@
+"""Virtual boards: the firmware binary in an emulated microcontroller."""

@@ -1,0 +1,157 @@
+"""The emulated robot behind the node `robot`: the real firmware, lockstepped with the plant.
+
+The board runs its binary in the emulator, its wheels and sensors are the plant's, and the bytes
+between board and host take the wire's and the radio's time. Everything is virtual time: equal
+inputs give equal runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from diffbotctl.emulator.process import Emulator, PinTransition
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.links.diffbot_settings import BoardSettings
+from diffbotctl.messages import Duty, Wheels
+from diffbotctl.plant.simulated_board import RADIO
+from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot
+
+STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
+MILLIVOLTS = 1000
+
+
+class EmulatedBoard:
+    """Board and plant together, stepped in virtual time; no host.
+
+    `received` holds (arrival in ns, uart, bytes) of what the board has sent, until it is taken.
+    """
+
+    def __init__(self, plant: SimulatedRobot, settings: BoardSettings, emulator: Emulator) -> None:
+        """`settings` tell where the plant is wired to; the board itself learns them over a link."""
+        self.plant = plant
+        self.emulator = emulator
+        self.settings = settings
+        self.sides = (settings.left, settings.right)
+        self.pins = (settings.left.encoder, settings.right.encoder)
+        self.duty = [0.0, 0.0]
+        self.changed = [0, 0]
+        """ns at which each motor's duty last changed"""
+        self.received: deque[tuple[int, int, bytes]] = deque()
+        self._coming: deque[tuple[int, int, bytes]] = deque()
+        plant.capture(True)
+        self._first = self._transitions(plant.levels())
+
+    @property
+    def now(self) -> int:
+        """Virtual time, ns."""
+        return self.plant.now
+
+    def send(self, at: int, uart: int, data: bytes) -> None:
+        """Bytes begin to reach the board's UART at `at`; call in order of time."""
+        self._coming.append((at, uart, data))
+
+    def advance(self, until: int) -> None:
+        """Let board and plant run until `until`."""
+        while self.plant.now < until:
+            self._step(min(until, self.plant.now + STEP))
+
+    def _step(self, until: int) -> None:
+        arriving = [b"", b""]
+        while self._coming and self._coming[0][0] <= self.plant.now:
+            _, uart, data = self._coming.popleft()
+            arriving[uart] += data
+        first, self._first = self._first, []
+        flanks = self.plant.roll(until, self.duty[0], self.duty[1])
+        transitions = first + self._transitions(flanks)
+        did = self.emulator.step(until, transitions, self._millivolts(), (arriving[0], arriving[1]))
+        for change in did.changes:
+            sign = -1.0 if self.sides[change.motor].reversed else 1.0
+            self.duty[change.motor] = sign * change.duty
+            self.changed[change.motor] = change.time
+        for sent in did.sent:
+            self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
+
+    def _transitions(self, flanks: list[CapturedEdge]) -> list[PinTransition]:
+        return [PinTransition(time, self.pins[side], level) for time, side, level in flanks]
+
+    def _millivolts(self) -> dict[int, int]:
+        found = {}
+        if self.settings.battery_channel is not None:
+            found[self.settings.battery_channel] = round(self.plant.battery_pin() * MILLIVOLTS)
+        volts = self.plant.volts().get(self.settings.range_name)
+        if self.settings.range_channel is not None and volts is not None:
+            found[self.settings.range_channel] = round(volts * MILLIVOLTS)
+        return found
+
+
+class EmulatedRobotDriver:
+    """A robot driver: the protocol's host half, wired to an emulated board."""
+
+    def __init__(self, board: EmulatedBoard, host: DiffbotHost, radio: int = RADIO) -> None:
+        """`radio`: ns that each direction takes besides the wire."""
+        self.board = board
+        self.robot = board.plant
+        self.host = host
+        self.radio = radio
+        self.uart = host.settings.uart
+        host.opened(board.now)
+
+    def due(self) -> int:
+        """The next step of the board."""
+        return self.board.now + STEP
+
+    def files(self) -> list[int]:
+        """None."""
+        return []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """Let board and plant run until `now`; what the host has understood by then.
+
+        Raises RunError, once, when the board cannot use the robot's settings.
+        """
+        refusal, self.host.refusal = self.host.refusal, None
+        if refusal is not None:
+            raise RunError(Problem(refusal.code, "emulated board", refusal.cause, refusal.fix))
+        heard: list[Delivery] = []
+        while self.board.now < now:
+            self._send(self.board.now)
+            self.board.advance(min(now, self.board.now + STEP))
+            heard += self._receive(self.board.now)
+        return heard
+
+    def command(self, now: int, wanted: Wheels | Duty) -> None:
+        """Hand the command to the protocol."""
+        self.host.command(now, wanted)
+        self._send(now)
+
+    def stop(self, now: int) -> None:
+        """Stop, repeated until telemetry shows it."""
+        self.host.stop(now)
+        self._send(now)
+
+    @property
+    def stopped(self) -> bool:
+        """True when the board's telemetry shows it."""
+        return self.host.stopped
+
+    def close(self) -> None:
+        """End the emulator."""
+        self.board.emulator.close()
+
+    def _send(self, now: int) -> None:
+        if self.host.due() <= now:
+            data = self.host.send(now)
+            if data:
+                self.board.send(now + self.radio, self.uart, data)
+
+    def _receive(self, now: int) -> list[Delivery]:
+        heard = []
+        waiting = self.board.received
+        while waiting and waiting[0][0] + self.radio <= now:
+            time, uart, data = waiting.popleft()
+            if uart == self.uart:
+                heard += self.host.receive(time + self.radio, data)
+        heard += self.host.timed(now)
+        return [Delivery(f"robot.{port}", message) for port, message in heard]

@@ -1,0 +1,156 @@
+"""What happens in a run, put into lines of the log: goals, stops, the link, what a person did.
+
+Everything is told from messages, so a replay tells the same. One line an event: a state that
+lasts is said when it begins.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+from diffbotctl.block import outputs
+from diffbotctl.graph import Graph, Sink
+from diffbotctl.log import ERROR, INFO, LEVEL, WARNING, Log, Logbook
+from diffbotctl.messages import (
+    LOG_LEVELS,
+    Call,
+    Goal,
+    GoalState,
+    Link,
+    LogLine,
+    Resume,
+    Setting,
+    Stop,
+    Text,
+)
+
+GIVEN_UP = {"blocked", "stuck", "timed_out"}
+LINK_LEVELS = {"stale": WARNING, "lost": ERROR}
+
+
+class EventLogger:
+    """Listens to the wires of `graph` and says what happens in its book."""
+
+    def __init__(self, graph: Graph, book: Logbook) -> None:
+        self.graph = graph
+        self.book = book
+        self.robot, self.operator = book.of("robot"), book.of("operator")
+        self.goals: dict[str, tuple[int, str]] = {}
+        self.stops: dict[str, str] = {}
+        self.link = ""
+        self.restarts = 0
+
+    def state(self) -> tuple[Any, ...]:
+        """What it remembers between two instants."""
+        return self.goals, self.stops, self.link, self.restarts
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Remember what another one, of an equal graph, gave as its `state`."""
+        self.goals, self.stops, self.link, self.restarts = state
+
+    def sinks(self) -> dict[str, Sink]:
+        """What must hear which wire."""
+        found: dict[str, Sink] = {
+            wire: sink for wire, sink in self._of_drivers().items() if wire in self.graph.sources
+        }
+        for node in self.graph.nodes:
+            for port, out in outputs(type(node.block)).items():
+                if out.kind is Stop:
+                    found[f"{node.name}.{port}"] = self._stop(self.book.of(node.name))
+                elif out.kind is GoalState:
+                    found[f"{node.name}.{port}"] = self._goal_state(self.book.of(node.name))
+        return found
+
+    def _of_drivers(self) -> dict[str, Sink]:
+        return {
+            "operator.goal": self._goal,
+            "operator.resume": self._resume,
+            "operator.setting": self._setting,
+            "operator.call": self._call,
+            "operator.log": self._line,
+            "robot.link": self._link,
+            "robot.text": self._text,
+        }
+
+    def _stop(self, log: Log) -> Sink:
+        def hear(now: int, stop: Stop) -> None:
+            before = self.stops.get(log.source, "")
+            self.stops[log.source] = stop.code
+            if stop.code == before:
+                return
+            if not stop.code:
+                log.info(f"released: {before} no longer holds the robot")
+            elif stop.latched:
+                log.error(f"STOP {stop.code}: {stop.cause}; waits for `resume`")
+            else:
+                log.warning(f"STOP {stop.code}: {stop.cause}; ends by itself")
+
+        return hear
+
+    def _goal_state(self, log: Log) -> Sink:
+        def hear(now: int, state: GoalState) -> None:
+            said = (state.number, state.state)
+            if said == self.goals.get(log.source):
+                return
+            self.goals[log.source] = said
+            if state.state == "reached":
+                log.info(f"goal {state.number} reached, {_away(state)} off")
+            elif state.state in GIVEN_UP:
+                why = state.state.replace("_", " ")
+                log.error(
+                    f"goal {state.number} given up, {_away(state)} away: {why}: {state.cause}"
+                )
+            elif state.state != "idle":
+                log.info(f"goal {state.number}: {state.state}, {_away(state)} to go")
+
+        return hear
+
+    def _goal(self, now: int, goal: Goal) -> None:
+        self.goals.clear()  # a goal that goes on after a pause begins anew
+        if not goal.number:
+            self.operator.info("the goal is withdrawn")
+            return
+        heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
+        self.operator.info(f"goal {goal.number} taken: x {goal.x:.3f} m  y {goal.y:.3f} m{heading}")
+
+    def _resume(self, now: int, resume: Resume) -> None:
+        self.operator.info("resume: the robot may move again")
+
+    def _setting(self, now: int, change: Setting) -> None:
+        value = change.text if change.number is None else f"{change.number:g}"
+        if change.name == LEVEL:
+            who = "every block" if change.block not in self.book.logs else change.block
+            self.operator.info(f"{who} is heard from level {value} on")
+        else:
+            self.operator.info(f"{change.block}.{change.name} = {value}")
+
+    def _call(self, now: int, call: Call) -> None:
+        arguments = ", ".join(f"{value:g}" for value in call.arguments)
+        self.operator.info(f"{call.block}.{call.action}({arguments}) called")
+
+    def _line(self, now: int, line: LogLine) -> None:
+        """What a driver says, heard at its source's own level."""
+        self.book.of(line.source).say(LOG_LEVELS.index(line.level), line.text)
+
+    def _link(self, now: int, link: Link) -> None:
+        if link.restarts > self.restarts:
+            self.robot.warning(f"the board restarted (restart {link.restarts} of this run)")
+        self.restarts = link.restarts
+        if link.state == self.link:
+            return
+        self.link = link.state
+        why = f": {link.cause}" if link.cause else ""
+        self.robot.say(LINK_LEVELS.get(link.state, INFO), f"link {link.state}{why}")
+
+    def _text(self, now: int, text: Text) -> None:
+        self.robot.info(text.text)
+
+
+def _away(state: GoalState) -> str:
+    return f"{state.distance * 1000:.0f} mm, {abs(degrees(state.turn)):.1f} deg"
+
+
+def chronicle(graph: Graph) -> dict[str, Sink]:
+    """The sinks that put a run into words; none for a graph without a book."""
+    return {} if graph.book is None else EventLogger(graph, graph.book).sinks()

@@ -1,0 +1,58 @@
+"""What a person changes in running blocks: live parameters, and actions.
+
+Both arrive as recorded messages of `operator` and take effect at the end of their instant, in a
+live run and in its replay alike.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from diffbotctl.graph import Graph, Sink
+from diffbotctl.log import LEVEL
+from diffbotctl.messages import Call, Setting
+from diffbotctl.params import declared
+
+
+class LiveChanges:
+    """Applies Settings and Calls to the blocks of `graph`, and to `drivers` by node name.
+
+    A driver that is not there, as in a replay, is passed over: what it did was recorded.
+    `outcomes` gets one entry a call: empty, or why the block refused.
+    """
+
+    def __init__(self, graph: Graph, drivers: dict[str, Any]) -> None:
+        self.targets: dict[str, Any] = {node.name: node.block for node in graph.nodes}
+        self.targets.update(drivers)
+        self.book = graph.book
+        self.outcomes: list[str] = []
+
+    def sinks(self) -> dict[str, Sink]:
+        """What must hear which wire."""
+        return {"operator.setting": self.set, "operator.call": self.call}
+
+    def set(self, now: int, change: Setting) -> None:
+        """Give a block's parameter its new value, or a source of the log its level."""
+        if change.name == LEVEL:
+            if self.book is not None and change.text is not None:
+                self.book.set_level(change.block, change.text)
+            return
+        block = self.targets[change.block]
+        kind = declared(type(block))[change.name].kind
+        value: Any = change.text
+        if change.number is not None:
+            value = kind(change.number)
+        setattr(block, change.name, value)
+        block.changed(change.name)
+
+    def call(self, now: int, wanted: Call) -> None:
+        """Call an action; one that raises ValueError has refused, and changed nothing."""
+        target = self.targets.get(wanted.block)
+        if target is None:
+            return
+        try:
+            getattr(target, wanted.action)(now, *wanted.arguments)
+        except ValueError as error:
+            self.outcomes.append(str(error) or "it refuses")
+        else:
+            self.outcomes.append("")

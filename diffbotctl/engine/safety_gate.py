@@ -1,0 +1,180 @@
+"""The last gate: the one place that a command passes before it leaves. It stops; it never clamps.
+
+A command leaves when it is finite, when it and the telemetry are fresh, when both wheels are within
+their rated speed and the body within its limits of speed and turn rate, and when nothing latched
+holds the robot. Acceleration is not judged: a stop is never ramped.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
+from diffbotctl.params import FromRobot, Param
+
+SLACK = 1e-6  # of the limit: what rounding may add on the way from m/s to rad/s and back
+SECOND = 1_000_000_000
+
+
+class Gate(Block):
+    """Let wheel commands leave, or hold the robot with a cause. Built into every robot pipeline."""
+
+    telemetry_timeout = Param(
+        float,
+        default=0.25,
+        unit="s",
+        least=0.1,
+        most=0.5,
+        help="Silence of the board after which the robot is stopped.",
+    )
+    command_timeout = Param(
+        float,
+        default=0.3,
+        unit="s",
+        least=0.1,
+        most=0.5,
+        help="Silence of the blocks, while a motion is in force, after which it is stopped.",
+    )
+    left_rated: float = FromRobot("drive.left.motor.rated")
+    right_rated: float = FromRobot("drive.right.motor.rated")
+    left_diameter: float = FromRobot("drive.left.wheel.diameter")
+    right_diameter: float = FromRobot("drive.right.wheel.diameter")
+    track: float = FromRobot("drive.track")
+    speed: float = FromRobot("limits.speed")
+    turn_rate: float = FromRobot("limits.turn_rate")
+
+    command = In(Wheels, fresh_for="command_timeout", help="What the pipeline wants.")
+    encoders = In(Encoders, fresh_for="telemetry_timeout", help="The board's telemetry.")
+    link = In(Link, optional=True, help="The link's health.")
+    board = In(Stop, optional=True, help="A stop by the board: button, wheel fault.")
+    operator = In(Stop, optional=True, help="A stop by a person, or for want of one.")
+    resume = In(Resume, optional=True, help="Consent to move after a latched stop.")
+    wheels = Out(Wheels, help="What leaves.")
+    stop = Out(Stop, help="What holds the robot; an empty code when nothing does.")
+
+    def reset(self) -> None:
+        self.held: Stop | None = None
+        self.heard = 0  # ns, arrival of the last telemetry; 0 before the first
+        self.boot: int | None = None
+        self.sent_motion = False
+        self.seen: dict[str, object] = {}
+
+    def react(
+        self,
+        now: int,
+        command: Wheels | None,
+        encoders: Encoders | None,
+        link: Link | None,
+        board: Stop | None,
+        operator: Stop | None,
+        resume: Resume | None,
+    ) -> tuple[Wheels | None, Stop | None]:
+        before = self.held
+        if self.is_new("resume", resume) and encoders is not None:
+            self.held = None
+        fresh = self.is_new("encoders", encoders)
+        self.hold(self.trouble(now, command, encoders, fresh, link, board, operator))
+        moving = self.leaving(now, command)
+        if self.held is before:
+            return moving, None
+        changed = self.held or Stop(now, "", "", False)
+        if moving is None and self.held is not None:
+            moving = Wheels(now, 0.0, 0.0)
+        return moving, changed
+
+    def hold(self, trouble: Stop | None) -> None:
+        """Enter, keep or leave the held state; a latched stop is only left by `resume`."""
+        if self.held is not None and self.held.latched:
+            return
+        if trouble is None or self.held is None or trouble.code != self.held.code:
+            self.held = trouble
+
+    def leaving(self, now: int, command: Wheels | None) -> Wheels | None:
+        """The command that leaves in this instant: the new one, a zero in its place, or none."""
+        if not self.is_new("command", command) or command is None:
+            return None
+        if self.held is not None or not self.heard:
+            self.sent_motion = False
+            return Wheels(now, 0.0, 0.0)
+        self.sent_motion = command.left != 0 or command.right != 0
+        return command
+
+    def trouble(
+        self,
+        now: int,
+        command: Wheels | None,
+        encoders: Encoders | None,
+        fresh: bool,
+        link: Link | None,
+        board: Stop | None,
+        operator: Stop | None,
+    ) -> Stop | None:
+        """What forbids motion now, the gravest first."""
+        for name, stop in (("board", board), ("operator", operator)):
+            if self.is_new(name, stop) and stop is not None and stop.code:
+                return stop
+        if self.is_new("link", link) and link is not None and link.state == "lost":
+            return Stop(now, "link_lost", f"the link to the board is gone: {link.cause}", True)
+        if encoders is not None and fresh:
+            trouble = self.telemetry(now, encoders)
+            if trouble is not None:
+                return trouble
+        if encoders is None and self.heard:
+            return self.silence(now)
+        if command is None and self.sent_motion:
+            cause = "a block stopped sending commands while the robot was moving"
+            return Stop(now, "command_stale", cause, True)
+        return None if command is None else self.limits(now, command)
+
+    def telemetry(self, now: int, encoders: Encoders) -> Stop | None:
+        """Judge newly arrived telemetry: a restarted board, or one that was silent for long."""
+        silent, self.heard = now - self.heard if self.heard else 0, now
+        boot, self.boot = self.boot, encoders.boot
+        if boot is not None and boot != encoders.boot:
+            return Stop(now, "board_restart", "the board restarted while in use", True)
+        if silent >= SECOND:
+            cause = f"the board was silent for {silent / SECOND:.1f} s and is back"
+            return Stop(now, "reconnect", cause, True)
+        return None
+
+    def silence(self, now: int) -> Stop:
+        """The stop for telemetry that has gone stale."""
+        limit = f"{self.telemetry_timeout * 1000:.0f} ms"
+        return Stop(now, "telemetry_stale", f"no telemetry from the board for {limit}", False)
+
+    def limits(self, now: int, command: Wheels) -> Stop | None:
+        """The stop for a command beyond what the robot file allows, or None."""
+        left, right = command.left, command.right
+        if not (isfinite(left) and isfinite(right)):
+            return self.refuse(now, f"a wheel command is not a number ({left}, {right})")
+        for side, speed, rated in (
+            ("left", abs(left), self.left_rated),
+            ("right", abs(right), self.right_rated),
+        ):
+            if speed > rated * (1 + SLACK):
+                why = f"{speed:.2f} rad/s for the {side} wheel is above its motor's rated"
+                return self.refuse(now, f"{why} {rated:.2f} rad/s")
+        left_rim, right_rim = left * self.left_diameter / 2, right * self.right_diameter / 2
+        linear, angular = (left_rim + right_rim) / 2, (right_rim - left_rim) / self.track
+        if abs(linear) > self.speed * (1 + SLACK):
+            return self.refuse(
+                now, f"{abs(linear):.3f} m/s is above the robot's limit of {self.speed:.3f} m/s"
+            )
+        if abs(angular) > self.turn_rate * (1 + SLACK):
+            return self.refuse(
+                now,
+                f"{abs(angular):.2f} rad/s is above the robot's turn limit of "
+                f"{self.turn_rate:.2f} rad/s",
+            )
+        return None
+
+    def refuse(self, now: int, why: str) -> Stop:
+        return Stop(now, "gate_limit", why, True)
+
+    def is_new(self, port: str, message: object) -> bool:
+        """True once for each message that arrives on `port`."""
+        if message is None or self.seen.get(port) is message:
+            return False
+        self.seen[port] = message
+        return True

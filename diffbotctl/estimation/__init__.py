@@ -1,0 +1,1 @@
+"""State estimation: wheel angles from encoder edges, pose from wheel travel."""

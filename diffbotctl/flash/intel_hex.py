@@ -1,0 +1,82 @@
+"""Intel hex files: read into one block without gaps, and written."""
+
+from __future__ import annotations
+
+from diffbotctl.drivers.board_errors import BadImageError
+
+PAGE = 256  # bytes; the chip erases and writes whole pages
+ROOM = 0x3E000  # bytes below the bootloader of a Mega 2560
+ERASED = 0xFF
+DATA, END, SEGMENT, LINEAR = 0, 1, 2, 4
+RECORD = 16  # data bytes a line
+# Old factory bootloaders take this for the call of their monitor, and hang.
+MONITOR = b"!!!"
+
+
+def read_hex(text: str, name: str = "image") -> bytes:
+    """The program in an Intel hex file, from address 0, padded to whole pages.
+
+    Raises BadImageError, naming the line, for anything that is no such program: gaps too, since the
+    stock bootloader erases page after page from the first, whatever address is written.
+    """
+    chunks: list[tuple[int, bytes]] = []
+    base, ended = 0, False
+    for number, line in enumerate(text.split(), 1):
+        if ended:
+            raise BadImageError(name, f"line {number} stands behind the end record")
+        kind, address, data = _record(line, f"{name}, line {number}")
+        if kind == DATA:
+            chunks.append((base + address, data))
+        elif kind == END:
+            ended = True
+        elif kind in (SEGMENT, LINEAR):
+            base = int.from_bytes(data, "big") << (4 if kind == SEGMENT else 16)
+    if not ended:
+        raise BadImageError(name, "the file is cut short: its end record is missing")
+    return _joined(sorted(chunks), name)
+
+
+def _record(line: str, place: str) -> tuple[int, int, bytes]:
+    try:
+        raw = bytes.fromhex(line[1:]) if line.startswith(":") else b""
+    except ValueError:
+        raw = b""
+    if len(raw) < 5 or len(raw) != raw[0] + 5:
+        raise BadImageError(place, "this is no line of an Intel hex file")
+    if sum(raw) & 0xFF:
+        raise BadImageError(place, "its checksum is wrong: the file is damaged")
+    return raw[3], int.from_bytes(raw[1:3], "big"), raw[4:-1]
+
+
+def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
+    image = bytearray()
+    for address, data in chunks:
+        if address != len(image):
+            raise BadImageError(
+                name,
+                f"it is not one block from address 0: a gap or an overlap at 0x{len(image):05X}",
+            )
+        image += data
+    if not image:
+        raise BadImageError(name, "it holds no program")
+    if len(image) > ROOM:
+        raise BadImageError(name, f"{len(image)} bytes do not fit below the bootloader ({ROOM})")
+    if MONITOR in image:
+        raise BadImageError(name, "it contains '!!!', which makes old bootloaders hang")
+    image += bytes([ERASED]) * (-len(image) % PAGE)
+    return bytes(image)
+
+
+def write_hex(data: bytes) -> str:
+    """An Intel hex file with `data` from address 0."""
+    lines = []
+    for address in range(0, len(data), RECORD):
+        if address % 0x10000 == 0:
+            lines.append(_line(LINEAR, 0, (address >> 16).to_bytes(2, "big")))
+        lines.append(_line(DATA, address & 0xFFFF, data[address : address + RECORD]))
+    return "\n".join([*lines, _line(END, 0, b""), ""])
+
+
+def _line(kind: int, address: int, data: bytes) -> str:
+    raw = bytes([len(data), *address.to_bytes(2, "big"), kind, *data])
+    return f":{(raw + bytes([-sum(raw) & 0xFF])).hex().upper()}"

@@ -1,0 +1,1 @@
+"""Plane geometry shared by blocks and plant."""

@@ -1,1 +1,0 @@
-"""What watches and remembers a run, in processes of its own: recordings, screens, sockets."""

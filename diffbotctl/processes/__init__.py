@@ -1,0 +1,1 @@
+"""Child processes: forking, and the process that draws the screen."""

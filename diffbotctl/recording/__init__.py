@@ -1,0 +1,1 @@
+"""Recordings and the black box: writing, reading, metrics."""

@@ -1,0 +1,30 @@
+"""One number for a whole run: a hash over every message on every wire, with names and times."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from diffbotctl.recording.json_codec import message_encoder
+
+
+class Digest:
+    """Feed it each instant; two runs are the same exactly when their digests are."""
+
+    def __init__(self, wires: dict[str, type]) -> None:
+        from hashlib import sha256  # only for who asks: it loads all of OpenSSL
+
+        self.encoders = [(wire.encode(), message_encoder(kind)) for wire, kind in wires.items()]
+        self.hash = sha256()
+        self.messages = 0
+
+    def record(self, instant: tuple[Any, ...]) -> None:
+        """Take one instant: (time, message or None for each wire)."""
+        time = b" %d " % instant[0]
+        for (wire, encode), message in zip(self.encoders, instant[1:], strict=True):
+            if message is not None:
+                self.hash.update(wire + time + encode(message))
+                self.messages += 1
+
+    def text(self) -> str:
+        """The digest so far, in hexadecimal."""
+        return self.hash.hexdigest()

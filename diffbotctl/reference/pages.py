@@ -1,0 +1,145 @@
+"""The reference page, made from the declarations: `python -m diffbotctl.reference.pages`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+from diffbotctl import messages
+from diffbotctl.block import Every, In, actions, inputs, outputs, robot_fields
+from diffbotctl.codes import CODES
+from diffbotctl.config import registry
+from diffbotctl.config.pipeline import Pipeline
+from diffbotctl.config.robot import Robot
+from diffbotctl.params import Declaration, Section, declared, with_unit
+
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "reference.md"
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    parts = ["# Reference", "Made from the declarations in the code; do not edit."]
+    parts += ["## Robot files", *section(Robot, "")]
+    parts += ["## Pipeline files", *section(Pipeline, "")]
+    parts += ["## Blocks", *blocks(), "## Messages", *kinds(), "## Codes", *codes()]
+    return "\n\n".join(parts) + "\n"
+
+
+def section(owner: type, path: str) -> Iterator[str]:
+    """The table of one section of a file, and after it those of the sections within."""
+    first = (owner.__doc__ or "").split("\n")[0]
+    yield f"### `{path or owner.__name__.lower()}`\n\n{first}"
+    yield table(declared(owner).values())
+    for setting in declared(owner).values():
+        inner = inside(setting.kind)
+        if inner is not None:
+            yield from section(inner, f"{path}.{setting.key}" if path else setting.key)
+
+
+def inside(kind: Any) -> type | None:
+    """The Section that a setting is, or is a list or map of."""
+    for one in (kind, *get_args(kind)):
+        if isinstance(one, type) and issubclass(one, Section):
+            return one
+    return None
+
+
+def table(settings: Any) -> str:
+    """Settings as a table of name, type, default, bounds and help."""
+    lines = ["| key | type | default | bounds | what it is |", "|---|---|---|---|---|"]
+    for setting in settings:
+        lines.append(
+            f"| `{setting.key}` | {kind_of(setting)} | {default_of(setting)} | "
+            f"{bounds_of(setting)} | {setting.help} |"
+        )
+    return "\n".join(lines) if len(lines) > 2 else "No settings."
+
+
+def kind_of(setting: Declaration) -> str:
+    """Type and unit in a few words."""
+    names = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    if inside(setting.kind) is not None:
+        return "section"
+    name = names.get(setting.kind, getattr(setting.kind, "__name__", "").lower() or "list")
+    return f"{name}, {setting.unit}" if setting.unit not in ("", "1") else name
+
+
+def default_of(setting: Declaration) -> str:
+    """The default as a person writes it."""
+    value = setting.default
+    if setting.is_required:
+        return "must be given"
+    if value is None:
+        return "none"
+    if isinstance(value, Section) or inside(setting.kind) is not None:
+        return ""
+    if isinstance(value, float):
+        return with_unit(value, setting.unit)
+    return f"`{value}`"
+
+
+def bounds_of(setting: Declaration) -> str:
+    """Bounds and choices."""
+    if setting.choices:
+        return ", ".join(f"`{choice}`" for choice in setting.choices)
+    words = {"above": "above", "below": "below", "least": "at least", "most": "at most"}
+    return ", ".join(
+        f"{words[word]} {with_unit(limit, setting.unit)}" for word, limit in setting.bounds.items()
+    )
+
+
+def blocks() -> Iterator[str]:
+    """Each built-in block: its words, ports and parameters."""
+    for name in sorted(registry.BLOCKS):
+        kind: Any = registry.block(name)
+        words = (kind.__doc__ or "").split("\n    blocks:")[0].split("\n")
+        doc = "\n".join(line.strip() for line in words)
+        lines = [f"### `{name}`", doc.strip()]
+        for port, declaration in inputs(kind).items():
+            if isinstance(declaration, Every):
+                lines.append(f"- timer `{port}`: each {declaration.period} s")
+            else:
+                lines.append(f"- in `{port}`: {declaration.kind.__name__}{how(declaration)}")
+        for port, out in outputs(kind).items():
+            lines.append(f"- out `{port}`: {out.kind.__name__}. {out.help}".rstrip(". ") + ".")
+        fields = ", ".join(f"`{field}`" for field in robot_fields(kind).values())
+        if fields:
+            lines.append(f"- from the robot file: {fields}")
+        for action in actions(kind):
+            lines.append(f"- action `{action}`")
+        yield "\n".join([*lines[:2], "", *lines[2:]])
+        yield table(declared(kind).values())
+
+
+def how(port: In) -> str:
+    """How an input behaves."""
+    words = []
+    if not port.trigger:
+        words.append("only looked at")
+    if port.fresh_for is not None:
+        words.append(f"absent when older than `{port.fresh_for}`")
+    if port.optional:
+        words.append("may stay unconnected")
+    text = f" ({'; '.join(words)})" if words else ""
+    return f"{text}. {port.help}".rstrip(". ") + "."
+
+
+def kinds() -> Iterator[str]:
+    """Each message: its fields with unit and help."""
+    for name, kind in messages.BUILT_IN.items():
+        lines = [f"### `{name}`", "", (kind.__doc__ or "").split("\n")[0], ""]
+        lines += ["| field | unit | what it is |", "|---|---|---|"]
+        for field, (_, about) in messages.fields(kind).items():
+            lines.append(f"| `{field}` | {about.unit} | {about.help} |")
+        yield "\n".join(lines)
+
+
+def codes() -> Iterator[str]:
+    """Every code with its title; `diffbotctl explain CODE` says more."""
+    lines = [f"| `{code}` | {entry.title} |" for code, entry in CODES.items()]
+    yield "\n".join(["| code | what it means |", "|---|---|", *lines])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page())

@@ -1,0 +1,1 @@
+"""Pictures: robot, wiring, map, as SVG or text."""

@@ -1,0 +1,92 @@
+"""Where a run meets the people around it: the control socket's hub, and the driver behind it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from typing import Any, NamedTuple
+
+from diffbotctl import __version__
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.control_socket import process
+from diffbotctl.control_socket.address import listen_on, remove_socket
+from diffbotctl.control_socket.command_driver import ControlClientDriver
+from diffbotctl.control_socket.engine_channel import EngineChannel
+from diffbotctl.control_socket.run_state import RunInfo
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
+from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.recording.black_box_store import BlackBoxStore
+from diffbotctl.render.map_scene import scene
+from diffbotctl.runs.build_graph import Assembly
+
+PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
+LOOK = 0.005  # s between two looks whether it has ended
+
+
+class SocketOptions(NamedTuple):
+    """What the command line says of the control socket: its name, and the group that may use it."""
+
+    name: str | None = None
+    group: str | None = None
+
+
+class RunControlSocket:
+    """The engine's side of the control socket. Raises RunError when it cannot be made.
+
+    The flight recorder's `keeper`, if there is one, goes along into the hub.
+    """
+
+    def __init__(
+        self,
+        wanted: SocketOptions,
+        configuration: Configuration,
+        assembly: Assembly,
+        port: str,
+        is_replay: bool = False,
+        keeper: BlackBoxStore | None = None,
+    ) -> None:
+        listener, path = listen_on(wanted.name, configuration.name, wanted.group)
+        robot = configuration.robot
+        about = RunInfo(
+            name=path.stem,
+            version=__version__,
+            pid=os.getpid(),
+            pipeline=str(configuration.file.resolve()),
+            robot=str(configuration.robot_file or ""),
+            port=port,
+            graph=assembly.graph,
+            command=assembly.command,
+            drivers={"robot": SimulatedRobotDriver} if robot is not None and port == "sim" else {},
+            speed=None if robot is None else robot.limits.speed,
+            turn_rate=None if robot is None else robot.limits.turn_rate,
+            is_replay=is_replay,
+            scene=_scene(configuration, assembly, port, is_replay),
+        )
+        shared = wanted.group is not None
+        end, self.pid = process.start(listener, path, about, shared, keeper)
+        self.path = path
+        self.channel = EngineChannel(end)
+
+    def person(self, operator: Operator, changes: LiveChanges, wakes: bool) -> ControlClientDriver:
+        """The driver that follows what comes from the socket."""
+        return ControlClientDriver(self.channel, operator, changes, wakes)
+
+    def end(self) -> None:
+        """See the hub end; one that is frozen is killed, for nobody else is left to do it."""
+        remove_socket(self.path)
+        deadline = time.monotonic() + PATIENCE
+        while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
+            if time.monotonic() > deadline:
+                os.kill(self.pid, signal.SIGKILL)
+                os.waitpid(self.pid, 0)
+                return
+            time.sleep(LOOK)
+
+
+def _scene(
+    configuration: Configuration, assembly: Assembly, port: str, is_replay: bool
+) -> dict[str, Any]:
+    told = scene(configuration, assembly.graph, port)
+    return {**told, "simulated": "REPLAY"} if is_replay else told

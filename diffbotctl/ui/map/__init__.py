@@ -1,0 +1,1 @@
+"""The map: viewport, layers, canvas, trails."""

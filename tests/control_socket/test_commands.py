@@ -1,0 +1,134 @@
+"""The terminal's commands on running engines, as a person types them."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.cli.resume import outcome
+from tests.control_socket.running import Plain, cli, moves, running, stands
+
+FAR = ("goal", "--stay", "--goal", "2 0")
+
+
+def children_of(pid):
+    """Process numbers of the children of `pid`, by what the kernel says of each."""
+    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    return [int(each) for each in listed]
+
+
+def hub_of(folder, pid):
+    """The child of `pid` that holds the control socket."""
+    path = str(folder / "diffbotctl" / "test.socket")
+    inodes = {
+        line.split()[6] for line in Path("/proc/net/unix").read_text().splitlines() if path in line
+    }
+    for child in children_of(pid):
+        for file in Path(f"/proc/{child}/fd").iterdir():
+            if os.readlink(file).removeprefix("socket:[").removesuffix("]") in inodes:
+                return child
+    raise AssertionError("no child holds the socket")
+
+
+def test_stop_why_resume_and_goto(tmp_path):
+    with running(tmp_path, *FAR):
+        client = Plain(tmp_path)
+        client.until(moves)
+        code, out, _ = cli(tmp_path, "stop", "the", "cat")
+        assert code == 0 and "stopped" in out
+        client.until(stands)
+        code, out, _ = cli(tmp_path, "why")
+        assert code == 0 and "operator_stop" in out and "the cat" in " ".join(out.split())
+        code, out, _ = cli(tmp_path, "resume")
+        assert code == 0 and "released from operator_stop" in out
+        client.until(moves)
+        code, out, _ = cli(tmp_path, "goto", "-20cm", "0", "90deg")
+        assert code == 0 and "x -0.2 m" in out and "heading 90 deg" in out
+        assert client.until(lambda status: status["operator.goal"]["x"] == -0.2)
+
+
+def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
+    with running(tmp_path, *FAR):
+        Plain(tmp_path).until(moves)
+        code, _, complaint = cli(tmp_path, "resume")
+        assert code == 1 and "nothing is stopped" in complaint
+        assert "goal 1: driving, " in complaint and "to go" in complaint
+        assert moves(Plain(tmp_path).ask("status"))  # it changes nothing
+        assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
+        code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
+        assert code == 0 and "goal 1 goes on" in out
+
+
+GOAL, NO_GOAL = {"number": 1}, {"number": 0}
+LATCHED = {"code": "operator_stop", "cause": "the cat", "latched": True}
+PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
+
+
+@pytest.mark.parametrize(
+    "before, after, done, words",
+    [
+        ((LATCHED, GOAL), (None, GOAL), True, "released from operator_stop: the cat"),
+        ((LATCHED, NO_GOAL), (None, GOAL), True, "the cat; goal 1 goes on"),
+        ((LATCHED, GOAL), (LATCHED, GOAL), False, "still held by operator_stop: the cat"),
+        # Behind the stop that was ended stands one that needs no consent.
+        ((LATCHED, GOAL), (PASSING, GOAL), True, "now held by obstacle: a wall, which ends by"),
+        ((PASSING, GOAL), (PASSING, GOAL), False, "obstacle: a wall; that ends by itself when"),
+        ((None, GOAL), (None, GOAL), False, "no goal is under way"),  # no block follows goals
+        ((None, None), (None, None), False, "nothing is stopped and no goal waits"),
+    ],
+)
+def test_what_resume_says_and_whether_it_did_anything(before, after, done, words):
+    names = ("held", "operator.goal", "goal_state")
+    said = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
+    assert outcome(*said)[0] == done and words in outcome(*said)[1]
+
+
+def test_without_an_engine_and_with_several(tmp_path):
+    code, _, complaint = cli(tmp_path, "why")
+    assert code == 2 and "E-NO-ENGINE" in complaint
+    with running(tmp_path, *FAR, name="first"), running(tmp_path, *FAR, name="second"):
+        code, _, complaint = cli(tmp_path, "why")
+        assert code == 2 and "first, second" in complaint
+        code, _, complaint = cli(tmp_path, "why", "--engine", "secnd")
+        assert code == 2 and "did you mean second" in complaint
+        assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
+        first, second = Plain(tmp_path, "first"), Plain(tmp_path, "second")
+        assert second.ask("status")["held"] and not first.ask("status")["held"]
+        code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
+        assert code == 0 and "first: stopped" in out and first.ask("status")["held"]
+        code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
+        assert code == 1 and "E-SOCKET" in complaint and "runs already" in complaint
+
+
+@pytest.mark.parametrize("broken", ["hub frozen", "hub killed", "engine frozen"])
+def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
+    with running(tmp_path, *FAR) as process:
+        Plain(tmp_path).until(moves)
+        hub = hub_of(tmp_path, process.pid)
+        if broken == "hub frozen":
+            os.kill(hub, signal.SIGSTOP)
+        elif broken == "hub killed":
+            os.kill(hub, signal.SIGKILL)
+        else:
+            os.kill(process.pid, signal.SIGSTOP)
+        code, out, complaint = cli(tmp_path, "stop")
+        assert code == 0, complaint
+        assert "ended" in out and process.wait(timeout=20) == 130
+        rest = process.stdout.read()
+        assert "final stop confirmed" in rest
+        # The last minutes are lost with a hub, and that is said.
+        assert ("FLIGHT RECORDER STOPPED" in rest) == broken.startswith("hub")
+    assert not list((tmp_path / "diffbotctl").glob("test.socket"))
+
+
+def test_a_killed_engine_leaves_no_name_behind(tmp_path):
+    with running(tmp_path, *FAR) as process:
+        hub = hub_of(tmp_path, process.pid)
+        os.kill(hub, signal.SIGKILL)  # nobody clears up
+        process.kill()
+        process.wait()
+    assert (tmp_path / "diffbotctl" / "test.socket").exists()
+    assert "E-NO-ENGINE" in cli(tmp_path, "why")[2]
+    with running(tmp_path, *FAR):
+        assert Plain(tmp_path).ask("status")["ok"]

@@ -1,0 +1,265 @@
+"""What no client may bring about: nonsense, floods, strangers. Others go on as if nothing was."""
+
+import json
+import os
+import socket
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.control_socket.address import group_folder
+from diffbotctl.control_socket.protocol import LONGEST_LINE
+from tests.control_socket.running import PATIENCE, Plain, cli, running
+
+NOBODY = 65534  # a user that every Debian has, with no rights at all
+ROOT_ONLY = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("hostile")
+    with running(made, "goal", "--stay", "--goal", "0 0"):
+        yield made
+
+
+@pytest.fixture(autouse=True)
+def others_are_unaffected(folder):
+    """Beside each test a quiet client is served, and nothing reaches the motors."""
+    client = Plain(folder)
+    client.ask("watch", topic="gate.wheels")
+    yield
+    client.send('{"id": "last", "do": "status"}')
+    while (said := client.read()).get("id") != "last":
+        wheels = said["message"]
+        assert (wheels["left"], wheels["right"]) == (0.0, 0.0)
+    assert said["held"] is None
+    client.close()
+
+
+def refusal_to(folder, data):
+    client = Plain(folder)
+    client.send(data)
+    said = client.read()
+    client.close()
+    return said
+
+
+@pytest.mark.parametrize(
+    "data, words",
+    [
+        (b"\x00\x01\xff\xfe\n", "no JSON"),
+        (b'{"do": "stop"\n', "no JSON"),
+        (b"[]\n", "no JSON object"),
+        (b"{}\n", "no verb ''"),
+        (b'{"do": 5}\n', "'do' must be a printable text"),
+        (b'{"do": "stpo"}\n', "no verb 'stpo'"),
+        (b'{"do": "stop", "why": "\\u001b[2J"}\n', "'why' must be a printable text"),
+        (b'{"do": "drive", "linear": NaN}\n', "NaN is no number"),
+        (b'{"do": "drive", "linear": 1e308}\n', "beyond this robot's limit"),
+        (b'{"do": "drive", "linear": 1e309}\n', "must be a finite number"),
+        (b'{"do": "drive", "angular": -1e308}\n', "beyond this robot's limit"),
+        (b'{"do": "drive", "linear": "0.1"}\n', "must be a finite number"),
+        (b'{"do": "drive", "linear": true}\n', "must be a finite number"),
+        (b'{"do": "drive", "linear": [0.1]}\n', "must be a finite number"),
+        (b'{"do": "drive", "speed": 0.1}\n', "no field 'speed'"),
+        (b'{"do": "goto", "x": 1}\n', "'y' must be a finite number (m); it is missing"),
+        (b'{"do": "goto", "x": 1e308, "y": 0}\n', "more than 1000 m away"),
+        (b'{"do": "goto", "x": 1' + b"0" * 400 + b', "y": 0}\n', "must be a finite number"),
+        (b'{"do": "publish", "topic": "operator.twist", "message": [1]}\n', "must be an object"),
+        (b'{"do": "publish", "topic": "operator.twist", "message": {"linear": 1e308}}\n', "limit"),
+        (b'{"do": "set", "parameter": "guard.margin", "value": 1e999}\n', "finite"),
+        (b'{"do": "call", "action": "odometry.set_pose", "arguments": {"x": NaN}}\n', "NaN"),
+        (b'{"do": "watch", "topic": "nothing.here"}\n', "no topic"),
+    ],
+)
+def test_nonsense_gets_a_clear_refusal(folder, data, words):
+    said = refusal_to(folder, data)
+    assert said["ok"] is False and words in said["cause"], said
+    assert said["error"] in ("E-PROTOCOL", "E-REQUEST")
+
+
+@pytest.mark.parametrize(
+    "hello, words",
+    [
+        ('{"hello": 2}', "protocol 2 is not spoken here"),
+        ('{"hello": 1.0}', "must be a hello"),
+        ('{"do": "stop"}', "must be a hello"),
+        ("GET / HTTP/1.1", "no JSON"),
+        (b"\x16\x03\x01\x02\x00\n", "no JSON"),
+    ],
+)
+def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
+    client = Plain(folder, hello=None)
+    client.send(hello)
+    assert words in client.read()["cause"]
+    assert client.read() is None
+    client.close()
+
+
+def test_half_a_line_waits_and_is_forgotten_with_its_client(folder):
+    client = Plain(folder)
+    client.send(b'{"do": "goto", "x": 1, ')
+    client.close()
+    client = Plain(folder)
+    client.send(b'{"id": 1, "do": ')
+    client.send(b'"topics"}\n')
+    assert client.read()["id"] == 1
+    client.close()
+
+
+def test_a_line_of_100_megabytes_is_cut_off(folder):
+    client = Plain(folder)
+    sent, piece = 0, b"x" * (1 << 20)
+    try:
+        while sent < 100 << 20:
+            sent += client.socket.send(piece)
+    except (BrokenPipeError, ConnectionResetError):
+        pass
+    assert sent < 4 << 20  # the kernel's buffers and a line; the rest never left us
+    assert f"more than {LONGEST_LINE} bytes" in client.read()["cause"]
+    client.close()
+
+
+def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
+    client = Plain(folder)
+    client.send(b"".join(b'{"id": %d, "do": "rate", "topic": "gate.wheels"}\n' % i
+                         for i in range(1000)))  # fmt: skip
+    assert [client.read()["id"] for _ in range(1000)] == list(range(1000))
+    client.close()
+
+
+def test_who_never_reads_loses_the_oldest_and_is_told(folder):
+    deaf = Plain(folder)
+    deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    for _ in range(3):
+        deaf.send('{"do": "watch", "topic": "*"}')
+    quick = Plain(folder)
+    began = quick.ask("status")["time"]
+    quick.until(lambda status: status["time"] > began + 4_000_000_000)
+    lost = 0
+    while not lost:
+        lost = deaf.read().get("lost", 0)
+    assert lost > 100
+    deaf.close()
+    quick.close()
+
+
+def test_more_connections_than_there_is_room_for(folder):
+    strangers = []
+    for _ in range(300):
+        strangers.append(socket.socket(socket.AF_UNIX))
+        strangers[-1].connect(str(folder / "diffbotctl" / "test.socket"))
+    client = Plain(folder)
+    assert client.ask("status")["ok"]  # who has greeted goes before who has not
+    for stranger in strangers:
+        stranger.close()
+    client.close()
+
+
+def test_connecting_again_and_again_leaves_nothing_behind(folder):
+    client = Plain(folder)
+    pid = client.ask("status")["pid"]
+    hub = hub_of(pid)
+    before = len(os.listdir(f"/proc/{hub}/fd"))
+    for _ in range(2000):
+        stranger = socket.socket(socket.AF_UNIX)
+        stranger.connect(str(folder / "diffbotctl" / "test.socket"))
+        stranger.close()
+    while len(os.listdir(f"/proc/{hub}/fd")) > before + 2:
+        assert client.ask("status")["ok"]
+    client.close()
+
+
+def hub_of(pid):
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    listeners = [
+        child for child in children
+        if any("socket:" in os.readlink(f) for f in Path(f"/proc/{child}/fd").iterdir())
+    ]  # fmt: skip
+    return max(map(int, listeners))
+
+
+def test_a_client_that_half_closes_still_gets_its_answers_and_its_stream(folder):
+    client = Plain(folder)
+    client.send('{"id": 1, "do": "watch", "topic": "robot.encoders"}')
+    client.socket.shutdown(socket.SHUT_WR)
+    assert client.read()["id"] == 1
+    assert client.read()["topic"] == client.read()["topic"] == "robot.encoders"
+    client.close()
+
+
+AS_NOBODY = """
+import os, socket, sys
+os.setgroups([int(each) for each in sys.argv[2:]])
+os.setgid(65534); os.setuid(65534)
+made = socket.socket(socket.AF_UNIX)
+made.settimeout(10)
+try:
+    made.connect(sys.argv[1])
+    print(made.makefile().readline())
+except PermissionError as error:
+    print("refused:", error.strerror)
+"""
+
+
+def as_nobody(path, *groups):
+    """What user `nobody`, in these groups besides its own, gets from the socket."""
+    words = [sys.executable, "-c", AS_NOBODY, str(path), *map(str, groups)]
+    return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE).stdout
+
+
+@ROOT_ONLY
+def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_hub(folder):
+    inside = folder / "diffbotctl"
+    path = inside / "test.socket"
+    ways_in = [inside, *list(inside.parents)[:-2]]  # below /tmp
+    modes = {each: stat.S_IMODE(each.stat().st_mode) for each in ways_in}
+    assert as_nobody(path) == "refused: Permission denied\n"
+    for each in ways_in:
+        each.chmod(0o755)
+    try:
+        assert as_nobody(path) == "refused: Permission denied\n"  # by the file's own mode
+        path.chmod(0o666)
+        said = json.loads(as_nobody(path))  # and by the hub, who knows the caller's uid
+        assert said["error"] == "E-SOCKET" and "own user" in said["cause"]
+    finally:
+        path.chmod(0o600)
+        for each, mode in modes.items():
+            each.chmod(mode)
+    assert '"event": "refused"' in (inside / "test.log").read_text()
+
+
+@ROOT_ONLY
+def test_members_of_the_group_may_and_others_may_not(tmp_path):
+    group = "games"  # one that every Debian has
+    name = f"test-{os.getpid()}"
+    with running(tmp_path, "goal", "--stay", "--goal", "0 0", "--group", group, name=name):
+        folder = group_folder(group)
+        path = folder / f"{name}.socket"
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o750
+        assert stat.S_IMODE(path.stat().st_mode) == 0o660
+        assert as_nobody(path) == "refused: Permission denied\n"
+        assert json.loads(as_nobody(path, path.stat().st_gid))["hello"] == 1
+        assert cli(tmp_path, "stop", "--engine", name)[0] == 0
+    for each in folder.glob(f"{name}.*"):
+        each.unlink()
+
+
+@ROOT_ONLY
+def test_a_group_that_does_not_exist_is_told(tmp_path):
+    code, _, complaint = cli(tmp_path, "run", "goal", "--group", "no-such-group")
+    assert code == 1 and "there is no group 'no-such-group'" in " ".join(complaint.split())
+
+
+def test_a_folder_that_belongs_to_another_user_is_not_used(tmp_path):
+    (tmp_path / "diffbotctl").symlink_to("/tmp")
+    code, _, complaint = cli(tmp_path, "run", "goal", "--for", "1s")
+    assert code == 1 and "E-SOCKET" in complaint
+
+
+def test_a_name_with_a_slash_is_refused(tmp_path):
+    code, _, complaint = cli(tmp_path, "run", "goal", "--name", "../x")
+    assert code == 1 and "is no name" in complaint

@@ -1,0 +1,248 @@
+"""The log and the cost of blocks on a running engine: what is said, and who hears it."""
+
+import json
+import signal
+import subprocess
+import time
+
+import pytest
+
+from tests.control_socket.running import PATIENCE, Plain, cli, command, moves, running, stands
+
+FAR = ["goal", "--goal", "4 0"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("log")
+    with running(made, "goal", "--stay", "--goal", "0 0"):
+        Plain(made).until(lambda status: status["time"] > 200_000_000)  # ns
+        yield made
+
+
+def follow(folder, *words):
+    """`diffbotctl log words` as a process whose lines can be read as they come."""
+    line, environment = command(folder, "log", *words)
+    return subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def until(ask, seen):
+    """Ask again and again until `seen(answer)`, which it must become in PATIENCE."""
+    deadline = time.monotonic() + PATIENCE
+    while not seen(answer := ask()):
+        assert time.monotonic() < deadline, answer
+    return answer
+
+
+def read_until(stream, seen):
+    """The first line of JSON of which `seen` is true; fails when the stream ends without it."""
+    for text in stream:
+        line = json.loads(text)
+        if seen(line):
+            return line
+    raise AssertionError("it ended without that line")
+
+
+def test_what_was_said_before_and_only_that(folder):
+    code, out, _ = cli(folder, "log", "--once")
+    said = [json.loads(line) for line in out.splitlines()]
+    assert code == 0 and set(said[0]) == {"time", "level", "source", "text"}
+    assert "goal 1 taken: x 0.000 m  y 0.000 m" in {line["text"] for line in said}
+    assert {"operator", "robot", "follower"} <= {line["source"] for line in said}
+    assert len(cli(folder, "log", "--once", "--last", "1")[1].splitlines()) == 1
+    assert cli(folder, "log", "--once", "--last", "0")[1] == ""
+
+
+def test_by_level_and_by_block(folder):
+    client = Plain(folder)
+    assert client.ask("stop", why="someone tests")["ok"]
+    client.until(lambda status: status["held"] is not None)
+    errors = client.ask("log", level="error")["lines"]
+    assert errors[-1]["source"] == "gate" and "someone tests" in errors[-1]["text"]
+    assert {line["level"] for line in errors} == {"error"}
+    robot = client.ask("log", block="robot")["lines"]
+    assert {line["source"] for line in robot} == {"robot"}
+    assert client.ask("resume")["ok"]
+    client.until(lambda status: status["held"] is None)
+    row = next(row for row in client.ask("blocks")["blocks"] if row["block"] == "gate")
+    assert row["last_error"] == errors[-1]
+
+
+def test_following_shows_an_event_as_it_happens(folder):
+    process = follow(folder, "--block", "operator")
+    try:
+        read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
+        # What was said before is printed when the stream is on, so the next comes by it.
+        assert Plain(folder).ask("set", parameter="guard.margin", value="6 cm")["ok"]
+        line = read_until(process.stdout, lambda line: "guard.margin" in line["text"])
+        assert line["text"] == "guard.margin = 0.06" and line["source"] == "operator"
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_whoever_drives_is_named_when_they_come_and_go(folder):
+    client = Plain(folder)
+    assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+    assert client.ask("release")["ok"]
+    client.until(stands)
+    said = until(
+        lambda: [line["text"] for line in client.ask("log", block="operator")["lines"]],
+        lambda said: said[-1].endswith("has let go"),  # it may be a turn behind the answer
+    )
+    assert said[-2].startswith("plain (process ") and said[-2].endswith("drives by hand")
+
+
+def test_echo_and_the_ros_name_show_the_same_wire(folder):
+    code, out, _ = cli(folder, "topic", "echo", "log", "--once")
+    assert code == 0 and json.loads(out)["level"] in ("info", "warning", "error")
+    assert cli(folder, "topic", "echo", "log.text", "--once")[1].startswith('"')
+    assert "/rosout is log here" in cli(folder, "topic", "echo", "/rosout", "--once")[2]
+    assert "LogLine" in cli(folder, "topic", "type", "log")[1]
+
+
+@pytest.mark.parametrize(
+    "words, complaint",
+    [
+        (["level", "gard", "debug"], "did you mean guard"),
+        (["level", "guard", "loud"], "is not one of"),
+        (["--once", "--block", "gard"], "did you mean guard"),
+    ],
+)
+def test_what_is_not_there_is_said(folder, words, complaint):
+    code, _, said = cli(folder, "log", *words)
+    assert code in (1, 2) and complaint in " ".join(said.split())
+
+
+@pytest.mark.parametrize(
+    "asked, complaint",
+    [
+        ({"do": "log", "last": -1}, "not kept"),
+        ({"do": "log", "last": 1e9}, "not kept"),
+        ({"do": "log", "last": "all"}, "finite number"),
+        ({"do": "log", "level": "loud"}, "no level 'loud'"),
+        ({"do": "log_level", "block": "guard", "level": "Debug"}, "no level 'Debug'"),
+        ({"do": "log_level", "block": "nobody", "level": "debug"}, "no block 'nobody'"),
+        ({"do": "log_level", "level": "debug"}, "field 'block'"),
+    ],
+)
+def test_nonsense_is_refused(folder, asked, complaint):
+    said = Plain(folder).ask(**asked)
+    assert said["ok"] is False and complaint in said["cause"]
+
+
+def test_a_level_changes_while_running(tmp_path):
+    with running(tmp_path, *FAR):
+        client = Plain(tmp_path)
+        client.until(moves)
+        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        assert set(levels.values()) == {"info"}
+        assert cli(tmp_path, "log", "level", "mux", "debug")[1].startswith("mux is heard from")
+        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+        assert client.ask("release")["ok"]
+        client.until(stands)
+        lines = until(lambda: client.ask("log", block="mux")["lines"], len)
+        assert (lines[0]["level"], lines[0]["text"]) == ("debug", "a person drives")
+        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        assert levels.pop("mux") == "debug" and set(levels.values()) == {"info"}
+        assert client.ask("log_level", block="*", level="error")["ok"]
+        until(
+            lambda: {row["level"] for row in client.ask("blocks")["blocks"]},
+            lambda levels: levels == {"error"},
+        )
+
+
+def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
+    from diffbotctl.recording.mcap_file import RecordingReader
+
+    path = tmp_path / "levels.mcap"
+    with running(tmp_path, *FAR, "--record", str(path)) as process:
+        client = Plain(tmp_path)
+        client.until(moves)
+        assert client.ask("log_level", block="mux", level="debug")["ok"]
+        assert client.ask("drive", linear=0.1, angular=0.0)["ok"]
+        assert client.ask("release")["ok"]
+        client.until(stands)
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    lines = [item.message for item in RecordingReader(path).messages() if item.wire == "log"]
+    sources = {(line.level, line.source) for line in lines}
+    assert ("debug", "mux") in sources and ("info", "operator") in sources
+    code, out, complaint = cli(tmp_path, "replay", str(path), "--check")
+    assert code == 0, out + complaint
+
+
+def test_blocks_are_measured_while_someone_asks(folder):
+    client = Plain(folder)
+    rows = until(
+        lambda: {row["block"]: row for row in client.ask("blocks")["blocks"]},
+        lambda rows: rows["odometry"]["busy"] is not None,
+    )
+    assert 30 < rows["odometry"]["reactions"] < 50  # this board sends 40 frames a second
+    assert 0 < rows["odometry"]["busy"] < 0.1
+    assert rows["odometry"]["overruns"] == 0
+    code, out, _ = cli(folder, "blocks", "--live")
+    row = json.loads(out.splitlines()[0])
+    assert code == 0 and 0 < row["busy"] < 0.1
+
+
+def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
+    """The talker speaks each 10 ms; the engine is frozen for longer, so some come too late."""
+    quick = ["hello", "--set", "talker.period=10 ms", "--for", "60s"]
+    line, environment = command(tmp_path, "run", *quick, "--name", "test")
+    process = subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+    try:
+        process.stdout.readline(), process.stdout.readline()
+        client = Plain(tmp_path)
+
+        def overruns():
+            return client.ask("blocks")["blocks"][0]["overruns"]
+
+        before = until(overruns, lambda count: count is not None)
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.3)  # the freeze itself, 30 periods of the timer
+        process.send_signal(signal.SIGCONT)
+        # A firing that is up to a period late is no overrun; some may go by on the way.
+        until(overruns, lambda count: count >= before + 20)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_whoever_follows_hears_how_the_run_ended(tmp_path):
+    with running(tmp_path, *FAR) as engine:
+        process = follow(tmp_path)
+        try:
+            read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
+            engine.send_signal(signal.SIGINT)
+            line = read_until(process.stdout, lambda line: line["source"] == "engine")
+            assert line["level"] == "warning" and "final stop confirmed" in line["text"]
+            assert process.wait(timeout=PATIENCE) == 0
+        finally:
+            process.kill()
+            process.communicate()
+
+
+@pytest.mark.parametrize(
+    "option, source", [("debug", {"mux", "range"}), ("mux=debug", {"mux"})], ids=["all", "one"]
+)
+def test_levels_from_the_start(tmp_path, option, source):
+    with running(tmp_path, *FAR, "--log-level", option):
+        client = Plain(tmp_path)
+        client.until(moves)
+        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+        lines = until(
+            lambda: [row for row in client.ask("log")["lines"] if row["level"] == "debug"],
+            lambda rows: "mux" in {row["source"] for row in rows},
+        )
+        assert {row["source"] for row in lines} >= source
+        assert option == "debug" or {row["source"] for row in lines} == source
+
+
+@pytest.mark.parametrize(
+    "option, complaint",
+    [("loud", "there are debug, info"), ("gard=debug", "did you mean guard")],
+)
+def test_a_level_that_does_not_exist_starts_nothing(tmp_path, option, complaint):
+    code, _, said = cli(tmp_path, "run", "goal", "--log-level", option)
+    assert code == 2 and complaint in " ".join(said.split())

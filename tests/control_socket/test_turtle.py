@@ -1,0 +1,103 @@
+"""The book's turtle and the Burger, commanded from another terminal as its chapters 4 and 5 do."""
+
+import json
+import time
+from math import pi
+
+import pytest
+
+from tests.control_socket.running import PATIENCE, cli, running
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A turtle that waits on its field."""
+    there = tmp_path_factory.mktemp("turtle")
+    with running(there, "turtle"):
+        yield there
+
+
+def done(folder, *words):
+    """Run a command that must succeed."""
+    code, said, complaint = cli(folder, *words)
+    assert code == 0, complaint
+    return said
+
+
+def last(folder, topic):
+    """The newest message of a topic."""
+    return json.loads(done(folder, "topic", "echo", topic, "--once"))
+
+
+def becomes(folder, topic, holds):
+    """Wait until the newest message of `topic` is as `holds` says: at its next frame, at most."""
+    until = time.monotonic() + PATIENCE
+    while not holds(found := last(folder, topic)):
+        assert time.monotonic() < until, f"{topic} stays {found}"
+    return found
+
+
+def test_it_starts_in_the_middle_of_its_field(folder):
+    at = last(folder, "robot.pose")
+    assert (at["x"], at["y"], at["heading"]) == pytest.approx((5.544, 5.544, 0.0))
+
+
+def test_it_is_driven_by_hand_for_a_distance(folder):
+    done(folder, "call", "robot.home")
+    said = done(folder, "drive", "--v", "0.5", "--distance", "1m")
+    assert said.startswith("driven 1.0")
+    at = becomes(folder, "robot.pose", lambda pose: pose["linear"] == 0.0)
+    assert at["x"] == pytest.approx(6.544, abs=0.05)
+    assert at["y"] == pytest.approx(5.544, abs=0.01)
+
+
+def test_it_is_sent_to_a_place_of_the_field(folder):
+    done(folder, "call", "robot.teleport", "x=3", "y=3")
+    done(folder, "goto", "4", "4")
+    at = becomes(folder, "robot.pose", lambda pose: pose["x"] > 3.9 and pose["linear"] == 0.0)
+    assert (at["x"], at["y"]) == pytest.approx((4.0, 4.0), abs=0.1)
+
+
+def test_it_is_teleported(folder):
+    done(folder, "call", "robot.teleport", "x=1", "y=2", "heading=90deg")
+    at = becomes(folder, "robot.pose", lambda pose: pose["x"] == 1.0)
+    assert (at["y"], at["heading"]) == pytest.approx((2.0, pi / 2))
+    done(folder, "call", "robot.hop", "distance=1", "turn=-90deg")
+    at = becomes(folder, "robot.pose", lambda pose: pose["x"] > 1.5)
+    assert (at["x"], at["y"], at["heading"]) == pytest.approx((2.0, 2.0, 0.0))
+
+
+def test_its_colours_are_parameters(folder):
+    done(folder, "param", "set", "canvas.background_red", "200")
+    done(folder, "param", "set", "canvas.pen", "up")
+    looks = becomes(folder, "canvas.canvas", lambda sheet: not sheet["is_down"])
+    assert looks["background"] == "#c856ff"
+    assert cli(folder, "param", "set", "canvas.background_red", "256")[0] != 0
+
+
+def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
+    done(folder, "call", "canvas.spawn", "x=2", "y=3", "heading=90deg")
+    becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [2, 2, 3, pi / 2])
+    done(folder, "call", "canvas.teleport", "number=2", "x=9", "y=8")
+    becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [2, 9, 8, 0])
+    code, _, complaint = cli(folder, "call", "canvas.kill", "number=7")
+    assert code == 1 and "there is no turtle 7" in complaint
+    done(folder, "call", "canvas.kill", "number=2")
+    done(folder, "call", "canvas.clear")
+    becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [] and sheet["sheet"] == 1)
+
+
+def test_the_burger_wanders_and_gives_way_to_a_person(tmp_path):
+    with running(tmp_path, "wander"):
+        becomes(tmp_path, "odometry.odometry", lambda pose: pose["linear"] > 0.1)
+        scan = last(tmp_path, "robot.scan")
+        assert len(scan["distances"]) == 360
+        said = done(tmp_path, "drive", "--v", "0.1", "--distance", "20cm")
+        assert 0.15 < float(said.split()[1]) < 0.30  # it came with 0.176 m/s
+
+
+def test_the_names_of_turtlesim_are_known(folder):
+    code, said, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once")
+    assert code == 0, complaint
+    assert set(json.loads(said)) >= {"x", "y", "heading"}
+    assert "/turtle1/pose is robot.pose here" in complaint

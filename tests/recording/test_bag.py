@@ -1,0 +1,134 @@
+"""`diffbotctl bag info | export | diff` on recorded runs."""
+
+import csv
+import io
+
+import pytest
+from click.testing import CliRunner
+
+from diffbotctl.cli.main import program
+from diffbotctl.errors import RunError, UsageError
+from diffbotctl.recording.diff import recording_differences
+from diffbotctl.recording.fields import all_columns, choose_columns, column_wires, table_rows
+from diffbotctl.recording.info import recording_info
+from diffbotctl.recording.mcap_file import RecordingReader
+
+
+def said(*words):
+    result = CliRunner().invoke(program, ["bag", *map(str, words)], standalone_mode=False)
+    assert result.exception is None, result.exception
+    return result.return_value, result.output
+
+
+def test_info_counts_what_is_there(goal):
+    seen = recording_info(goal)
+    messages = list(RecordingReader(goal).messages())
+    assert seen.complete and seen.cut is None
+    topics = {topic.name: topic for topic in seen.topics}
+    for name in ("robot.encoders", "odometry.odometry", "gate.wheels"):
+        times = [item.time for item in messages if item.wire == name]
+        assert topics[name].messages == len(times) > 100
+        assert topics[name].rate == pytest.approx((len(times) - 1) / (times[-1] - times[0]) * 1e9)
+    assert seen.end["cause"] == "all goals reached"
+
+
+def test_info_in_words(goal):
+    code, text = said("info", goal)
+    assert code == 0
+    for words in ("goal.yaml", "book_2wd", "sim (seed 3)", "all goals reached", "complete"):
+        assert words in text
+    assert any(line.split()[:2] == ["robot.encoders", "Encoders"] for line in text.splitlines())
+    assert "40.00 Hz" in text
+
+
+def test_export_reads_back_as_the_messages(goal):
+    code, text = said("export", goal, "odometry.odometry.x", "range.range.state")
+    table = list(csv.DictReader(io.StringIO(text)))
+    odometry = [i for i in RecordingReader(goal).messages() if i.wire == "odometry.odometry"]
+    told = [row for row in table if row["odometry.odometry.x"]]
+    assert code == 0 and len(told) == len(odometry)
+    for row, item in zip(told, odometry, strict=True):
+        assert float(row["odometry.odometry.x"]) == item.message.x
+        whole, part = row["time"].split(".")
+        assert int(whole) * 1_000_000_000 + int(part) == item.time
+    assert {row["range.range.state"] for row in table} <= {"", "clear", "measured"}
+
+
+def test_export_of_everything_has_a_column_a_field(goal, tmp_path):
+    said("export", goal, "--output", tmp_path / "all.csv")
+    with (tmp_path / "all.csv").open() as file:
+        head = next(csv.reader(file))
+    assert {"time", "odometry.odometry.covariance.5", "gate.wheels.left"} <= set(head)
+    assert len(head) == len(set(head)) == 1 + len(all_columns(column_wires(goal)))
+
+
+def test_a_topic_means_all_its_fields(goal):
+    names = [column.name for column in choose_columns(["follower.twist"], column_wires(goal))]
+    assert names == ["follower.twist.linear", "follower.twist.angular"]
+
+
+def test_lines_of_the_log_have_fields_too(goal):
+    lines = [
+        row
+        for _, row in table_rows(
+            goal, choose_columns(["log.level", "log.text"], column_wires(goal))
+        )
+    ]
+    assert lines and {level for level, _ in lines} <= {"info", "warning"}
+    assert any("goal 1" in text for _, text in lines)
+
+
+def test_rows_join_what_belongs_to_one_instant(goal):
+    wanted = choose_columns(["robot.encoders.left", "gate.wheels.left"], column_wires(goal))
+    both = [row for _, row in table_rows(goal, wanted)]
+    assert both and all(None not in row for row in both)  # a frame in, a command out
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("odometry.odometry.xx", "did you mean odometry.odometry.x"),
+        ("odometri.odometry.x", "did you mean odometry.odometry.x"),
+        ("odometry.odometry.x.0", "leads nowhere"),
+        ("odometry.odometry.covariance.6", "leads nowhere"),  # the triangle has 6 entries, 0 to 5
+        ("zzz", "has no field 'zzz'"),
+        ("", "has no field ''"),
+    ],
+)
+def test_a_wrong_field_is_answered_with_the_nearest(goal, name, words):
+    with pytest.raises(UsageError, match=words):
+        choose_columns([name], column_wires(goal))
+
+
+def test_a_recording_equals_itself(goal):
+    assert all(topic.place is None for topic in recording_differences(goal, goal))
+    code, text = said("diff", goal, goal)
+    assert code == 0 and text.startswith("same")
+
+
+def test_two_robots_differ_first_where_their_encoders_do(goal, other):
+    topics = recording_differences(goal, other)
+    assert topics[0].place is not None
+    times = [topic.time for topic in topics if topic.place is not None]
+    assert times == sorted(times)
+    both = [
+        [(i.time, i.data) for i in RecordingReader(path).messages() if i.wire == "robot.encoders"]
+        for path in (goal, other)
+    ]
+    place = next(n for n, (a, b) in enumerate(zip(*both, strict=False)) if a != b)
+    (encoders,) = [topic for topic in topics if topic.name == "robot.encoders"]
+    assert encoders.place == place and encoders.one == (both[0][place][0], encoders.one[1])
+    code, text = said("diff", goal, other)
+    assert code == 1 and "cross track rms" in text
+
+
+@pytest.mark.parametrize("verb", ["info", "export", "diff"])
+@pytest.mark.parametrize("content", [None, b"", b"words"])
+def test_what_is_no_recording(tmp_path, verb, content):
+    path = tmp_path / "x.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    words = [verb, str(path)] + ([str(path)] if verb == "diff" else [])
+    result = CliRunner().invoke(program, ["bag", *words], standalone_mode=False)
+    assert isinstance(result.exception, RunError)
+    assert "E-RECORDING" in str(result.exception)

@@ -1,0 +1,155 @@
+"""The flight recorder in the hub: nothing that one of them suffers reaches the other."""
+
+import os
+import pickle
+import select
+import socket
+
+import pytest
+
+from diffbotctl.config.load import load
+from diffbotctl.messages import Encoders
+from diffbotctl.recording import black_box as engine_flight
+from diffbotctl.recording.black_box import StopEvent
+from diffbotctl.recording.black_box_store import AFTER, BlackBoxStore, RunMetadata
+from diffbotctl.recording.info import recording_info
+from diffbotctl.recording.recorder import LENGTH
+from diffbotctl.runs import recording
+from diffbotctl.runs.build_graph import assemble
+from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from tests.control_socket.running import PATIENCE, Plain
+
+SECOND = 1_000_000_000
+ABOUT = {"epoch": "0"}
+WIRES = {"robot.encoders": Encoders}
+DONE = {"code": "0", "cause": "all goals reached", "last": "0", "truth": ""}
+
+
+def instant(second):
+    return (second * SECOND, Encoders(second * SECOND, second, second, None, None, 0.0, 0.0))
+
+
+def packed(item):
+    data = pickle.dumps(item)
+    return LENGTH.pack(len(data)) + data
+
+
+@pytest.fixture
+def keeper(tmp_path):
+    """A keeper, and the engine's end of its channel."""
+    ours, theirs = socket.socketpair()
+    ours.settimeout(PATIENCE)
+    yield BlackBoxStore(theirs, RunMetadata(tmp_path, "test", WIRES, ABOUT)), ours
+    ours.close()
+    theirs.close()
+
+
+def test_a_disk_that_hangs_keeps_nobody_waiting(tmp_path, keeper):
+    """The writer opens a FIFO that nobody reads yet; the keeper goes on taking what comes."""
+    keeper, engine = keeper
+    draft = tmp_path / "test-1.part"
+    os.mkfifo(draft)
+    engine.sendall(packed([instant(1)]) + packed(StopEvent(SECOND, "obstacle", "a wall")))
+    assert keeper.read() and keeper.files == 0  # how the robot comes to rest is waited for
+    engine.sendall(packed([instant(2)]))
+    assert keeper.read() and keeper.files == 1  # a writer is under way, and hangs
+    engine.sendall(packed([instant(3)]))
+    assert keeper.read() and keeper.ring.last == 3 * SECOND
+    assert not select.select([engine], [], [], 0)[0]  # nothing has been said of a file
+    draft.read_bytes()  # now the disk has come back; a FIFO is no place for a whole file, though
+    assert "could not be kept" in engine.recv(1 << 10).decode()
+
+
+@pytest.mark.parametrize(
+    "items, cause",
+    [
+        ([[instant(1)], DONE], None),  # it ended well
+        ([[instant(1)], {**DONE, "code": "1", "cause": "gave up"}], "gave up"),
+        # It ended well, but something had stopped it less than AFTER before its end.
+        ([[instant(1)], StopEvent(SECOND, "obstacle", "a wall"), DONE], "obstacle: a wall"),
+        ([[instant(1)]], "the engine was killed"),
+        ([], None),  # killed before anything came: there is nothing to write
+    ],
+)
+def test_what_is_written_when_the_engine_has_ended(tmp_path, keeper, capfd, items, cause):
+    keeper, engine = keeper
+    engine.sendall(b"".join(map(packed, items)))
+    engine.shutdown(socket.SHUT_WR)
+    keeper.rest()
+    keeper.channel.close()
+    said = engine.recv(1 << 10)  # the writer holds the other end until it has ended
+    found = [recording_info(path).end["cause"] for path in tmp_path.glob("*.mcap")]
+    assert found == ([] if cause is None else [cause])
+    is_killed = cause == "the engine was killed"
+    assert bool(said) == (cause is not None and not is_killed)  # who was killed hears nothing
+    assert ("diffbotctl replay" in capfd.readouterr().err) == is_killed
+
+
+def test_several_stops_in_a_row_make_one_file(keeper):
+    keeper, engine = keeper
+    for second in range(1, 9):  # APART is 10 s
+        engine.sendall(packed(StopEvent(second * SECOND, "obstacle", "a wall")))
+        engine.sendall(packed([instant(second)]))
+        keeper.read()
+    assert AFTER == SECOND and keeper.files == 1
+    engine.recv(1 << 10)
+
+
+@pytest.fixture
+def hub(tmp_path, monkeypatch):
+    """A hub with a flight recorder and no engine but this test: both channels, what was told."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    configuration = load("goal")
+    assembly = assemble(configuration, real=False)
+    facts = recording.run_facts(configuration, "sim", 0, [], None)
+    told, folder = [], tmp_path / "flights"
+    flight, keeper = recording.start_black_box(
+        folder, configuration, assembly, facts, lambda: None, told.append, told.append
+    )
+    station = RunControlSocket(SocketOptions("test"), configuration, assembly, "sim", keeper=keeper)
+    place = assembly.graph.sources.index("robot.encoders")
+    values = [None] * len(assembly.graph.sources)
+    values[place] = instant(1)[1]
+    flight.record((SECOND, *values))
+    yield flight, station, told
+    station.channel.close()
+    station.end()
+
+
+def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
+    flight, _, told = hub
+    client = Plain(tmp_path)
+    flight.outlet.channel.settimeout(PATIENCE)
+    flight.outlet.channel.sendall(LENGTH.pack(7) + b"garbage")
+    flight.outlet.channel.recv(1)  # its end: the hub has given the recorder up
+    assert client.ask("status")["ok"]
+    assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
+    flight.finish(DONE)
+    assert told == [
+        "FLIGHT RECORDER STOPPED: the recorder has ended; the last minutes of this run are not kept"
+    ]
+
+
+def test_a_hub_that_fails_keeps_the_flight(hub, tmp_path):
+    flight, station, told = hub
+    client = Plain(tmp_path)
+    station.channel.channel.send(b"garbage")
+    assert client.read() is None  # it has let its clients go
+    flight.finish({**DONE, "code": "1", "cause": "gave up"})
+    flight.close()
+    (path,) = (tmp_path / "flights").glob("*.mcap")
+    assert recording_info(path).end["cause"] == "gave up"
+    assert told == [f"The whole run so far is in {path}; diffbotctl replay {path}"]
+
+
+def test_a_hub_that_takes_nothing_is_given_up_at_the_end(monkeypatch):
+    monkeypatch.setattr(engine_flight, "PATIENCE", 0.05)
+    ours, theirs = socket.socketpair()
+    told = []
+    flight = engine_flight.BlackBox(ours, 1, lambda: None, told.append, told.append)
+    while not flight.outlet.backlog:
+        flight.outlet.send(bytes(1 << 16))
+    flight.finish(DONE)
+    assert told == ["the recorder does not answer"]
+    theirs.close()
+    flight.close()

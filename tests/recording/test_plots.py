@@ -1,0 +1,195 @@
+"""Curves in a terminal, as SVG and as PNG."""
+
+import io
+import sys
+from math import nan
+from xml.etree import ElementTree
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from diffbotctl.cli.main import program
+from diffbotctl.errors import UsageError
+from diffbotctl.recording.fields import Series, series
+from diffbotctl.ui.plot import image as image_module
+from diffbotctl.ui.plot import plots
+from diffbotctl.ui.plot.axes import make_axis
+from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, Dots
+from diffbotctl.ui.plot.image import COLOURS, as_svg, make_figure, save_figure
+
+NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    "least, most, ticks, labels",
+    [
+        (0.0, 10.0, 5, ["0", "2", "4", "6", "8", "10"]),  # 10 / 5 is a round step itself
+        (0.0, 9.0, 5, ["0", "2", "4", "6", "8"]),  # 1.8 is rounded up to 2
+        (-0.04, 0.11, 3, ["0.00", "0.05", "0.10"]),  # 0.05
+        (3.0, 3.0, 2, ["2", "4"]),  # a constant gets half its value on both sides: 3 / 2
+        (0.0, 0.0, 2, ["-0.5", "0.0", "0.5"]),
+        (1.1, 1.3, 1, ["1.1", "1.2", "1.3"]),  # 0.2 would give one tick: the next step down
+    ],
+)
+def test_axes(least, most, ticks, labels):
+    made = make_axis(least, most, ticks)
+    assert [made.label(tick) for tick in made.ticks] == labels
+
+
+@given(NUMBERS, NUMBERS, st.integers(1, 12))
+def test_an_axis_holds_its_values_and_two_ticks_or_more(one, other, ticks):
+    least, most = sorted((one, other))
+    assume(most == least or most - least > 1e-6 * max(abs(least), abs(most)))
+    made = make_axis(least, most, ticks)
+    slack = 1e-6 * (made.most - made.least)
+    assert made.least <= least and most <= made.most
+    assert 2 <= len(made.ticks) <= 3 * ticks + 2
+    assert all(made.least - slack <= tick <= made.most + slack for tick in made.ticks)
+
+
+@pytest.mark.parametrize(
+    "font, dots, rows",
+    [
+        # A braille cell is 2 wide and 4 high; dot 1 is its upper left, dot 8 its lower right.
+        (BRAILLE, [(0, 0)], ["\u2801"]),
+        (BRAILLE, [(1, 3)], ["\u2880"]),
+        (BRAILLE, [(x, y) for x in (0, 1) for y in range(4)], ["\u28ff"]),
+        (ASCII, [(0, 0)], ["'"]),
+        (ASCII, [(0, 1)], ["."]),
+        (ASCII, [(0, 0), (0, 1)], [":"]),
+        (ASCII, [(-1, 0), (9, 9)], [" "]),  # outside
+    ],
+)
+def test_dots(font, dots, rows):
+    canvas = Dots(1, 1, font)
+    for x, y in dots:
+        canvas.set(x, y)
+    assert canvas.rows() == rows
+
+
+def test_a_line_leaves_no_column_out():
+    canvas = Dots(8, 4, ASCII)
+    canvas.line(0, 7, 7, 0)
+    assert canvas.rows() == ["      .'", "    .'  ", "  .'    ", ".'      "]
+
+
+RAMP = Series("a.b.x", "m", [0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
+
+
+@pytest.mark.parametrize("panels", [1, 2, 3])
+@pytest.mark.parametrize("font", [BRAILLE, ASCII])
+def test_a_picture_fits_the_terminal(panels, font):
+    lines = list(plots.plot_lines([RAMP] * panels, 80, 24, font))
+    assert len(lines) <= 24 and max(map(len, lines)) <= 80
+    assert lines[0] == "a.b.x [m]"
+    if font is ASCII:
+        assert "".join(lines).isascii()
+
+
+def test_a_ramp_rises_from_the_lower_left_to_the_upper_right():
+    lines = list(plots.plot_lines([RAMP], 30, 9, ASCII))
+    curve = [line[10:] for line in lines[1:-2]]
+    firsts = [len(row) - len(row.lstrip()) for row in curve]
+    assert firsts == sorted(firsts, reverse=True) and firsts[-1] == 0
+    assert len(curve[0]) == 20  # its end is in the last of 30 - 10 columns
+
+
+def test_a_gap_stays_a_gap():
+    gap = Series("a.b.x", "m", [0.0, 1.0, 2.0, 3.0, 4.0], [1.0, 1.0, nan, 1.0, 1.0])
+    (row,) = [line[10:] for line in plots.plot_lines([gap], 31, 9, ASCII) if "'" in line[9:]]
+    assert "     " in row.strip()
+    lines = [each for each in make_figure([gap], "t").shapes if getattr(each, "width", 0) == 1.5]
+    assert [len(each.points) for each in lines] == [2, 2]
+
+
+def test_fields_of_one_unit_share_a_panel(goal):
+    picture = make_figure(series(goal, ["gate.wheels", "robot.front"]), "goal & <run>")
+    root = ElementTree.fromstring(as_svg(picture))
+    name = "{http://www.w3.org/2000/svg}"
+    texts = [each.text for each in root.iter(f"{name}text")]
+    assert {"goal & <run>", "gate.wheels.left", "gate.wheels.right", "rad/s", "V"} <= set(texts)
+    lines = list(root.iter(f"{name}polyline"))
+    curves = [each for each in lines if each.get("stroke-width") == "1.5"]
+    assert [each.get("stroke") for each in curves] == [COLOURS[0], COLOURS[1], COLOURS[0]]
+    frames = [each for each in lines if each.get("points").count(" ") == 4]
+    assert len(frames) == 2
+    for each in curves:
+        for point in each.get("points").split():
+            x, y = map(float, point.split(","))
+            assert 0 <= x <= picture.width and 0 <= y <= picture.height
+
+
+def test_a_png_has_the_curve_where_the_picture_has_it():
+    from PIL import Image
+
+    picture = make_figure([RAMP], "ramp")
+    image = Image.open(io.BytesIO(image_module.encode_png(picture))).convert("RGB")
+    assert image.size == (picture.width * image_module.FINER, picture.height * image_module.FINER)
+    (curve,) = [each for each in picture.shapes if getattr(each, "width", 0) == 1.5]
+    x, y = (round(each * image_module.FINER) for each in curve.points[1])
+    assert image.getpixel((x, y)) == tuple(bytes.fromhex(COLOURS[0][1:]))
+    assert image.getpixel((x + 9, y + 20 * image_module.FINER)) == (
+        255,
+        255,
+        255,
+    )  # beside the grid
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [("x.pdf", ".svg or .png"), ("x", ".svg or .png"), ("nowhere/x.svg", "No such file")],
+)
+def test_a_picture_that_cannot_be_written(tmp_path, name, words):
+    with pytest.raises(UsageError, match=words):
+        save_figure(make_figure([RAMP], "t"), tmp_path / name)
+
+
+def test_without_pillow_a_png_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "PIL", None)  # as Python has it for what is not installed
+    with pytest.raises(UsageError, match="pip install pillow"):
+        save_figure(make_figure([RAMP], "t"), tmp_path / "x.png")
+
+
+def test_words_make_no_curve(goal):
+    with pytest.raises(UsageError, match="words or lists"):
+        series(goal, ["range.range.state"])
+    assert [each.name for each in series(goal, ["range.range"])] == ["range.range.distance"]
+
+
+def test_a_stretch_of_time(goal):
+    (part,) = series(goal, ["odometry.odometry.x"], 1_000_000_000, 2_000_000_000)
+    (whole,) = series(goal, ["odometry.odometry.x"])
+    inside = [(t, v) for t, v in zip(whole.times, whole.values, strict=True) if 1.0 <= t < 2.0]
+    assert list(zip(part.times, part.values, strict=True)) == inside
+    with pytest.raises(UsageError, match="has a number in that time"):
+        series(goal, ["odometry.odometry.x"], 10**15)
+
+
+def plotted(*words, charset="utf-8"):
+    runner = CliRunner(charset=charset, env={"COLUMNS": "80", "LINES": "24"})
+    result = runner.invoke(program, ["bag", "plot", *map(str, words)], standalone_mode=False)
+    assert result.exception is None, result.exception
+    return result.output.splitlines()
+
+
+def test_the_command_draws_on_a_terminal_of_80_by_24(goal):
+    lines = plotted("odometry.odometry.x", "gate.wheels.left", goal)
+    assert 20 <= len(lines) <= 23 and max(map(len, lines)) <= 80  # one row is the prompt's
+    assert any("\u2801" <= character <= "\u28ff" for character in "".join(lines))
+    assert lines[0] == "odometry.odometry.x [m]" and lines[-1].endswith("s")
+
+
+@pytest.mark.parametrize("words, charset", [(["--ascii"], "utf-8"), ([], "ascii"), ([], "latin-1")])
+def test_where_there_is_no_braille_plain_characters_draw(goal, words, charset):
+    lines = plotted(*words, "odometry.odometry.x", goal, charset=charset)
+    assert "".join(lines).isascii() and any("'" in line for line in lines)
+
+
+@pytest.mark.parametrize("name, begins", [("x.svg", b"<svg "), ("x.png", b"\x89PNG")])
+def test_the_command_writes_pictures(goal, tmp_path, name, begins):
+    path = tmp_path / name
+    words = ("gate.wheels", goal, "--from", "1s", "--until", "3s", "--output", path)
+    assert plotted(*words) == [str(path)]
+    assert path.read_bytes().startswith(begins)

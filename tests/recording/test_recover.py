@@ -1,0 +1,122 @@
+"""Cut and damaged recordings, mended: every message of every chunk that is whole comes back."""
+
+import struct
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from diffbotctl.errors import RunError
+from diffbotctl.messages import Twist, Volts
+from diffbotctl.recording.info import recording_info
+from diffbotctl.recording.mcap_file import Recording, RecordingReader
+from diffbotctl.recording.recover import recover
+
+WIRES = {"robot.front": Volts, "mux.twist": Twist}
+ABOUT = {"epoch": "1000", "version": "1", "files": "{}", "sets": "[]", "port": "sim"}
+A_SECOND = 50  # instants between two flushes
+
+
+def written(seconds):
+    """The bytes of an unfinished recording, flushed each second of the run."""
+    with tempfile.NamedTemporaryFile() as file:
+        recording = Recording(file, WIRES, 1, ABOUT)
+        for second in range(seconds):
+            for place in range(A_SECOND):
+                now = (second * A_SECOND + place) * 20_000_000
+                recording.write((now, Volts(now, place / 7), Twist(now, 0.1, second / 3)))
+            recording.flush()
+        return Path(file.name).read_bytes()
+
+
+def chunks(data):
+    """(begin, end) of each chunk: after the magic, records are an opcode, a length, a body."""
+    place, found = 8, []
+    while place + 9 <= len(data):
+        opcode, length = struct.unpack_from("<BQ", data, place)
+        if opcode == CHUNK:
+            found.append((place, place + 9 + length))
+        place += 9 + length
+    return found
+
+
+CHUNK = 0x06  # the opcode in the MCAP specification
+WHOLE = written(6)
+CHUNKS = chunks(WHOLE)
+A_CHUNK = 2 * A_SECOND  # messages
+
+
+def mended(data, folder):
+    source, target = folder / "cut.mcap", folder / "mended.mcap"
+    source.write_bytes(data)
+    target.unlink(missing_ok=True)
+    done = recover(source, target)
+    with target.open("rb") as file:  # the reader that refuses unfinished files
+        seen = [(m.log_time, c.topic, m.data) for _, c, m in make_reader(file).iter_messages()]
+    return done, seen
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("cut")
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(CHUNKS[0][0], len(WHOLE)))
+def test_a_file_cut_anywhere_gives_back_every_whole_chunk(folder, length):
+    done, seen = mended(WHOLE[:length], folder)
+    assert done.messages == len(seen) == A_CHUNK * sum(end <= length for _, end in CHUNKS)
+    assert done.cut is not None
+    original = list(RecordingReader(folder / "cut.mcap").records())
+    assert seen == [(m.log_time, c.topic, m.data) for c, m in original]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(CHUNKS[1:]), st.floats(0.2, 1.0, exclude_max=True))
+def test_a_damaged_chunk_costs_only_itself(folder, chunk, share):
+    # Not so the first one: it also holds the topics' names and types.
+    begin, end = chunk
+    data = bytearray(WHOLE)
+    data[begin + int((end - begin) * share)] ^= 0x55  # behind the chunk's own head
+    done, seen = mended(bytes(data), folder)
+    assert done.damaged == 1
+    assert len(seen) == A_CHUNK * (len(CHUNKS) - 1)
+
+
+def test_a_whole_recording_stays_what_it_was(goal, tmp_path):
+    done = recover(goal, tmp_path / "again.mcap")
+    assert (done.damaged, done.cut) == (0, None)
+    before, after = RecordingReader(goal), RecordingReader(tmp_path / "again.mcap")
+    texts = [[(i.time, i.wire, i.data) for i in each.messages()] for each in (before, after)]
+    assert texts[0] == texts[1]
+    assert (before.end, before.about) == (after.end, after.about)
+
+
+def test_nothing_is_overwritten(goal, tmp_path):
+    target = tmp_path / "mine.mcap"
+    target.write_text("precious")
+    with pytest.raises(RunError, match="there already"):
+        recover(goal, target)
+    assert target.read_text() == "precious"
+
+
+@pytest.mark.parametrize("data", [b"", b"no recording at all", WHOLE[:8], WHOLE[:40]])
+def test_what_is_no_recording_leaves_no_file(tmp_path, data):
+    source = tmp_path / "bad.mcap"
+    source.write_bytes(data)
+    with pytest.raises(RunError, match="beginning of a recording"):
+        recover(source, tmp_path / "out.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]
+
+
+def test_a_mended_file_says_that_it_was(folder):
+    mended(WHOLE[: CHUNKS[2][1] + 10], folder)
+    seen = recording_info(folder / "mended.mcap")
+    assert seen.recovered is not None and not seen.complete
+    assert [(topic.name, topic.messages) for topic in seen.topics] == [
+        ("robot.front", 3 * A_SECOND),
+        ("mux.twist", 3 * A_SECOND),
+    ]
