@@ -24,6 +24,36 @@ PLAIN = (
     "diffbotctl.params",
     "diffbotctl.engine.safety_gate",
 )
+# Where version 0.1 had the classes that its states hold: (module, class) then and now.
+VERSION_0_1 = {
+    ("blocks.footprint", "Footprint"): ("geometry.footprint", "Footprint"),
+    ("blocks.footprint", "Track"): ("geometry.footprint", "PointTracker"),
+    ("blocks.frame_times", "FrameTimes"): ("estimation.timestamp_filter", "TimestampFilter"),
+    ("blocks.known_slots", "Flanks"): ("estimation.known_slot_errors", "EdgeErrors"),
+    ("blocks.known_slots", "KnownSlots"): ("estimation.known_slot_errors", "KnownSlotErrors"),
+    ("blocks.disc_search", "DiscSearch"): ("estimation.disc_alignment", "DiscAlignment"),
+    ("blocks.loop_mirror", "Loop"): ("control.speed_loop_mirror", "SpeedLoopState"),
+    ("blocks.loop_mirror", "LoopMirror"): ("control.speed_loop_mirror", "SpeedLoopMirror"),
+    ("blocks.odometry_wheel", "CountedWheel"): (
+        "estimation.wheel_odometer",
+        "CountWheelOdometer",
+    ),
+    ("blocks.odometry_wheel", "OdometryWheel"): ("estimation.wheel_odometer", "WheelOdometer"),
+    ("blocks.pose_estimate", "PoseEstimate"): ("estimation.pose_filter", "PoseFilter"),
+    ("blocks.range_sensor", "Fold"): ("blocks.range_sensor", "FoldbackDetector"),
+    ("blocks.rest_to_rest", "Limits"): ("control.motion_profile", "MotionLimits"),
+    ("blocks.slot_places", "SlotPlaces"): ("estimation.slot_errors", "SlotErrors"),
+    ("blocks.slot_places", "Told"): ("estimation.slot_errors", "SlotEstimate"),
+    ("blocks.transition", "Transition"): ("estimation.wheel_transition", "Transition"),
+    ("blocks.wheel_filter", "WheelFilter"): ("estimation.wheel_filter", "WheelFilter"),
+    ("blocks.wheel_motion", "Spread"): ("estimation.wheel_kalman", "Priors"),
+    ("blocks.wheel_motion", "WheelMotion"): ("estimation.wheel_kalman", "WheelKalman"),
+    ("blocks.wheel_track", "WheelTrack"): ("estimation.edge_hypothesis", "EdgeHypothesis"),
+    **{
+        ("config.robot", name): ("config.robot", f"{name}Section")
+        for name in ("Curve", "Encoder", "Motor", "Mount", "Sensor", "Side", "SpeedLoop", "Wheel")
+    },
+}
 COLLECTIONS = {("collections", "deque"), ("builtins", "set"), ("builtins", "frozenset")}
 
 
@@ -85,6 +115,10 @@ class _Plain(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in COLLECTIONS:
             return super().find_class(module, name)
+        before = (module.removeprefix("diffbotctl."), name)
+        if before in VERSION_0_1:
+            module, name = VERSION_0_1[before]
+            module = f"diffbotctl.{module}"
         if module.startswith(PLAIN):
             found = super().find_class(module, name)
             if isinstance(found, type) and found.__module__ == module:
