@@ -10,6 +10,17 @@ import click
 if TYPE_CHECKING:
     from typing import TextIO
 
+# Path below the new package -> its template. Fields in braces are filled in.
+BLOCK_FILES = {
+    "{package}/__init__.py": "block_init.py",
+    "{package}/{name}.py": "block.py",
+    "tests/test_{name}.py": "block_test.py",
+    "{name}.yaml": "block_pipeline.yaml",
+    "setup.cfg": "block_setup.cfg",
+    "pyproject.toml": "block_pyproject.toml",
+    "README.md": "block_readme.md",
+}
+
 
 @click.group()
 def command() -> None:
@@ -37,25 +48,28 @@ def block(name: str) -> None:
     from keyword import iskeyword
 
     from diffbotctl.config import registry
-    from diffbotctl.config.new_block import files
 
     _check_word(name, "block")
     if iskeyword(name) or name in registry.names():
         what = "a word of Python" if iskeyword(name) else "a block that there is already"
         raise _refused("E-NAME", name, f"'{name}' is {what}", "give yours another name")
-    for path, text in files(name).items():
-        _write(Path(name) / path, text)
+    package = f"diffbot_{name}"
+    fields = {
+        "name": name,
+        "Name": "".join(word.capitalize() for word in name.split("_")),
+        "package": package,
+        "project": package.replace("_", "-"),
+    }
+    for path, template in BLOCK_FILES.items():
+        _write(Path(name) / path.format(**fields), template, fields)
     click.echo(f"{name}/ is a package: its README.md says how to install and try it.")
 
 
 def write(kind: str, name: str) -> None:
     """Write a new `robot` or `pipeline` file. Raises UsageError where there is one already."""
-    from diffbotctl.config import new_yaml
-
     _check_word(name, kind)
     path = Path(f"{kind}s") / f"{name}.yaml"
-    template = new_yaml.ROBOT if kind == "robot" else new_yaml.PIPELINE
-    _write(path, template.format(name=name, file=path, schema=_schema(kind)))
+    _write(path, f"{kind}.yaml", {"name": name, "file": str(path), "schema": _schema(kind)})
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
     click.echo(f"Now: diffbotctl check {path}\n     {also}")
 
@@ -80,7 +94,14 @@ def _check_word(name: str, what: str) -> None:
         raise _refused("E-NAME", name, cause, "say it with those, a letter first")
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, template: str, fields: dict[str, str]) -> None:
+    """Write `template` with its `fields` filled in to the new file `path`."""
+    from string import Template
+
+    from diffbotctl.config.lookup import folder
+
+    source = folder("templates") / f"{template}.tmpl"
+    text = Template(source.read_text(encoding="utf-8")).substitute(fields)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("x", encoding="utf-8") as file:
