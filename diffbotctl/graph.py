@@ -21,9 +21,7 @@ from typing import Any, NamedTuple
 from diffbotctl.block import Block, Every, In, inputs, outputs
 from diffbotctl.log import Logbook
 from diffbotctl.messages import LogLine
-
-NEVER = 2**62  # ns; 146 years, later than any run
-SECOND = 1_000_000_000
+from diffbotctl.time import NEVER, SECOND
 
 LOG = "log"  # the wire of all lines; it comes last
 

@@ -8,13 +8,13 @@ into words costs something, ask first: `if self.log.debugs: self.log.debug(f"...
 from __future__ import annotations
 
 from diffbotctl.messages import LOG_LEVELS, LogLine
+from diffbotctl.time import SECOND
 
 DEBUG, INFO, WARNING, ERROR = range(len(LOG_LEVELS))
 NOTHING = len(LOG_LEVELS)  # a threshold that no line reaches
 DEFAULT = "info"
 ALL = "*"  # every source
 LEVEL = "log_level"  # what a Setting calls the level of a source
-SECOND = 1_000_000_000
 OUTSIDE = ("robot", "operator", "engine")  # sources that are no blocks
 MOST = 50  # lines of one source in a second: a block that says one a message is cut short
 LONGEST = 400  # characters of a line; more is no line any longer

@@ -13,11 +13,11 @@ from random import Random
 from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.time import SECOND
 from tests.radio import BUFFER, Passed, Way
 
 DELAY = (0.010, 0.050)  # s
 LOSS = 0.01
-SECOND = 1e9
 TURNS = 0.1  # duty beyond which a motor has begun to turn
 
 

@@ -15,13 +15,13 @@ from typing import Any
 from unittest.mock import patch
 
 from diffbotctl.config.load import load
-from diffbotctl.graph import SECOND
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.black_box import BlackBox, StopEvent
 from diffbotctl.recording.black_box_store import MOST
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.time import SECOND
 from prove.row import Row
 
 PERIOD = SECOND // 10_000  # ns between two instants: so fast that the ring is full before it is old

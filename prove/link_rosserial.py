@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Message
-from prove.rosserial_session import MS, SECOND, Session
+from diffbotctl.time import SECOND
+from prove.rosserial_session import MS, Session
 from prove.row import Row, printed
 from tests.rosserial_device import RATED, Device
 

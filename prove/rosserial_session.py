@@ -12,7 +12,6 @@ from diffbotctl.messages import Duty, Encoders, Link, Message
 from tests.rosserial_device import RATED, Device
 
 MS = 1_000_000
-SECOND = 1_000_000_000
 STEP = 4 * MS  # ns between two looks at the wire, about as often as a port wakes its reader
 
 

@@ -18,8 +18,9 @@ from collections import deque
 from math import log
 from random import Random
 
+from diffbotctl.time import SECOND
+
 MS = 1_000_000  # ns
-SECOND = 1_000_000_000
 BYTE_BITS = 10
 LOOP_PAUSE = 20 * MS
 PUBLISH_AFTER = 50 * MS

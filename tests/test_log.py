@@ -4,8 +4,9 @@ import pytest
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.graph import Graph, Node
-from diffbotctl.log import MOST, SECOND, Logbook
+from diffbotctl.log import MOST, Logbook
 from diffbotctl.messages import LOG_LEVELS, LogLine, Twist
+from diffbotctl.time import SECOND
 
 
 class Speaks(Block):

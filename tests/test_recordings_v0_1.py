@@ -11,11 +11,11 @@ import pytest
 
 # All that this test needs of the program; after a rename only these lines change.
 from diffbotctl.block import Block, Every, FromRobot, In, Out, action
-from diffbotctl.graph import SECOND
 from diffbotctl.messages import Odometry, Text, Twist
 from diffbotctl.params import Param
 from diffbotctl.replay.replay import replay
 from diffbotctl.replay.source import read_run
+from diffbotctl.time import SECOND
 
 BLOCKS = "diffbotctl.blocks"  # the entry point by which packages offer their blocks
 

@@ -1,15 +1,20 @@
-"""Rules of the house. A failure says the reason and the way to mend it."""
+"""Rules of the code's structure. A failure states the reason and the fix."""
 
 import ast
 import configparser
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-# Imports run from the top of this table to the bottom, never back.
-FLOORS = [
-    ["errors", "codes", "messages", "log", "units", "params", "block"],
+# A folder or top-level module imports from its own line and the lines above it, never from below.
+LAYERS = [
+    ["time", "errors", "codes", "messages", "log", "units", "params", "block"],
     ["geometry", "control", "estimation", "blocks", "links", "plant", "graph"],
     ["config"],
     ["model", "reference"],
@@ -23,57 +28,284 @@ FLOORS = [
     ["replay", "board", "calibrate", "diagnostics"],
     ["flash", "start"],
     ["ui", "cli"],
+    ["__init__", "__main__"],
 ]
-FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
-PURE = {"time", "random", "os", "socket", "threading", "pathlib", "io", "datetime", "secrets"}
+LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
+IMPURE = {"time", "random", "os", "socket", "threading", "pathlib", "io", "datetime", "secrets"}
 SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
+TREES = {path: ast.parse(path.read_text()) for path in SOURCES}
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+
+SMALL_MODULE_LINES = 25
+SMALL_MODULES = {  # module: why it stands alone
+    "__main__": "python -m diffbotctl",
+    "time": "the lowest layer; every other module may import it",
+    "cli/blink": "each command is one file",
+    "cli/why": "each command is one file",
+    "blocks/listener": "each block is one file",
+    "board/progress": "today's exception",
+    "links/bootloader": "today's exception",
+    "start/own_file": "today's exception",
+}
+VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}
+VAGUE_CONSTANTS_MAX = 31  # today's; 0 when all are renamed
+FUNCTION_IMPORTS_MAX = 51  # today's; at most 20
+UNEXPLAINED_IMPORTS_MAX = 47  # today's; 0 when each has its reason
+FORMAT_SKIPS_MAX = 20
+UNREAD_PARAMETERS = {"range_formula", "keep_duty"}  # today's
+CIRCLES = {frozenset({"diffbotctl.ui.dash.app", "diffbotctl.ui.dash.key_bindings"})}  # today's
+
+
+def module_name(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in SOURCES}
+
+
+def short_name(path):
+    return str(path.relative_to(ROOT / "diffbotctl").with_suffix(""))
+
+
+def import_nodes(tree):
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def imports(path):
-    """Module names that a file imports, with their lines."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield alias.name, node.lineno
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                yield f"{node.module}.{alias.name}", node.lineno
+    """Names that a file imports (`module` or `module.name`), with their lines."""
+    for node in import_nodes(TREES[path]):
+        if isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{path}:{node.lineno} write the import from `diffbotctl` on"
+        prefix = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+        for alias in node.names:
+            yield prefix + alias.name, node.lineno
 
 
-def part(path):
-    """The room of the house that a file is in."""
-    inside = path.relative_to(ROOT / "diffbotctl").parts
-    return inside[0].removesuffix(".py")
+def imported_modules(path):
+    """Modules of the package that a file imports, anywhere in it."""
+    for name, _ in imports(path):
+        module = name if name in MODULES else name.rpartition(".")[0]
+        if module in MODULES and MODULES[module] != path:
+            yield module
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def top_name(path):
+    """The folder below `diffbotctl`, or the top-level module, of a file."""
+    return path.relative_to(ROOT / "diffbotctl").parts[0].removesuffix(".py")
+
+
+def place(path, line):
+    return f"{path.relative_to(ROOT)}:{line}"
+
+
+def circle(graph):
+    """The nodes of one circle, or none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(reversed(error.args[1]))
+    return []
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=short_name)
 def test_imports_run_one_way(path):
-    here = FLOOR.get(part(path))
-    if here is None:
-        return
+    here = LAYER.get(top_name(path))
+    assert here is not None, (
+        f"{path.relative_to(ROOT)} is in no layer, so nothing limits what it imports; "
+        "add its folder to LAYERS"
+    )
     for name, line in imports(path):
         steps = name.split(".")
-        if steps[0] != "diffbotctl" or len(steps) < 2 or steps[1] not in FLOOR:
-            continue
-        assert FLOOR[steps[1]] <= here, (
-            f"{path.relative_to(ROOT)}:{line} imports {name}, which lives on a higher floor; "
-            "move what both need down to the lower one"
-        )
+        if steps[0] == "diffbotctl" and len(steps) > 1 and steps[1] in LAYER:
+            assert LAYER[steps[1]] <= here, (
+                f"{place(path, line)} imports {name}, which is in a higher layer; "
+                "move what both need down to the lower one"
+            )
+
+
+def test_modules_import_in_no_circle():
+    graph = {module: set(imported_modules(path)) for module, path in MODULES.items()}
+    for a, b in map(sorted, CIRCLES):
+        graph.get(a, set()).discard(b)
+    found = circle(graph)
+    assert not found, (
+        f"{' -> '.join(found)}: modules in a circle cannot be understood or tested one by one; "
+        "move what both need into a third module, or pass it as an argument"
+    )
+
+
+def test_folders_import_in_no_circle():
+    graph = defaultdict(set)
+    for path in SOURCES:
+        for module in imported_modules(path):
+            if top_name(path) != top_name(MODULES[module]):
+                graph[top_name(path)].add(top_name(MODULES[module]))
+    found = circle(graph)
+    assert not found, (
+        f"{' -> '.join(found)}: folders in a circle are one folder; "
+        "move what both need down to a lower one"
+    )
 
 
 @pytest.mark.parametrize(
     "path",
-    [path for path in SOURCES if part(path) in ("blocks", "links", "plant")],
-    ids=lambda path: str(path.relative_to(ROOT)),
+    [path for path in SOURCES if top_name(path) in ("blocks", "links", "plant")],
+    ids=short_name,
 )
-def test_blocks_codecs_and_plant_know_no_clock_chance_or_file(path):
+def test_blocks_protocols_and_plant_use_no_clock_randomness_or_file(path):
     for name, line in imports(path):
         if name == "random.Random":
-            continue  # the class of the seeded generator that the plant is handed
-        assert name.split(".")[0] not in PURE, (
-            f"{path.relative_to(ROOT)}:{line} imports {name}; time and inputs are handed in, "
-            "or a replay could not be equal"
+            continue  # the class of the seeded generator that the plant is given
+        assert name.split(".")[0] not in IMPURE, (
+            f"{place(path, line)} imports {name}: a replay could differ from its recording; "
+            "take time and inputs as arguments"
         )
+
+
+def test_public_classes_have_distinct_names():
+    places = defaultdict(list)
+    for path in SOURCES:
+        for node in TREES[path].body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places[node.name].append(place(path, node.lineno))
+    shared = {name: found for name, found in places.items() if len(found) > 1}
+    assert not shared, (
+        f"classes with one name: {shared}; a reader cannot tell which is meant: "
+        "name each after what it stands for"
+    )
+
+
+def test_modules_are_not_too_small():
+    small = {
+        short_name(path)
+        for path in SOURCES
+        if path.name != "__init__.py"
+        and len(path.read_text().splitlines()) <= SMALL_MODULE_LINES
+        and short_name(path) not in SMALL_MODULES
+    }
+    assert not small, (
+        f"at most {SMALL_MODULE_LINES} lines: {sorted(small)}; a reader opens a file for a few "
+        "lines: merge it into its capability, or list it in SMALL_MODULES with a reason"
+    )
+    assert len(SMALL_MODULES) <= 15, "SMALL_MODULES is a list of exceptions: keep it at 15"
+
+
+def assigned_names(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                if isinstance(target, ast.Name):
+                    yield target.id, node
+
+
+def test_constants_name_their_quantity():
+    vague = [
+        f"{place(path, node.lineno)} {name}"
+        for path in SOURCES
+        for name, node in assigned_names(TREES[path])
+        if name.lstrip("_") in VAGUE_CONSTANTS
+    ]
+    assert len(vague) <= VAGUE_CONSTANTS_MAX, (
+        f"{vague} say nothing outside their file; name the quantity, its limit and its unit: "
+        "STOP_TIMEOUT_S, POLL_PERIOD_S, MAX_DATAGRAM_BYTES"
+    )
+
+
+def test_units_of_time_are_defined_once():
+    for path in SOURCES:
+        for name, node in assigned_names(TREES[path]):
+            assert name not in ("SECOND", "MILLISECOND", "MICROSECOND", "NEVER") or (
+                short_name(path) == "time"
+            ), f"{place(path, node.lineno)} defines {name} again; import it from diffbotctl.time"
+
+
+def declared_parameters():
+    """Names of `name = Param(...)` in class bodies, with their places."""
+    for path in SOURCES:
+        for owner in ast.walk(TREES[path]):
+            for node in owner.body if isinstance(owner, ast.ClassDef) else ():
+                if (
+                    isinstance(node, ast.Assign)
+                    and isinstance(node.value, ast.Call)
+                    and isinstance(node.value.func, ast.Name)
+                    and node.value.func.id == "Param"
+                ):
+                    yield node.targets[0].id, place(path, node.lineno)
+
+
+def test_declared_parameters_are_read():
+    read = set()
+    for tree in TREES.values():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
+                read.add(node.attr)
+            elif (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id in ("In", "Every", "FromRobot", "getattr")
+            ):  # a port's period, freshness or robot field may be given by a parameter's name
+                texts = [*node.args, *(keyword.value for keyword in node.keywords)]
+                for text in texts:
+                    if isinstance(text, ast.Constant) and isinstance(text.value, str):
+                        read.update(text.value.split("."))
+    unread = [
+        f"{where} {name}"
+        for name, where in declared_parameters()
+        if name not in read and name not in UNREAD_PARAMETERS
+    ]
+    assert not unread, (
+        f"{unread}: a user sets them and nothing changes; read them, or remove the declaration"
+    )
+
+
+def function_imports():
+    """Imports inside functions, outside the commands, with whether a comment gives the reason."""
+    for path in SOURCES:
+        if top_name(path) == "cli":
+            continue
+        lines = path.read_text().splitlines()
+        inside = {
+            node
+            for function in ast.walk(TREES[path])
+            if isinstance(function, FUNCTIONS)
+            for node in import_nodes(function)
+        }
+        explained = False
+        last_line = 0
+        for node in sorted(inside, key=lambda node: node.lineno):
+            if node.lineno != last_line + 1:
+                explained = lines[node.lineno - 2].lstrip().startswith("#")
+            last_line = node.end_lineno
+            reason = explained or any("#" in line for line in lines[node.lineno - 1 : last_line])
+            yield place(path, node.lineno), reason
+
+
+def test_function_level_imports_are_few_and_explained():
+    found = list(function_imports())
+    assert len(found) <= FUNCTION_IMPORTS_MAX, (
+        f"{[where for where, _ in found]}: they hide what a module depends on; import at the top, "
+        "except a heavy or optional library"
+    )
+    unexplained = [where for where, reason in found if not reason]
+    assert len(unexplained) <= UNEXPLAINED_IMPORTS_MAX, (
+        f"{unexplained} import inside a function without saying why; "
+        "give the reason in a comment on the line or the line above"
+    )
+
+
+def test_format_is_rarely_skipped():
+    skips = [
+        place(path, number)
+        for folder in ("diffbotctl", "tests", "prove")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        if re.search(r"#\s*fmt:\s*(skip|off)\s*$", line)
+    ]
+    assert len(skips) <= FORMAT_SKIPS_MAX, (
+        f"{skips}: hand-set lines are longer than a reader's screen and hide length; "
+        "let ruff format them, or move a table into a data file"
+    )
 
 
 def test_every_package_ships():
@@ -90,9 +322,6 @@ def test_every_package_ships():
 
 
 def test_help_imports_nothing_heavy():
-    import subprocess
-    import sys
-
     code = (
         "import sys; sys.argv = ['diffbotctl', '--help']\n"
         "from diffbotctl.cli.main import main\n"

@@ -10,8 +10,8 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time, shortest_turn
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 STILL_SPEED = 0.004  # m/s at the rim: below this a wheel is between two slots
 SLOW_SPEED = 0.012  # m/s at the rim: it rolls on for about a millimetre; the next leg may begin
 STILL_TIME = 60_000_000  # ns of stillness after which the pose is believed

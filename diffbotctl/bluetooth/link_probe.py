@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from diffbotctl.bluetooth.link_stats import SECOND, Arrival, LinkFigures, link_figures
+from diffbotctl.bluetooth.link_stats import Arrival, LinkFigures, link_figures
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
+from diffbotctl.time import SECOND
 
 ASK_EVERY = 250_000_000  # ns; an answer takes 18 ms of a line of 9600 baud
 FORGOTTEN = SECOND  # ns; an answer that comes later is taken for lost

@@ -11,7 +11,8 @@ from itertools import pairwise
 from math import ceil
 from typing import NamedTuple
 
-SECOND = 1_000_000_000
+from diffbotctl.time import SECOND
+
 DRIFT_WINDOW = 20 * SECOND  # the clocks of a board and a host drift by less than 2 ms in it
 
 

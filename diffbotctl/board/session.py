@@ -18,11 +18,11 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_host import UP, DiffbotHost
 from diffbotctl.messages import Text
 from diffbotctl.runs.serial import diffbot_host
+from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
     from diffbotctl.config.robot import Robot
 
-SECOND = 1_000_000_000
 LOOK = 0.05  # s between two looks at a silent port
 
 

@@ -29,10 +29,10 @@ from diffbotctl.runs.build_graph import (
     sources,
     wheel_speed_node,
 )
+from diffbotctl.time import SECOND
 
 NEAR_STOCK, FACING_STOCK = 0.03, 0.07  # m, rad, of a board with the book's firmware
 PATIENCE = 180  # s an outing may take
-SECOND = 1_000_000_000
 
 
 class DriveStyle(NamedTuple):

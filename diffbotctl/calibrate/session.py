@@ -23,6 +23,7 @@ from diffbotctl.engine.driver import Delivery, RobotDriver
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
+from diffbotctl.time import SECOND
 
 SPARE = 1  # count; the edge that a wheel stood on
 
@@ -87,7 +88,6 @@ class Received(NamedTuple):
         return self.of(Encoders)
 
 
-SECOND = 1_000_000_000
 REPEAT = SECOND // 20  # ns between two sendings of a command that holds: six to a dead-man's time
 STALE = SECOND // 2  # ns without a frame while moving; the host itself notices after 250 ms
 MEETING = 20 * SECOND  # ns until a board must have answered and taken its settings

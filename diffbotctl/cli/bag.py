@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from diffbotctl.time import SECOND
+
 recording = click.argument("file", type=click.Path(path_type=Path))
 
 
@@ -87,9 +89,6 @@ def _table(target: Any, file: Path, wanted: list[Any]) -> None:
         writer.writerow([seconds, *(_cell(value) for value in row)])
 
 
-SECOND = 1_000_000_000  # ns
-
-
 def _cell(value: object) -> object:
     if isinstance(value, float):
         return repr(value)  # reads back as the same number
@@ -116,8 +115,8 @@ def plot(
     A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
     """
     from diffbotctl.cli.engine_client import quantity_of
-    from diffbotctl.graph import NEVER
     from diffbotctl.recording.fields import series
+    from diffbotctl.time import NEVER
 
     first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
     last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)

@@ -8,12 +8,15 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from diffbotctl.cli import COMPLETING
+
 PORTS = ("sim", "emulated", "auto")
 
 
 @click.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
-def command(shell: str) -> None:
+@click.pass_context
+def command(ctx: click.Context, shell: str) -> None:
     """Print what SHELL needs to complete diffbotctl's words.
 
     \b
@@ -21,11 +24,9 @@ def command(shell: str) -> None:
     zsh   diffbotctl completion zsh > ~/.zfunc/_diffbotctl    (with ~/.zfunc in fpath)
     fish  diffbotctl completion fish > ~/.config/fish/completions/diffbotctl.fish
     """
-    from diffbotctl.cli.main import COMPLETING, program
-
     kind = get_completion_class(shell)
     assert kind is not None
-    click.echo(kind(program, {}, "diffbotctl", COMPLETING).source())
+    click.echo(kind(ctx.find_root().command, {}, "diffbotctl", COMPLETING).source())
 
 
 def teach(command: click.Command) -> click.Command:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli import COMPLETING
+
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
-
-COMPLETING = "_DIFFBOTCTL_COMPLETE"  # set by the shell's completion, see completion.py
 
 # One line a command: its help stands here too, so that --help need not import it.
 COMMANDS = {

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.time import SECOND
+
 if TYPE_CHECKING:
     from diffbotctl.replay.replay import ReplayOptions, ReplayResult, Show
     from diffbotctl.replay.source import RecordedRun
-
-SECOND = 1_000_000_000  # ns
 
 
 @click.command()
@@ -55,9 +55,9 @@ def command(
 
     Exit code: 0 the same, 1 different or unreadable.
     """
-    from diffbotctl.graph import NEVER
     from diffbotctl.replay import source
     from diffbotctl.replay.replay import ReplayOptions, replay_as
+    from diffbotctl.time import NEVER
 
     if check and (sets or begin or until):
         raise click.UsageError("--check compares the whole recording as it is: nothing else fits")
@@ -124,9 +124,9 @@ def _told(done: ReplayResult) -> int:
 
 def _measured(run: RecordedRun, wanted: ReplayOptions, done: ReplayResult) -> int:
     """The metrics of the replay beside those of the recording, where they can differ."""
-    from diffbotctl.graph import NEVER
     from diffbotctl.recording.metrics import recorded_metrics
     from diffbotctl.replay.replay import replay_as
+    from diffbotctl.time import NEVER
     from diffbotctl.ui import recording_text
 
     if not wanted.sets and not wanted.begin and wanted.until == NEVER:

@@ -17,8 +17,8 @@ from diffbotctl.engine.driver import Delivery
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.profiler import BlockProfiler
-from diffbotctl.graph import NEVER
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
+from diffbotctl.time import NEVER
 
 SILENCE = 300_000_000  # ns; with one telemetry period and the way down it stays below 500 ms
 

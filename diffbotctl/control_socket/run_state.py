@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 from diffbotctl.control_socket.engine_channel import EngineUpdate
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
-from diffbotctl.graph import SECOND, Graph
+from diffbotctl.graph import Graph
 from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
+from diffbotctl.time import SECOND
 
 
 class RunInfo(NamedTuple):

@@ -6,8 +6,9 @@ from math import hypot
 
 from diffbotctl.codes import CODES
 from diffbotctl.control_socket.run_state import RunState, StopEpisode
-from diffbotctl.graph import SECOND, Graph
+from diffbotctl.graph import Graph
 from diffbotctl.messages import Encoders, Link, Message, Odometry, Range, Stop, Twist, Volts, Wheels
+from diffbotctl.time import SECOND
 
 STANDS = 0.005  # m/s and rad/s; slower is between two slots of an encoder
 SENSED = (Volts, Range, Encoders, Link)

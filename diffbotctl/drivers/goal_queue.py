@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.graph import NEVER
 from diffbotctl.log import LEVEL
 from diffbotctl.messages import Goal, GoalState, LogLine, Message, Path, Resume, Setting, Stop
+from diffbotctl.time import NEVER
 
 ENDED = {"reached", "blocked", "stuck", "timed_out"}
 

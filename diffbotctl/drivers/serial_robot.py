@@ -8,11 +8,10 @@ from diffbotctl.drivers.serial_port import OpenPort
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.graph import NEVER
 from diffbotctl.links.link_protocol import LinkProtocol
 from diffbotctl.messages import Duty, Message, Wheels
+from diffbotctl.time import MILLISECOND, NEVER
 
-MILLISECOND = 1_000_000
 FIRST_RETRY = 200 * MILLISECOND  # a replugged board needs about this long to appear
 # A board's times repeat every 2.1 s, so what waited for half of that may be taken for later than it
 # is: after a person was asked, after a laptop slept, what has piled up tells nothing any more.

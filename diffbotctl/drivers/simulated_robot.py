@@ -18,8 +18,8 @@ from diffbotctl.messages import Duty, Encoders, Link, Wheels
 from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot
 from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
 COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
 

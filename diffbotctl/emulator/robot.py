@@ -15,8 +15,8 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import World
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 FIRMWARE_FOR = "mega2560"
 FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
 

@@ -16,6 +16,7 @@ from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
 from diffbotctl.emulator.robot import board_settings
 from diffbotctl.emulator.wheel_report import WheelReport
 from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from diffbotctl.plant.world import World
 
 FARTHEST_BEHIND = 200_000_000  # ns; a machine that lost more time than this does not make it up
-SECOND = 1_000_000_000
 REST = 0.0005  # s of sleep between two looks at the clock, half a step
 
 

@@ -6,9 +6,7 @@ import select
 import time
 from typing import Protocol
 
-from diffbotctl.graph import NEVER
-
-MILLISECOND = 1_000_000
+from diffbotctl.time import NEVER
 
 
 class Clock(Protocol):

@@ -15,7 +15,8 @@ from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.engine.event_log import EventLogger
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.graph import NEVER, SECOND, Graph, Sink
+from diffbotctl.graph import Graph, Sink
+from diffbotctl.time import NEVER, SECOND
 
 INTERRUPTED = 130  # exit code, as shells have it
 STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed

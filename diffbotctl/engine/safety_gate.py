@@ -12,9 +12,9 @@ from math import isfinite
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
+from diffbotctl.time import SECOND
 
 SLACK = 1e-6  # of the limit: what rounding may add on the way from m/s to rad/s and back
-SECOND = 1_000_000_000
 
 
 class Gate(Block):

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from diffbotctl.links import bootloader
 from diffbotctl.links.link_protocol import Refusal
 from diffbotctl.links.unknown_board import LEAVE, SIGN_ON, TOPICS, known, unknown
+from diffbotctl.time import MILLISECOND
 
-MILLISECOND = 1_000_000
 TRY = 2_000 * MILLISECOND  # at one baud rate; eight questions of ours
 POKE_AFTER = 800 * MILLISECOND  # by then our own firmware has had three of them
 POKE_EVERY = 400 * MILLISECOND

@@ -8,13 +8,12 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_baud_search import BaudSearch
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, BoardSettings, name_of
-from diffbotctl.links.diffbot_telemetry import COMMANDS, SECOND, RawEdge, Sent, Telemetry, volts_of
+from diffbotctl.links.diffbot_telemetry import COMMANDS, RawEdge, Sent, Telemetry, volts_of
 from diffbotctl.links.link_protocol import Refusal
 from diffbotctl.links.unknown_board import another_version, refused_setting, unsettled
 from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
-MILLISECOND = 1_000_000
-NEVER = 1 << 62
 ASK_EVERY = 250 * MILLISECOND
 SETTINGS_EVERY = 600 * MILLISECOND  # 40 bytes, and their answer, take 60 ms at 9600 baud
 STOP_EVERY = 60 * MILLISECOND  # a stop and the frame that shows it take about 50

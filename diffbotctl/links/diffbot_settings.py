@@ -7,13 +7,13 @@ from math import isfinite
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import checksum
+from diffbotctl.time import MICROSECOND
 
 EDGES = {name: code for code, name in frames.EDGE.items()}
 BAUDS = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 FIRST_BAUD = 9600  # of UART1, before any settings
 USB_BAUD = 115200  # of UART0, always
 REFERENCE = 5.0  # V; what an analog reading of full scale means on a Mega 2560
-MICROSECOND = 1_000  # ns
 
 
 @dataclass(frozen=True)

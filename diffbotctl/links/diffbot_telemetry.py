@@ -8,8 +8,8 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.clock_sync import BoardClock
 from diffbotctl.links.diffbot_settings import REFERENCE
 from diffbotctl.messages import Encoders, Volts
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 WRAP = 1 << 16
 TICK = frames.TICK_NANOSECONDS
 COMMAND_AGE = frames.COMMAND_AGE_NANOSECONDS

@@ -8,8 +8,8 @@ from math import isfinite
 from typing import NamedTuple
 
 from diffbotctl.links.rosserial_frames import encode
+from diffbotctl.time import NEVER
 
-NEVER = 1 << 62  # ns
 # ns; repeated 20 times a second, since the board loses a quarter of single frames. Unevenly: a
 # board whose loop takes 20 ms loses the frames that straddle two passes, and would lose the same
 # one of each pair for long.

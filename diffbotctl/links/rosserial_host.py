@@ -12,7 +12,7 @@ from collections import deque
 from math import isfinite, nan
 
 from diffbotctl.links.link_protocol import Refusal
-from diffbotctl.links.rosserial_commands import NEVER, SpeedSender, pair
+from diffbotctl.links.rosserial_commands import SpeedSender, pair
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
 from diffbotctl.links.rosserial_ticks import TickUnwrapper
 from diffbotctl.links.rosserial_topics import (
@@ -27,8 +27,8 @@ from diffbotctl.links.rosserial_topics import (
     Topics,
 )
 from diffbotctl.messages import Duty, Encoders, Link, Message, Text, Volts, Wheels
+from diffbotctl.time import NEVER, SECOND
 
-SECOND = 1_000_000_000
 ASK_AGAIN = 570_000_000  # ns; a full answer takes 0.55 s at 9600 baud
 NO_ANSWER = 300_000_000  # ns; by then a third of an answer has come, and damage spares some of it
 FLUSH_AFTER = 3  # questions without an answer

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from math import floor
 
-SECOND = 1_000_000_000
+from diffbotctl.time import SECOND
+
 MARGIN = 1.5  # over the rated speed: a light robot on a full battery, and one bounce in two counts
 SCATTER = 50_000_000  # ns; a frame's age varies by about one pass of the sketch's loop
 PROMPT = 400_000_000  # ns; after a longer gap the reach is wide enough for a damaged value

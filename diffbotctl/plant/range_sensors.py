@@ -9,8 +9,8 @@ from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.laser_scanner import Scanner
 from diffbotctl.plant.robot_parameters import MountedSensor
 from diffbotctl.plant.sharp_ir import Sharp
-from diffbotctl.plant.simulated_board import NEVER
 from diffbotctl.plant.world import Wall, World
+from diffbotctl.time import NEVER
 
 BOARD = 0.3  # m, width of what a hand puts before a sensor
 

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
 from diffbotctl.messages import Duty, Encoders, Wheels
+from diffbotctl.time import MILLISECOND, NEVER
 
-NEVER = 1 << 62  # ns
-MS = 1_000_000  # ns
 COMMAND_WIRE = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
 RADIO = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a loop of counts
 
@@ -34,11 +33,23 @@ class BoardModel(NamedTuple):
 
 KINDS = {
     # 16.5 Hz and 100 ms were measured with the published firmware; 12 bytes come after the sample.
-    "stock": BoardModel(60_606_061, 17 * MS, 8 * MS, 100 * MS, 25 * MS, False, False),
-    "counts": BoardModel(20 * MS, 15_600_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, False),
+    "stock": BoardModel(
+        60_606_061,
+        17 * MILLISECOND,
+        8 * MILLISECOND,
+        100 * MILLISECOND,
+        25 * MILLISECOND,
+        False,
+        False,
+    ),
+    "counts": BoardModel(
+        20 * MILLISECOND, 15_600_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, False
+    ),
     # No radio and no cable: a robot that lives in the simulator alone. Its file says how often.
-    "simulated": BoardModel(40 * MS, MS, 0, MS, 0, True, True),
-    "edges": BoardModel(25 * MS, 21_900_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, True),
+    "simulated": BoardModel(40 * MILLISECOND, MILLISECOND, 0, MILLISECOND, 0, True, True),
+    "edges": BoardModel(
+        25 * MILLISECOND, 21_900_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, True
+    ),
 }
 MOST_JITTER = 2  # standard deviations; keeps frames in order
 

@@ -14,11 +14,12 @@ from diffbotctl.plant.laser_scanner import PARTS
 from diffbotctl.plant.random_parts import draw_body, draw_motors, draw_scanners, draw_sensors
 from diffbotctl.plant.range_sensors import RangeSensors
 from diffbotctl.plant.robot_parameters import PlantParameters
-from diffbotctl.plant.simulated_board import KINDS, MOST_JITTER, NEVER, BoardModel, SimulatedBoard
+from diffbotctl.plant.simulated_board import KINDS, MOST_JITTER, BoardModel, SimulatedBoard
 from diffbotctl.plant.simulation import Simulation
 from diffbotctl.plant.wheel import LevelChange, WheelModel, draw_disc
 from diffbotctl.plant.wiring import PlantWiring
 from diffbotctl.plant.world import World
+from diffbotctl.time import NEVER
 
 CAMERA = "overhead_camera"
 EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known

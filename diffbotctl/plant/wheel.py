@@ -15,13 +15,12 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.plant.simulation import EncoderTruth
+from diffbotctl.time import NEVER, SECOND
 
-SECOND = 1_000_000_000  # ns
 GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST = 0.1  # rad/s (3 mm/s with a 65 mm wheel); undriven and slower than this, friction holds it
 CHATTER = 3  # more edges that a bouncing one brings with it
-NEVER = 1 << 62  # ns
 CLOSE = 1e-10  # s; an edge's time is found to this, a tenth of the clock's nanosecond
 
 

@@ -10,9 +10,9 @@ import socket
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from diffbotctl.graph import SECOND
 from diffbotctl.messages import Stop
 from diffbotctl.recording.recorder import ChildSender, drain_batch
+from diffbotctl.time import SECOND
 
 PATIENCE = 1.0  # s that the end of a run waits for a hub which takes nothing
 SNAPSHOT = 30 * SECOND  # between two states; each costs a third of a millisecond of idle time

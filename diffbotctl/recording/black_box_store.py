@@ -24,10 +24,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from diffbotctl.graph import SECOND
 from diffbotctl.processes.fork import close_inherited_files, fork
 from diffbotctl.recording.black_box import EngineState, StopEvent
 from diffbotctl.recording.writer_process import report, split_frames
+from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
     pass

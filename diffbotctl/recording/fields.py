@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 from diffbotctl.errors import Problem, UsageError, closest_match, join_words
-from diffbotctl.graph import NEVER, SECOND
 from diffbotctl.messages import BUILT_IN, fields
 from diffbotctl.recording.info import readable_recording, recorded_messages, require_complete
 from diffbotctl.recording.mcap_file import RecordingReader
 from diffbotctl.recording.replay_driver import Recorded
+from diffbotctl.time import NEVER, SECOND
 
 
 class Column(NamedTuple):

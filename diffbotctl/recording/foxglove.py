@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 from diffbotctl.config import lookup
 from diffbotctl.messages import LogLine, Odometry, Range
+from diffbotctl.time import SECOND
 
 SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log")
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}  # foxglove.LogLevel
-SECOND = 1_000_000_000
 # Half the width of a Sharp sensor's beam, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F); and with
 # three rays no viewer divides by zero to find the angle between them.
 BEAM, RAYS = 0.05, 3

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.graph import SECOND
 from diffbotctl.recording.mcap_file import RecordingReader
 from diffbotctl.recording.replay_driver import Recorded
+from diffbotctl.time import SECOND
 
 
 class TopicInfo(NamedTuple):

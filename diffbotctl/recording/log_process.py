@@ -25,8 +25,7 @@ from diffbotctl.messages import LogLine
 from diffbotctl.processes.fork import fork_with_channel
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.recording.writer_process import read_items, report
-
-SECOND = 1_000_000_000
+from diffbotctl.time import SECOND
 
 
 def start_log_writer(path: Path, epoch: int) -> tuple[socket.socket, int]:

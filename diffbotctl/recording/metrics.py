@@ -10,10 +10,10 @@ from math import hypot, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffbotctl.graph import SECOND
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop
 from diffbotctl.recording.info import readable_recording, require_complete
 from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.time import SECOND
 
 DRIVERS = ("operator.", "robot.")  # the gate tells their stops again; each counts once
 

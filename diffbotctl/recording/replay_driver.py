@@ -8,9 +8,9 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.graph import NEVER
 from diffbotctl.messages import Message
 from diffbotctl.recording.json_codec import message_encoder
+from diffbotctl.time import NEVER
 
 
 class Recorded(NamedTuple):

@@ -12,7 +12,7 @@ from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.graph import NEVER, Graph, Sink
+from diffbotctl.graph import Graph, Sink
 from diffbotctl.params import declared
 from diffbotctl.processes import screen
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
@@ -26,6 +26,7 @@ from diffbotctl.replay.source import RecordedRun
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.time import NEVER
 
 Show = Callable[[Iterator[RunSnapshot]], None]
 Record = Callable[[tuple[Any, ...]], object]

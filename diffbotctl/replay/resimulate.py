@@ -6,13 +6,13 @@ import json
 import tempfile
 from pathlib import Path
 
-from diffbotctl.graph import NEVER, SECOND
 from diffbotctl.recording.metrics import recorded_metrics
 from diffbotctl.replay import source
 from diffbotctl.replay.replay import ReplayOptions, ReplayResult
 from diffbotctl.replay.source import RecordedRun
 from diffbotctl.runs.control_socket import SocketOptions
 from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.time import NEVER, SECOND
 
 PATIENCE = 10  # times the recorded run's length; one that never comes to an end is ended then
 

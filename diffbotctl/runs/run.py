@@ -18,7 +18,7 @@ from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import UserError
-from diffbotctl.graph import LOG, NEVER, Sink
+from diffbotctl.graph import LOG, Sink
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.plant.simulated_robot import CAMERA
@@ -32,13 +32,12 @@ from diffbotctl.render.map_scene import VIRTUAL
 from diffbotctl.runs import recording as recording_module
 from diffbotctl.runs.build_graph import Assembly, assemble, wires_of
 from diffbotctl.runs.signals import Signals
+from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.command_driver import ControlClientDriver
     from diffbotctl.recording.black_box_store import BlackBoxStore
     from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
-
-SECOND = 1_000_000_000
 
 
 class RunOptions(NamedTuple):

@@ -16,8 +16,8 @@ from diffbotctl.emulator.robot import board_settings
 from diffbotctl.errors import RunError
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.rosserial_host import RosserialHost
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 TICK_BYTES, BITS = 16, 10  # of the pair of ticks, what is sent after the counts were taken
 NO_DEADMAN = """\
 Note: this board cannot stop by itself when the host falls silent. A guardian process

@@ -6,10 +6,10 @@ import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
-from diffbotctl.graph import SECOND
 from diffbotctl.recording.diff import TopicDifference
 from diffbotctl.recording.info import RecordingInfo
 from diffbotctl.recording.metrics import Metrics
+from diffbotctl.time import SECOND
 
 LONGEST = 60  # characters shown of a message that differs
 

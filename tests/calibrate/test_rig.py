@@ -17,10 +17,10 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.engine.clock import VirtualClock
 from diffbotctl.errors import ConfigurationError, RunError
 from diffbotctl.messages import Duty, Wheels
+from diffbotctl.time import SECOND
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 FORWARD = Duty(0, 0.5, 0.5)
-SECOND = 1_000_000_000
 
 
 class Pipe:

@@ -12,9 +12,9 @@ from diffbotctl.calibrate.geometry import Geometry
 from diffbotctl.calibrate.robust_mean import robust_mean
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
+from diffbotctl.time import SECOND
 
 ROBOT = load_robot("book_2wd").robot  # 20 slots
-SECOND = 1_000_000_000
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.cli import completion
-from diffbotctl.cli.main import COMMANDS, COMPLETING
+from diffbotctl.cli import COMPLETING, completion
+from diffbotctl.cli.main import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 SHELLS = ("bash", "zsh", "fish")

@@ -9,8 +9,9 @@ from diffbotctl.control_socket.command_driver import SILENCE, ControlClientDrive
 from diffbotctl.control_socket.engine_channel import EngineChannel, EngineCommand, EngineUpdate
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.live_changes import LiveChanges
-from diffbotctl.graph import NEVER, Graph
+from diffbotctl.graph import Graph
 from diffbotctl.messages import Goal, Stop
+from diffbotctl.time import NEVER
 
 MS = 1_000_000
 

@@ -5,9 +5,10 @@ from itertools import pairwise
 import pytest
 
 from diffbotctl.block import Block, Every, In, Out
-from diffbotctl.graph import NEVER, Graph, LoopError, Node, in_order
+from diffbotctl.graph import Graph, LoopError, Node, in_order
 from diffbotctl.messages import Text, Twist, Wheels
 from diffbotctl.params import Param
+from diffbotctl.time import NEVER
 
 MS = 1_000_000
 

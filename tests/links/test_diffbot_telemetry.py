@@ -6,8 +6,8 @@ import pytest
 
 from diffbotctl.links.diffbot_frames import COMMAND_AGE_NONE, StateFrame
 from diffbotctl.links.diffbot_telemetry import COMMAND_AGE, TICK, Sent, Telemetry
+from diffbotctl.time import MILLISECOND
 
-MILLISECOND = 1_000_000
 WAY = 5  # ms from the board's stamp to the frame's arrival; the board's clock began with ours
 NUMBER = 5  # of the command that matters
 

@@ -9,8 +9,9 @@ from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.links.rosserial_topics import TopicNames
 from diffbotctl.messages import Duty, Text, Volts, Wheels
+from diffbotctl.time import SECOND
 from prove.link_rosserial import RECORDINGS, recorded, rows
-from prove.rosserial_session import MS, SECOND, Session, pair_in
+from prove.rosserial_session import MS, Session, pair_in
 from tests.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, Device
 
 

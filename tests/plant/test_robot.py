@@ -12,9 +12,9 @@ from diffbotctl.plant.sharp_ir import RESIDUE, volts
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.simulation import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.plant.world import Wall, World
+from diffbotctl.time import SECOND
 
 MS = 1_000_000
-SECOND = 1_000_000_000
 FRAME = 25 * MS
 GAINS = SpeedGains(0.1, 0.0859, 0.0, 0.02)
 MACHINE = PlantParameters(

@@ -13,9 +13,9 @@ from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.laser_scanner import Scanner, ScannerModel
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.time import SECOND
 
 MS = 1_000_000
-SECOND = 1000 * MS
 
 
 def robot_of(name, world=None, seed=1):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from diffbotctl.plant.simulation import EncoderTruth
 from diffbotctl.plant.wheel import REST, EncoderDisc, MotorModel, WheelModel, draw_disc
+from diffbotctl.time import SECOND
 
-SECOND = 1_000_000_000
 SLOTS = 20
 PITCH = 2 * pi / SLOTS
 # Half of each pitch open: rising flanks at whole pitches, falling ones half a pitch later.

@@ -17,9 +17,9 @@ from diffbotctl.recording.recorder import LENGTH
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.time import SECOND
 from tests.control_socket.running import PATIENCE, Plain
 
-SECOND = 1_000_000_000
 ABOUT = {"epoch": "0"}
 WIRES = {"robot.encoders": Encoders}
 DONE = {"code": "0", "cause": "all goals reached", "last": "0", "truth": ""}

@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
-from diffbotctl.graph import SECOND
 from diffbotctl.messages import BUILT_IN
 from diffbotctl.recording.diff import recording_differences
 from diffbotctl.recording.info import recording_info
@@ -19,6 +18,7 @@ from diffbotctl.replay import source
 from diffbotctl.replay.replay import ReplayOptions, replay_as
 from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
 from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.time import SECOND
 
 WHEELS = "gate.wheels"
 SLOWER = ("robot.limits.speed=0.15 m/s",)

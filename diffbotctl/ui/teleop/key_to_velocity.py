@@ -14,7 +14,7 @@ KEY_LASTS = 0.4  # s; repeats come every 30 to 50 ms, and 300 ms more may be los
 FIRST_REPEAT = 0.7  # s from a press to its first repeat, at most, as keyboards are set up
 MODES = ("hold", "latched")
 SHARE = 0.5  # of the limits: the speeds that one begins with
-NEVER = ("", float("-inf"))
+NO_KEY = ("", float("-inf"))
 LEAST = 0.05  # of the limits; slower, no wheel turns
 
 
@@ -33,7 +33,7 @@ class KeyboardVelocity:
         self.mode = mode
         self.linear = self.angular = 0.0
         self.stuttered = False  # a key came again just after it had ceased to count
-        self._ended = NEVER  # the key that ceased to count last, and when
+        self._ended = NO_KEY  # the key that ceased to count last, and when
         self._key = ""
         self.until: float | None = None  # when the press counts no more; None: nothing is pressed
 
@@ -56,7 +56,7 @@ class KeyboardVelocity:
             self.wanted(now)
             last, ended = self._ended
             self.stuttered = last == key and now - ended < FIRST_REPEAT - KEY_LASTS
-            self._key, self._ended = key, NEVER
+            self._key, self._ended = key, NO_KEY
             self._move(meaning, now)
         return True
 
