@@ -154,20 +154,31 @@ def first_command(fresh: bool) -> float:
         if fresh:
             environment["XDG_CACHE_HOME"] = folder
         out = subprocess.run(
-            [*words, "run", "goal", "--fast", "--quiet"], env=environment, text=True,
-            stdout=subprocess.PIPE, check=True,
-        ).stdout  # fmt: skip
+            [*words, "run", "goal", "--fast", "--quiet"],
+            env=environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            check=True,
+        ).stdout
     return float(out.split("FIRST ")[1])
 
 
 def memory() -> Iterator[Row]:
     """Memory of a headless run that does not record: PSS counts a page that several processes share
     in parts, so that it falls when other programs in Python run; private is what nobody shares."""
-    subprocess.run(command("run", "goal", "--quiet", "--for", "1 s"), stdout=subprocess.DEVNULL,
-                   stderr=subprocess.DEVNULL, env=installed(), check=True)  # fmt: skip
-    process = subprocess.Popen(command("run", "goal", "--goal", "2 0", "--quiet"),
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                               env=installed())  # fmt: skip
+    subprocess.run(
+        command("run", "goal", "--quiet", "--for", "1 s"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=installed(),
+        check=True,
+    )
+    process = subprocess.Popen(
+        command("run", "goal", "--goal", "2 0", "--quiet"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=installed(),
+    )
     try:
         time.sleep(2.0)  # well into the drive: what a run needs has been imported
         pss = private = 0

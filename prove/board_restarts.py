@@ -123,8 +123,12 @@ def rows(seed: int, count: int) -> Iterator[Row]:
         good = sum(map(each, seen))
         yield Row(f"board restart under a goal: {name}", f"{good} of {count}", "all", good == count)
     step = max(each.step for each in seen) * 1000
-    yield Row("the same, counts re-based: longest odometry step", f"{step:.1f} mm",
-              f"<= {STEP_MOST * 1000:.0f} mm", step <= STEP_MOST * 1000)  # fmt: skip
+    yield Row(
+        "the same, counts re-based: longest odometry step",
+        f"{step:.1f} mm",
+        f"<= {STEP_MOST * 1000:.0f} mm",
+        step <= STEP_MOST * 1000,
+    )
 
 
 def one(kind: str, chance: Random, seed: int) -> Seen:

@@ -97,8 +97,12 @@ def agreement(seed: int, count: int) -> Iterator[Row]:
         differences += _compare(chance)
     differences.sort()
     middle, high = median(differences), differences[int(0.99 * len(differences))]
-    yield Row("plant's speed loop against the binary, median", f"{middle:.4f}", f"<= {QUANTUM:.4f}",
-              middle <= QUANTUM)  # fmt: skip
+    yield Row(
+        "plant's speed loop against the binary, median",
+        f"{middle:.4f}",
+        f"<= {QUANTUM:.4f}",
+        middle <= QUANTUM,
+    )
     yield Row("the same, 99 of 100", f"{high:.4f}", f"<= {3 * QUANTUM:.4f}", high <= 3 * QUANTUM)
 
 

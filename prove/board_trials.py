@@ -51,8 +51,12 @@ def latency(seed: int, count: int) -> Iterator[Row]:
     yield Row("command on the wire to PWM, median", f"{middle:.1f} ms", "<= 12 ms", middle <= 12)
     worst = max(taken) / MS
     yield Row("command on the wire to PWM, worst", f"{worst:.1f} ms", "(no target)", True)
-    yield Row("command frame", f"{COMMAND_BYTES} B", "<= 10 B",
-              len(encode(speed(0, 1, 1))) <= COMMAND_BYTES)  # fmt: skip
+    yield Row(
+        "command frame",
+        f"{COMMAND_BYTES} B",
+        "<= 10 B",
+        len(encode(speed(0, 1, 1))) <= COMMAND_BYTES,
+    )
 
 
 def telemetry(seconds: int) -> Iterator[Row]:
@@ -67,19 +71,27 @@ def telemetry(seconds: int) -> Iterator[Row]:
             bench.wait(50)
         states = [h for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
         took = (bench.now - start) / 1e9
-        gaps = sum((b.frame.sequence - a.frame.sequence - 1) % 64
-                   for a, b in pairwise(states))  # fmt: skip
+        gaps = sum((b.frame.sequence - a.frame.sequence - 1) % 64 for a, b in pairwise(states))
         dropped = sum(h.frame.dropped for h in states)
         damaged = bench.decoders[RADIO].damaged
         status = [h.frame for h in bench.heard if isinstance(h.frame, frames.StatusFrame)]
     rate = len(states) / took
-    yield Row("state frames with edge ages at 9600 baud", f"{rate:.2f} Hz", ">= 40 Hz",
-              len(states) >= int(40 * took))  # fmt: skip
-    yield Row("state frames lost, dropped, damaged", f"{gaps}, {dropped}, {damaged}", "0, 0, 0",
-              gaps + dropped + damaged == 0)  # fmt: skip
+    yield Row(
+        "state frames with edge ages at 9600 baud",
+        f"{rate:.2f} Hz",
+        ">= 40 Hz",
+        len(states) >= int(40 * took),
+    )
+    yield Row(
+        "state frames lost, dropped, damaged",
+        f"{gaps}, {dropped}, {damaged}",
+        "0, 0, 0",
+        gaps + dropped + damaged == 0,
+    )
     stack = min(each.value for each in status if frames.ITEM[each.item] == "free_stack")
-    yield Row("stack never used meanwhile", f"{stack} B", f">= {SPARE_STACK} B",
-              stack >= SPARE_STACK)  # fmt: skip
+    yield Row(
+        "stack never used meanwhile", f"{stack} B", f">= {SPARE_STACK} B", stack >= SPARE_STACK
+    )
 
 
 def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
@@ -93,8 +105,10 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
         for index in range(count):
             rise = bench.now + MS + index * period
             for shift, pin in ((0, ENCODERS[0]), (period // 3, ENCODERS[1])):
-                bench.pins += [PinTransition(rise + shift, pin, 1),
-                               PinTransition(rise + shift + period // 2, pin, 0)]  # fmt: skip
+                bench.pins += [
+                    PinTransition(rise + shift, pin, 1),
+                    PinTransition(rise + shift + period // 2, pin, 0),
+                ]
         bench.pins.sort()
         heard = _in_pieces(bench, seconds + 0.2)
         after = bench.state()
@@ -103,10 +117,18 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
         for a, b in ((before.left, after.left), (before.right, after.right))
     ]
     lost = [each - 65536 if each > 32767 else each for each in lost]
-    yield Row(f"edges lost of {count} a channel at {rate}/s", f"{lost[0]}, {lost[1]}", "0, 0",
-              lost == [0, 0])  # fmt: skip
-    yield Row("state frames meanwhile", f"{heard / (seconds + 0.2):.0f} Hz", ">= 39 Hz",
-              heard >= 39 * (seconds + 0.2))  # fmt: skip
+    yield Row(
+        f"edges lost of {count} a channel at {rate}/s",
+        f"{lost[0]}, {lost[1]}",
+        "0, 0",
+        lost == [0, 0],
+    )
+    yield Row(
+        "state frames meanwhile",
+        f"{heard / (seconds + 0.2):.0f} Hz",
+        ">= 39 Hz",
+        heard >= 39 * (seconds + 0.2),
+    )
 
 
 def _in_pieces(bench: Bench, seconds: float) -> int:
@@ -133,8 +155,12 @@ def bounce(seed: int, seconds: int) -> Iterator[Row]:
         _in_pieces(bench, seconds + 0.2)
         after = bench.state()
     counted = [(after.left - before.left) % 65536, (after.right - before.right) % 65536]
-    yield Row(f"bouncing edges counted of {count}", f"{counted[0]}, {counted[1]}",
-              f"{count}, {count}", counted == [count, count])  # fmt: skip
+    yield Row(
+        f"bouncing edges counted of {count}",
+        f"{counted[0]}, {counted[1]}",
+        f"{count}, {count}",
+        counted == [count, count],
+    )
 
 
 def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[PinTransition]:
@@ -174,11 +200,23 @@ USED = {5, 6, 7, 2, 8, 9, 10, 3}
 def spoil(chance: Random) -> frames.SettingsFrame:
     """The book robot's settings, one field of them unusable."""
     good = BOOK.frame()
-    mandatory = {"left_enable": NO_PWM, "right_enable": NO_PWM, "left_encoder": NO_INTERRUPT,
-                 "right_encoder": NO_INTERRUPT}  # fmt: skip
+    mandatory = {
+        "left_enable": NO_PWM,
+        "right_enable": NO_PWM,
+        "left_encoder": NO_INTERRUPT,
+        "right_encoder": NO_INTERRUPT,
+    }
     choices: dict[str, list[int]] = {}
-    for field in ("left_enable", "left_in1", "left_in2", "left_encoder", "right_enable",
-                  "right_in1", "right_in2", "right_encoder"):  # fmt: skip
+    for field in (
+        "left_enable",
+        "left_in1",
+        "left_in2",
+        "left_encoder",
+        "right_enable",
+        "right_in1",
+        "right_in2",
+        "right_encoder",
+    ):
         bad = LINKS | MISSING | {255} | (USED - {getattr(good, field)})
         choices[field] = sorted(bad | mandatory.get(field, set()) - {getattr(good, field)})
     for field in ("left_encoder_b", "right_encoder_b", "button"):
@@ -232,8 +270,12 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
         with Bench(eeprom=torn) as bench:
             bench.wait(30)
             valid += bench.ask().settings in marks
-    yield Row(f"EEPROM cut at each of {len(shots)} bytes: a valid slot", f"{valid} of {len(cuts)}",
-              "all", valid == len(cuts))  # fmt: skip
+    yield Row(
+        f"EEPROM cut at each of {len(shots)} bytes: a valid slot",
+        f"{valid} of {len(cuts)}",
+        "all",
+        valid == len(cuts),
+    )
 
 
 def restarts(seed: int, count: int) -> Iterator[Row]:
@@ -255,9 +297,11 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
             assert bench.duty[0] > 0 > bench.duty[1], "it must be driving before the restart"
             start = bench.now
             bench.changes.clear()
-            {"line": lambda b: b.emulator.reset(LINE),
-             "brownout": lambda b: b.emulator.reset(BROWNOUT),
-             "watchdog": lambda b: b.emulator.hang()}[kind](bench)  # fmt: skip
+            {
+                "line": lambda b: b.emulator.reset(LINE),
+                "brownout": lambda b: b.emulator.reset(BROWNOUT),
+                "watchdog": lambda b: b.emulator.hang(),
+            }[kind](bench)
             for step in range(20):  # the host goes on commanding: it must not be obeyed
                 bench.send(RADIO, speed(step, 5, 5))
                 bench.wait(50)
@@ -269,8 +313,12 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
         "restart in motion: motors off and stay off", f"{still} of {count}", "all", still == count
     )
     yield Row("cause and new start told", f"{told} of {count}", "all", told == count)
-    yield Row("a hung program's motors are off after", f"{worst / MS:.0f} ms", "<= 320 ms",
-              worst <= DEADMAN_TARGET)  # fmt: skip
+    yield Row(
+        "a hung program's motors are off after",
+        f"{worst / MS:.0f} ms",
+        "<= 320 ms",
+        worst <= DEADMAN_TARGET,
+    )
 
 
 CUTS = ("killed", "half frame", "garbage", "half frames", "second host", "replay")
@@ -295,8 +343,12 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
             bench = None
     if bench is not None:
         bench.emulator.close()
-    yield Row(f"{trials} cuts: PWM 0 after the owner's last command", f"{worst / MS:.1f} ms",
-              "<= 320 ms", late == 0)  # fmt: skip
+    yield Row(
+        f"{trials} cuts: PWM 0 after the owner's last command",
+        f"{worst / MS:.1f} ms",
+        "<= 320 ms",
+        late == 0,
+    )
     yield Row(
         "an intruder moved the robot or kept it moving", f"{moved} of {trials}", "none", moved == 0
     )
@@ -328,8 +380,14 @@ def _trial(bench: Bench, chance: Random, kind: str) -> tuple[int, bool]:
     return end - last, again
 
 
-def _intrude(bench: Bench, chance: Random, kind: str, owner: int, numbers: Iterator[int],
-             last: frames.CommandFrame) -> None:  # fmt: skip
+def _intrude(
+    bench: Bench,
+    chance: Random,
+    kind: str,
+    owner: int,
+    numbers: Iterator[int],
+    last: frames.CommandFrame,
+) -> None:
     foreign = 1 - owner
     if kind == "half frame":
         if not bench.heard or chance.random() < 0.1:

@@ -59,9 +59,7 @@ def by_umbmark(session: OptiodomSession) -> Geometry:
     if session.side is None:
         raise ValueError("UMBmark needs squares")
     clockwise, counter = _ends(session, session.nominal)
-    angles = umbmark.from_positions(
-        session.side, umbmark.mean(clockwise), umbmark.mean(counter)
-    )  # fmt: skip
+    angles = umbmark.from_positions(session.side, umbmark.mean(clockwise), umbmark.mean(counter))
     return umbmark.corrected(session.nominal, session.side, angles)
 
 

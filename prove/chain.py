@@ -61,18 +61,31 @@ def umbmark_rows(seed: int, robots: int) -> Iterator[Row]:
         )
         once.append(before / after[0])
         twice.append(before / after[1])
-        tracks.append(abs(first.geometry.track / first.geometry.mean
-                          / (true.track / true.mean) - 1))  # fmt: skip
+        tracks.append(
+            abs(first.geometry.track / first.geometry.mean / (true.track / true.mean) - 1)
+        )
         ratios.append(abs(first.geometry.ratio / true.ratio - 1))
     what = f"UMBmark, {robots} robots, 1 m squares"
     gain = median(once)
     yield Row(f"{what}: E_max,syst better", f"{gain:.1f} times", ">= 10", gain >= 10.0)
-    yield Row(f"{what}: after two rounds", f"{median(twice):.1f} times",
-              ">= 0.95 of one", median(twice) >= 0.95 * gain)  # fmt: skip
-    yield Row(f"{what}: track over diameter", f"{100 * median(tracks):.3f} %", "<= 0.15 %",
-              median(tracks) <= 0.0015)  # fmt: skip
-    yield Row(f"{what}: ratio of the wheels", f"{100 * median(ratios):.3f} %", "<= 0.05 %",
-              median(ratios) <= 0.0005)  # fmt: skip
+    yield Row(
+        f"{what}: after two rounds",
+        f"{median(twice):.1f} times",
+        ">= 0.95 of one",
+        median(twice) >= 0.95 * gain,
+    )
+    yield Row(
+        f"{what}: track over diameter",
+        f"{100 * median(tracks):.3f} %",
+        "<= 0.15 %",
+        median(tracks) <= 0.0015,
+    )
+    yield Row(
+        f"{what}: ratio of the wheels",
+        f"{100 * median(ratios):.3f} %",
+        "<= 0.05 %",
+        median(ratios) <= 0.0005,
+    )
 
 
 def _driven(used: Geometry, true: Geometry, chance: Random) -> umbmark.SquareErrors:
@@ -147,9 +160,10 @@ def _unnamed(planted: set[str], found: Chained) -> tuple[str, ...]:
     missing = [fault for fault in planted if not any(fault in line for line in said)]
     words = ("swapped", "reversed", "dead", "floating", ", not ")
     false = [
-        line for line in said
+        line
+        for line in said
         if any(word in line for word in words) and not any(fault in line for fault in planted)
-    ]  # fmt: skip
+    ]
     return (*missing, *false)
 
 
@@ -179,16 +193,23 @@ def fault_rows(seed: int, robots: int, port: str) -> Iterator[Row]:
     what = f"chain, {robots} {'simulated' if port == 'sim' else 'emulated'}"
     planted = sum(each.planted for each in every)
     unnamed = [name for each in every for name in each.unnamed]
-    yield Row(f"{what}: faults named", f"{planted - len(unnamed)} of {planted}",
-              "all, and no other" + "".join(f"; {name}" for name in unnamed[:3]),
-              not unnamed)  # fmt: skip
+    yield Row(
+        f"{what}: faults named",
+        f"{planted - len(unnamed)} of {planted}",
+        "all, and no other" + "".join(f"; {name}" for name in unnamed[:3]),
+        not unnamed,
+    )
     for name, values, most in (
         ("distance scale", [each.scale for each in every], 0.005),
         ("feed-forward", [each.ahead for each in every], 0.05),
         ("lag", [each.lag for each in every], 0.10),
     ):
-        yield Row(f"{what}: {name}, worst", f"{100 * max(values):.2f} %", f"<= {100 * most:g} %",
-                  max(values) <= most)  # fmt: skip
+        yield Row(
+            f"{what}: {name}, worst",
+            f"{100 * max(values):.2f} %",
+            f"<= {100 * most:g} %",
+            max(values) <= most,
+        )
     worst = max(each.worst for each in every)
     yield Row(f"{what}: of the announced bound", f"{100 * worst:.0f} %", "<= 100 %", worst <= 1.0)
 
@@ -199,8 +220,9 @@ def stock_rows(seed: int, robots: int) -> Iterator[Row]:
     lags, dead = [], []
     with TemporaryDirectory() as folder:
         for each in range(robots):
-            found = chained(Wiring(), 1000 * seed + each, Path(folder), ("motors",),
-                            robot="book_2wd_stock")  # fmt: skip
+            found = chained(
+                Wiring(), 1000 * seed + each, Path(folder), ("motors",), robot="book_2wd_stock"
+            )
             plant = found.truths._plant
             motor, link = found.rig.file.robot.drive.left.motor, found.rig.file.robot.link
             lags.append(motor.lag / (sum(each.lag for each in plant.motors) / 2) - 1)
@@ -291,9 +313,12 @@ def driving_rows(seed: int, robots: int) -> Iterator[Row]:
     yield from _short_rows(f"{what}, discs learnt", [each.learnt for each in every], 5.0)
     before = median(each.before for each in every) * MM
     after = median(each.after for each in every) * MM
-    yield Row(f"{what}: 10 m tour", f"{before:.0f} -> {after:.0f} mm",
-              f"{before / after:.1f} times better, >= 7, and <= 60 mm",
-              before >= 7 * after and after <= 60.0)  # fmt: skip
+    yield Row(
+        f"{what}: 10 m tour",
+        f"{before:.0f} -> {after:.0f} mm",
+        f"{before / after:.1f} times better, >= 7, and <= 60 mm",
+        before >= 7 * after and after <= 60.0,
+    )
 
 
 def _short_rows(what: str, drives: list[Short], most: float) -> Iterator[Row]:

@@ -39,8 +39,9 @@ class Wiring(NamedTuple):
 
     def text(self, robot: str = "book_2wd") -> str:
         """The robot file, on top of the shipped `robot`."""
-        wiring = ", ".join(f"{name}: {value}" for name, value in self._asdict().items()
-                           if name != "slots")  # fmt: skip
+        wiring = ", ".join(
+            f"{name}: {value}" for name, value in self._asdict().items() if name != "slots"
+        )
         return (
             f"format: 1\nkind: robot\ninclude: {robot}\n"
             f"simulation: {{{TRUTH}, wiring: {{{wiring}}}, encoder: {{slots: {self.slots}}}}}\n"
@@ -52,8 +53,11 @@ class Wiring(NamedTuple):
         motors = {"left": self.left, "right": self.right}
         cells = {"left": self.left_encoder, "right": self.right_encoder}
         crossed = self.left == "swapped"
-        found = {f"{side} encoder {cells[side]}" for side in SIDES if cells[side] != "plain"
-                 and motors[side] != "dead"}  # fmt: skip
+        found = {
+            f"{side} encoder {cells[side]}"
+            for side in SIDES
+            if cells[side] != "plain" and motors[side] != "dead"
+        }
         if crossed:
             found.add("motors swapped")
         # A plug that leads nowhere cannot be seen to be in the wrong place.
@@ -84,13 +88,15 @@ class Wiring(NamedTuple):
 def drawn(chance: Random) -> Wiring:
     """Faults at random: each robot has some, a third of them one that only a hand can mend."""
     crossed = chance.random() < 0.35
-    motors = ["swapped", "swapped"] if crossed else [chance.choice(["plain", "reversed"])
-                                                     for _ in SIDES]  # fmt: skip
+    motors = (
+        ["swapped", "swapped"] if crossed else [chance.choice(["plain", "reversed"]) for _ in SIDES]
+    )
     made = Wiring(
-        left=motors[0], right=motors[1],
+        left=motors[0],
+        right=motors[1],
         encoders="swapped" if chance.random() < 0.35 else "plain",
         slots=chance.choice(DISCS) if chance.random() < 0.25 else 20,
-    )  # fmt: skip
+    )
     luck = chance.random()
     side = chance.choice(SIDES)
     if luck < 0.12 and not crossed:
@@ -149,8 +155,9 @@ class Watched(AnswersFile):
             return
         begun, now = self._from, self.truths.truth
         if bound.turns is not None:
-            turned = max(abs(now.left_angle - begun.left_angle),
-                         abs(now.right_angle - begun.right_angle)) / (2 * pi)  # fmt: skip
+            turned = max(
+                abs(now.left_angle - begun.left_angle), abs(now.right_angle - begun.right_angle)
+            ) / (2 * pi)
             self.worst = max(self.worst, turned / bound.turns)
         if bound.reach is not None:
             gone = hypot(now.pose.x - begun.pose.x, now.pose.y - begun.pose.y)
@@ -189,9 +196,13 @@ class Chained(NamedTuple):
 
 
 def chained(
-    wiring: Wiring, seed: int, folder: Path, names: Sequence[str], port: str = "sim",
+    wiring: Wiring,
+    seed: int,
+    folder: Path,
+    names: Sequence[str],
+    port: str = "sim",
     robot: str = "book_2wd",
-) -> Chained:  # fmt: skip
+) -> Chained:
     """Run the steps called `names` on a robot drawn by `seed`."""
     file, answers = folder / f"robot_{seed}.yaml", folder / "answers.yaml"
     file.write_text(wiring.text(robot))

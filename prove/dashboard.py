@@ -59,10 +59,18 @@ def costs(folder: Path) -> Iterator[Row]:
     driving = moves(client.ask("status"))
     drain.close()
     client.close()
-    yield Row("dashboard, 10 Hz, 120x40, robot driving", f"{share:.1f} % of a core",
-              f"<= {CORE:g} %", driving and share <= CORE)  # fmt: skip
-    yield Row(f"dashboard, first picture (median of {STARTS})", f"{median(firsts):.2f} s",
-              f"<= {FIRST:g} s", median(firsts) <= FIRST)  # fmt: skip
+    yield Row(
+        "dashboard, 10 Hz, 120x40, robot driving",
+        f"{share:.1f} % of a core",
+        f"<= {CORE:g} %",
+        driving and share <= CORE,
+    )
+    yield Row(
+        f"dashboard, first picture (median of {STARTS})",
+        f"{median(firsts):.2f} s",
+        f"<= {FIRST:g} s",
+        median(firsts) <= FIRST,
+    )
 
 
 def spent(pid: int) -> float:
@@ -101,8 +109,12 @@ def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Rando
         (folder / "port").unlink()
         client.ask("resume")
     client.close()
-    return Row(f"teleop, {mode}, {way}: {how}", f"{good} of {trials}, {max(times) * 1e3:.0f} ms",
-               f"all, {LIMIT * 1e3:.0f} ms", good == trials)  # fmt: skip
+    return Row(
+        f"teleop, {mode}, {way}: {how}",
+        f"{good} of {trials}, {max(times) * 1e3:.0f} ms",
+        f"all, {LIMIT * 1e3:.0f} ms",
+        good == trials,
+    )
 
 
 def hold(terminal: Terminal, mode: str, seconds: float) -> None:

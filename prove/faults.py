@@ -40,10 +40,23 @@ class Trial:
     def words(self, pipeline: str, *more: str) -> list[str]:
         """The product's command line."""
         return [
-            sys.executable, "-c", PROGRAM, "run", pipeline, "--port", self.port.name,
-            "--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand",
-            "--goal", "9 0", "--record", str(self.folder / "run.mcap"), *more,
-        ]  # fmt: skip
+            sys.executable,
+            "-c",
+            PROGRAM,
+            "run",
+            pipeline,
+            "--port",
+            self.port.name,
+            "--robot",
+            "book_2wd_stock",
+            "--set",
+            "robot.drive.polarity=by_hand",
+            "--goal",
+            "9 0",
+            "--record",
+            str(self.folder / "run.mcap"),
+            *more,
+        ]
 
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
         """Start it and wait until the wheels turn, and then for a random time."""
@@ -53,9 +66,12 @@ class Trial:
             )
         else:
             process = subprocess.Popen(
-                ["setsid", "--ctty", *words], stdin=terminal, stdout=terminal, stderr=terminal,
+                ["setsid", "--ctty", *words],
+                stdin=terminal,
+                stdout=terminal,
+                stderr=terminal,
                 text=True,
-            )  # fmt: skip
+            )
         self.port.wait_for(lambda board: board.speed["left"] > 3, 30)
         until = self.port.board.now + self.chance.uniform(0.0, LATEST)
         self.port.wait_for(lambda board: board.now > until, 30)
@@ -168,8 +184,12 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         seeds = [chance.getrandbits(32) for _ in range(trials)]
         with ThreadPoolExecutor(AT_ONCE) as pool:
             good = sum(pool.map(lambda number, fault=fault: one(fault, number), seeds))
-        yield Row(f"{name}: stop last on the wire, cause shown", f"{good} of {trials}",
-                  f"{trials} of {trials}", good == trials)  # fmt: skip
+        yield Row(
+            f"{name}: stop last on the wire, cause shown",
+            f"{good} of {trials}",
+            f"{trials} of {trials}",
+            good == trials,
+        )
 
 
 def main() -> int:

@@ -46,10 +46,15 @@ class Newcomer:
     def types(self, *words: str | Path, at: Path | None = None) -> str:
         """What a command said, failed or not: the figures tell."""
         done = subprocess.run(
-            [str(word) for word in words], cwd=at or self.folder, env=self.environment,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [str(word) for word in words],
+            cwd=at or self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
             timeout=LONGEST,
-        )  # fmt: skip
+        )
         return done.stdout
 
     @property
@@ -104,9 +109,10 @@ def asked(said: str) -> list[str]:
     """The names of the questions in what `start` said, however it was folded."""
     words = " ".join(said.split())
     return [
-        name for name, each in QUESTIONS.items()
+        name
+        for name, each in QUESTIONS.items()
         for _ in range(words.count(" ".join(each.text.split())))
-    ]  # fmt: skip
+    ]
 
 
 def _row(what: str, begun: float, said: str, goals: int) -> Row:

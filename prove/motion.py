@@ -72,11 +72,18 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
     assert setup.robot is not None
     limits = setup.robot.limits
     bound = rest_to_rest_time(
-        goal.x, goal.y, goal.heading,
-        MotionLimits(limits.speed, limits.turn_rate, limits.acceleration, limits.braking,
-               setup.robot.drive.track),
+        goal.x,
+        goal.y,
+        goal.heading,
+        MotionLimits(
+            limits.speed,
+            limits.turn_rate,
+            limits.acceleration,
+            limits.braking,
+            setup.robot.drive.track,
+        ),
         reverse=reverse,
-    )  # fmt: skip
+    )
     return Trip(
         result.reached == 1,
         hypot(goal.x - pose.x, goal.y - pose.y),

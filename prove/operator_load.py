@@ -105,24 +105,51 @@ def rows() -> Iterator[Row]:
         environment = {**os.environ, "XDG_RUNTIME_DIR": folder}
         words = wire.command(os.ttyname(slave), Path(folder) / "load.mcap")
         process = subprocess.Popen(
-            [*words, "--quiet", "--name", "load"], env=environment,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            [*words, "--quiet", "--name", "load"],
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
             wire.negotiate(master)
             socket = str(Path(folder) / "diffbotctl" / "load.socket")
             loads = [
                 Load("none", [], 0, environment),
-                Load("a dashboard",
-                     [sys.executable, "-m", "prove.screen", "120", "40", sys.executable, "-c",
-                      ECHO, "dash"], 1, environment),
-                Load("ten `topic echo`", [sys.executable, "-c", ECHO, "topic", "echo", "/odom"],
-                     10, environment),
-                Load("a client that never reads", [sys.executable, "-c", DEAF, socket],
-                     1, environment),
-                Load("one that connects 1,000 times a second",
-                     [sys.executable, "-c", KNOCK, socket], 1, environment),
-            ]  # fmt: skip
+                Load(
+                    "a dashboard",
+                    [
+                        sys.executable,
+                        "-m",
+                        "prove.screen",
+                        "120",
+                        "40",
+                        sys.executable,
+                        "-c",
+                        ECHO,
+                        "dash",
+                    ],
+                    1,
+                    environment,
+                ),
+                Load(
+                    "ten `topic echo`",
+                    [sys.executable, "-c", ECHO, "topic", "echo", "/odom"],
+                    10,
+                    environment,
+                ),
+                Load(
+                    "a client that never reads",
+                    [sys.executable, "-c", DEAF, socket],
+                    1,
+                    environment,
+                ),
+                Load(
+                    "one that connects 1,000 times a second",
+                    [sys.executable, "-c", KNOCK, socket],
+                    1,
+                    environment,
+                ),
+            ]
             before, after = run(Ticks(master), loads, process.pid)
         finally:
             process.terminate()
@@ -131,8 +158,12 @@ def rows() -> Iterator[Row]:
             os.close(slave)
     yield from judged(loads)
     grown = after - before
-    yield Row("memory of the hub after all that", f"{before:.1f} + {grown:.1f} MB",
-              f"grows <= {GROWTH:g} MB", grown <= GROWTH)  # fmt: skip
+    yield Row(
+        "memory of the hub after all that",
+        f"{before:.1f} + {grown:.1f} MB",
+        f"grows <= {GROWTH:g} MB",
+        grown <= GROWTH,
+    )
 
 
 def run(ticks: Ticks, loads: list[Load], pid: int) -> tuple[float, float]:

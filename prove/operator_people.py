@@ -86,9 +86,12 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Ro
         driver.wait()
         client.ask("resume")
         client.close()
-    return Row(f"driver {what}: zero within, cause names it, goal waits",
-               f"{good} of {trials}, {max(times) * 1e3:.0f} ms", f"all, {LIMIT * 1e3:.0f} ms",
-               good == trials)  # fmt: skip
+    return Row(
+        f"driver {what}: zero within, cause names it, goal waits",
+        f"{good} of {trials}, {max(times) * 1e3:.0f} ms",
+        f"all, {LIMIT * 1e3:.0f} ms",
+        good == trials,
+    )
 
 
 def is_driven(status: dict[str, Any]) -> bool:
@@ -125,8 +128,9 @@ def watchers(folder: Path, trials: int) -> Row:
         watcher.communicate()
     client.until(moves)
     client.close()
-    return Row("a watcher killed or frozen changes nothing", f"{good} of {trials}", "all",
-               good == trials)  # fmt: skip
+    return Row(
+        "a watcher killed or frozen changes nothing", f"{good} of {trials}", "all", good == trials
+    )
 
 
 def is_undisturbed(client: Plain, since: int) -> bool:
@@ -159,8 +163,12 @@ def nonsense(folder: Path, lines: int, chance: Random) -> Row:
     unmoved = stands(still) and still["operator.goal"]["number"] == goal
     quiet.ask("resume")
     quiet.close()
-    return Row("nonsense: refused in words, nothing moves, others served",
-               f"{refused} of {lines}", "all", refused == lines and unmoved)  # fmt: skip
+    return Row(
+        "nonsense: refused in words, nothing moves, others served",
+        f"{refused} of {lines}",
+        "all",
+        refused == lines and unmoved,
+    )
 
 
 def drawn(chance: Random) -> bytes:
@@ -168,16 +176,18 @@ def drawn(chance: Random) -> bytes:
     whole = {"do": "drive", "linear": 0.1, "angular": 0.0}
     wrong = chance.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
     field = chance.choice(["linear", "angular"])
-    return chance.choice([
-        chance.randbytes(chance.randrange(1, 400)).replace(b"\n", b""),
-        json.dumps(whole)[: chance.randrange(1, 20)].encode(),
-        f'{{"do": "drive", "{field}": {wrong}}}'.encode(),
-        f'{{"do": "goto", "x": {wrong}, "y": 0}}'.encode(),
-        json.dumps({**whole, "do": chance.choice(["", "drve", None, 3, []])}).encode(),
-        json.dumps({**whole, chance.choice(["v", "Linear", "x"]): 1}).encode(),
-        b"[" * chance.randrange(1, 60000),
-        b"x" * chance.randrange(65537, 200000),
-    ])  # fmt: skip
+    return chance.choice(
+        [
+            chance.randbytes(chance.randrange(1, 400)).replace(b"\n", b""),
+            json.dumps(whole)[: chance.randrange(1, 20)].encode(),
+            f'{{"do": "drive", "{field}": {wrong}}}'.encode(),
+            f'{{"do": "goto", "x": {wrong}, "y": 0}}'.encode(),
+            json.dumps({**whole, "do": chance.choice(["", "drve", None, 3, []])}).encode(),
+            json.dumps({**whole, chance.choice(["v", "Linear", "x"]): 1}).encode(),
+            b"[" * chance.randrange(1, 60000),
+            b"x" * chance.randrange(65537, 200000),
+        ]
+    )
 
 
 def stranger(folder: Path) -> Row:
@@ -191,5 +201,9 @@ def stranger(folder: Path) -> Row:
     finally:
         (folder / "diffbotctl").chmod(0o700)
     good = (code == 7) + (second == 7)
-    return Row("another user (uid nobody): by the folder, by the socket", f"{good} of 2 refused",
-               "2 of 2", good == 2 and os.getuid() == 0)  # fmt: skip
+    return Row(
+        "another user (uid nobody): by the folder, by the socket",
+        f"{good} of 2 refused",
+        "2 of 2",
+        good == 2 and os.getuid() == 0,
+    )

@@ -21,11 +21,22 @@ def program(sanitized: bool = True) -> Path:
     sources = [firmware / f"{part}.c" for part in PARTS]
     out = folder / "pure"
     subprocess.run(
-        ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", *(SANITIZED if sanitized else FAST),
-         f"-I{firmware}", "-o", str(out), str(ROOT / "tests/firmware/pure.c"),
-         *map(str, sources), "-lm"],
+        [
+            "gcc",
+            "-std=c11",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            *(SANITIZED if sanitized else FAST),
+            f"-I{firmware}",
+            "-o",
+            str(out),
+            str(ROOT / "tests/firmware/pure.c"),
+            *map(str, sources),
+            "-lm",
+        ],
         check=True,
-    )  # fmt: skip
+    )
     return out
 
 

@@ -87,9 +87,14 @@ def trial(seed: int, outage: str) -> Trial:
         stops = silences(file) + expiries(drive.far.passed)
     pose, ways = result.truth.pose, (drive.far.up, drive.far.down)
     return Trial(
-        outage, result.reached == 1, stops, sum(w.count for w in ways), sum(w.lost for w in ways),
-        hypot(pose.x - goal.x, pose.y - goal.y), drive.consents,
-    )  # fmt: skip
+        outage,
+        result.reached == 1,
+        stops,
+        sum(w.count for w in ways),
+        sum(w.lost for w in ways),
+        hypot(pose.x - goal.x, pose.y - goal.y),
+        drive.consents,
+    )
 
 
 def silences(recording: Path) -> list[tuple[float, str]]:
@@ -146,19 +151,33 @@ def rows(seed: int, trials: int = 30) -> Iterator[Row]:
     consents = sum(each.consents for each in done)
     lost, sent = sum(each.lost for each in done), sum(each.frames for each in done)
     yield Row(
-        "radio of 10 to 50 ms, 1 % lost, 5 s outages: goals", f"{reached} of {trials}",
-        f"all, with `resume` ({consents})", reached == trials,
-    )  # fmt: skip
+        "radio of 10 to 50 ms, 1 % lost, 5 s outages: goals",
+        f"{reached} of {trials}",
+        f"all, with `resume` ({consents})",
+        reached == trials,
+    )
     stops = [stop for each in done for stop in each.stops]
     least = f", least {min(stops)[0] * 1000:.0f} ms ({min(stops)[1]})" if stops else ""
-    yield Row("  stops for silence, and how long that was", f"{len(stops)}{least}", ">= 100 ms",
-              all(silence >= SILENCE for silence, _ in stops))  # fmt: skip
+    yield Row(
+        "  stops for silence, and how long that was",
+        f"{len(stops)}{least}",
+        ">= 100 ms",
+        all(silence >= SILENCE for silence, _ in stops),
+    )
     for kind in kinds:
         worst = max(each.error for each in done if each.outage == kind)
-        yield Row(f"  true distance from the goal, outage: {kind}", f"<= {worst * 1000:.0f} mm",
-                  "(no target)", True)  # fmt: skip
-    yield Row("  frames lost of those sent, outages included", f"{lost} of {sent}", "(no target)",
-              lost > 0)  # fmt: skip
+        yield Row(
+            f"  true distance from the goal, outage: {kind}",
+            f"<= {worst * 1000:.0f} mm",
+            "(no target)",
+            True,
+        )
+    yield Row(
+        "  frames lost of those sent, outages included",
+        f"{lost} of {sent}",
+        "(no target)",
+        lost > 0,
+    )
 
 
 def main() -> None:

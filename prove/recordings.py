@@ -105,10 +105,21 @@ class Cut:
 
     def __init__(self, path: Path, wait: float) -> None:
         process = subprocess.Popen(
-            words("run", "goal", "--goal", "9 0", "--set", "world.walls=[]", "--record", str(path),
-                  "--no-socket"),
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        )  # fmt: skip
+            words(
+                "run",
+                "goal",
+                "--goal",
+                "9 0",
+                "--set",
+                "world.walls=[]",
+                "--record",
+                str(path),
+                "--no-socket",
+            ),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         assert process.stdout is not None
         for line in process.stdout:
             if "driving" in line:
@@ -170,11 +181,24 @@ def cost(what: str, folder: Path, more: list[str]) -> Row:
     more = [str(folder / word) if word.endswith(".mcap") else word for word in more]
     goals = [part for corner in CORNERS * 9 for part in ("--goal", corner)]
     process = subprocess.Popen(
-        words("run", "goal", "--robot", "book_2wd_counts", "--set", "world.walls=[]", "--quiet",
-              "--no-socket", "--for", f"{DRIVE + 5:g}s", *goals, *more),
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        words(
+            "run",
+            "goal",
+            "--robot",
+            "book_2wd_counts",
+            "--set",
+            "world.walls=[]",
+            "--quiet",
+            "--no-socket",
+            "--for",
+            f"{DRIVE + 5:g}s",
+            *goals,
+            *more,
+        ),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         env={**os.environ, "XDG_STATE_HOME": str(folder)},
-    )  # fmt: skip
+    )
     time.sleep(DRIVE)
     (recorder,) = children(process.pid)
     fields = Path(f"/proc/{recorder}/stat").read_text().rpartition(")")[2].split()

@@ -25,9 +25,14 @@ class Drain:
         left_out = ("TMUX", "STY", "COLUMNS", "LINES")
         kept = {name: value for name, value in environment.items() if name not in left_out}
         self.process = subprocess.Popen(
-            words, env={**kept, "TERM": "xterm-256color"}, stdin=slave, stdout=slave, stderr=slave,
-            start_new_session=True, preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )  # fmt: skip
+            words,
+            env={**kept, "TERM": "xterm-256color"},
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
+        )
         os.close(slave)
 
     def read(self, seconds: float) -> bytes:

@@ -42,9 +42,11 @@ def world_of(chance: Random) -> World:
     """A closed room with pillars and partitions, the robot's start free."""
     wide, deep = (0.5 * chance.uniform(*ROOM) for _ in range(2))
     walls = [
-        Wall(-wide, -deep, wide, -deep), Wall(wide, -deep, wide, deep),
-        Wall(wide, deep, -wide, deep), Wall(-wide, deep, -wide, -deep),
-    ]  # fmt: skip
+        Wall(-wide, -deep, wide, -deep),
+        Wall(wide, -deep, wide, deep),
+        Wall(wide, deep, -wide, deep),
+        Wall(-wide, deep, -wide, -deep),
+    ]
     rounds: list[Pillar] = []
     while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and chance.random() < 0.85):
         x, y, radius = chance.uniform(-wide, wide), chance.uniform(-deep, deep), 0.0

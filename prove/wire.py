@@ -27,10 +27,26 @@ PROGRAM = "from diffbotctl.cli.main import main; main()"
 def command(port: str, recording: Path) -> list[str]:
     """The product on a line so fast that no pacing is in the way, recording all the time."""
     return [
-        sys.executable, "-c", PROGRAM, "run", "goal", "--port", port, "--robot", "book_2wd_stock",
-        "--set", "robot.drive.polarity=by_hand", "--set", "robot.link.baud=115200",
-        "--goal", "9 0", "--goal", "0 9", "--record", str(recording),
-    ]  # fmt: skip
+        sys.executable,
+        "-c",
+        PROGRAM,
+        "run",
+        "goal",
+        "--port",
+        port,
+        "--robot",
+        "book_2wd_stock",
+        "--set",
+        "robot.drive.polarity=by_hand",
+        "--set",
+        "robot.link.baud=115200",
+        "--goal",
+        "9 0",
+        "--goal",
+        "0 9",
+        "--record",
+        str(recording),
+    ]
 
 
 # Reads what comes and answers each tick at once: what is left is this machine's own.
@@ -155,8 +171,12 @@ def rows() -> Iterator[Row]:
     for rate in (50.0, 200.0):
         times = sorted(bare(rate))
         half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
-        yield Row(f"wire to wire at {rate:.0f} Hz, a program that only reads and writes",
-                  f"{half:.2f}, p99 {tail:.2f} ms", "(none)", True)  # fmt: skip
+        yield Row(
+            f"wire to wire at {rate:.0f} Hz, a program that only reads and writes",
+            f"{half:.2f}, p99 {tail:.2f} ms",
+            "(none)",
+            True,
+        )
     for screen, most in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
         for rate in (50.0, 200.0):
             times = sorted(measure(rate, screen))

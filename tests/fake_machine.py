@@ -10,8 +10,16 @@ from pathlib import Path
 
 CH340 = (0x1A86, 0x7523)
 MEGA = (0x2341, 0x0042)
-FOLDERS = ("sys/class/tty", "sys/bus/usb/devices", "dev/serial/by-id", "dev/serial/by-path",
-           "dev/pts", "proc", "etc", "run/udev/data")  # fmt: skip
+FOLDERS = (
+    "sys/class/tty",
+    "sys/bus/usb/devices",
+    "dev/serial/by-id",
+    "dev/serial/by-path",
+    "dev/pts",
+    "proc",
+    "etc",
+    "run/udev/data",
+)
 
 
 class FakeMachine:
@@ -58,8 +66,19 @@ class FakeMachine:
         self.link(f"sys/bus/usb/devices/{place}", folder)
         return interface
 
-    def port(self, name, identity=CH340, *, place="1-1", product="", serial="", mode=0o660,
-             by_id="", no_modem=False, uart="4"):  # fmt: skip
+    def port(
+        self,
+        name,
+        identity=CH340,
+        *,
+        place="1-1",
+        product="",
+        serial="",
+        mode=0o660,
+        by_id="",
+        no_modem=False,
+        uart="4",
+    ):
         """A serial port; of a USB device unless `identity` is None. Returns its name."""
         self.minors += 1
         number = f"188:{self.minors}"

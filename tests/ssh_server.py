@@ -27,9 +27,14 @@ async def serve_one(client):
     master, slave = os.openpty()
     ioctl(master, TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
     command = await asyncio.create_subprocess_exec(
-        *sys.argv[2:], stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-        preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0), env={**os.environ, "TERM": "xterm-256color"},
-    )  # fmt: skip
+        *sys.argv[2:],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        start_new_session=True,
+        preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
+        env={**os.environ, "TERM": "xterm-256color"},
+    )
     os.close(slave)
     loop = asyncio.get_running_loop()
     gone = asyncio.Event()

@@ -46,9 +46,14 @@ class Terminal:
             if name not in more:
                 variables.pop(name, None)
         self.process = subprocess.Popen(
-            command, env=variables, stdin=slave, stdout=slave, stderr=slave,
-            start_new_session=True, preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )  # fmt: skip
+            command,
+            env=variables,
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
+        )
         self.slave = slave  # kept open, so that its settings can be read when the program is gone
         self.screen = Answering(columns, lines, self._write)
         self.stream = pyte.ByteStream(self.screen)

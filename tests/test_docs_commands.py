@@ -109,20 +109,29 @@ class Reader:
     def types(self, line):
         """Run the line; its exit code and what it said."""
         done = subprocess.run(
-            ["bash", "-c", line], cwd=self.work, env=self.environment, text=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            ["bash", "-c", line],
+            cwd=self.work,
+            env=self.environment,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             timeout=LONGEST,
-        )  # fmt: skip
+        )
         return done.returncode, done.stdout
 
     @contextmanager
     def running(self, pipeline):
         """A robot that stands and waits in another terminal, until it is used no more."""
         engine = subprocess.Popen(
-            ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"], cwd=self.work,
-            env=self.environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True,
-        )  # fmt: skip
+            ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"],
+            cwd=self.work,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         try:
             for said in engine.stdout:
                 if "odometry" in said or "pose" in said or " s " in said:

@@ -32,8 +32,11 @@ def test_a_mark_with_its_looks():
 
 
 # Characters that XML itself allows.
-TEXTS = some.text(some.characters(min_codepoint=32, exclude_categories=("Cs", "Cn"),
-                                  exclude_characters="\x7f\ufffe\uffff"))  # fmt: skip
+TEXTS = some.text(
+    some.characters(
+        min_codepoint=32, exclude_categories=("Cs", "Cn"), exclude_characters="\x7f\ufffe\uffff"
+    )
+)
 
 
 @given(TEXTS, TEXTS)

@@ -44,9 +44,12 @@ def command(*words):
 def start(*words):
     """Start a command; both its outputs are one pipe."""
     return subprocess.Popen(
-        command(*words), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        command(*words),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
 
 
 def diffbotctl(*words):

@@ -16,9 +16,12 @@ RADIUS = DIAMETER / 2
 
 def drive(**changes):
     known = {
-        "track": TRACK, "left_diameter": DIAMETER, "right_diameter": DIAMETER,
-        "left_rated": RATED, "right_rated": RATED,
-    }  # fmt: skip
+        "track": TRACK,
+        "left_diameter": DIAMETER,
+        "right_diameter": DIAMETER,
+        "left_rated": RATED,
+        "right_rated": RATED,
+    }
     return DiffDrive(**{**known, **changes})
 
 

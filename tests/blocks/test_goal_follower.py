@@ -17,9 +17,14 @@ class Course:
 
     def __init__(self, moves=True, **values):
         self.block = GoalFollower(
-            **{"patience": 3.0, "lag": 0.02, **values}, speed=0.3, turn_rate=4.0, acceleration=1.0,
-            braking=1.5, track=0.125, command_delay=0.0,
-        )  # fmt: skip
+            **{"patience": 3.0, "lag": 0.02, **values},
+            speed=0.3,
+            turn_rate=4.0,
+            acceleration=1.0,
+            braking=1.5,
+            track=0.125,
+            command_delay=0.0,
+        )
         self.block.reset()
         self.moves = moves
         self.now = 0

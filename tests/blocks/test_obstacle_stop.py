@@ -24,9 +24,14 @@ def guard(setback=0.0, **values):
     """A guard whose sensor sits `setback` metres behind the robot's front; braking 1.5 m/s2."""
     sensor = SensorSection(type="sharp_gp2y0a41sk0f", pin="A0", at=MountSection(x=0.08 - setback))
     return ObstacleStop(
-        **{"margin": 0.05, "reaction": 0.2, **values}, braking=1.5, telemetry=40.0,
-        command_delay=0.015, lag=0.1, front=0.08, sensors={"front": sensor},
-    )  # fmt: skip
+        **{"margin": 0.05, "reaction": 0.2, **values},
+        braking=1.5,
+        telemetry=40.0,
+        command_delay=0.015,
+        lag=0.1,
+        front=0.08,
+        sensors={"front": sensor},
+    )
 
 
 class Course:

@@ -17,10 +17,16 @@ ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_s
 
 # (seconds, left, right) in rad/s: a metre ahead, a turn on the spot, back, and a bend.
 TOUR = [
-    *[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 10)], (2.0, 8.5, 8.5), (1.0, 0.0, 0.0),
-    (0.8, -5.0, 5.0), (0.8, 0.0, 0.0), (1.2, -6.0, -6.0), (0.8, 0.0, 0.0), (1.5, 6.0, 8.0),
+    *[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 10)],
+    (2.0, 8.5, 8.5),
+    (1.0, 0.0, 0.0),
+    (0.8, -5.0, 5.0),
+    (0.8, 0.0, 0.0),
+    (1.2, -6.0, -6.0),
+    (0.8, 0.0, 0.0),
+    (1.5, 6.0, 8.0),
     (1.5, 0.0, 0.0),
-]  # fmt: skip
+]
 
 
 def block(kind: str):

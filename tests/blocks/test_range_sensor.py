@@ -37,9 +37,16 @@ def sweep(begin, end, step):
 # The datasheet's typical points, read by eye; the fit's error there is 1.9 mm at most.
 @pytest.mark.parametrize(
     "read, distance",
-    [(2.34, 0.05), (2.02, 0.06), (1.56, 0.08), (1.265, 0.10), (0.928, 0.14), (0.656, 0.20),
-     (0.525, 0.25)],
-)  # fmt: skip
+    [
+        (2.34, 0.05),
+        (2.02, 0.06),
+        (1.56, 0.08),
+        (1.265, 0.10),
+        (0.928, 0.14),
+        (0.656, 0.20),
+        (0.525, 0.25),
+    ],
+)
 def test_the_curve_fits_the_datasheet(read, distance):
     found = sensor().react(MS, Volts(MS, read), None)
     assert found.state == "measured"

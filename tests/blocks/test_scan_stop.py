@@ -26,10 +26,17 @@ MARGIN = 0.05
 def guard(**changes):
     """The block as the shipped robot has it."""
     known = {
-        "sensors": ROBOT.sensors, "front": FRONT, "back": BACK, "width": 2 * HALF,
-        "braking": 1.0, "speed": 0.22, "track": 0.16, "telemetry": 25.0, "command_delay": 0.001,
+        "sensors": ROBOT.sensors,
+        "front": FRONT,
+        "back": BACK,
+        "width": 2 * HALF,
+        "braking": 1.0,
+        "speed": 0.22,
+        "track": 0.16,
+        "telemetry": 25.0,
+        "command_delay": 0.001,
         "lag": 0.05,
-    }  # fmt: skip
+    }
     return ScanStop(**{**known, **changes})
 
 
@@ -81,7 +88,7 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
         # a pole beside the tail is swept by it when it turns away from the pole
         (World([], [Pillar(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
     ],
-)  # fmt: skip
+)
 def test_what_it_lets_through(world, linear, angular, wanted):
     assert asked(world, linear, angular) == pytest.approx(wanted)
 

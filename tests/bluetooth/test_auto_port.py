@@ -33,8 +33,10 @@ def test_of_two_modules_each_has_its_command(own_bus):
     with bluez(known(ROBOT), known(OTHER)):
         code, said = diffbotctl("blink")
     assert code == 1
-    assert (f"`diffbotctl blink --port bluetooth:{OTHER}` or "
-            f"`diffbotctl blink --port bluetooth:{ROBOT}`") in flat(said)  # fmt: skip
+    assert (
+        f"`diffbotctl blink --port bluetooth:{OTHER}` or "
+        f"`diffbotctl blink --port bluetooth:{ROBOT}`"
+    ) in flat(said)
 
 
 @pytest.mark.parametrize(

@@ -93,8 +93,9 @@ def test_every_change_has_a_reason():
 def test_a_link_of_known_delays_is_measured(tmp_path):
     with board() as virtual:
         with Radio(virtual.radio, tmp_path / "radio", delay=(0.030, 0.060), loss=0.1) as radio:
-            code, said = diffbotctl("bluetooth", "test", radio.device, "--robot", "book_2wd",
-                                    "--for", 6)  # fmt: skip
+            code, said = diffbotctl(
+                "bluetooth", "test", radio.device, "--robot", "book_2wd", "--for", 6
+            )
         duty = virtual.board.duty
     assert code == 0, said
     said = flat(said)

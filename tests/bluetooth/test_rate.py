@@ -41,30 +41,42 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
     ("answers", "said", "end"),
     [
         # All well.
-        ([OK, OLD, OK, NEW, OK],
-         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-         ModuleRate(9600, 115200)),
+        (
+            [OK, OLD, OK, NEW, OK],
+            ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+            ModuleRate(9600, 115200),
+        ),
         # The first command after power-on is answered with an error, as many modules do.
-        ([["ERROR:(0)"], OK, OLD, OK, NEW, OK],
-         ["AT", "AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-         ModuleRate(9600, 115200)),
+        (
+            [["ERROR:(0)"], OK, OLD, OK, NEW, OK],
+            ["AT", "AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+            ModuleRate(9600, 115200),
+        ),
         # It has the rate already: nothing is changed.
         ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], ModuleRate(115200, 115200)),
         # In data mode nothing answers.
         ([[], [], []], ["AT"] * 3, "nothing answers to AT"),
         # It takes the command and does not do it.
-        ([OK, OLD, OK, OLD], ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?"],
-         "it took the command, but its rate is still 9600 baud"),
+        (
+            [OK, OLD, OK, OLD],
+            ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?"],
+            "it took the command, but its rate is still 9600 baud",
+        ),
         # No answer to the last command is fine: it has restarted.
-        ([OK, OLD, OK, NEW, []],
-         ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-         ModuleRate(9600, 115200)),
+        (
+            [OK, OLD, OK, NEW, []],
+            ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
+            ModuleRate(9600, 115200),
+        ),
         # An HC-06 does not know the question.
-        ([OK, *[["ERROR:(0)"]] * 3], ["AT", *["AT+UART?"] * 3],
-         "AT+UART? fails: it does not know the command"),
+        (
+            [OK, *[["ERROR:(0)"]] * 3],
+            ["AT", *["AT+UART?"] * 3],
+            "AT+UART? fails: it does not know the command",
+        ),
         ([OK, ["OK"]], ["AT", "AT+UART?"], "it does not tell its rate"),
     ],
-)  # fmt: skip
+)
 def test_conversations(answers, said, end):
     assert talk(115200, answers) == (said, end)
 

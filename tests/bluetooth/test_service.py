@@ -104,11 +104,13 @@ def test_a_radio_that_is_off_is_switched_on(own_bus):
         ({"radio": False}, "E-BLUETOOTH-ADAPTER"),
         # What rfkill leads to: the radio may not be switched on.
         ({"powered": False, "refuses": {"Set": ERROR + "Blocked"}}, "E-BLUETOOTH-BLOCKED"),
-        ({"refuses": {"GetManagedObjects": "org.freedesktop.DBus.Error.AccessDenied"}},
-         "E-BLUETOOTH-SERVICE"),
+        (
+            {"refuses": {"GetManagedObjects": "org.freedesktop.DBus.Error.AccessDenied"}},
+            "E-BLUETOOTH-SERVICE",
+        ),
         ({"refuses": {"StartDiscovery": ERROR + "NotReady"}}, "E-BLUETOOTH-BLOCKED"),
     ],
-)  # fmt: skip
+)
 def test_what_can_be_wrong_with_the_radio(own_bus, how, code):
     with bluez(**how), pytest.raises(RunError) as error, BluezService() as service:
         list(service.scan(0.1))

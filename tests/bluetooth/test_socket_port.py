@@ -35,9 +35,17 @@ def test_addresses(text, wanted):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "98:D3:31:FC:12", "HC-05", f"{ADDRESS}/0", f"{ADDRESS}/31", f"{ADDRESS}:00",
-     "9G:D3:31:FC:12:34", f"{ADDRESS}\n/1"],
-)  # fmt: skip
+    [
+        "",
+        "98:D3:31:FC:12",
+        "HC-05",
+        f"{ADDRESS}/0",
+        f"{ADDRESS}/31",
+        f"{ADDRESS}:00",
+        "9G:D3:31:FC:12:34",
+        f"{ADDRESS}\n/1",
+    ],
+)
 def test_what_is_no_address(text):
     with pytest.raises(UsageError) as error:
         module(text)

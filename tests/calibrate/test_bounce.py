@@ -32,8 +32,9 @@ def test_flanks_that_follow_closely_are_one_that_chatters(times, lengths):
 
 def chattering(milliseconds, wheel=0):
     """Thirty flanks, each of which comes again once, so much later."""
-    times = [40 * MS * number + late for number in range(30)
-             for late in (0, round(milliseconds * MS))]  # fmt: skip
+    times = [
+        40 * MS * number + late for number in range(30) for late in (0, round(milliseconds * MS))
+    ]
     return [RawEdge(time, wheel, number % 2) for number, time in enumerate(times)]
 
 

@@ -126,8 +126,12 @@ def test_a_spin_by_hand():
     # Both wheels of 0.1 m turn half a turn, against each other, on a track of 0.1 m: each rolls
     # 0.05 pi m, so the robot turns by pi and stays where it is. The heading's slopes: pi/2 over
     # the track for each wheel, minus pi over the track for the track.
-    spin = drive("spin", [(0.05 * pi / 100, -0.05 * pi / 100)] * 100, Geometry(0.1, 0.1, 0.1),
-                 Geometry(0.1, 0.1, 0.1))  # fmt: skip
+    spin = drive(
+        "spin",
+        [(0.05 * pi / 100, -0.05 * pi / 100)] * 100,
+        Geometry(0.1, 0.1, 0.1),
+        Geometry(0.1, 0.1, 0.1),
+    )
     found = dead_reckon(whole_drive(spin), Geometry(0.1, 0.1, 0.1))
     assert found.end == pytest.approx((0, 0, pi), abs=1e-12)
     assert found.slope[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))

@@ -7,9 +7,14 @@ import pytest
 from diffbotctl.prompts.question import AnswerError, Question
 
 READING = Question(
-    "distance.reading", "How far?", unit="m", written="mm", least=0.65, most=1.35,
+    "distance.reading",
+    "How far?",
+    unit="m",
+    written="mm",
+    least=0.65,
+    most=1.35,
     why="is it millimetres?",
-)  # fmt: skip
+)
 FACING = Question("geometry.facing", "How far round?", "rad", "deg", -pi, pi)
 WHICH = Question("encoders.wheel", "Which?", choices=("none", "left forward", "left backward"))
 

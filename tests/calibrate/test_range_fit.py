@@ -12,9 +12,21 @@ from diffbotctl.calibrate.range_fit import DISTANCES, RulerPoint, allowed, fit_c
 
 # The data sheet's typical part on white paper, read from its figure: cm, V.
 DATA_SHEET = (
-    (4, 2.72), (5, 2.34), (6, 2.02), (7, 1.765), (8, 1.56), (9, 1.395), (10, 1.265), (12, 1.06),
-    (14, 0.928), (16, 0.813), (18, 0.735), (20, 0.656), (25, 0.525), (30, 0.430),
-)  # fmt: skip
+    (4, 2.72),
+    (5, 2.34),
+    (6, 2.02),
+    (7, 1.765),
+    (8, 1.56),
+    (9, 1.395),
+    (10, 1.265),
+    (12, 1.06),
+    (14, 0.928),
+    (16, 0.813),
+    (18, 0.735),
+    (20, 0.656),
+    (25, 0.525),
+    (30, 0.430),
+)
 KNOWN = {cm / 100: volts for cm, volts in DATA_SHEET}
 
 
@@ -52,9 +64,7 @@ def test_an_offset_is_all_in_c():
     assert shifted.c - plain.c == pytest.approx(0.15, abs=1e-6)
 
 
-@given(
-    some.floats(0.10, 0.22), some.floats(0.002, 0.030), some.floats(-0.15, 0.15)
-)  # fmt: skip
+@given(some.floats(0.10, 0.22), some.floats(0.002, 0.030), some.floats(-0.15, 0.15))
 @settings(max_examples=50, deadline=None)
 def test_points_of_a_curve_give_that_curve_back(a, b, c):
     points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in DISTANCES]

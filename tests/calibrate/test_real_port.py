@@ -23,7 +23,7 @@ TYPED = (
     ("both motors are driven forward now", ""),
     ("Which wheels turned", "both forward"),
     ("Write this?", "y"),
-)  # fmt: skip
+)
 
 
 @pytest.fixture
@@ -40,9 +40,18 @@ def robot(tmp_path, monkeypatch):
 def test_wires_are_proven_over_the_radio(robot):
     with board.board() as virtual:
         code, said = board.diffbotctl(
-            "calibrate", "encoders", "--robot", robot, "--port", virtual.radio,
-            "--answers", "answers.yaml", "--rolls", 0, "--yes",
-        )  # fmt: skip
+            "calibrate",
+            "encoders",
+            "--robot",
+            robot,
+            "--port",
+            virtual.radio,
+            "--answers",
+            "answers.yaml",
+            "--rolls",
+            0,
+            "--yes",
+        )
         assert code == 0, said
         assert "SIMULATED" not in said and "as the robot file states" in said
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
@@ -57,8 +66,9 @@ def test_wires_are_proven_over_the_radio(robot):
 
 def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
     with board.board() as virtual:
-        words = board.command("calibrate", "encoders", "--rolls", 0, "--robot", robot,
-                              "--port", virtual.usb)  # fmt: skip
+        words = board.command(
+            "calibrate", "encoders", "--rolls", 0, "--robot", robot, "--port", virtual.usb
+        )
         with Terminal(words, columns=160) as terminal:
             for question, answer in TYPED:
                 terminal.until(lambda text, question=question: question in text, question)
@@ -86,9 +96,16 @@ def test_who_interrupts_is_told_that_the_robot_stands(robot):
 def test_a_killed_calibration_leaves_a_board_that_stops_by_itself(robot):
     with board.board() as virtual:
         process = board.start(
-            "calibrate", "motors", "--robot", robot, "--port", virtual.radio,
-            "--answers", "answers.yaml", "--yes",
-        )  # fmt: skip
+            "calibrate",
+            "motors",
+            "--robot",
+            robot,
+            "--port",
+            virtual.radio,
+            "--answers",
+            "answers.yaml",
+            "--yes",
+        )
         board.wait_until(lambda: board.moving(virtual))
         process.kill()
         process.wait()

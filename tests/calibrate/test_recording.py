@@ -13,8 +13,16 @@ ROOT = Path(__file__).parent.parent.parent
 
 def test_counts_of_a_recorded_run(tmp_path):
     file = tmp_path / "run.mcap"
-    command = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()", "run",
-               "pipelines/goal.yaml", "--record", str(file), "--fast"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-c",
+        "from diffbotctl.cli.main import main; main()",
+        "run",
+        "pipelines/goal.yaml",
+        "--record",
+        str(file),
+        "--fast",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stderr
     found = read_counts(file, (20, 20))

@@ -53,32 +53,48 @@ def test_an_entry_tells_value_deviation_and_where_they_come_from():
     "before, after",
     [
         # braces give way to spaces, so that the comment stays in its column
-        ("a: 1\ncalibration: {}   # by hand\nb: 2\n",
-         "a: 1\ncalibration:      # by hand\n  drive.track: {value: 1}\nb: 2\n"),
+        (
+            "a: 1\ncalibration: {}   # by hand\nb: 2\n",
+            "a: 1\ncalibration:      # by hand\n  drive.track: {value: 1}\nb: 2\n",
+        ),
         ("calibration: {}\n", "calibration:\n  drive.track: {value: 1}\n"),
         ("calibration:\n# the end\n", "calibration:\n  drive.track: {value: 1}\n# the end\n"),
         ("a: 1", "a: 1\ncalibration:\n  drive.track: {value: 1}\n"),
-        ("a: 1\r\ncalibration: {}\r\nb: 2\r\n",
-         "a: 1\r\ncalibration:\r\n  drive.track: {value: 1}\r\nb: 2\r\n"),
+        (
+            "a: 1\r\ncalibration: {}\r\nb: 2\r\n",
+            "a: 1\r\ncalibration:\r\n  drive.track: {value: 1}\r\nb: 2\r\n",
+        ),
         # an entry that is there is replaced, its comment stays
-        ("calibration:\n  drive.track: {value: 3}  # why\n  c: {value: 4}\n",
-         "calibration:\n  drive.track: {value: 1}  # why\n  c: {value: 4}\n"),
-        ("calibration:\n    c: {value: 4}  # indented so\n\nb: 2\n",
-         "calibration:\n    c: {value: 4}  # indented so\n    drive.track: {value: 1}\n\nb: 2\n"),
-        ("calibration: {c: {value: 4}}\n",
-         "calibration: {c: {value: 4}, drive.track: {value: 1}}\n"),
+        (
+            "calibration:\n  drive.track: {value: 3}  # why\n  c: {value: 4}\n",
+            "calibration:\n  drive.track: {value: 1}  # why\n  c: {value: 4}\n",
+        ),
+        (
+            "calibration:\n    c: {value: 4}  # indented so\n\nb: 2\n",
+            "calibration:\n    c: {value: 4}  # indented so\n    drive.track: {value: 1}\n\nb: 2\n",
+        ),
+        (
+            "calibration: {c: {value: 4}}\n",
+            "calibration: {c: {value: 4}, drive.track: {value: 1}}\n",
+        ),
     ],
-)  # fmt: skip
+)
 def test_only_the_section_changes(before, after):
     assert replace_section(before, {"drive.track": "{value: 1}"}) == after
 
 
-COMMENTS = some.lists(some.sampled_from(["# one", "", "x: {y: 1}  # two", "z:\n  - 1  # three"]),
-                      max_size=4, unique=True)  # fmt: skip
+COMMENTS = some.lists(
+    some.sampled_from(["# one", "", "x: {y: 1}  # two", "z:\n  - 1  # three"]),
+    max_size=4,
+    unique=True,
+)
 
 
-@given(COMMENTS, some.sampled_from(["calibration: {}", "calibration:", "calibration: {} # c"]),
-       COMMENTS)  # fmt: skip
+@given(
+    COMMENTS,
+    some.sampled_from(["calibration: {}", "calibration:", "calibration: {} # c"]),
+    COMMENTS,
+)
 def test_every_other_line_survives(above, section, below):
     keys = [line.split(":")[0] for line in above if ":" in line]
     below = [line for line in below if line.split(":")[0] not in keys]

@@ -26,8 +26,11 @@ def flanks(*changes, wheel=0):
 
 def turning(pitches, part, wheel=0, pitch=50.0):
     """Whole pitches of so many ms, of which the pin is high for `part`."""
-    changes = [(pitch * k + late, level) for k in range(pitches)
-               for late, level in ((0.0, 1), (part * pitch, 0))]  # fmt: skip
+    changes = [
+        (pitch * k + late, level)
+        for k in range(pitches)
+        for late, level in ((0.0, 1), (part * pitch, 0))
+    ]
     return flanks(*changes, wheel=wheel)
 
 
@@ -54,10 +57,12 @@ def test_pitches_by_hand(changes, counted, found):
 def test_each_disc_has_its_own_share():
     found = encoder_fit.measure_slot_duty([*turning(60, 0.4), *turning(60, 0.55, wheel=1)], ROBOT)
     values = {each.field: each.value for each in found.findings}
-    assert values == pytest.approx({
-        "drive.left.encoder.open_share": 0.4,
-        "drive.right.encoder.open_share": 0.55,
-    })  # fmt: skip
+    assert values == pytest.approx(
+        {
+            "drive.left.encoder.open_share": 0.4,
+            "drive.right.encoder.open_share": 0.55,
+        }
+    )
     assert found.faults == [] and len(found.report) == 2
 
 
@@ -76,8 +81,10 @@ def test_a_light_barrier_that_sees_the_rim_is_a_fault(part):
 )
 def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Path):
     robot = tmp_path / "robot.yaml"
-    robot.write_text("format: 1\nkind: robot\ninclude: book_2wd\n"
-                     f"drive: {{encoder: {{edge: {edge}}}}}\ncalibration: {{}}\n")  # fmt: skip
+    robot.write_text(
+        "format: 1\nkind: robot\ninclude: book_2wd\n"
+        f"drive: {{encoder: {{edge: {edge}}}}}\ncalibration: {{}}\n"
+    )
     answers = tmp_path / "answers.yaml"
     answers.write_text("encoders: {measure: eye}\n")
     made, truths = open_session(load_robot(str(robot)), port, 3)

@@ -156,10 +156,9 @@ def test_a_second_round_goes_on_from_the_first():
 
 def test_headings_alone_serve():
     true = USED.reshaped(1.002, USED.track * 1.01)
-    blind = umbmark.SquareErrors(1.0, *(
-        [end._replace(x=nan, y=nan) for end in ends]
-        for ends in ends_of(true)[1:]
-    ))  # fmt: skip
+    blind = umbmark.SquareErrors(
+        1.0, *([end._replace(x=nan, y=nan) for end in ends] for ends in ends_of(true)[1:])
+    )
     assert umbmark.fit_umbmark(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
 
 
@@ -171,10 +170,16 @@ def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
     )
     chance = Random(3)
     for _ in range(200):
-        noise = umbmark.SquareErrors(1.0, *(
-            [umbmark.EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan) for _ in range(5)]
-            for _ in range(2)
-        ))  # fmt: skip
+        noise = umbmark.SquareErrors(
+            1.0,
+            *(
+                [
+                    umbmark.EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan)
+                    for _ in range(5)
+                ]
+                for _ in range(2)
+            ),
+        )
         assert not umbmark.squares_look_swapped(noise)
 
 

@@ -47,9 +47,13 @@ def test_the_whole_chain_from_a_file_and_back(robot):
     found = load_robot(str(robot)).robot
     assert found.drive.polarity == "calibrated"
     assert set(found.calibration) >= {
-        "drive.left.motor.lag", "drive.left.motor.loop.speed", "drive.left.wheel.diameter",
-        "drive.track", "drive.left.encoder.slot_errors", "sensors.front.curve.a",
-    }  # fmt: skip
+        "drive.left.motor.lag",
+        "drive.left.motor.loop.speed",
+        "drive.left.wheel.diameter",
+        "drive.track",
+        "drive.left.encoder.slot_errors",
+        "sensors.front.curve.a",
+    }
     entry = found.calibration["drive.track"]
     assert entry.method == "umbmark" and entry.volts == "not measured" and entry.sd
     recording = next(Path("recordings").glob("geometry-*.csv"))
@@ -90,9 +94,17 @@ def test_exchanged_directions_are_named(robot):
     ]
     Path("swapped.yaml").write_text("\n".join(lines) + "\n")
     done = calibrate(
-        "geometry", "--robot", robot, "--port", "sim", "--answers", "swapped.yaml", "--runs", 2,
+        "geometry",
+        "--robot",
+        robot,
+        "--port",
+        "sim",
+        "--answers",
+        "swapped.yaml",
+        "--runs",
+        2,
         "--dry-run",
-    )  # fmt: skip
+    )
     assert done.exit_code == 0, done.output
     assert "clockwise and counter-clockwise had been exchanged" in done.output
     found = float(re.search(r"Eb, track found over before: ([\d.]+)", done.output)[1])
@@ -116,9 +128,12 @@ class Terminal:
         self.end, other = pty.openpty()
         self.process = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, "calibrate", *map(str, words)],
-            stdin=other, stdout=other, stderr=other, close_fds=True,
+            stdin=other,
+            stdout=other,
+            stderr=other,
+            close_fds=True,
             env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "dumb"},
-        )  # fmt: skip
+        )
         os.close(other)
         self.said = ""
 
@@ -175,6 +190,7 @@ def test_whoever_says_no_moves_nothing(robot):
 
 def test_where_nothing_can_be_kept_is_said_before_anything_moves(robot):
     Path("recordings").write_text("no folder")
-    done = calibrate("distance", "--robot", robot, "--port", "sim", "--answers", "answers.yaml",
-                     "--yes")  # fmt: skip
+    done = calibrate(
+        "distance", "--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes"
+    )
     assert "E-CALIBRATE-WRITE" in str(done.exception) and done.output == ""

@@ -38,11 +38,20 @@ def asked(place, shell, line):
     words = line.split(" ")
     current = words[-1] if shell == "fish" else str(len(words) - 1)
     done = subprocess.run(
-        [place / "bin" / "diffbotctl"], cwd=place, capture_output=True, text=True, check=True,
-        env=environment(place, **{
-            COMPLETING: f"{shell}_complete", "COMP_WORDS": line, "COMP_CWORD": current,
-        }),
-    )  # fmt: skip
+        [place / "bin" / "diffbotctl"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment(
+            place,
+            **{
+                COMPLETING: f"{shell}_complete",
+                "COMP_WORDS": line,
+                "COMP_CWORD": current,
+            },
+        ),
+    )
     return done.stdout
 
 
@@ -84,11 +93,19 @@ def test_completing_a_command_imports_none(place):
         "print([name for name in sys.modules if name.startswith('diffbotctl.cli.')])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-        env=environment(place, **{
-            COMPLETING: "bash_complete", "COMP_WORDS": "diffbotctl wi", "COMP_CWORD": "1",
-        }),
-    )  # fmt: skip
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment(
+            place,
+            **{
+                COMPLETING: "bash_complete",
+                "COMP_WORDS": "diffbotctl wi",
+                "COMP_CWORD": "1",
+            },
+        ),
+    )
     assert done.stdout.splitlines() == ["plain,wiring", "['diffbotctl.cli.main']"]
 
 

@@ -30,8 +30,12 @@ def test_check_finds_nothing_in_the_shipped_files():
     code, output = run(check.command, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
     assert code == 0
     assert output.splitlines() == [
-        "goal: fine", "square: fine", "hello: fine", "book_2wd: fine", "book_2wd_counts: fine",
-    ]  # fmt: skip
+        "goal: fine",
+        "square: fine",
+        "hello: fine",
+        "book_2wd: fine",
+        "book_2wd_counts: fine",
+    ]
 
 
 def test_check_takes_several_files_and_says_all(tmp_path):

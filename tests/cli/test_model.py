@@ -18,8 +18,16 @@ def test_frames_prints_the_tree():
     lines = run("frames", "book_2wd").splitlines()
     assert lines[0] == "odom"
     assert "base_footprint" in lines[1] and "moves with odometry" in lines[1]
-    assert lines[2].split()[1:] == ["base_link", "x", "+0.0000", "y", "+0.0000", "z", "+0.0325",
-                                    "fixed"]  # fmt: skip
+    assert lines[2].split()[1:] == [
+        "base_link",
+        "x",
+        "+0.0000",
+        "y",
+        "+0.0000",
+        "z",
+        "+0.0325",
+        "fixed",
+    ]
     (left,) = [line for line in lines if "left_wheel_link" in line]
     assert "y +0.0625" in left and "turns with the wheel" in left
     assert "-0.0000" not in "\n".join(lines)

@@ -89,10 +89,12 @@ def test_nothing_is_written_over(kind):
 def test_a_disk_without_room_leaves_no_half_a_robot():
     words = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
     done = subprocess.run(
-        [*words, "new", "robot", "mine"], capture_output=True, text=True,
+        [*words, "new", "robot", "mine"],
+        capture_output=True,
+        text=True,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)),  # bytes a file
-    )  # fmt: skip
+    )
     assert done.returncode == 2 and "E-FILE-WRITE" in done.stderr
     assert not list(Path("robots").iterdir())
 
@@ -110,9 +112,19 @@ def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
     run(new.command, "block", "half_speed")
     folder, target = tmp_path / "half_speed", tmp_path / "installed"
     code, said = python(
-        "-m", "pip", "install", "-q", "--no-deps", "--no-build-isolation", "--no-index",
-        "--disable-pip-version-check", "--target", target, folder, path=[],
-    )  # fmt: skip
+        "-m",
+        "pip",
+        "install",
+        "-q",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--disable-pip-version-check",
+        "--target",
+        target,
+        folder,
+        path=[],
+    )
     assert code == 0, said
     program = ["-c", "from diffbotctl.cli.main import main; main()"]
     code, said = python(*program, "blocks", path=[target, ROOT])

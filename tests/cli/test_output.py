@@ -18,9 +18,13 @@ PICTURES = (
 
 def said(*words, stdout=subprocess.PIPE, **variables):
     return subprocess.run(
-        command(*words), stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.PIPE,
-        text=True, env=os.environ | variables,
-    )  # fmt: skip
+        command(*words),
+        stdin=subprocess.DEVNULL,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | variables,
+    )
 
 
 @pytest.mark.parametrize("words", PICTURES)

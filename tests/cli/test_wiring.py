@@ -178,9 +178,16 @@ def test_the_svg_stays_on_its_paper(robot):
 # The terminal: lines are followed from the board's pins to wherever they lead.
 
 OPEN = {
-    "─": "EW", "│": "NS", "┼": "NESW", "╰": "NE", "╯": "NW", "├": "E", "┤": "W",
-    "1": "EW", "k": "EW",
-}  # fmt: skip
+    "─": "EW",
+    "│": "NS",
+    "┼": "NESW",
+    "╰": "NE",
+    "╯": "NW",
+    "├": "E",
+    "┤": "W",
+    "1": "EW",
+    "k": "EW",
+}
 STEPS = {"N": (0, -1), "S": (0, 1), "E": (1, 0), "W": (-1, 0)}
 BACK = {"N": "S", "S": "N", "E": "W", "W": "E"}
 

@@ -15,13 +15,37 @@ BAD = Path(__file__).parent / "bad"
 FILES = sorted(BAD.glob("*.yaml"))
 # What only the installation, a run or the command line can bring about, not a file.
 NOT_FROM_FILES = {
-    "E-BLOCK-CLASH", "E-BLOCK-IMPORT", "E-BLOCK-RAISED", "E-BUSY", "E-CODE", "E-DEFECT",
+    "E-BLOCK-CLASH",
+    "E-BLOCK-IMPORT",
+    "E-BLOCK-RAISED",
+    "E-BUSY",
+    "E-CODE",
+    "E-DEFECT",
     "E-DISK-FULL",
-    "E-EMULATOR", "E-FIELD", "E-FILE-ENCODING", "E-FILE-SIZE", "E-FILE-WRITE", "E-HELD", "E-LOG",
-    "E-NO-ANSWER", "E-NO-ENGINE", "E-OUTPUT", "E-PICTURE", "E-PROTOCOL", "E-RECORD",
-    "E-RECORDING", "E-RECORDING-CUT", "E-REQUEST", "E-ROBOT-FIELD", "E-ROBOT-WHICH", "E-SAVE",
-    "E-SERVICE-GOALS", "E-SOCKET", "E-START-ANSWER", "E-WIRING-NONE",
-}  # fmt: skip
+    "E-EMULATOR",
+    "E-FIELD",
+    "E-FILE-ENCODING",
+    "E-FILE-SIZE",
+    "E-FILE-WRITE",
+    "E-HELD",
+    "E-LOG",
+    "E-NO-ANSWER",
+    "E-NO-ENGINE",
+    "E-OUTPUT",
+    "E-PICTURE",
+    "E-PROTOCOL",
+    "E-RECORD",
+    "E-RECORDING",
+    "E-RECORDING-CUT",
+    "E-REQUEST",
+    "E-ROBOT-FIELD",
+    "E-ROBOT-WHICH",
+    "E-SAVE",
+    "E-SERVICE-GOALS",
+    "E-SOCKET",
+    "E-START-ANSWER",
+    "E-WIRING-NONE",
+}
 
 
 def answer(file: Path) -> str:

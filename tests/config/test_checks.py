@@ -138,8 +138,14 @@ def test_the_tables_name_pins_that_there_are(board):
 
 @pytest.mark.parametrize(
     "board, number, name",
-    [(MEGA_2560, "54", "A0"), (MEGA_2560, "69", "A15"), (MEGA_2560, "70", "70"),
-     (MEGA_2560, "A3", "A3"), (ATMEGA_328P, "14", "A0"), (ATMEGA_328P, "13", "13")],
-)  # fmt: skip
+    [
+        (MEGA_2560, "54", "A0"),
+        (MEGA_2560, "69", "A15"),
+        (MEGA_2560, "70", "70"),
+        (MEGA_2560, "A3", "A3"),
+        (ATMEGA_328P, "14", "A0"),
+        (ATMEGA_328P, "13", "13"),
+    ],
+)
 def test_analog_pins_have_two_names(board, number, name):
     assert board.named(number) == name

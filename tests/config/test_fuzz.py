@@ -19,11 +19,53 @@ SHIPPED = {
     for path in sorted(lookup.folder(kind).glob("*.yaml"))
 }
 SCRAPS = [
-    b"{", b"}", b"[", b"]", b":", b": ", b",", b"\n", b"\t", b"  ", b"- ", b"#", b"&a ", b"*a",
-    b"!!", b"|", b">", b"'", b'"', b"$", b"$x", b"$$", b"~", b"null", b"yes", b"0", b"-1", b"1e9",
-    b"017", b"1,5 m", b"65 mm", b"deg", b"robot.", b"operator.goal", b"in: ", b"with: ", b"none",
-    b"\xff", b"\x00", b"\xc3\xa9", b"include: ", b"vars: ", b"<<: ", b"---\n", b"A99", b"...",
-]  # fmt: skip
+    b"{",
+    b"}",
+    b"[",
+    b"]",
+    b":",
+    b": ",
+    b",",
+    b"\n",
+    b"\t",
+    b"  ",
+    b"- ",
+    b"#",
+    b"&a ",
+    b"*a",
+    b"!!",
+    b"|",
+    b">",
+    b"'",
+    b'"',
+    b"$",
+    b"$x",
+    b"$$",
+    b"~",
+    b"null",
+    b"yes",
+    b"0",
+    b"-1",
+    b"1e9",
+    b"017",
+    b"1,5 m",
+    b"65 mm",
+    b"deg",
+    b"robot.",
+    b"operator.goal",
+    b"in: ",
+    b"with: ",
+    b"none",
+    b"\xff",
+    b"\x00",
+    b"\xc3\xa9",
+    b"include: ",
+    b"vars: ",
+    b"<<: ",
+    b"---\n",
+    b"A99",
+    b"...",
+]
 QUICK = settings(
     max_examples=150,
     deadline=None,
@@ -52,8 +94,9 @@ def answered(content: bytes, kind: str) -> tuple[Problem, ...]:
 def mutations():
     """A shipped file with up to four cuts, doublings and insertions."""
     place = st.floats(0, 1, exclude_max=True)
-    change = st.tuples(st.sampled_from(["cut", "double", "put"]), place, place,
-                       st.sampled_from(SCRAPS))  # fmt: skip
+    change = st.tuples(
+        st.sampled_from(["cut", "double", "put"]), place, place, st.sampled_from(SCRAPS)
+    )
     return st.tuples(st.sampled_from(sorted(SHIPPED)), st.lists(change, min_size=1, max_size=4))
 
 
@@ -92,7 +135,7 @@ def test_random_scraps_of_yaml_are_answered_in_words(scraps):
 VALUES = st.recursive(
     st.none()
     | st.booleans()
-    | st.integers(-10**6, 10**6)
+    | st.integers(-(10**6), 10**6)
     | st.floats(allow_nan=False, allow_infinity=False)
     | st.sampled_from(["65 mm", "90 deg", "", "none", "$x", "a.b", "robot.front", "A0", "5 m5"])
     | st.text(max_size=8),
@@ -100,9 +143,22 @@ VALUES = st.recursive(
         st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3)
     ),
     max_leaves=6,
-)  # fmt: skip
-ROBOT_KEYS = ("board", "link", "drive", "sensors", "body", "limits", "simulation", "calibration",
-              "vars", "include", "battery", "format", "kind")  # fmt: skip
+)
+ROBOT_KEYS = (
+    "board",
+    "link",
+    "drive",
+    "sensors",
+    "body",
+    "limits",
+    "simulation",
+    "calibration",
+    "vars",
+    "include",
+    "battery",
+    "format",
+    "kind",
+)
 PIPELINE_KEYS = ("robot", "blocks", "goals", "world", "vars", "include", "format", "kind")
 
 

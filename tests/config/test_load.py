@@ -249,15 +249,21 @@ def test_a_valid_file_is_not_checked_by_jsonschema_again(tmp_path):
         "import sys; from diffbotctl.config.load import load; load('goal'); "
         "print('jsonschema' in sys.modules)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(lookup.folder("robots").parent),
-                   "XDG_CACHE_HOME": str(tmp_path)}  # fmt: skip
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(lookup.folder("robots").parent),
+        "XDG_CACHE_HOME": str(tmp_path),
+    }
     said = [
         subprocess.run(
-            [sys.executable, "-c", script], env=environment, capture_output=True, text=True,
+            [sys.executable, "-c", script],
+            env=environment,
+            capture_output=True,
+            text=True,
             check=True,
         ).stdout.strip()
         for _ in range(2)
-    ]  # fmt: skip
+    ]
     assert said == ["True", "False"]
 
 

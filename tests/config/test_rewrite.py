@@ -34,15 +34,25 @@ world: {}
         (FLOW, "blocks.guard.with.margin", "8 cm", "margin: 5 cm", "margin: 8 cm"),
         (FLOW, "blocks.guard.with.resume", "wait", "debounce: 2}", "debounce: 2, resume: wait}"),
         (FLOW, "blocks.path.with.side", "1 m", "block: path}", "block: path, with: {side: 1 m}}"),
-        (FLOW, "blocks.mux.with.held_for", "0.3 s", "# round\n",
-         "# round\n  mux: {with: {held_for: 0.3 s}}\n"),
+        (
+            FLOW,
+            "blocks.mux.with.held_for",
+            "0.3 s",
+            "# round\n",
+            "# round\n  mux: {with: {held_for: 0.3 s}}\n",
+        ),
         (BLOCK, "blocks.guard.with.margin", "8 cm", "5 cm", "8 cm"),
-        (BLOCK, "blocks.guard.with.resume", "wait", "# readings\n",
-         "# readings\n      resume: wait\n"),
+        (
+            BLOCK,
+            "blocks.guard.with.resume",
+            "wait",
+            "# readings\n",
+            "# readings\n      resume: wait\n",
+        ),
         (BLOCK, "world.walls", "[]", "world: {}", "world: {walls: []}"),
         ("a: 1", "b.c", "2", "a: 1", "a: 1\nb: {c: 2}"),
     ],
-)  # fmt: skip
+)
 def test_only_that_value_changes(text, path, written, changed, into):
     assert text.count(changed) == 1
     assert with_entry(text, path.split("."), written) == text.replace(changed, into)
@@ -64,8 +74,11 @@ TREES = st.recursive(
 )
 
 
-@given(st.dictionaries(KEYS, TREES, min_size=1), st.lists(KEYS, min_size=1, max_size=3),
-       st.booleans() | st.none())  # fmt: skip
+@given(
+    st.dictionaries(KEYS, TREES, min_size=1),
+    st.lists(KEYS, min_size=1, max_size=3),
+    st.booleans() | st.none(),
+)
 def test_whatever_the_layout_the_result_reads_as_wanted_or_is_refused(tree, path, flow):
     text = yaml.safe_dump(tree, default_flow_style=flow)
     try:

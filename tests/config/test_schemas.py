@@ -110,12 +110,51 @@ class Leaves(Section):
     maybe = Param(float, unit="s", none=True, default=None, help="A time, or none.")
 
 
-WRITTEN = st.sampled_from([
-    "1", "0", "-3", "2.5", "1e-3", "65 mm", "65mm", "65  mm", ".5 m", "1. m", "10 %", "3 m/s",
-    "3 m/s2", "3 m/s²", "90 deg", "1 furlong", "m", "mm 5", "5 5", "true", "yes", "none", "null",
-    "~", "A0", "A", "B1", "54", "9600", "left", "lefty", "''", "'5'", "'5 mm'", "12:30", ".inf",
-    "[1]", "{a: 1}", "9", "10", "1.0",
-]) | st.from_regex(r"[0-9 .eE+-]{1,6}( ?(mm|m|s|deg|%))?", fullmatch=True)  # fmt: skip
+WRITTEN = st.sampled_from(
+    [
+        "1",
+        "0",
+        "-3",
+        "2.5",
+        "1e-3",
+        "65 mm",
+        "65mm",
+        "65  mm",
+        ".5 m",
+        "1. m",
+        "10 %",
+        "3 m/s",
+        "3 m/s2",
+        "3 m/s²",
+        "90 deg",
+        "1 furlong",
+        "m",
+        "mm 5",
+        "5 5",
+        "true",
+        "yes",
+        "none",
+        "null",
+        "~",
+        "A0",
+        "A",
+        "B1",
+        "54",
+        "9600",
+        "left",
+        "lefty",
+        "''",
+        "'5'",
+        "'5 mm'",
+        "12:30",
+        ".inf",
+        "[1]",
+        "{a: 1}",
+        "9",
+        "10",
+        "1.0",
+    ]
+) | st.from_regex(r"[0-9 .eE+-]{1,6}( ?(mm|m|s|deg|%))?", fullmatch=True)
 
 
 @settings(max_examples=400, deadline=None)

@@ -156,9 +156,19 @@ BINARY = bytes(range(256)) * 300
         ("format: 1\n".encode("utf-16"), "E-FILE-ENCODING"),
         (b"name: gr\xfc\xdf\n", "E-FILE-ENCODING"),  # Latin-1
     ],
-    ids=["bomb", "slim bomb", "brackets", "braces", "stairs", "50 MB", "junk", "binary",
-         "UTF-16", "Latin-1"],
-)  # fmt: skip
+    ids=[
+        "bomb",
+        "slim bomb",
+        "brackets",
+        "braces",
+        "stairs",
+        "50 MB",
+        "junk",
+        "binary",
+        "UTF-16",
+        "Latin-1",
+    ],
+)
 def test_what_is_no_configuration_is_refused_at_once(tmp_path, content, code):
     file = tmp_path / "hard.yaml"
     file.write_bytes(content)

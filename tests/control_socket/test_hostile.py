@@ -125,8 +125,9 @@ def test_a_line_of_100_megabytes_is_cut_off(folder):
 
 def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
     client = Plain(folder)
-    client.send(b"".join(b'{"id": %d, "do": "rate", "topic": "gate.wheels"}\n' % i
-                         for i in range(1000)))  # fmt: skip
+    client.send(
+        b"".join(b'{"id": %d, "do": "rate", "topic": "gate.wheels"}\n' % i for i in range(1000))
+    )
     assert [client.read()["id"] for _ in range(1000)] == list(range(1000))
     client.close()
 
@@ -176,9 +177,10 @@ def test_connecting_again_and_again_leaves_nothing_behind(folder):
 def hub_of(pid):
     children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     listeners = [
-        child for child in children
+        child
+        for child in children
         if any("socket:" in os.readlink(f) for f in Path(f"/proc/{child}/fd").iterdir())
-    ]  # fmt: skip
+    ]
     return max(map(int, listeners))
 
 

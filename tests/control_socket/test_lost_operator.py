@@ -44,8 +44,11 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
         process.wait(timeout=20)
     words = [item for item in RecordingReader(path).messages() if item.wire != "robot.encoders"]
     lost = next(i.time for i in words if isinstance(i.message, Stop) and i.message.code)
-    last = max(i.time for i in words if isinstance(i.message, Twist) and i.time < lost
-               and i.wire == "operator.twist")  # fmt: skip
+    last = max(
+        i.time
+        for i in words
+        if isinstance(i.message, Twist) and i.time < lost and i.wire == "operator.twist"
+    )
     zero = next(i.time for i in words if i.wire == "gate.wheels" and i.time >= lost)
     after = [i.message for i in words if i.wire == "gate.wheels" and i.time == zero]
     assert isinstance(after[0], Wheels) and (after[0].left, after[0].right) == (0.0, 0.0)
@@ -80,9 +83,14 @@ def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
         client.until(moves)
         ours, theirs = os.openpty()
         driver = subprocess.Popen(
-            line, env=environment, stdin=theirs, stdout=theirs, stderr=theirs,
-            start_new_session=True, preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )  # fmt: skip
+            line,
+            env=environment,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            start_new_session=True,
+            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
+        )
         os.close(theirs)
         client.until(drives)
         os.close(ours)  # the terminal is gone: the kernel hangs up

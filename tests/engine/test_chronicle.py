@@ -33,10 +33,17 @@ class Ends(Block):
 
 
 SOURCES = {
-    "drive.stop": Stop, "drive.state": GoalState, "robot.encoders": Encoders,
-    "robot.link": Link, "robot.text": Text, "operator.goal": Goal, "operator.resume": Resume,
-    "operator.setting": Setting, "operator.call": Call, "operator.log": LogLine,
-}  # fmt: skip
+    "drive.stop": Stop,
+    "drive.state": GoalState,
+    "robot.encoders": Encoders,
+    "robot.link": Link,
+    "robot.text": Text,
+    "operator.goal": Goal,
+    "operator.resume": Resume,
+    "operator.setting": Setting,
+    "operator.call": Call,
+    "operator.log": LogLine,
+}
 
 
 def told(*deliveries):

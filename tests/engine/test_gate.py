@@ -13,9 +13,14 @@ RATED = 100 * 2 * pi / 60  # rad/s: 100 rpm
 
 def gate():
     return Gate(
-        left_rated=RATED, right_rated=RATED, left_diameter=0.065, right_diameter=0.065,
-        track=0.125, speed=0.3, turn_rate=4.0,
-    )  # fmt: skip
+        left_rated=RATED,
+        right_rated=RATED,
+        left_diameter=0.065,
+        right_diameter=0.065,
+        track=0.125,
+        speed=0.3,
+        turn_rate=4.0,
+    )
 
 
 class Held:

@@ -33,9 +33,21 @@ def mode(bench):
         lambda: board_runs.same_twice(3),
         lambda: board_restarts.rows(3, 3),
     ],
-    ids=["latency", "telemetry", "edges", "bounce", "settings", "eeprom", "restarts", "deadman",
-         "damage", "speed loop", "same twice", "restarts under a goal"],
-)  # fmt: skip
+    ids=[
+        "latency",
+        "telemetry",
+        "edges",
+        "bounce",
+        "settings",
+        "eeprom",
+        "restarts",
+        "deadman",
+        "damage",
+        "speed loop",
+        "same twice",
+        "restarts under a goal",
+    ],
+)
 def test_figures(rows):
     for row in rows():
         assert row.met, row.line()
@@ -252,8 +264,10 @@ def test_a_quadrature_encoder_knows_its_direction():
             for index in range(10):
                 for pin, shift in ((2, 0), (22, lag)):
                     rise = start + index * 20 * MS + shift
-                    bench.pins += [board_trials.PinTransition(rise, pin, 1),
-                                   board_trials.PinTransition(rise + 10 * MS, pin, 0)]  # fmt: skip
+                    bench.pins += [
+                        board_trials.PinTransition(rise, pin, 1),
+                        board_trials.PinTransition(rise + 10 * MS, pin, 0),
+                    ]
             for _ in range(6):
                 bench.wait(50)
             assert (bench.state().left - before + 32768) % 65536 - 32768 == expected

@@ -16,10 +16,20 @@ def state(board, command, age):
     """A frame stamped at `board` ms, whose command took hold `age` ms before; None: long ago."""
     units = COMMAND_AGE_NONE if age is None else age * MILLISECOND // COMMAND_AGE
     return StateFrame(
-        boot=1, sequence=board // 25 % 64, dropped=0, reserved=0, mode=2, command_age=units,
-        time=board * MILLISECOND // TICK, left=0, right=0, range=0, command=command, left_age=0,
+        boot=1,
+        sequence=board // 25 % 64,
+        dropped=0,
+        reserved=0,
+        mode=2,
+        command_age=units,
+        time=board * MILLISECOND // TICK,
+        left=0,
+        right=0,
+        range=0,
+        command=command,
+        left_age=0,
         right_age=0,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

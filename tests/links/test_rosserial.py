@@ -153,9 +153,16 @@ def test_counts_pass_the_end_of_sixteen_bits():
 
 @pytest.mark.parametrize(
     ("centimetres", "volts"),
-    [(10.0, 1.3), (4.0, 3.25), (0.0, None), (float("inf"), None), (float("nan"), None),
-     (-3.0, None), (1e-20, None)],
-)  # fmt: skip
+    [
+        (10.0, 1.3),
+        (4.0, 3.25),
+        (0.0, None),
+        (float("inf"), None),
+        (float("nan"), None),
+        (-3.0, None),
+        (1e-20, None),
+    ],
+)
 def test_distance_becomes_volts_again(driving, centimetres, volts):
     heard = driving.host.receive(driving.now, encode(127, struct.pack("<f", centimetres)))
     (found,) = [message for port, message in heard if port == "front"]

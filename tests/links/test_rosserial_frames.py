@@ -85,8 +85,15 @@ def test_every_intact_frame_comes_through_junk(parts):
     assert [f for f in decoder.feed(stream) if f in sent] == sent
 
 
-@given(st.lists(st.sampled_from([b"\xff", b"\xfe", b"\x00", b"\x04\x00\xfb", b"}\x00",
-                                 bytes.fromhex(TICKS_BYTES)]), max_size=30), st.data())  # fmt: skip
+@given(
+    st.lists(
+        st.sampled_from(
+            [b"\xff", b"\xfe", b"\x00", b"\x04\x00\xfb", b"}\x00", bytes.fromhex(TICKS_BYTES)]
+        ),
+        max_size=30,
+    ),
+    st.data(),
+)
 def test_how_the_bytes_are_cut_makes_no_difference(parts, data):
     stream = b"".join(parts)
     whole, cut, single = RosserialDecoder(), RosserialDecoder(), RosserialDecoder()

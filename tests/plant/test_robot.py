@@ -18,9 +18,15 @@ MS = 1_000_000
 FRAME = 25 * MS
 GAINS = SpeedGains(0.1, 0.0859, 0.0, 0.02)
 MACHINE = PlantParameters(
-    track=0.125, left_diameter=0.065, right_diameter=0.065, rated=10 * pi / 3, slots=20,
-    glitch=2 * MS, deadman=300 * MS, gains=(GAINS, GAINS),
-)  # fmt: skip
+    track=0.125,
+    left_diameter=0.065,
+    right_diameter=0.065,
+    rated=10 * pi / 3,
+    slots=20,
+    glitch=2 * MS,
+    deadman=300 * MS,
+    gains=(GAINS, GAINS),
+)
 
 
 def robot(kind="edges", seed=1, world=None, wiring=None, machine=None, **errors):

@@ -92,8 +92,7 @@ def test_a_watched_pin_tells_both_flanks_of_each_slot(sign, falling):
     assert [level for _, level in changes[:4]] == [0, 1, 0, 1]
     assert [time for time, level in changes if level != falling] == counted
     # At a steady 5 rad/s a pitch takes PITCH / 5 seconds.
-    open_times = [b.time - a.time for a, b in pairwise(changes)
-                  if a.level and a.time > 2 * SECOND]  # fmt: skip
+    open_times = [b.time - a.time for a, b in pairwise(changes) if a.level and a.time > 2 * SECOND]
     assert open_times == pytest.approx([PITCH / 20 * SECOND] * len(open_times), abs=2)
     made.watch(False)
     made.advance(4 * SECOND, sign * HALF)

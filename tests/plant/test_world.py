@@ -75,10 +75,12 @@ def test_a_room_is_closed_and_hits_lie_on_it(x, y, bearing):
 
 
 @given(
-    st.floats(-3, 3), st.floats(-3, 3), st.floats(-7, 7),
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(-7, 7),
     st.lists(st.tuples(*[st.floats(-4, 4)] * 4), max_size=4),
     st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(0.05, 1)), max_size=4),
-)  # fmt: skip
+)
 def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
     for x1, y1, x2, y2 in walls:  # an eye on the wall's own line sees neither side of it
         length = hypot(x2 - x1, y2 - y1)

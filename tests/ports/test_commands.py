@@ -151,9 +151,12 @@ def about(found, topic):
 def test_doctor_names_the_group_to_join(machine):
     found = doctor(machine)
     assert about(found, "groups") == [
-        (NOTE, "ana is in no group that owns serial ports",
-         "sudo usermod -aG dialout ana, then log out and in again"),
-    ]  # fmt: skip
+        (
+            NOTE,
+            "ana is in no group that owns serial ports",
+            "sudo usermod -aG dialout ana, then log out and in again",
+        ),
+    ]
 
 
 def test_doctor_knows_a_session_older_than_the_group(machine):
@@ -186,14 +189,27 @@ def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
         ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd"}, None),
         # hci0:1 is a connection, no radio.
         ({"sys/class/bluetooth/hci0:1/x": ""}, "E-BLUETOOTH-ADAPTER"),
-        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
-          "sys/class/rfkill/rfkill0/type": "bluetooth", "sys/class/rfkill/rfkill0/soft": "1"},
-         "E-BLUETOOTH-BLOCKED"),
+        (
+            {
+                "sys/class/bluetooth/hci0/x": "",
+                "proc/9/comm": "bluetoothd",
+                "sys/class/rfkill/rfkill0/type": "bluetooth",
+                "sys/class/rfkill/rfkill0/soft": "1",
+            },
+            "E-BLUETOOTH-BLOCKED",
+        ),
         # Only the wireless network is off.
-        ({"sys/class/bluetooth/hci0/x": "", "proc/9/comm": "bluetoothd",
-          "sys/class/rfkill/rfkill0/type": "wlan", "sys/class/rfkill/rfkill0/soft": "1"}, None),
+        (
+            {
+                "sys/class/bluetooth/hci0/x": "",
+                "proc/9/comm": "bluetoothd",
+                "sys/class/rfkill/rfkill0/type": "wlan",
+                "sys/class/rfkill/rfkill0/soft": "1",
+            },
+            None,
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_state_of_the_radio(machine, files, code):
     for path, content in files.items():
         machine.write(path, content)

@@ -11,12 +11,16 @@ from diffbotctl.cli.main import program
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [DOCS / "ports.md", DOCS / "bluetooth.md"]
-SHOWN = sorted({
-    words.strip()
-    for page in PAGES
-    for words in (*re.findall(r"^    diffbotctl (.*)$", page.read_text(), re.M),
-                  *re.findall(r"`diffbotctl ([^`]*)`", page.read_text()))
-})  # fmt: skip
+SHOWN = sorted(
+    {
+        words.strip()
+        for page in PAGES
+        for words in (
+            *re.findall(r"^    diffbotctl (.*)$", page.read_text(), re.M),
+            *re.findall(r"`diffbotctl ([^`]*)`", page.read_text()),
+        )
+    }
+)
 
 
 @pytest.mark.parametrize("words", SHOWN)
@@ -43,8 +47,7 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
     from tests.fake_machine import MEGA, FakeMachine
 
     machine = FakeMachine(tmp_path / "machine")
-    machine.port("ttyACM0", MEGA, product="Mega 2560",
-                 by_id="usb-Arduino_Mega_2560_75330303-if00")  # fmt: skip
+    machine.port("ttyACM0", MEGA, product="Mega 2560", by_id="usb-Arduino_Mega_2560_75330303-if00")
     seen = survey_ports(machine.root, SystemUser("ana", os.getuid() + 4000, frozenset()))
 
     @click.command()

@@ -51,7 +51,10 @@ def measured(said, truth=None):
         # What is driven after the goal was reached belongs to no goal, but to the path.
         (
             [
-                goal(1, 1, 1.0, 0.0), at(2, 0, 0), at(3, 1, 0), state(4, 1, "reached"),
+                goal(1, 1, 1.0, 0.0),
+                at(2, 0, 0),
+                at(3, 1, 0),
+                state(4, 1, "reached"),
                 at(5, 1, 9),
             ],
             {"cross_track_max": 0.0, "path": 10.0, "final_error": 9.0},
@@ -60,8 +63,11 @@ def measured(said, truth=None):
         # in between, and the second word that goal 1 was reached, count for nothing.
         (
             [
-                goal(S, 1, 1.0, 0.0), state(2 * S, 1, "driving"), state(4 * S, 1, "reached"),
-                goal(4 * S + 1, 2, 1.0, 1.0), state(5 * S, 1, "reached"),
+                goal(S, 1, 1.0, 0.0),
+                state(2 * S, 1, "driving"),
+                state(4 * S, 1, "reached"),
+                goal(4 * S + 1, 2, 1.0, 1.0),
+                state(5 * S, 1, "reached"),
                 state(8 * S, 2, "reached"),
             ],
             {"goals_reached": 2, "time_to_goal": 7.0, "path": None, "cross_track_max": None},
@@ -70,8 +76,12 @@ def measured(said, truth=None):
         # said again by a block, and the operator's is an echo.
         (
             [
-                stop(1, "obstacle"), stop(2, "obstacle"), stop(3, ""), stop(4, "obstacle"),
-                stop(5, "obstacle", "operator.stop"), stop(5, "link_lost", "robot.stop"),
+                stop(1, "obstacle"),
+                stop(2, "obstacle"),
+                stop(3, ""),
+                stop(4, "obstacle"),
+                stop(5, "obstacle", "operator.stop"),
+                stop(5, "link_lost", "robot.stop"),
                 stop(6, "link_lost", "gate.stop"),
             ],
             {"stops": 3, "time_to_goal": None},
@@ -83,7 +93,7 @@ def measured(said, truth=None):
         ),
         ([], {"goals_reached": 0, "stops": 0, "path": None, "final_error": None}),
     ],
-)  # fmt: skip
+)
 def test_metrics(said, expected):
     seen = measured(said)
     for name, value in expected.items():

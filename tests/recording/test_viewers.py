@@ -123,9 +123,13 @@ def test_a_line_of_the_log(level, number):
     ((topic, data),) = viewers.made((2_000_000_001, None, line))
     assert topic == "log.lines"
     assert json.loads(data) == {
-        "timestamp": {"sec": 1_700_000_002, "nsec": 1}, "level": number, "name": "guard",
-        "message": 'the "wall" is near', "file": "", "line": 0,
-    }  # fmt: skip
+        "timestamp": {"sec": 1_700_000_002, "nsec": 1},
+        "level": number,
+        "name": "guard",
+        "message": 'the "wall" is near',
+        "file": "",
+        "line": 0,
+    }
 
 
 def test_two_odometries_do_not_fight_over_one_transform():

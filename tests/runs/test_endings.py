@@ -20,8 +20,10 @@ PROGRAM = "from diffbotctl.cli.main import main; main()"
 def start(*words):
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *words],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
 
 
 def read_until(process, words):

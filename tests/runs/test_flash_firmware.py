@@ -80,9 +80,13 @@ def on_a_terminal(words, answer):
     """Run a command on a terminal of its own, answer its question; (exit code, what it showed)."""
     master, slave = os.openpty()
     process = subprocess.Popen(
-        command(*words), stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+        command(*words),
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        start_new_session=True,
         env={**os.environ, "TERM": "xterm"},
-    )  # fmt: skip
+    )
     os.close(slave)
     shown, until = b"", time.monotonic() + LONGEST
     with suppress(OSError):  # the terminal hangs up when the command has ended

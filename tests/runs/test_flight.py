@@ -38,9 +38,10 @@ def fly(where, sets=WALL, goals=ONE, **options):
     """Run with a flight recorder; the lines that were said, and the flights."""
     told = []
     run = Run(
-        load("goal", None, sets), RunOptions(fast=True, flights=where, goals=goals, **options),
+        load("goal", None, sets),
+        RunOptions(fast=True, flights=where, goals=goals, **options),
         tell=told.append,
-    )  # fmt: skip
+    )
     result = run.go()
     return result, told, sorted(where.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
 

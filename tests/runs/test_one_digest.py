@@ -20,10 +20,14 @@ LONGEST = 60  # s
 def digest(*words, hash_seed="random"):
     """The digest that a command prints, run as a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", MAIN, *map(str, words)], stdin=subprocess.DEVNULL, text=True,
-        capture_output=True, env={**os.environ, "PYTHONHASHSEED": hash_seed}, timeout=LONGEST,
+        [sys.executable, "-c", MAIN, *map(str, words)],
+        stdin=subprocess.DEVNULL,
+        text=True,
+        capture_output=True,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+        timeout=LONGEST,
         check=False,
-    )  # fmt: skip
+    )
     found = re.search(r"digest\s+([0-9a-f]{64})", done.stdout)
     assert found, done.stdout + done.stderr
     return found[1], done.stdout
@@ -79,10 +83,23 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
     line = Shaken(board, seed)
     try:
         live, said = digest(
-            "run", "goal", "--robot", "book_2wd_stock", "--port", line.name, "--goal", "0.15 0.05",
-            "--set", "robot.drive.polarity=by_hand", "--for", "9s", "--record", log, "--digest",
+            "run",
+            "goal",
+            "--robot",
+            "book_2wd_stock",
+            "--port",
+            line.name,
+            "--goal",
+            "0.15 0.05",
+            "--set",
+            "robot.drive.polarity=by_hand",
+            "--for",
+            "9s",
+            "--record",
+            log,
+            "--digest",
             "--quiet",
-        )  # fmt: skip
+        )
     finally:
         line.close()
         board.close()

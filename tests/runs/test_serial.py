@@ -24,8 +24,10 @@ def port():
 def start(port, *words):
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "run", "goal", "--port", port.name, *STOCK, *words],
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
 
 
 def moving(board):

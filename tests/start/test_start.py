@@ -40,9 +40,15 @@ class Person:
             (self.folder / "answers.yaml").write_text(answers)
             words = (*words, "--answers", "answers.yaml")
         done = subprocess.run(
-            command(*words), cwd=self.folder, env=self.environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=LONGEST,
-        )  # fmt: skip
+            command(*words),
+            cwd=self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=LONGEST,
+        )
         return done.returncode, done.stdout
 
     def done(self):

@@ -162,8 +162,11 @@ def test_a_block_is_heard_from_another_level_on(engine, tmp_path):
     with dash(tmp_path) as terminal:
         terminal.type("5")
         terminal.until(lambda text: "robot: link up" in text, "the log")
-        for said, seen in (("guard loud", "no level 'loud'"), ("gard debug", "did you mean guard"),
-                           ("debug", "give a block")):  # fmt: skip
+        for said, seen in (
+            ("guard loud", "no level 'loud'"),
+            ("gard debug", "did you mean guard"),
+            ("debug", "give a block"),
+        ):
             terminal.type("\r")
             terminal.until(lambda text: "log: BLOCK LEVEL" in text, "the question")
             terminal.type(f"{said}\r")
@@ -286,9 +289,18 @@ def child_with_terminal(parent):
 def test_a_replay_is_watched_and_cannot_be_commanded(tmp_path):
     path = tmp_path / "drive.mcap"
     line, environment = command(
-        tmp_path, "run", "goal", "--fast", "--quiet", "--record", str(path), "--goal", "3 0",
-        "--set", "world.walls=[]",
-    )  # fmt: skip
+        tmp_path,
+        "run",
+        "goal",
+        "--fast",
+        "--quiet",
+        "--record",
+        str(path),
+        "--goal",
+        "3 0",
+        "--set",
+        "world.walls=[]",
+    )
     subprocess.run(line, env=environment, check=True, capture_output=True, timeout=60)
     line, environment = command(tmp_path, "replay", str(path), "--dash", "--from", "3s")
     with Terminal(line, environment) as terminal:

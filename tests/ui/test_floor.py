@@ -42,11 +42,16 @@ def test_x_runs_right_and_y_up():
 @pytest.mark.parametrize(
     ("bits_at", "sign"),
     [
-        ([(0, 0)], "▘"), ([(1, 0)], "▝"), ([(0, 3)], "▖"), ([(1, 3)], "▗"),
-        ([(0, 0), (0, 3)], "▌"), ([(0, 0), (1, 0)], "▀"), ([(0, 1), (1, 2)], "▚"),
+        ([(0, 0)], "▘"),
+        ([(1, 0)], "▝"),
+        ([(0, 3)], "▖"),
+        ([(1, 3)], "▗"),
+        ([(0, 0), (0, 3)], "▌"),
+        ([(0, 0), (1, 0)], "▀"),
+        ([(0, 1), (1, 2)], "▚"),
         ([(0, 0), (1, 0), (0, 3), (1, 3)], "█"),
     ],
-)  # fmt: skip
+)
 def test_walls_are_drawn_in_quarters(bits_at, sign):
     drawing = Map(Camera(0, 0, 1.0), 1, 1)
     for column, row in bits_at:
@@ -66,11 +71,18 @@ def picture(**messages):
 
 
 def test_everything_is_on_the_map_in_letters():
-    scene = Scene("t", "", ((1.0, -1.0, 1.0, 1.0),), ((0.0, 0.7, 0.1),), BODY,
-                  (SceneBeam("range.range", 0.08, 0.0, 0.0, 0.3),))  # fmt: skip
+    scene = Scene(
+        "t",
+        "",
+        ((1.0, -1.0, 1.0, 1.0),),
+        ((0.0, 0.7, 0.1),),
+        BODY,
+        (SceneBeam("range.range", 0.08, 0.0, 0.0, 0.3),),
+    )
     here = Odometry(0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.01, 0.0, 0.0, 0.0025, 0.0, 0.0))
-    seen = picture(odometry=here, goal=Goal(0, 1, 0.7, -0.5, pi / 2), range_range=Range(
-        0, 0.2, "measured"))  # fmt: skip
+    seen = picture(
+        odometry=here, goal=Goal(0, 1, 0.7, -0.5, pi / 2), range_range=Range(0, 0.2, "measured")
+    )
     trail = [(-0.5 + 0.01 * i, -0.4) for i in range(30)]
     camera = around([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
     text = layers.draw(scene, seen, trail, camera, 70, 35, plain=True).text().plain
@@ -108,6 +120,6 @@ def test_the_ellipse_holds_three_sigmas(covariance, axes, turn):
         (41.0, "├─────────┤ 0.5 m"),  # 20.5 dots are 11 characters
         (400.0, "├──────────────────┤ 0.1 m"),
     ],
-)  # fmt: skip
+)
 def test_the_scale_bar_has_a_round_length(scale, words):
     assert scale_bar(Camera(0, 0, scale), 60) == words

@@ -14,15 +14,24 @@ F, T = 0.15, 2.0
 @pytest.mark.parametrize(
     ("keys", "key", "linear", "angular"),
     [
-        ("twist", "i", F, 0), ("twist", ",", -F, 0), ("twist", "j", 0, T), ("twist", "l", 0, -T),
-        ("twist", "u", F, T), ("twist", "o", F, -T),
-        ("twist", "m", -F, -T), ("twist", ".", -F, T),  # as teleop_twist_keyboard has them
-        ("turtle", "w", F, 0), ("turtle", "x", -F, 0), ("turtle", "a", 0, T),
+        ("twist", "i", F, 0),
+        ("twist", ",", -F, 0),
+        ("twist", "j", 0, T),
+        ("twist", "l", 0, -T),
+        ("twist", "u", F, T),
+        ("twist", "o", F, -T),
+        ("twist", "m", -F, -T),
+        ("twist", ".", -F, T),  # as teleop_twist_keyboard has them
+        ("turtle", "w", F, 0),
+        ("turtle", "x", -F, 0),
+        ("turtle", "a", 0, T),
         ("turtle", "d", 0, -T),
-        ("twist", "up", F, 0), ("twist", "down", -F, 0), ("turtle", "left", 0, T),
+        ("twist", "up", F, 0),
+        ("twist", "down", -F, 0),
+        ("turtle", "left", 0, T),
         ("turtle", "right", 0, -T),
     ],
-)  # fmt: skip
+)
 def test_each_key_drives_as_in_ros(keys, key, linear, angular):
     hand = KeyboardVelocity(LIMITS, keys)
     assert hand.press(key, 0.0)

@@ -69,11 +69,15 @@ def lose(terminal, how):
 def last_motion(path, start, end):
     """The last time between two at which a wheel was commanded to turn."""
     return max(
-        (item.time for item in RecordingReader(path).messages()
-         if item.wire == "gate.wheels" and start <= item.time <= end
-         and tuple(item.message)[1:] != (0.0, 0.0)),
+        (
+            item.time
+            for item in RecordingReader(path).messages()
+            if item.wire == "gate.wheels"
+            and start <= item.time <= end
+            and tuple(item.message)[1:] != (0.0, 0.0)
+        ),
         default=start,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("mode", ["hold", "latched"])

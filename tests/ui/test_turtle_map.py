@@ -122,9 +122,13 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     scan = Scan(0, 0.0, pi / 2, (1.032, inf, 0.0, 0.5))
     camera = Camera(0.0, 0.0, 20.0)
     made = layers.draw(
-        Scene("", "", beams=shown.beams), picture(o__o=pose(0, 0), robot__scan=scan), (), camera,
-        60, 40,
-    )  # fmt: skip
+        Scene("", "", beams=shown.beams),
+        picture(o__o=pose(0, 0), robot__scan=scan),
+        (),
+        camera,
+        60,
+        40,
+    )
     dots = {cell for cell, layer in made.layers.items() if layer is Layer.SCAN}
     wanted = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
     assert dots == {(column // 2, row // 4) for column, row in wanted}
