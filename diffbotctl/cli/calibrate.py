@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
-from diffbotctl.cli.calibrate_results import keep, show, undo
+from diffbotctl.cli.calibrate_results import keep, show_results, undo
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry import Geometry
@@ -55,7 +55,7 @@ command.add_command(calibrate_steps.distance)
 command.add_command(calibrate_steps.geometry)
 for step in (calibrate_steps.discs, calibrate_steps.range_, calibrate_steps.battery):
     command.add_command(step)
-command.add_command(show)
+command.add_command(show_results)
 command.add_command(undo)
 
 

@@ -85,7 +85,7 @@ def _agreed() -> bool:
 
 @click.command()
 @click.option("--robot", help="Robot file or name; the rules of `run` for none.")
-def show(robot: str | None) -> None:
+def show_results(robot: str | None) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
     from datetime import UTC, datetime
 

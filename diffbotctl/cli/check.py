@@ -1,4 +1,7 @@
-"""`diffbotctl check`: every problem of robot and pipeline files, with its place."""
+"""`diffbotctl check`: every problem of robot and pipeline files, with its place.
+
+`diffbotctl explain`: an error code at length.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
 @click.option("--robot", help="Robot for the pipelines; wins over their own.")
 @click.option("--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE", help="Change one value.")
 @click.option("--real", is_flag=True, help="Warn also of what matters only on a real robot.")
-def command(files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool) -> int:
+def check(files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool) -> int:
     """Check robot and pipeline files, or names. Nothing is started.
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
@@ -53,3 +56,27 @@ def _problems(file: str, robot: str | None, sets: tuple[str, ...], real: bool) -
 
 def _counted(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+@click.command()
+@click.argument("code", required=False)
+def explain(code: str | None) -> int:
+    """Explain CODE, such as E-PIN-PWM; without one, list all codes."""
+    from diffbotctl.codes import CODES
+    from diffbotctl.errors import Problem, UsageError, closest_match
+    from diffbotctl.ui.text import render_columns
+
+    if code is None:
+        for line in render_columns([(each, entry.title) for each, entry in CODES.items()]):
+            click.echo(line)
+        return 0
+    by_name = {name.upper(): name for name in CODES}
+    name = by_name.get(code.upper(), "")
+    found = CODES.get(name)
+    if found is None:
+        near = by_name.get(closest_match(code.upper(), by_name) or "")
+        fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists them all"
+        raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
+    click.echo(f"{name}: {found.title}\n")
+    click.echo(click.wrap_text(found.text, 78, preserve_paragraphs=True))
+    return 0

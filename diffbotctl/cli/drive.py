@@ -1,4 +1,7 @@
-"""`diffbotctl drive`: velocities by hand, for a time, a distance or an angle."""
+"""`diffbotctl drive`: velocities by hand, for a time, a distance or an angle.
+
+`diffbotctl goto`: send the robot to a place.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached, engine_option, held_by, quantity_of
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -42,13 +45,13 @@ class DriveProgress:
         if self.seconds is not None:
             return 1.0 if time.monotonic() - self.started < self.seconds else 0.0
         if self.metres is not None:
-            return slowed(self.metres - self.driven, abs(linear), BRAKING)
+            return braking_share(self.metres - self.driven, abs(linear), BRAKING)
         if self.radians is not None:
-            return slowed(self.radians - abs(self.turned), abs(angular), TURN_BRAKING)
+            return braking_share(self.radians - abs(self.turned), abs(angular), TURN_BRAKING)
         return 1.0
 
 
-def slowed(left: float, speed: float, braking: float) -> float:
+def braking_share(left: float, speed: float, braking: float) -> float:
     """The share of `speed` from which one can still brake within `left`; 0 at the mark."""
     if left <= 0.0:
         return 0.0
@@ -63,7 +66,7 @@ def slowed(left: float, speed: float, braking: float) -> float:
 @click.option("--angle", metavar="ANGLE", help="Until so much has been turned.")
 @click.option("--take-over", is_flag=True, help="Even if someone else is driving.")
 @engine_option
-def command(
+def drive(
     linear: str,
     angular: str,
     duration: str | None,
@@ -78,22 +81,22 @@ def command(
     waits for `diffbotctl resume`.
     """
     v, w = quantity_of(linear, "m/s", "--v"), quantity_of(angular, "rad/s", "--w")
-    way = _way(v, w, duration, distance, angle)
+    way = _drive_progress(v, w, duration, distance, angle)
     with attached(engine, "drive") as caller:
         _watch_odometry(caller)
         try:
             while (share := way.share(v, w)) > 0.0:
                 caller.ask("drive", linear=v * share, angular=w * share, take_over=take_over)
                 take_over = False  # once: whoever takes over from us keeps it
-                _look(caller, way)
+                _follow_odometry(caller, way)
         finally:
             caller.tell("release")
-        _look(caller, way)
+        _follow_odometry(caller, way)
     click.echo(f"driven {way.driven:.3f} m, turned {degrees(way.turned):.1f} deg")
     return 0
 
 
-def _way(
+def _drive_progress(
     v: float, w: float, duration: str | None, distance: str | None, angle: str | None
 ) -> DriveProgress:
     if sum(each is not None for each in (duration, distance, angle)) > 1:
@@ -120,8 +123,30 @@ def _watch_odometry(caller: ControlClient) -> None:
             return
 
 
-def _look(caller: ControlClient, way: DriveProgress) -> None:
+def _follow_odometry(caller: ControlClient, way: DriveProgress) -> None:
     """Take what comes until it is time for the next word."""
     for said in caller.stream(time.monotonic() + PERIOD):
         if "message" in said:
             way.see(said["message"])
+
+
+@click.command(context_settings={"ignore_unknown_options": True})  # -0.5 is a number here
+@click.argument("x")
+@click.argument("y")
+@click.argument("heading", required=False)
+@engine_option
+def goto(x: str, y: str, heading: str | None, engine: str | None) -> int:
+    """Drive to X Y, and turn to HEADING: metres and radians, or with a unit, such as 50cm 0 90deg.
+
+    It replaces the goals that the run had. The run no longer ends when a goal is reached.
+    """
+    place = quantity_of(x, "m", "X"), quantity_of(y, "m", "Y")
+    turn = None if heading is None else quantity_of(heading, "rad", "HEADING")
+    with attached(engine, "goto") as caller:
+        caller.ask("goto", x=place[0], y=place[1], heading=turn)
+        held = held_by(caller.ask("status"))
+    facing = "" if turn is None else f", heading {degrees(turn):.0f} deg"
+    click.echo(f"goal: x {place[0]:g} m, y {place[1]:g} m{facing}")
+    if held:
+        click.echo(f"the robot is held by {held}; `diffbotctl resume` lets it go", err=True)
+    return 0

@@ -53,6 +53,22 @@ COMMANDS = {
     "emulate": "Start a virtual board that runs the real firmware, on two ports.",
 }
 
+# The module of a command, where it has another name than the command.
+MODULES = {
+    "blink": "flash",
+    "call": "param",
+    "dash": "screens",
+    "doctor": "ports",
+    "explain": "check",
+    "export": "robot_model",
+    "frames": "robot_model",
+    "goto": "drive",
+    "resume": "stop",
+    "show": "robot_model",
+    "teleop": "screens",
+    "why": "stop",
+}
+
 
 class Lazy(click.Group):
     """A group whose commands are modules of diffbotctl.cli."""
@@ -65,7 +81,8 @@ class Lazy(click.Group):
         """Import the module of the command."""
         if name not in COMMANDS:
             return None
-        command: click.Command = import_module(f"diffbotctl.cli.{name}").command
+        module = import_module(f"diffbotctl.cli.{MODULES.get(name, name)}")
+        command: click.Command = getattr(module, name, None) or module.command
         if COMPLETING in os.environ:
             from diffbotctl.cli.completion import teach
 

@@ -1,4 +1,7 @@
-"""`diffbotctl param`: the parameters of a running engine's blocks."""
+"""`diffbotctl param`: the parameters of a running engine's blocks.
+
+`diffbotctl call`: an action of a running block.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,15 @@ from typing import Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option
+from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
 
 
 @click.group()
-def command() -> None:
+def param() -> None:
     """List, read, change and save the parameters of running blocks."""
 
 
-@command.command("list")
+@param.command("list")
 @click.option("--live", is_flag=True, help="Only those that may change while running.")
 @engine_option
 def list_(live: bool, engine: str | None) -> int:
@@ -30,7 +33,7 @@ def list_(live: bool, engine: str | None) -> int:
     return 0
 
 
-@command.command("get")
+@param.command("get")
 @click.argument("parameter")
 @engine_option
 def get(parameter: str, engine: str | None) -> int:
@@ -46,7 +49,7 @@ def get(parameter: str, engine: str | None) -> int:
     return 0
 
 
-@command.command("set")
+@param.command("set")
 @click.argument("parameter")
 @click.argument("value")
 @engine_option
@@ -86,7 +89,7 @@ def _shown(row: dict[str, Any]) -> str:
     return value if isinstance(value, str) else _written(row)
 
 
-@command.command()
+@param.command()
 @click.argument("parameters", nargs=-1)
 @click.option("--to", "file", metavar="FILE", help="A new pipeline file that includes the old one.")
 @engine_option
@@ -153,3 +156,29 @@ def _written(row: dict[str, Any]) -> str:
     if isinstance(value, str):
         return value if value.replace("_", "").isalpha() else json.dumps(value)
     return repr(value) if row["unit"] in ("", "1") else f"{value!r} {row['unit']}"
+
+
+@click.command()
+@click.argument("action", required=False)
+@click.argument("arguments", nargs=-1, metavar="[NAME=VALUE]...")
+@engine_option
+def call(action: str | None, arguments: tuple[str, ...], engine: str | None) -> int:
+    """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without one, list them all."""
+    with attached(engine, "call") as caller:
+        if action is None:
+            for row in caller.ask("actions")["actions"]:
+                given = " ".join(f"[{name}=...]" for name in row["arguments"])
+                click.echo(f"{row['action']} {given}".rstrip())
+                click.echo(f"    {row['help']}")
+            return 0
+        caller.ask("call", action=action, arguments=dict(_argument(each) for each in arguments))
+    click.echo(f"{action}: done")
+    return 0
+
+
+def _argument(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise click.UsageError(f"'{text}': write NAME=VALUE, such as x=0.5")
+    unit = "rad" if value.endswith(("deg", "rad", "turn")) else "m"
+    return name, quantity_of(value, unit, name)

@@ -1,4 +1,7 @@
-"""`diffbotctl ports`: the serial ports, who may use them, and what stands in the way."""
+"""`diffbotctl ports`: the serial ports, who may use them, and what stands in the way.
+
+`diffbotctl doctor`: is this machine ready for a robot?
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ RESETS = "Asking. A board on a USB port is reset by it: lift the wheels."
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="A folder that stands for /, such as a copy of another machine's.",
 )
-def command(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
+def ports(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
     """List the serial ports, or look at one PORT: chip, board, name that stays, rights, users.
 
     Exit code: 0 when a port could be used (or PORT can), 1 when not.
@@ -100,3 +103,41 @@ def _ask(names: list[str], robot: str | None) -> bool:
         except RunError as error:
             click.echo(str(error))
     return answered
+
+
+BESIDE = 20  # columns of verdict and topic
+NOTHING = "# nothing to mend"  # a comment, for all of it may be handed to a shell
+
+
+@click.command()
+@click.option("--fix", is_flag=True, help="Print the commands that mend it; nothing is changed.")
+@click.option(
+    "--root",
+    default="/",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A folder that stands for /, such as a copy of another machine's.",
+)
+def doctor(fix: bool, root: Path) -> int:
+    """Look over the machine: versions, groups, ports, Bluetooth, optional packages.
+
+    Each line begins with ok, -- (worth knowing) or !! (in the way). Exit code: 1 with any !!.
+    """
+    from diffbotctl.diagnostics.doctor import BAD, doctor_findings
+    from diffbotctl.ports.diagnosis import survey_ports
+    from diffbotctl.ports.fixes import fix_commands
+    from diffbotctl.ports.permissions import current_user
+    from diffbotctl.ui.text import fold_text
+
+    person = current_user()
+    seen = survey_ports(root, person)
+    if fix:
+        for line in fix_commands(root, seen, person) or [NOTHING]:
+            click.echo(line)
+        return 0
+    bad = False
+    for found in doctor_findings(root, person, seen):
+        click.echo(fold_text(f"{found.verdict}  {found.topic:<14}  {found.words}", hang=BESIDE))
+        if found.fix:
+            click.echo(fold_text(f"{'':<{BESIDE}}-> {found.fix}", hang=len("-> ")))
+        bad |= found.verdict == BAD
+    return 1 if bad else 0

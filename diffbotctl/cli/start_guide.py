@@ -183,7 +183,7 @@ class Walk:
         _say("  It does not run our firmware. What is on it now will be written over.")
         self.attendant.agree("lifted")
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
-        _typed(flash, *words)
+        _typed(flash.flash, *words)
 
     def _wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":
@@ -238,7 +238,7 @@ class Walk:
         words = [pipeline, "--port", port]
         words += [] if self.robot is None else ["--robot", self.robot]
         words += [] if watched else ["--fast", "--quiet"]
-        code = _typed(run, *words)
+        code = _typed(run.command, *words)
         if code:
             raise click.ClickException("it did not get there; start again when that is mended")
 
@@ -252,9 +252,9 @@ def _say(text: str) -> None:
     click.echo(fold_text(text))
 
 
-def _typed(module: Any, *words: str) -> int:
+def _typed(command: Any, *words: str) -> int:
     """A command's own function, as typed at the prompt. Returns its exit code."""
-    return int(module.command.main(words, standalone_mode=False) or 0)
+    return int(command.main(words, standalone_mode=False) or 0)
 
 
 class StopGuide(Exception):  # noqa: N818 - no error

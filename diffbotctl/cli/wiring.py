@@ -29,7 +29,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
 
     Warnings are those of `check`. What stands here is made from the robot file alone.
     """
-    from diffbotctl.cli.robot_argument import written
+    from diffbotctl.cli.output import write_output
     from diffbotctl.config.harness import harness, notes
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
@@ -41,7 +41,7 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
-        written(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
+        write_output(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
         return
     if not table:
         click.echo(f"{display_path(file.file)}\n")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.cli import blocks, check, explain, graph
+from diffbotctl.cli import blocks, check, graph
 from diffbotctl.codes import CODES
 from diffbotctl.config import registry
 from diffbotctl.errors import UsageError
@@ -27,7 +27,7 @@ def run(command, *words):
 
 
 def test_check_finds_nothing_in_the_shipped_files():
-    code, output = run(check.command, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
+    code, output = run(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
     assert code == 0
     assert output.splitlines() == [
         "goal: fine",
@@ -41,7 +41,7 @@ def test_check_finds_nothing_in_the_shipped_files():
 def test_check_takes_several_files_and_says_all(tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("format: 1\nkind: robot\ninclude: book_2wd\nlimits: {speed: 5 deg, sped: 1}\n")
-    code, output = run(check.command, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
+    code, output = run(check.check, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
     assert code == 2
     assert "E-UNIT" in output
     assert "E-KEY-UNKNOWN" in output
@@ -51,7 +51,7 @@ def test_check_takes_several_files_and_says_all(tmp_path):
 
 
 def test_warnings_do_not_fail_a_check():
-    code, output = run(check.command, "goal", "--robot", "book_2wd_stock", "--real")
+    code, output = run(check.check, "goal", "--robot", "book_2wd_stock", "--real")
     assert code == 0
     assert "W-TOLERANCE" in output
     assert "W-POLARITY" in output
@@ -61,16 +61,16 @@ def test_warnings_do_not_fail_a_check():
 
 @pytest.mark.parametrize("name", ["nothing", "./nothing.yaml", "/", "..", "/dev/null"])
 def test_check_of_what_is_not_there(name):
-    code, output = run(check.command, name)
+    code, output = run(check.check, name)
     assert code == 2
     assert "E-FILE" in output
 
 
 @pytest.mark.parametrize("code", CODES)
 def test_every_code_is_explained(code):
-    assert CODES[code].title in run(explain.command, code)[1]
+    assert CODES[code].title in run(check.explain, code)[1]
     assert len(CODES[code].text) > 80, "a title alone is no explanation"
-    assert run(explain.command, code.lower())[0] == 0
+    assert run(check.explain, code.lower())[0] == 0
 
 
 def test_every_code_in_the_sources_is_in_the_table():
@@ -84,13 +84,13 @@ def test_every_code_in_the_sources_is_in_the_table():
 
 
 def test_explain_without_a_code_lists_all():
-    _, output = run(explain.command)
+    _, output = run(check.explain)
     assert len(output.splitlines()) == len(CODES)
 
 
 def test_an_unknown_code():
     with pytest.raises(UsageError) as caught:
-        run(explain.command, "E-PIN-PWN")
+        run(check.explain, "E-PIN-PWN")
     assert caught.value.problems[0].fix == "did you mean E-PIN-PWM?"
 
 

@@ -35,7 +35,7 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
     code, output = run(new.command, kind, "mine")
     path = f"{kind}s/mine.yaml"
     assert f"written: {path}" in output
-    code, output = run(check.command, path)
+    code, output = run(check.check, path)
     assert (code, output) == (0, f"{path}: fine\n")
 
 

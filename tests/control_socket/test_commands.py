@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.cli.resume import outcome
+from diffbotctl.cli.stop import outcome
 from tests.control_socket.running import Plain, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "2 0")

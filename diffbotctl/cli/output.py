@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
 
 
-def loaded(robot: str | None) -> RobotFile:
+def load_robot_file(robot: str | None) -> RobotFile:
     """The robot called `robot`, its warnings printed. Raises ConfigurationError."""
     from diffbotctl.config.load import load_robot
 
@@ -21,7 +21,7 @@ def loaded(robot: str | None) -> RobotFile:
     return found
 
 
-def written(output: Path, text: str) -> None:
+def write_output(output: Path, text: str) -> None:
     """Write `text` to `output` and say so. Raises RunError where that cannot be."""
     from diffbotctl.errors import Problem, RunError
 
