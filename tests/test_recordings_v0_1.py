@@ -1,19 +1,29 @@
 """Recordings made with version 0.1 are read and replayed bit for bit by this version.
 
 How each was made, and what it covers, is in data/recordings_v0_1/README.md. They are never made
-anew: what version 0.1 wrote stays as it is.
+anew: what version 0.1 wrote stays as it is. Texts that a later version words differently are listed
+in data/recordings_v0_1/changed_texts.yaml and translated before the comparison; nothing else may
+differ.
 """
 
+import re
+from collections.abc import Iterable, Iterator
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import yaml
 
 # All that this test needs of the program; after a rename only these lines change.
 from diffbotctl.block import Block, Every, FromRobot, In, Out, action
-from diffbotctl.messages import Odometry, Text, Twist
+from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Stop, Text, Twist
 from diffbotctl.params import Param
-from diffbotctl.replay.replay import replay
+from diffbotctl.recording.json_codec import message_encoder
+from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.replay_driver import Recorded
+from diffbotctl.replay.replay import ReplayOptions, replay, replay_as
 from diffbotctl.replay.source import read_run
 from diffbotctl.time import SECOND
 
@@ -53,6 +63,45 @@ CHECKED = {
 UNCHECKED = {
     "hello.mcap": Frozen(0, "d9d4da6b2dd7ca1855881bbfe5c2424e75e7f9e968341cc0fae624feaa24ae39"),
     "flight.mcap": Frozen(0, "d57896ab4e686117a02f69baac09694fcc36aac9025273b119c3d5c7902cdfb0"),
+}
+
+
+class Unchecked(NamedTuple):
+    """What version 0.1 made of a recording that cannot be checked."""
+
+    numbers: str
+    """digest of its replay with all texts empty"""
+    texts: tuple[tuple[int, dict[str, str]], ...]
+    """the texts of one message by field, with how many messages in a row have the same"""
+
+
+HALT = "diffbotctl stop (process 14678, uid 0) asked to stop: end of the flight"
+REPLAYED = {
+    "hello.mcap": Unchecked(
+        "d9d4da6b2dd7ca1855881bbfe5c2424e75e7f9e968341cc0fae624feaa24ae39",
+        (),
+    ),
+    "flight.mcap": Unchecked(
+        "71b6453458f45a35b0f76af416de8aea855f52c67381ca7ff1a8513a88f3143d",
+        (
+            (16, {"cause": "", "state": "driving"}),
+            (1, {"cause": "", "state": "aligning"}),
+            (1, {"text": "goal 7: aligning, 5 mm, 0.0 deg to go"}),
+            (1, {"cause": "", "state": "aligning"}),
+            (1, {"cause": "", "state": "reached"}),
+            (1, {"text": "goal 7 reached, 5 mm, 0.0 deg off"}),
+            (1, {"text": "goal 8 taken: x 0.800 m  y 0.800 m"}),
+            (1, {"cause": "", "state": "turning"}),
+            (1, {"text": "goal 8: turning, 701 mm, 88.2 deg to go"}),
+            (7, {"cause": "", "state": "turning"}),
+            (1, {"cause": "", "state": "driving"}),
+            (1, {"text": "goal 8: driving, 700 mm, 0.0 deg to go"}),
+            (13, {"cause": "", "state": "driving"}),
+            (2, {"cause": HALT}),
+            (1, {"text": f"STOP operator_stop: {HALT}; waits for `resume`"}),
+            (1, {"cause": HALT}),
+        ),
+    ),
 }
 
 ALL = {**CHECKED, **UNCHECKED}
@@ -116,20 +165,114 @@ def test_all_twelve_are_there():
     assert {path.name for path in FOLDER.glob("*.mcap")} == set(ALL)
 
 
+class ChangedText(NamedTuple):
+    """One row of changed_texts.yaml."""
+
+    old: str
+    new: str
+    field: str = "text"
+    """`state` for GoalState.state, `text` for all others"""
+
+
+CHANGED_TEXTS = [
+    ChangedText(**row) for row in yaml.safe_load((FOLDER / "changed_texts.yaml").read_text())
+]
+TEXT_FIELDS = {LogLine: ("text",), Stop: ("cause",), GoalState: ("cause", "state")}
+
+
+def translated_text(field: str, text: str, rows: Iterable[ChangedText] = CHANGED_TEXTS) -> str:
+    """A text of version 0.1 in the words of this version."""
+    for row in rows:
+        if (row.field == "state") == (field == "state"):
+            text = re.sub(row.old, row.new, text)
+    return text
+
+
+def texts_of(message: Message) -> dict[str, str]:
+    return {field: getattr(message, field) for field in TEXT_FIELDS.get(type(message), ())}
+
+
+def translated_texts(texts: dict[str, str]) -> dict[str, str]:
+    return {field: translated_text(field, text) for field, text in texts.items()}
+
+
+def translated(message: Message) -> Message:
+    """A message of version 0.1 in the words of this version."""
+    return message._replace(**translated_texts(texts_of(message)))
+
+
+RECORDED = RecordingReader.messages
+
+
+def translated_messages(reader: RecordingReader) -> Iterator[Recorded]:
+    for item in RECORDED(reader):
+        message = translated(item.message)
+        if message != item.message:
+            item = item._replace(message=message, data=message_encoder(type(message))(message))
+        yield item
+
+
+@pytest.fixture
+def in_present_words(monkeypatch):
+    """The inputs and the recorded outputs of a replay are translated, both alike."""
+    monkeypatch.setattr(RecordingReader, "messages", translated_messages)
+
+
+def digest(items: Iterable[Recorded]) -> str:
+    """What diffbotctl.recording.digest makes of these messages."""
+    result = sha256()
+    for item in items:
+        result.update(item.wire.encode() + b" %d " % item.time + item.data)
+    return result.hexdigest()
+
+
+def without_texts(item: Recorded) -> Recorded:
+    message = item.message._replace(**dict.fromkeys(texts_of(item.message), ""))
+    return item._replace(message=message, data=message_encoder(type(message))(message))
+
+
 @pytest.mark.parametrize("name", CHECKED)
-def test_every_message_is_made_anew_bit_for_bit(name):
+def test_every_message_is_made_anew_bit_for_bit(name, in_present_words):
     done = replay(FOLDER / name, check=True)
-    assert done.difference is None
+    assert done.difference is None and done.text_differences == 0
     assert done.compared == CHECKED[name].compared > 0
-    assert done.digest == CHECKED[name].digest
+    reader = RecordingReader(FOLDER / name)
+    assert digest(RECORDED(reader)) == CHECKED[name].digest
+    assert done.digest == digest(reader.messages())
 
 
 @pytest.mark.parametrize("name", UNCHECKED)
-def test_what_cannot_be_checked_is_replayed_to_its_end(name):
+def test_what_cannot_be_checked_is_replayed_to_its_end(name, in_present_words, tmp_path):
     run = read_run(FOLDER / name)
-    done = replay(run.path)
+    done = replay_as(run, ReplayOptions(record=tmp_path / name))
     assert done.ending.code == 0 and done.ending.time > run.last
-    assert done.digest == UNCHECKED[name].digest
+    items = list(RECORDED(RecordingReader(tmp_path / name)))
+    assert digest(items) == done.digest
+    assert digest(map(without_texts, items)) == REPLAYED[name].numbers
+    texts = [texts for item in items if (texts := texts_of(item.message))]
+    old = [texts for count, texts in REPLAYED[name].texts for _ in range(count)]
+    assert texts == [translated_texts(each) for each in old]
+    if texts == old:
+        assert done.digest == UNCHECKED[name].digest
+
+
+@cache
+def recorded_texts() -> set[tuple[str, str]]:
+    """All texts that version 0.1 recorded, or made in the replay of a flight."""
+    recorded = (
+        texts_of(item.message) for name in ALL for item in RECORDED(RecordingReader(FOLDER / name))
+    )
+    replayed = (texts for made in REPLAYED.values() for _, texts in made.texts)
+    return {text for texts in (*recorded, *replayed) for text in texts.items()}
+
+
+@pytest.mark.parametrize("row", CHANGED_TEXTS, ids=lambda row: row.old)
+def test_each_changed_text_is_in_a_recording(row):
+    before = CHANGED_TEXTS[: CHANGED_TEXTS.index(row)]
+    assert any(
+        translated_text(field, text, before) != translated_text(field, text, [*before, row])
+        for field, text in recorded_texts()
+    )
 
 
 def test_a_flight_begins_in_the_state_that_was_saved():

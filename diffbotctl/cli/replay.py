@@ -117,6 +117,11 @@ def _told(done: ReplayResult) -> int:
         return 1
     for wire, count in done.left_out.items():
         click.echo(f"not compared: {count} messages on {wire}, a wire that the recording lacks")
+    if done.text_differences:
+        click.echo(
+            f"version {done.version} worded {done.text_differences} log lines or causes "
+            "differently; all else in them is the same"
+        )
     if done.compared:
         click.echo(f"same: {done.compared} messages compared, bit for bit")
     return 0

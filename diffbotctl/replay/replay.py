@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
 from diffbotctl.engine.live_changes import LiveChanges
@@ -54,7 +55,8 @@ class ReplayOptions(NamedTuple):
 class ReplayResult(NamedTuple):
     """What a replay came to. `compared` counts messages; `difference` is the first one, or None.
 
-    `left_out` counts the messages on wires that the recording does not have.
+    `left_out` counts the messages on wires that the recording does not have, `text_differences`
+    those in which another version worded a log line or a cause differently.
     """
 
     ending: RunOutcome
@@ -65,6 +67,7 @@ class ReplayResult(NamedTuple):
     metrics: Metrics
     begins: str
     left_out: Mapping[str, int] = {}
+    text_differences: int = 0
 
 
 def replay(path: Path, check: bool = False) -> ReplayResult:
@@ -96,7 +99,12 @@ class _ReplayRun:
         self.assembly: Assembly = assemble(configuration, run.real)
         graph = self.graph = self.assembly.graph
         self.digest = Digest(graph.kinds)
-        self.checker = Checker(graph.kinds, run.wires, RecordingReader(run.path).messages())
+        self.checker = Checker(
+            graph.kinds,
+            run.wires,
+            RecordingReader(run.path).messages(),
+            texts_may_differ=run.about.get("version") != __version__,
+        )
         self.measure = MetricsAccumulator()
         self.latest: ScreenFeed | None = None
         self.children: list[int] = []
@@ -146,6 +154,7 @@ class _ReplayRun:
             self.measure.metrics(recorded_truth(self.run.end) if whole else None),
             self.run.begins,
             self.checker.left_out,
+            self.checker.text_differences,
         )
 
     def _clock(self) -> Clock:
