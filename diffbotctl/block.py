@@ -22,7 +22,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from diffbotctl.log import QUIET, Log
-from diffbotctl.params import Declaration, FromRobot, RobotField, declared
+from diffbotctl.params import Declaration, FromRobot, RobotField, declared, members
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -81,10 +81,10 @@ class Out(Port):
     def __init__(self, kind: type, *, name: str = "", help: str = "") -> None:
         self.kind = kind
         self.help = help
-        self.given = name
+        self.explicit_name = name
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name = self.given or name
+        self.name = self.explicit_name or name
 
 
 def action(method: Method) -> Method:
@@ -141,17 +141,17 @@ Block.react = _nothing
 
 def inputs(block: type[Block]) -> dict[str, In | Every]:
     """Input ports and timers of a block class, in declared order."""
-    return _members(block, (In, Every))
+    return members(block, In, Every)
 
 
 def outputs(block: type[Block]) -> dict[str, Out]:
     """Output ports of a block class, in declared order."""
-    return {out.name: out for out in _members(block, (Out,)).values()}
+    return {out.name: out for out in members(block, Out).values()}
 
 
 def robot_fields(block: type[Block]) -> dict[str, str]:
     """Attributes that come from the robot file: attribute name to the field's dotted path."""
-    return {name: value.field for name, value in _members(block, (RobotField,)).items()}
+    return {name: value.field for name, value in members(block, RobotField).items()}
 
 
 def actions(block: type) -> dict[str, Callable[..., Any]]:
@@ -161,15 +161,6 @@ def actions(block: type) -> dict[str, Callable[..., Any]]:
         for name in dir(block)
         if getattr(getattr(block, name), "is_action", False)
     }
-
-
-def _members(owner: type, kinds: tuple[type, ...]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for kind in reversed(owner.__mro__):
-        for name, value in vars(kind).items():
-            if isinstance(value, kinds):
-                found[name] = value
-    return found
 
 
 __all__ = [

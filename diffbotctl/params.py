@@ -6,8 +6,11 @@ A block's parameter, a part of a robot file and an option of a pipeline are all 
 
 from __future__ import annotations
 
+import operator
+import warnings
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar, cast
 
 T = TypeVar("T")
 
@@ -22,45 +25,38 @@ class Required:
 REQUIRED = Required()
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Declaration:
-    """One declared setting. Class attribute of the Section or Block that it belongs to."""
+    """One declared setting. Class attribute of the Section or Block that it belongs to.
 
-    name: str
+    `bounds` maps a key of BOUNDS to its limit in SI units; the other fields are as in `Param`.
+    """
 
-    def __init__(
-        self,
-        kind: type,
-        default: Any,
-        unit: str,
-        help: str,
-        bounds: dict[str, float],
-        choices: tuple[Any, ...],
-        live: bool,
-        none: bool,
-        key: str = "",
-        reason: str = "",
-        shared: bool = False,
-    ) -> None:
-        self.kind = kind
-        self.default = default
-        self.unit = unit
-        self.help = help
-        self.bounds = bounds
-        self.choices = choices
-        self.live = live
-        self.none = none
-        self.key = key
-        self.reason = reason
-        self.shared = shared
+    kind: type
+    default: Any
+    unit: str
+    help: str
+    bounds: dict[str, float]
+    choices: tuple[Any, ...]
+    live: bool
+    none: bool
+    key: str
+    reason: str
+    shared: bool
+    name: str = ""
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-        self.key = self.key or name
+        object.__setattr__(self, "name", name)
+        object.__setattr__(self, "key", self.key or name)
 
     @property
     def is_required(self) -> bool:
         """True when there is no default: the value must be given."""
         return isinstance(self.default, Required)
+
+    def bound_phrases(self) -> list[str]:
+        """The bounds in words, such as `at least 0.1 s`."""
+        return [self._phrase(bound, limit) for bound, limit in self.bounds.items()]
 
     def complaint(self, value: Any) -> str | None:
         """What is wrong with an SI `value`, in words, or None when it is fine."""
@@ -68,18 +64,29 @@ class Declaration:
             return None if self.none else "must be given"
         if self.choices and value not in self.choices:
             return f"must be one of {', '.join(map(str, self.choices))}"
-        for word, limit in self.bounds.items():
-            if not BOUNDS[word][0](value, limit):
+        for bound, limit in self.bounds.items():
+            if not BOUNDS[bound].holds(value, limit):
                 because = f": {self.reason}" if self.reason else ""
-                return f"must be {BOUNDS[word][1]} {with_unit(limit, self.unit)}{because}"
+                return f"must be {self._phrase(bound, limit)}{because}"
         return None
 
+    def _phrase(self, bound: str, limit: float) -> str:
+        return f"{BOUNDS[bound].phrase} {with_unit(limit, self.unit)}"
 
-BOUNDS: dict[str, tuple[Callable[[Any, float], bool], str, str]] = {
-    "above": (lambda value, limit: value > limit, "above", "exclusiveMinimum"),
-    "below": (lambda value, limit: value < limit, "below", "exclusiveMaximum"),
-    "least": (lambda value, limit: value >= limit, "at least", "minimum"),
-    "most": (lambda value, limit: value <= limit, "at most", "maximum"),
+
+class Bound(NamedTuple):
+    """A kind of bound: its test `holds(value, limit)`, its words, its keyword in JSON Schema."""
+
+    holds: Callable[[Any, float], bool]
+    phrase: str
+    keyword: str
+
+
+BOUNDS = {
+    "above": Bound(operator.gt, "above", "exclusiveMinimum"),
+    "below": Bound(operator.lt, "below", "exclusiveMaximum"),
+    "minimum": Bound(operator.ge, "at least", "minimum"),
+    "maximum": Bound(operator.le, "at most", "maximum"),
 }
 
 
@@ -91,29 +98,51 @@ def Param(  # noqa: N802 - reads as a declaration
     unit: str = "",
     above: float | None = None,
     below: float | None = None,
-    least: float | None = None,
-    most: float | None = None,
+    minimum: float | None = None,
+    maximum: float | None = None,
     choices: tuple[Any, ...] = (),
     live: bool = False,
     none: bool = False,
     key: str = "",
     reason: str = "",
     shared: bool = False,
+    least: float | None = None,
+    most: float | None = None,
 ) -> T:
     """Declare a setting of type `kind`: float, int, bool, str, Pin, a Section, or a list[...],
     dict[str, ...] or tuple[...] of them (a tuple is a list of fixed length in the file).
 
     `unit` is SI ("" for a plain number or text; "1" for a ratio that may be given in %).
-    `above/below` exclude their limit, `least/most` include it. `live`: may change while running.
-    `none`: the word `none` is allowed. A setting without default must be given. `key` is the word
-    in the file where it cannot be a name in Python (`in`, `with`, `from`). `reason` says in words
-    why the bounds are what they are. `shared`: a Section of which any part may be left out,
-    because it holds what is common to the sections beside it.
+    `above/below` exclude their limit, `minimum/maximum` include it. `live`: may change while
+    running. `none`: the word `none` is allowed. A setting without default must be given. `key` is
+    the word in the file where it cannot be a name in Python (`in`, `with`, `from`). `reason` says
+    in words why the bounds are what they are. `shared`: a Section of which any part may be left
+    out, because it holds what is common to the sections beside it. `least/most` are the former
+    names of `minimum/maximum`; they warn with DeprecationWarning and go in the next release.
     """
-    limits = {"above": above, "below": below, "least": least, "most": most}
-    bounds = {word: limit for word, limit in limits.items() if limit is not None}
-    made = Declaration(kind, default, unit, help, bounds, choices, live, none, key, reason, shared)
-    return cast(T, made)
+    if least is not None or most is not None:
+        text = "Param(least=, most=) are now called minimum= and maximum="
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+    limits = {
+        "above": above,
+        "below": below,
+        "minimum": least if minimum is None else minimum,
+        "maximum": most if maximum is None else maximum,
+    }
+    declaration = Declaration(
+        kind=kind,
+        default=default,
+        unit=unit,
+        help=help,
+        bounds={bound: limit for bound, limit in limits.items() if limit is not None},
+        choices=choices,
+        live=live,
+        none=none,
+        key=key,
+        reason=reason,
+        shared=shared,
+    )
+    return cast(T, declaration)
 
 
 class Pin(str):
@@ -159,12 +188,17 @@ class Section:
 
 def declared(owner: type) -> dict[str, Declaration]:
     """The Params of a Section or Block class by name, in the order they stand."""
-    found: dict[str, Declaration] = {}
-    for kind in reversed(owner.__mro__):
-        for name, value in vars(kind).items():
-            if isinstance(value, Declaration):
-                found[name] = value
-    return found
+    return members(owner, Declaration)
+
+
+def members(owner: type, *kinds: type[T]) -> dict[str, T]:
+    """Class attributes of these types by name, inherited ones first, in the order they stand."""
+    return {
+        name: value
+        for base in reversed(owner.__mro__)
+        for name, value in vars(base).items()
+        if isinstance(value, kinds)
+    }
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -20,12 +20,16 @@ class TurtleCanvas(Block):
       canvas: {block: canvas, in: {odometry: robot.pose}}
     """
 
-    background_red = Param(int, default=69, least=0, most=255, live=True, help="Sheet: red.")
-    background_green = Param(int, default=86, least=0, most=255, live=True, help="Sheet: green.")
-    background_blue = Param(int, default=255, least=0, most=255, live=True, help="Sheet: blue.")
-    pen_red = Param(int, default=179, least=0, most=255, live=True, help="Pen: red.")
-    pen_green = Param(int, default=184, least=0, most=255, live=True, help="Pen: green.")
-    pen_blue = Param(int, default=255, least=0, most=255, live=True, help="Pen: blue.")
+    background_red = Param(int, default=69, minimum=0, maximum=255, live=True, help="Sheet: red.")
+    background_green = Param(
+        int, default=86, minimum=0, maximum=255, live=True, help="Sheet: green."
+    )
+    background_blue = Param(
+        int, default=255, minimum=0, maximum=255, live=True, help="Sheet: blue."
+    )
+    pen_red = Param(int, default=179, minimum=0, maximum=255, live=True, help="Pen: red.")
+    pen_green = Param(int, default=184, minimum=0, maximum=255, live=True, help="Pen: green.")
+    pen_blue = Param(int, default=255, minimum=0, maximum=255, live=True, help="Pen: blue.")
     pen = Param(
         str,
         default="down",

@@ -21,8 +21,8 @@ class CommandMux(Block):
         float,
         unit="s",
         default=0.4,
-        least=0.05,
-        most=2.0,
+        minimum=0.05,
+        maximum=2.0,
         help="A person's command counts for so long. Keys repeat each 30 ms, joysticks each 100.",
     )
 

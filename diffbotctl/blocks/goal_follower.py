@@ -48,7 +48,7 @@ class GoalFollower(Block):
         above=0.0,
         help="Least speed asked of a wheel: below it friction may hold one of the two.",
     )
-    attempts = Param(int, default=6, least=1, most=50, help="Tries before a goal is given up.")
+    attempts = Param(int, default=6, minimum=1, maximum=50, help="Tries before a goal is given up.")
     patience = Param(
         float, default=10.0, unit="s", above=0.0, help="How long to wait at an obstacle."
     )

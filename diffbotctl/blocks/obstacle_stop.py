@@ -32,7 +32,7 @@ class ObstacleStop(Block):
         float,
         unit="m",
         default=0.05,
-        least=0.0,
+        minimum=0.0,
         live=True,
         help="Distance between the robot's front and the obstacle where it comes to stand.",
     )
@@ -41,8 +41,8 @@ class ObstacleStop(Block):
         unit="s",
         default=None,
         none=True,
-        least=0.0,
-        most=2.0,
+        minimum=0.0,
+        maximum=2.0,
         help="Time from the obstacle coming into view to the wheels slowing down; none: reckoned "
         "from the sensor's cycle, the telemetry, the debouncing, the command's way and the motors.",
     )
@@ -57,8 +57,8 @@ class ObstacleStop(Block):
     debounce = Param(
         int,
         default=2,
-        least=1,
-        most=20,
+        minimum=1,
+        maximum=20,
         live=True,
         help="So many readings in a row stop the robot, or let it go on.",
     )
@@ -66,8 +66,8 @@ class ObstacleStop(Block):
         float,
         unit="s",
         default=0.2,
-        least=0.02,
-        most=1.0,
+        minimum=0.02,
+        maximum=1.0,
         help="A distance older than this counts as none.",
     )
     resume_by = Param(

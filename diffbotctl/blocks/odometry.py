@@ -35,7 +35,7 @@ class OdometryBlock(Block):
         float,
         default=0.0005,
         unit="m",
-        least=0.0,
+        minimum=0.0,
         help="Slip of a wheel: sd after a metre of its travel.",
     )
     command_delay: float = FromRobot("link.command_delay")

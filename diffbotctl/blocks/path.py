@@ -29,7 +29,7 @@ class PathSource(Block):
         choices=("counter_clockwise", "clockwise"),
         help="Which way round the square.",
     )
-    loops = Param(int, default=1, least=1, most=1000, help="How many times.")
+    loops = Param(int, default=1, minimum=1, maximum=1000, help="How many times.")
     waypoints = Param(
         list[tuple[float, float]], unit="m", default=[], help="Points [x, y] for `waypoints`."
     )

@@ -42,7 +42,7 @@ class ScanStop(Block):
         float,
         unit="m",
         default=0.05,
-        least=0.0,
+        minimum=0.0,
         live=True,
         help="Distance that is kept free around the robot's outline.",
     )
@@ -50,8 +50,8 @@ class ScanStop(Block):
         float,
         unit="s",
         default=0.6,
-        least=0.02,
-        most=2.0,
+        minimum=0.02,
+        maximum=2.0,
         help="A scan older than this counts as none; then the robot stands.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")

@@ -15,7 +15,7 @@ class Talker(Block):
     """
 
     greeting = Param(str, default="hello world", live=True, help="What it says.")
-    period = Param(float, unit="s", default=0.1, least=0.001, help="Time from one to the next.")
+    period = Param(float, unit="s", default=0.1, minimum=0.001, help="Time from one to the next.")
 
     tick = Every("period")
     text = Out(Text, help="The greeting and its number, from 1.")

@@ -32,7 +32,7 @@ class Wander(Block):
         unit="1",
         default=0.8,
         above=0.0,
-        most=1.0,
+        maximum=1.0,
         live=True,
         help="Of the robot's highest speed that it drives with.",
     )
@@ -59,7 +59,7 @@ class Wander(Block):
         float,
         unit="m",
         default=0.08,
-        least=0.0,
+        minimum=0.0,
         live=True,
         help="Room at either side of its turning circle.",
     )

@@ -21,7 +21,7 @@ class WheelSpeed(Block):
     window = Param(
         float, default=0.6, unit="s", above=0.0, help="Time over which counts are taken."
     )
-    integral = Param(float, default=0.01, least=0.0, help="Duty per rad of missing angle.")
+    integral = Param(float, default=0.01, minimum=0.0, help="Duty per rad of missing angle.")
     static: float = FromRobot("drive.left.motor.loop.static")
     rated: float = FromRobot("drive.left.motor.rated")
     slots: int = FromRobot("drive.left.encoder.slots")

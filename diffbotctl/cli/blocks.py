@@ -157,17 +157,12 @@ def _seconds(period: float | str) -> str:
 
 
 def _parameter(setting: Declaration) -> str:
-    from diffbotctl.params import BOUNDS, with_unit
-
     unit = setting.unit if setting.unit not in ("", "1") else getattr(setting.kind, "__name__", "")
     default = "must be given" if setting.is_required else f"default {_written(setting)}"
-    bounds = [
-        f"{BOUNDS[word][1]} {with_unit(limit, setting.unit)}"
-        for word, limit in setting.bounds.items()
-    ]
     choices = [f"one of {', '.join(map(str, setting.choices))}"] if setting.choices else []
     live = ["may change while running"] if setting.live else []
-    return f"{unit}, {', '.join([default, *bounds, *choices, *live])}.  {setting.help}"
+    notes = ", ".join([default, *setting.bound_phrases(), *choices, *live])
+    return f"{unit}, {notes}.  {setting.help}"
 
 
 def _written(setting: Declaration) -> str:

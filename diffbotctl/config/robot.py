@@ -25,8 +25,8 @@ class BoardSection(Section):
         float,
         unit="Hz",
         default=40.0,
-        least=1.0,
-        most=100.0,
+        minimum=1.0,
+        maximum=100.0,
         help="How often the board reports counts, edge times and sensor voltages.",
     )
     edge_times = Param(
@@ -36,8 +36,8 @@ class BoardSection(Section):
         float,
         unit="s",
         default=0.3,
-        least=0.1,
-        most=0.5,
+        minimum=0.1,
+        maximum=0.5,
         help="The board stops its motors by itself when no valid command came for so long.",
         reason="shorter stops the robot between two commands, longer lets it drive blind",
     )
@@ -61,7 +61,9 @@ class LinkSection(Section):
         default="diffbot",
         help="diffbot: our firmware. rosserial: the book's firmware.",
     )
-    uart = Param(int, default=1, least=0, most=3, help="Serial port of the board; 0 is the USB.")
+    uart = Param(
+        int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB."
+    )
     baud = Param(
         int,
         default=9600,
@@ -85,24 +87,24 @@ class LinkSection(Section):
         float,
         unit="s",
         default=0.015,
-        least=0.0,
-        most=1.0,
+        minimum=0.0,
+        maximum=1.0,
         help="From the host to the motor: the wire, the radio, the board's loop.",
     )
     command_jitter = Param(
         float,
         unit="s",
         default=0.0,
-        least=0.0,
-        most=0.1,
+        minimum=0.0,
+        maximum=0.1,
         help="How much that delay scatters, sd; 0 where the board tells when a command took hold.",
     )
     stamp_jitter = Param(
         float,
         unit="s",
         default=0.0,
-        least=0.0,
-        most=0.1,
+        minimum=0.0,
+        maximum=0.1,
         help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
     )
     range_formula = Param(
@@ -131,8 +133,8 @@ class SpeedLoopSection(Section):
         float,
         unit="1",
         default=0.10,
-        least=0.0,
-        most=0.75,
+        minimum=0.0,
+        maximum=0.75,
         help="Duty that just overcomes friction.",
     )
     speed = Param(
@@ -140,13 +142,15 @@ class SpeedLoopSection(Section):
         none=True,
         default=None,
         above=0.0,
-        most=0.75,
+        maximum=0.75,
         help="Duty per rad/s above the static part; none: the rest of the duty at rated speed.",
     )
     proportional = Param(
-        float, default=0.0, least=0.0, most=0.75, help="Duty per rad/s of speed error."
+        float, default=0.0, minimum=0.0, maximum=0.75, help="Duty per rad/s of speed error."
     )
-    integral = Param(float, default=0.02, least=0.0, most=0.29, help="Duty per rad of angle error.")
+    integral = Param(
+        float, default=0.02, minimum=0.0, maximum=0.29, help="Duty per rad of angle error."
+    )
 
 
 class MotorSection(Section):
@@ -189,7 +193,7 @@ class MotorSection(Section):
         float,
         unit="1",
         default=0.12,
-        least=0.0,
+        minimum=0.0,
         below=1.0,
         help="Duty at which a wheel at rest begins to turn.",
     )
@@ -197,7 +201,7 @@ class MotorSection(Section):
         float,
         unit="1",
         default=0.096,
-        least=0.0,
+        minimum=0.0,
         below=1.0,
         help="Duty below which a turning wheel stops.",
     )
@@ -210,7 +214,9 @@ class EncoderSection(Section):
     channels = Param(
         int, choices=(1,), default=1, help="Channels; one channel cannot tell the direction."
     )
-    slots = Param(int, least=1, most=4096, help="Slots of the disc: counts per turn of the wheel.")
+    slots = Param(
+        int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
+    )
     edge = Param(
         str, choices=("rising", "falling"), default="rising", help="Which flank of a slot counts."
     )
@@ -218,8 +224,8 @@ class EncoderSection(Section):
         float,
         unit="s",
         default=0.002,
-        least=0.0,
-        most=0.05,
+        minimum=0.0,
+        maximum=0.05,
         help="An edge this soon after the last is noise and is not counted.",
     )
     pin = Param(Pin, none=True, help="Pin of the encoder's output; must raise interrupts.")
@@ -227,8 +233,8 @@ class EncoderSection(Section):
         list[float],
         unit="1",
         default=[],
-        least=-0.4,
-        most=0.4,
+        minimum=-0.4,
+        maximum=0.4,
         help="How far each slot's flank lies from its even place, in pitches, in the order of "
         "turning forward; empty: not known.",
     )
@@ -236,8 +242,8 @@ class EncoderSection(Section):
         list[float],
         unit="1",
         default=[],
-        least=-0.4,
-        most=0.4,
+        minimum=-0.4,
+        maximum=0.4,
         help="The same of the flanks seen backward, beyond their place by open_share; empty: not "
         "known.",
     )
@@ -246,8 +252,8 @@ class EncoderSection(Section):
         unit="1",
         none=True,
         default=None,
-        least=0.1,
-        most=0.9,
+        minimum=0.1,
+        maximum=0.9,
         help="Share of a pitch during which the pin keeps the level that a counted flank brought: "
         "how far apart the flanks seen forward and backward lie; none: not known, about half.",
     )
@@ -300,7 +306,7 @@ class CurveSection(Section):
     """A Sharp sensor's curve: volts = a / (distance + b) + c."""
 
     a = Param(float, default=0.1498, above=0.0, help="Steepness, in V m.")
-    b = Param(float, unit="m", default=0.0134, least=0.0, help="Shift of the distance.")
+    b = Param(float, unit="m", default=0.0134, minimum=0.0, help="Shift of the distance.")
     c = Param(float, unit="V", default=-0.047, help="Shift of the voltage.")
 
 
@@ -338,8 +344,8 @@ class CasterSection(Section):
 class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
-    front = Param(float, unit="m", least=0.0, default=0.08, help="How far it reaches forward.")
-    back = Param(float, unit="m", least=0.0, default=0.15, help="How far it reaches backward.")
+    front = Param(float, unit="m", minimum=0.0, default=0.08, help="How far it reaches forward.")
+    back = Param(float, unit="m", minimum=0.0, default=0.15, help="How far it reaches backward.")
     width = Param(
         float, unit="m", above=0.0, default=0.151, help="Its whole width, tyres included."
     )
@@ -385,7 +391,7 @@ class BatterySection(Section):
         none=True,
         default=None,
         above=0.0,
-        most=60.0,
+        maximum=60.0,
         help="Voltage of the full battery, for the wiring checks; none: not checked.",
     )
     pin = Param(
@@ -399,14 +405,14 @@ class BatterySection(Section):
         unit="1",
         none=True,
         default=None,
-        least=1.0,
-        most=20.0,
+        minimum=1.0,
+        maximum=20.0,
         help="Battery volts per volt at that pin; none: not known.",
     )
     low = Param(
         float,
         unit="V",
-        least=0.0,
+        minimum=0.0,
         default=0.0,
         help="Below this voltage the battery counts as low.",
     )

@@ -101,7 +101,7 @@ def _of_kind(kind: Any, declaration: Declaration, definitions: Schema, merged: b
 
 
 def _leaf(kind: Any, declaration: Declaration) -> Schema:
-    bounds = {BOUNDS[word][2]: limit for word, limit in declaration.bounds.items()}
+    bounds = {BOUNDS[bound].keyword: limit for bound, limit in declaration.bounds.items()}
     if declaration.choices:
         return {"enum": list(declaration.choices)}
     if kind is float:

@@ -24,16 +24,16 @@ class Gate(Block):
         float,
         default=0.25,
         unit="s",
-        least=0.1,
-        most=0.5,
+        minimum=0.1,
+        maximum=0.5,
         help="Silence of the board after which the robot is stopped.",
     )
     command_timeout = Param(
         float,
         default=0.3,
         unit="s",
-        least=0.1,
-        most=0.5,
+        minimum=0.1,
+        maximum=0.5,
         help="Silence of the blocks, while a motion is in force, after which it is stopped.",
     )
     left_rated: float = FromRobot("drive.left.motor.rated")

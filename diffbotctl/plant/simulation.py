@@ -22,16 +22,16 @@ class MotorTruth(Section):
         float,
         default=0.05,
         unit="1",
-        least=0.0,
-        most=0.5,
+        minimum=0.0,
+        maximum=0.5,
         help="Largest difference of each motor's lag from the drawn one.",
     )
     gain_spread = Param(
         float,
         default=0.10,
         unit="1",
-        least=0.0,
-        most=0.5,
+        minimum=0.0,
+        maximum=0.5,
         help="Largest difference of each motor's speed from the rated one at full duty.",
     )
     start_duty = Param(
@@ -45,11 +45,16 @@ class MotorTruth(Section):
         default=0.8,
         unit="1",
         above=0.0,
-        most=1.0,
+        maximum=1.0,
         help="Share of the starting duty that keeps a turning wheel turning.",
     )
     ripple = Param(
-        float, default=0.02, unit="1", least=0.0, most=0.5, help="Amplitude of the torque ripple."
+        float,
+        default=0.02,
+        unit="1",
+        minimum=0.0,
+        maximum=0.5,
+        help="Amplitude of the torque ripple.",
     )
     coasting = Param(
         str,
@@ -72,40 +77,40 @@ class EncoderTruth(Section):
         float,
         default=0.03,
         unit="1",
-        least=0.0,
-        most=0.15,
+        minimum=0.0,
+        maximum=0.15,
         help="Standard deviation of a slot's place, as a share of the pitch.",
     )
     duty_spread = Param(
         float,
         default=0.05,
         unit="1",
-        least=0.0,
-        most=0.15,
+        minimum=0.0,
+        maximum=0.15,
         help="Standard deviation of the open share of the pitch, about one half, per disc.",
     )
     jitter = Param(
         float,
         default=50e-6,
         unit="s",
-        least=0.0,
-        most=2e-3,
+        minimum=0.0,
+        maximum=2e-3,
         help="Standard deviation of the delay of an edge.",
     )
     slots = Param(
         int,
         none=True,
         default=None,
-        least=1,
-        most=4096,
+        minimum=1,
+        maximum=4096,
         help="Slots that the discs truly have; none: as many as the robot file states.",
     )
     bounce = Param(
         float,
         default=0.0,
         unit="s",
-        least=0.0,
-        most=0.01,
+        minimum=0.0,
+        maximum=0.01,
         help="How long a flank chatters before it settles, at most; 0: not at all.",
     )
 
@@ -114,14 +119,14 @@ class GeometryTruth(Section):
     """How far the true geometry is from the robot file's."""
 
     track_spread = Param(
-        float, default=0.0, unit="1", least=0.0, most=0.2, help="Largest error of the track."
+        float, default=0.0, unit="1", minimum=0.0, maximum=0.2, help="Largest error of the track."
     )
     diameter_spread = Param(
         float,
         default=0.0,
         unit="1",
-        least=0.0,
-        most=0.2,
+        minimum=0.0,
+        maximum=0.2,
         help="Largest error of each wheel's diameter.",
     )
 
@@ -130,14 +135,14 @@ class SensorTruth(Section):
     """Errors of one distance sensor."""
 
     noise = Param(
-        float, default=0.010, unit="V", least=0.0, help="Standard deviation of each reading."
+        float, default=0.010, unit="V", minimum=0.0, help="Standard deviation of each reading."
     )
     offset = Param(float, default=0.0, unit="V", help="Constant error of the voltage.")
     spread = Param(
         float,
         default=0.010,
         unit="m",
-        least=0.0,
+        minimum=0.0,
         help="Standard deviation of each distance that a laser scanner tells.",
     )
 
@@ -193,16 +198,16 @@ class BatteryTruth(Section):
         float,
         default=0.0,
         unit="1",
-        least=-0.3,
-        most=0.3,
+        minimum=-0.3,
+        maximum=0.3,
         help="How far the divider before the board's pin is from the stated one.",
     )
     sag = Param(
         float,
         default=0.04,
         unit="1",
-        least=0.0,
-        most=0.5,
+        minimum=0.0,
+        maximum=0.5,
         help="Share of the voltage that is lost while both motors take full duty.",
     )
 
@@ -217,7 +222,7 @@ class Simulation(Section):
         float,
         default=0.0005,
         unit="m",
-        least=0.0,
+        minimum=0.0,
         help="Slip of each wheel, standard deviation per square root of a metre of its travel.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")

@@ -83,10 +83,7 @@ def bounds_of(setting: Declaration) -> str:
     """Bounds and choices."""
     if setting.choices:
         return ", ".join(f"`{choice}`" for choice in setting.choices)
-    words = {"above": "above", "below": "below", "least": "at least", "most": "at most"}
-    return ", ".join(
-        f"{words[word]} {with_unit(limit, setting.unit)}" for word, limit in setting.bounds.items()
-    )
+    return ", ".join(setting.bound_phrases())
 
 
 def blocks() -> Iterator[str]:

@@ -106,7 +106,7 @@ class Leaves(Section):
     pin = Param(Pin, help="A pin.")
     choice = Param(str, choices=("left", "right"), help="A word.")
     baud = Param(int, choices=(9600, 115200), help="A number of a few.")
-    bounded = Param(int, least=1, most=9, help="A number within bounds.")
+    bounded = Param(int, minimum=1, maximum=9, help="A number within bounds.")
     maybe = Param(float, unit="s", none=True, default=None, help="A time, or none.")
 
 

@@ -117,7 +117,7 @@ def test_baud_rates():
 )
 def test_bounds_of_the_robot_file(parameter, name, unit, most):
     """What the robot file may say, the board takes."""
-    upper = parameter.bounds["most"]
+    upper = parameter.bounds["maximum"]
     assert round(upper * unit) <= most, (
         f"{name}: a robot file may say {upper}, which is {upper * unit:g} on the wire, and the "
         f"board takes at most {most}. It would pass the check and be refused: mend {ROBOT}"
@@ -125,7 +125,7 @@ def test_bounds_of_the_robot_file(parameter, name, unit, most):
 
 
 def test_the_shortest_deadman():
-    least = BoardSection.deadman.bounds["least"] * 1000
+    least = BoardSection.deadman.bounds["minimum"] * 1000
     assert least >= frames.DEADMAN_MINIMUM, (
         f"a robot file may ask for {least:g} ms, the board takes at least "
         f"{frames.DEADMAN_MINIMUM}: mend {ROBOT}"

@@ -1,0 +1,34 @@
+"""Declarations of settings: bounds, and the names that packages of release 0.1 use."""
+
+import pytest
+
+from diffbotctl.params import Param, Section, declared
+
+
+class Bounded(Section):
+    """One setting between two bounds."""
+
+    share = Param(float, unit="1", minimum=0.1, maximum=0.5, help="A share.")
+
+
+def test_bounds_are_included():
+    share = declared(Bounded)["share"]
+    assert share.bounds == {"minimum": 0.1, "maximum": 0.5}
+    assert share.complaint(0.1) is None and share.complaint(0.5) is None
+    assert share.complaint(0.09) == "must be at least 0.1"
+    assert share.complaint(0.51) == "must be at most 0.5"
+
+
+def test_least_and_most_still_work_and_warn():
+    with pytest.warns(DeprecationWarning, match="minimum= and maximum=") as warned:
+
+        class Former(Section):
+            share = Param(float, unit="1", least=0.1, most=0.5, help="A share.")
+
+    assert warned[0].filename == __file__, "the warning names the line of the declaration"
+    assert declared(Former)["share"].bounds == declared(Bounded)["share"].bounds
+
+
+def test_a_declaration_is_frozen():
+    with pytest.raises(AttributeError):
+        declared(Bounded)["share"].unit = "m"
