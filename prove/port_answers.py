@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 from diffbotctl.board.session import identify
 from diffbotctl.config.load import load_robot
+from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import RunError
 from diffbotctl.links import bootloader
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
-from diffbotctl.runs.serial import diffbot_host
 from tests.book_board import Device
 
 Say = Callable[[bytes], bytes]  # what was heard in, what is said out

@@ -15,7 +15,7 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.emulator.robot import emulated_robot_driver
+from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder

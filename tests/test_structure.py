@@ -15,9 +15,9 @@ ROOT = Path(__file__).parent.parent
 # A folder or top-level module imports from its own line and the lines above it, never from below.
 LAYERS = [
     ["time", "errors", "codes", "messages", "log", "units", "params", "block"],
-    ["geometry", "control", "estimation", "blocks", "links", "plant", "graph"],
+    ["geometry", "control", "estimation", "blocks", "links", "graph"],
     ["config"],
-    ["model", "reference"],
+    ["model", "reference", "plant"],
     ["engine", "processes"],
     ["recording"],
     ["ports"],
@@ -331,3 +331,37 @@ def test_help_imports_nothing_heavy():
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "HEAVY []" in out.stdout, "import heavy libraries inside the command that uses them"
+
+
+REAL_RUN = """
+import os, sys
+from pathlib import Path
+from diffbotctl.config.load import load
+from diffbotctl.runs.control_socket import SocketOptions
+from diffbotctl.runs.run import Run, RunOptions
+
+port = os.ttyname(os.openpty()[1])
+configuration = load("goal", sys.argv[1], (), real=True)
+folder = Path(sys.argv[2])
+options = RunOptions(
+    port, duration=0.1, record=folder / "a.mcap", log=folder / "log", socket=SocketOptions()
+)
+Run(configuration, options, tell=lambda text: None).go()
+print("SIMULATION", [name for name in sys.modules if name.startswith(
+    ("diffbotctl.plant", "diffbotctl.emulator")
+)])
+"""
+
+
+@pytest.mark.parametrize("robot", ["book_2wd", "book_2wd_stock"])
+def test_a_run_on_a_real_port_imports_neither_plant_nor_emulator(robot, tmp_path):
+    import subprocess
+    import sys
+
+    command = [sys.executable, "-c", REAL_RUN, robot, str(tmp_path)]
+    out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert "SIMULATION []" in out.stdout, (
+        f"a run on a serial port imports {out.stdout.strip()}: simulation code costs start-up time "
+        "and must not decide what a real robot does; move what both need below `plant`, or import "
+        "the simulator inside the branch for a simulated port"
+    )

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from diffbotctl.board.progress import FlashMessage
+from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.drivers.serial_port import OpenPort, disconnected_error, open_port
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_host import UP, DiffbotHost
 from diffbotctl.messages import Text
-from diffbotctl.runs.serial import diffbot_host
 from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:

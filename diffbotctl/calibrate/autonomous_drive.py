@@ -17,7 +17,7 @@ from diffbotctl.blocks.speed_limiter import SpeedLimiter
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.goal_queue import Operator
-from diffbotctl.drivers.simulated_robot import is_duty_board
+from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.engine.loop import Engine
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Node, Sink

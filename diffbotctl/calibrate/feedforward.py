@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import copysign
 
 from diffbotctl.config.robot import Robot, SideSection
-from diffbotctl.drivers.simulated_robot import gains, is_duty_board
+from diffbotctl.control.speed_loop import speed_gains
+from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.messages import Duty, Wheels
 
 
@@ -22,5 +23,5 @@ def wheels(robot: Robot, left: float, right: float) -> Wheels | Duty:
 def _duty(side: SideSection, speed: float) -> float:
     if not speed:
         return 0.0
-    ahead = gains(side)
+    ahead = speed_gains(side.motor)
     return copysign(min(ahead.static + ahead.slope * abs(speed), 1.0), speed)

@@ -10,7 +10,7 @@ from diffbotctl.calibrate.session import Received, RobotSession
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.simulated_robot import is_duty_board
+from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.messages import Duty
 
 LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # duty; above every usual dead band, below full

@@ -10,7 +10,7 @@ from diffbotctl.calibrate.motor_fit import DEAD_STEP, LagFit, SpeedDutyLine
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.simulated_robot import is_duty_board
+from diffbotctl.drivers.robot_link import is_duty_board
 
 INTEGRAL = 0.25  # 1/s; integral gain over kV: what is missing is made good within some seconds
 PROPORTIONAL = 0.0  # of kV: the speed of one slot alone is 4 % wrong, and would be passed on

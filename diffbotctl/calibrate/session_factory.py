@@ -8,20 +8,16 @@ from random import Random
 from diffbotctl.calibrate.session import Keys, Make, RobotSession
 from diffbotctl.calibrate.simulated_tools import SimulatedTruth
 from diffbotctl.config.configuration import RobotFile
-from diffbotctl.drivers.simulated_robot import (
-    SimulatedRobotDriver,
-    draw_robot,
-    is_duty_board,
-    plant_parameters,
-)
-from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver
-from diffbotctl.emulator.robot import board_settings, emulated_board
+from diffbotctl.drivers.robot_link import board_settings, is_duty_board
+from diffbotctl.drivers.serial_robot import open_serial_robot
+from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
+from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver, emulated_board
 from diffbotctl.engine.clock import PacedClock, VirtualClock
 from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.plant.robot_parameters import plant_parameters
+from diffbotctl.plant.simulated_robot import SimulatedRobot, draw_robot
 from diffbotctl.plant.world import World
-from diffbotctl.runs.serial import serial_robot
 
 
 def open_session(
@@ -75,6 +71,6 @@ def _real(device: str, tell: Callable[[str], None]) -> Make:
     def make(file: RobotFile, before: RobotDriver | None, now: int) -> RobotDriver:
         if before is not None:
             before.close()
-        return serial_robot(file.robot, device, tell, now)
+        return open_serial_robot(file.robot, device, tell, now)
 
     return make

@@ -93,8 +93,8 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     from diffbotctl.board.link_measurement import measure_link
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_candidates import is_usb
+    from diffbotctl.drivers.robot_link import diffbot_host
     from diffbotctl.links import bandwidth
-    from diffbotctl.runs.serial import diffbot_host
 
     device = _device(port)
     file = load_robot(robot)
@@ -176,7 +176,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_candidates import refuse_radio
-    from diffbotctl.emulator.robot import board_settings
+    from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.hc05_baud import change_rate
 
     device = choose_port() if port == "auto" else port

@@ -131,10 +131,10 @@ def _at_robot(
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
-    from diffbotctl.render.map_scene import VIRTUAL
+    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
 
     port = choose_port(radio=True) if wanted.port == "auto" else wanted.port
-    real = port not in VIRTUAL
+    real = port not in VIRTUAL_PORTS
     file = load_robot(wanted.robot)
     if not wanted.dry_run:
         file = load_robot(str(own(file.file).absolute()))

@@ -80,6 +80,6 @@ def _speaks_ours(robot: Robot, file: str) -> None:
 
 def _walls(pipeline: str, robot: str | None) -> World:
     from diffbotctl.config.load import load
-    from diffbotctl.drivers.simulated_robot import world
+    from diffbotctl.plant.world import build_world
 
-    return world(load(pipeline, robot, ()))
+    return build_world(load(pipeline, robot, ()).world)

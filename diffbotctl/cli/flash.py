@@ -61,7 +61,7 @@ def flash(
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import folder
     from diffbotctl.drivers.board_candidates import refuse_radio
-    from diffbotctl.emulator.robot import board_settings
+    from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
 
     device = choose_port() if port == "auto" else port
@@ -105,7 +105,7 @@ def blink(port: str, robot: str | None, times: int) -> None:
     from diffbotctl.board.blink import blink
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.runs.serial import diffbot_host
+    from diffbotctl.drivers.robot_link import diffbot_host
 
     device = choose_port(radio=True) if port == "auto" else port
     file = load_robot(robot)

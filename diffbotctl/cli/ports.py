@@ -89,8 +89,8 @@ def _tell(problems: tuple[Problem, ...]) -> None:
 def _ask(names: list[str], robot: str | None) -> bool:
     from diffbotctl.board.session import identify
     from diffbotctl.config.load import load_robot
+    from diffbotctl.drivers.robot_link import diffbot_host
     from diffbotctl.errors import RunError
-    from diffbotctl.runs.serial import diffbot_host
 
     file = load_robot(robot)
     click.echo(RESETS)

@@ -93,8 +93,8 @@ def command(
     Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
     """
     from diffbotctl.config.load import load
+    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
     from diffbotctl.recording.black_box_store import black_box_folder
-    from diffbotctl.render.map_scene import VIRTUAL
     from diffbotctl.runs.run import Run, RunOptions
     from diffbotctl.runs.signals import Signals
 
@@ -104,12 +104,12 @@ def command(
         port = choose_port(radio=True)
     wanted = tuple(_goal(text) for text in goals)
     seconds = None if duration is None else _quantity(duration, "s", "--for")
-    configuration = load(pipeline, robot, sets, real=port not in VIRTUAL)
+    configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
     _announce(configuration, port, seed)
     heard = tuple(_level(text, configuration) for text in levels)
-    fast = fast and port in VIRTUAL
+    fast = fast and port in VIRTUAL_PORTS
     socket = None if no_socket or fast else _socket(name, group)  # a fast run is over at once
     stay = stay or dash
     flights = None if fast else black_box_folder()  # a fast run is the same again from its seed
@@ -161,12 +161,12 @@ def _finish(run: Run, aside: NonBlockingStderr) -> int:
 
 
 def _announce(configuration: Configuration, port: str, seed: int) -> None:
-    from diffbotctl.render.map_scene import VIRTUAL
+    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
     from diffbotctl.ui.text import fold_text
 
     where = f"REAL robot on {port}"
-    if port in VIRTUAL:
-        where = f"{VIRTUAL[port]} (seed {seed})"
+    if port in VIRTUAL_PORTS:
+        where = f"{VIRTUAL_PORTS[port]} (seed {seed})"
     name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
     where = where if configuration.robot is not None else "no robot"
     click.echo(fold_text(f"{configuration.file}{name}: {where}", hang=2))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+from diffbotctl.config.simulation import Simulation
 from diffbotctl.params import Param, Pin, Section
-from diffbotctl.plant.simulation import Simulation
 
 RPM = 2 * pi / 60  # rad/s
 

@@ -7,7 +7,7 @@ edges tell, at 100 Hz. Speeds are rad/s, duty -1 to 1, times integer nanoseconds
 from __future__ import annotations
 
 from math import pi
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 TICK = 10_000_000  # ns between two runs of the loop
 TICK_SECONDS = 0.010
@@ -24,6 +24,35 @@ class SpeedGains(NamedTuple):
     slope: float
     proportional: float  # duty per rad/s
     integral: float  # duty per rad
+
+
+class SpeedLoopSettings(Protocol):
+    """The robot file's `loop` of a motor. `speed`: duty per rad/s; None: from the rated speed."""
+
+    @property
+    def static(self) -> float: ...
+    @property
+    def speed(self) -> float | None: ...
+    @property
+    def proportional(self) -> float: ...
+    @property
+    def integral(self) -> float: ...
+
+
+class MotorSettings(Protocol):
+    """What the loop needs of a motor's section of the robot file. `rated`: rad/s at full duty."""
+
+    @property
+    def rated(self) -> float: ...
+    @property
+    def loop(self) -> SpeedLoopSettings: ...
+
+
+def speed_gains(motor: MotorSettings) -> SpeedGains:
+    """Gains of one wheel's loop; without `loop.speed` the slope follows from the rated speed."""
+    loop = motor.loop
+    slope = loop.speed if loop.speed is not None else (1.0 - loop.static) / motor.rated
+    return SpeedGains(loop.static, slope, loop.proportional, loop.integral)
 
 
 class WheelSpeedLoop:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
-from diffbotctl.drivers.serial_port import OpenPort
+from diffbotctl.config.robot import Robot
+from diffbotctl.drivers.robot_link import diffbot_host, rosserial_host
+from diffbotctl.drivers.serial_port import OpenPort, open_port, reopen_port
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
@@ -18,6 +21,35 @@ FIRST_RETRY = 200 * MILLISECOND  # a replugged board needs about this long to ap
 BACKLOG = 64  # reads of up to 4 kB
 OUTDATED = 1_000 * MILLISECOND
 LONGEST_RETRY = 2_000 * MILLISECOND
+NO_DEADMAN = """\
+Note: this board cannot stop by itself when the host falls silent. A guardian process
+does it if diffbotctl dies; nothing can if the cable or the radio fails."""
+
+
+def open_serial_robot(
+    robot: Robot, device: str, tell: Callable[[str], None], now: int = 0
+) -> SerialRobot:
+    """Open `device` at `now` (ns) and drive `robot` through it. Raises RunError.
+
+    A watchdog process replaces the dead-man's stop that the book's firmware lacks.
+    """
+    if robot.link.protocol != "rosserial":
+        host = diffbot_host(robot, device)
+        driver = SerialRobot(host, lambda: reopen_port(device, host.baud))
+        driver.adopt(now, open_port(device, host.baud))
+        return driver
+    watchdog = WatchdogProcess()
+    try:
+        port = open_port(device, robot.link.baud)
+    except RunError:
+        watchdog.dismiss()
+        raise
+    tell(NO_DEADMAN)
+    driver = SerialRobot(
+        rosserial_host(robot), partial(reopen_port, device, robot.link.baud), watchdog
+    )
+    driver.adopt(now, port)
+    return driver
 
 
 class SerialRobot:

@@ -1,23 +1,16 @@
-"""The simulated robot behind the node `robot`.
-
-From a robot file to its simulated self.
-"""
+"""The simulated robot behind the node `robot`."""
 
 from __future__ import annotations
 
 from math import cos, sin
-from random import Random
 
 from diffbotctl.block import action
-from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.config.robot import Robot, SideSection
-from diffbotctl.control.speed_loop import SpeedGains
+from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Duty, Encoders, Link, Wheels
-from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
-from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot
-from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
+from diffbotctl.plant.world import build_world
 from diffbotctl.time import SECOND
 
 STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
@@ -119,85 +112,5 @@ def simulated_robot_driver(configuration: Configuration, seed: int) -> Simulated
     """The simulated robot of a configuration, drawn by `seed` from its `simulation` section."""
     robot, nominal = configuration.robot, configuration.nominal
     assert robot is not None and nominal is not None
-    plant = draw_robot(robot, nominal, seed, world(configuration))
+    plant = draw_robot(robot, nominal, seed, build_world(configuration.world))
     return SimulatedRobotDriver(plant, is_duty_board(robot))
-
-
-def draw_robot(
-    robot: Robot, nominal: Robot, seed: int, around: World | None = None
-) -> SimulatedRobot:
-    """The plant of a robot: it is what the file states, its board is told what was calibrated."""
-    return SimulatedRobot(
-        board_kind(robot),
-        plant_parameters(robot, nominal),
-        nominal.simulation,
-        Random(seed),
-        around,
-    )
-
-
-def board_kind(robot: Robot) -> str:
-    """`stock`, `counts`, `edges` or `simulated`: how this robot's board answers."""
-    if robot.board.type == SIMULATED:
-        return SIMULATED
-    if robot.link.protocol == "rosserial":
-        return "stock"
-    return "edges" if robot.board.edge_times else "counts"
-
-
-def is_duty_board(robot: Robot) -> bool:
-    """True for a board that has no wheel-speed loop of its own."""
-    return robot.link.protocol == "rosserial"
-
-
-def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParameters:
-    """What the plant must know: `nominal` is how the robot was built, `robot` what is told of it.
-
-    Without `nominal` nothing was calibrated.
-    """
-    built = (nominal or robot).drive
-    drive = robot.drive
-    return PlantParameters(
-        track=built.track,
-        left_diameter=built.left.wheel.diameter,
-        right_diameter=built.right.wheel.diameter,
-        rated=built.left.motor.rated,
-        slots=drive.left.encoder.slots,
-        glitch=round(drive.left.encoder.glitch * SECOND),
-        deadman=round(robot.board.deadman * SECOND),
-        gains=(gains(drive.left), gains(drive.right)),
-        reversed=(drive.left.motor.reversed, drive.right.motor.reversed),
-        # A real board has its own beat; one that exists in the simulator alone has the file's.
-        period=round(SECOND / robot.board.telemetry) if robot.board.type == SIMULATED else None,
-        falling=drive.left.encoder.edge == "falling",
-        sensors=tuple(
-            MountedSensor(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
-            for name, sensor in robot.sensors.items()
-        ),
-        disc=built.left.encoder.slots,
-        divider=None if robot.battery.pin is None else robot.battery.divider or 1.0,
-        built_divider=(nominal or robot).battery.divider or 1.0,
-        low=robot.battery.low,
-        channels=_taken(*(side.motor.enable for side in (drive.left, built.left, built.right))),
-        sockets=_taken(*(side.encoder.pin for side in (drive.left, built.left, built.right))),
-    )
-
-
-def _taken(told: object, left: object, right: object) -> tuple[int, int]:
-    """Which stated side's pins each side of the board takes: exchanged when the left one is
-    `told` what was stated for the `right`."""
-    return (1, 0) if str(told) == str(right) != str(left) else (0, 1)
-
-
-def gains(side: SideSection) -> SpeedGains:
-    """Gains of one wheel's speed loop, with the feed-forward's slope worked out if none is set."""
-    loop, rated = side.motor.loop, side.motor.rated
-    slope = loop.speed if loop.speed is not None else (1.0 - loop.static) / rated
-    return SpeedGains(loop.static, slope, loop.proportional, loop.integral)
-
-
-def world(configuration: Configuration) -> World:
-    """Walls and obstacles of the pipeline."""
-    walls = [Wall(*wall.start, *wall.end) for wall in configuration.world.walls]
-    rounds = [Pillar(*obstacle.at, obstacle.radius) for obstacle in configuration.world.obstacles]
-    return World(walls, rounds, configuration.world.field)

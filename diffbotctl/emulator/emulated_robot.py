@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from collections import deque
 
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.robot import Robot
+from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.process import Emulator, PinTransition
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
@@ -16,7 +19,8 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.plant.simulated_board import RADIO
-from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot
+from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
+from diffbotctl.plant.world import World, build_world
 
 STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
 MILLIVOLTS = 1000
@@ -155,3 +159,28 @@ class EmulatedRobotDriver:
                 heard += self.host.receive(time + self.radio, data)
         heard += self.host.timed(now)
         return [Delivery(f"robot.{port}", message) for port, message in heard]
+
+
+def emulated_robot_driver(configuration: Configuration, seed: int) -> EmulatedRobotDriver:
+    """The robot of a configuration with the real firmware on an emulated board.
+
+    Raises EmulatorError naming the Debian packages when the emulator cannot be built.
+    """
+    robot, nominal = configuration.robot, configuration.nominal
+    assert robot is not None and nominal is not None
+    board = emulated_board(nominal, seed, build_world(configuration.world))
+    return EmulatedRobotDriver(board, DiffbotHost(board_settings(robot)))
+
+
+def emulated_board(
+    nominal: Robot, seed: int, world: World | None = None, emulator: Emulator | None = None
+) -> EmulatedBoard:
+    """A board wired to its plant as the robot file states. Raises EmulatorError."""
+    settings = board_settings(nominal)
+    plant = draw_robot(nominal, nominal, seed, world)
+    return EmulatedBoard(plant, settings, emulator or Emulator(motor_pins(settings)))
+
+
+def motor_pins(settings: BoardSettings) -> list[tuple[int, int, int]]:
+    """The (enable, in1, in2) pins of the left and the right motor."""
+    return [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]

@@ -1,21 +1,22 @@
-"""A virtual board that answers on two pseudo-terminals, with the robot's plant behind its pins."""
+"""A virtual board that answers on two pseudo-terminals, with the robot's plant behind its pins.
+
+What an eye sees of a robot's wheels: which turn, and which way.
+"""
 
 from __future__ import annotations
 
 import select
 import time
+from collections.abc import Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from random import Random
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
-from diffbotctl.drivers.simulated_robot import board_kind, plant_parameters
-from diffbotctl.emulator.emulated_robot import STEP, EmulatedBoard
+from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.drivers.robot_link import board_settings
+from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
-from diffbotctl.emulator.robot import board_settings
-from diffbotctl.emulator.wheel_report import WheelReport
-from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
@@ -40,13 +41,9 @@ class VirtualBoard:
 
         Raises EmulatorError: what to install.
         """
-        plant = SimulatedRobot(
-            board_kind(robot), plant_parameters(robot), robot.simulation, Random(seed), world
-        )
-        settings = board_settings(robot)
-        motors = [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
-        emulator = Emulator(motors, image=image, boot=bootloader(), pty=True)
-        self.board = EmulatedBoard(plant, settings, emulator)
+        pins = motor_pins(board_settings(robot))
+        emulator = Emulator(pins, image=image, boot=bootloader(), pty=True)
+        self.board = emulated_board(robot, seed, world, emulator)
         assert emulator.ports is not None
         self.folder = Path(mkdtemp(prefix="diffbot-"))
         self.usb, self.radio = self.folder / "ttyACM0", self.folder / "rfcomm0"
@@ -93,3 +90,40 @@ def virtual_board(
         yield board
     finally:
         board.close()
+
+
+TURNS = 0.3  # rad/s, an eighth of what the slowest motion asks; slower, a wheel seems to stand
+BOTH = {
+    "stands": "stand",
+    "turns forward": "turn forward",
+    "turns backward": "turn backward",
+}
+LASTS = 60_000_000  # ns; what is over sooner is not seen
+
+
+class WheelReport:
+    """Tells when what is seen has changed."""
+
+    def __init__(self) -> None:
+        self.seen = self.coming = ("stands", "stands")
+        self.since = 0
+
+    def look(self, now: int, speeds: Sequence[float]) -> str | None:
+        """At `now` (ns) the left and the right wheel turn at `speeds` (rad/s): words for what is
+        new since they were last told, if anything is."""
+        left, right = (_way(speed) for speed in speeds)
+        if (left, right) != self.coming:
+            self.coming, self.since = (left, right), now
+        if self.coming == self.seen or now - self.since < LASTS:
+            return None
+        self.seen = self.coming
+        if left == right:
+            return f"both wheels {BOTH[left]}"
+        ways = zip(SIDES, self.seen, strict=True)
+        return ", ".join(f"the {side} wheel {way}" for side, way in ways)
+
+
+def _way(speed: float) -> str:
+    if abs(speed) < TURNS:
+        return "stands"
+    return "turns forward" if speed > 0.0 else "turns backward"

@@ -6,6 +6,9 @@ from math import cos, sin, sqrt
 from random import Random
 from typing import NamedTuple
 
+from diffbotctl.config.simulation import Simulation
+from diffbotctl.plant.robot_parameters import PlantParameters
+
 SLIP_STEP = 0.004  # m of travel between draws of slip: fine against a tick of 10 mm
 
 
@@ -78,3 +81,14 @@ class Chassis:
 
     def _slipped(self, travel: float) -> float:
         return self._chance.gauss(0.0, self._slip * sqrt(travel))
+
+
+def draw_body(machine: PlantParameters, simulation: Simulation, chance: Random) -> Chassis:
+    """Wheels and axle, as they were really made."""
+    truth = simulation.geometry
+    track = machine.track * (1.0 + chance.uniform(-1.0, 1.0) * truth.track_spread)
+    radii = [
+        0.5 * diameter * (1.0 + chance.uniform(-1.0, 1.0) * truth.diameter_spread)
+        for diameter in (machine.left_diameter, machine.right_diameter)
+    ]
+    return Chassis(track, radii[0], radii[1], simulation.slip, Random(chance.getrandbits(64)))

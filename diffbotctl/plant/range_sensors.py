@@ -1,27 +1,60 @@
-"""The sensors that look into the world: distance sensors and laser scanners."""
+"""The simulated sensors that measure distances in the world: Sharp sensors and laser scanners."""
 
 from __future__ import annotations
 
-from math import cos, sin
+from collections.abc import Mapping, Sequence
+from math import cos, inf, sin
+from random import Random
 
+from diffbotctl.config.simulation import SensorTruth
 from diffbotctl.messages import Scan
+from diffbotctl.model.laser_scanners import LASER_SCANNERS, ScannerModel
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.laser_scanner import Scanner
 from diffbotctl.plant.robot_parameters import MountedSensor
 from diffbotctl.plant.sharp_ir import Sharp
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import NEVER
 
-BOARD = 0.3  # m, width of what a hand puts before a sensor
+TARGET_WIDTH = 0.3  # m, of the board that `put_before` places
+
+
+class Scanner:
+    """One simulated scanner. All rays of a turn are measured at its end, at one moment.
+
+    The first ray of a real scanner is a fifth of a second older than the last one: 44 mm at
+    0.22 m/s, which a driver that knows the robot's motion corrects.
+    """
+
+    def __init__(self, model: ScannerModel, spread: float, rng: Random) -> None:
+        """`spread`: standard deviation of a distance, m."""
+        self.model, self._spread, self._rng = model, spread, rng
+        self.due = model.period
+
+    def measure(self, world: World, x: float, y: float, heading: float) -> tuple[float, ...]:
+        """Distances (m) seen from (x, y) in the world: inf when clear, 0 when too close."""
+        self.due += self.model.period
+        nearest, reach, spread = self.model.nearest, self.model.reach, self._spread
+        gauss = self._rng.gauss
+        distances = []
+        for distance in world.scan(x, y, heading, self.model.rays):
+            if distance > reach:
+                distances.append(inf)
+            elif distance < nearest:
+                distances.append(0.0)
+            elif spread:
+                distances.append(max(distance + gauss(0.0, spread), nearest))
+            else:
+                distances.append(distance)
+        return tuple(distances)
 
 
 class RangeSensors:
-    """All of one robot. `at` is the pose of its base_link in the world.
+    """All distance sensors of one robot. `pose` is the pose of its base_link in the world.
 
-    `next_look` and `next_scan`: when one of them next measures, ns.
+    `next_sharp` and `next_scan`: when a sensor of each kind next measures, ns.
     """
 
-    __slots__ = ("next_look", "next_scan", "scanners", "sharps", "world")
+    __slots__ = ("next_scan", "next_sharp", "scanners", "sharps", "world")
 
     def __init__(
         self,
@@ -29,52 +62,78 @@ class RangeSensors:
         sharps: list[tuple[MountedSensor, Sharp]],
         scanners: list[tuple[MountedSensor, Scanner]],
     ) -> None:
-        self.world = world
-        self.sharps = sharps
-        self.scanners = scanners
-        # In an empty world a distance sensor sees nothing, whenever it looks.
-        sees = not world.empty
-        self.next_look = min([s.due for _, s in sharps], default=NEVER) if sees else NEVER
-        self.next_scan = min([s.due for _, s in scanners], default=NEVER)
+        self.world, self.sharps, self.scanners = world, sharps, scanners
+        # In an empty world a Sharp sensor never measures anything.
+        self.next_sharp = NEVER if world.empty else self._next_sharp()
+        self.next_scan = self._next_scan()
 
     def volts(self, now: int) -> dict[str, float]:
-        """The distance sensors' output voltages."""
+        """The Sharp sensors' output voltages, by sensor name."""
         return {mounting.name: sensor.output(now) for mounting, sensor in self.sharps}
 
-    def look(self, now: int, at: Pose) -> None:
-        """Let every distance sensor measure that is due."""
+    def measure(self, now: int, pose: Pose) -> None:
+        """Let every Sharp sensor measure that is due."""
         for mounting, sensor in self.sharps:
             if sensor.due <= now:
-                sensor.measure(self.world.distance(*_eye(mounting, at)))
-        self.next_look = min(sensor.due for _, sensor in self.sharps)
+                sensor.measure(self.world.distance(*_sensor_pose(mounting, pose)))
+        self.next_sharp = self._next_sharp()
 
-    def scan(self, now: int, at: Pose) -> list[tuple[str, Scan]]:
-        """What every scanner saw whose turn ends now, by its name."""
-        found = []
+    def scan(self, now: int, pose: Pose) -> list[tuple[str, Scan]]:
+        """(sensor name, scan) of every scanner whose turn ends now."""
+        scans = []
         for mounting, scanner in self.scanners:
             if scanner.due <= now:
-                told = scanner.measure(self.world, *_eye(mounting, at))
-                found.append((mounting.name, Scan(now, 0.0, scanner.step, told)))
-        self.next_scan = min(scanner.due for _, scanner in self.scanners)
-        return found
+                distances = scanner.measure(self.world, *_sensor_pose(mounting, pose))
+                scans.append((mounting.name, Scan(now, 0.0, scanner.model.ray_angle, distances)))
+        self.next_scan = self._next_scan()
+        return scans
 
-    def put_before(self, name: str, distance: float, now: int, at: Pose) -> None:
-        """Put a wide board across a sensor's axis, `distance` (m) from it; take all else away."""
-        mounting = next(each for each, _ in self.sharps if each.name == name)
-        x, y, bearing = _eye(mounting, at)
-        ahead, aside = cos(bearing), sin(bearing)
-        x, y = x + distance * ahead, y + distance * aside
-        half = 0.5 * BOARD
-        self.world = World(
-            [Wall(x - half * aside, y + half * ahead, x + half * aside, y - half * ahead)]
-        )
+    def put_before(self, name: str, distance: float, now: int, pose: Pose) -> None:
+        """Replace the world by a wide board across a sensor's axis, `distance` (m) from it."""
+        mounting = next(mounting for mounting, _ in self.sharps if mounting.name == name)
+        x, y, bearing = _sensor_pose(mounting, pose)
+        c, s = cos(bearing), sin(bearing)
+        x, y, half = x + distance * c, y + distance * s, 0.5 * TARGET_WIDTH
+        self.world = World([Wall(x - half * s, y + half * c, x + half * s, y - half * c)])
         for _, sensor in self.sharps:
             sensor.catch_up(now)
-        self.next_look = min(sensor.due for _, sensor in self.sharps)
+        self.next_sharp = self._next_sharp()
+
+    def _next_sharp(self) -> int:
+        return min([sensor.due for _, sensor in self.sharps], default=NEVER)
+
+    def _next_scan(self) -> int:
+        return min([scanner.due for _, scanner in self.scanners], default=NEVER)
 
 
-def _eye(mounting: MountedSensor, at: Pose) -> tuple[float, float, float]:
-    """Where in the world a sensor sits, and where it looks."""
-    x = at.x + mounting.x * cos(at.heading) - mounting.y * sin(at.heading)
-    y = at.y + mounting.x * sin(at.heading) + mounting.y * cos(at.heading)
-    return x, y, at.heading + mounting.heading
+def _sensor_pose(mounting: MountedSensor, pose: Pose) -> tuple[float, float, float]:
+    """x, y (m) and bearing (rad) of a sensor in the world."""
+    x = pose.x + mounting.x * cos(pose.heading) - mounting.y * sin(pose.heading)
+    y = pose.y + mounting.x * sin(pose.heading) + mounting.y * cos(pose.heading)
+    return x, y, pose.heading + mounting.heading
+
+
+def draw_sharps(
+    mountings: Sequence[MountedSensor], errors: Mapping[str, SensorTruth], rng: Random
+) -> list[tuple[MountedSensor, Sharp]]:
+    """A Sharp sensor for each of the mountings, with its own generator."""
+    sensors = []
+    for mounting in mountings:
+        truth = errors.get(mounting.name) or SensorTruth()
+        sensor = Sharp(truth.noise, truth.offset, Random(rng.getrandbits(64)))
+        sensors.append((mounting, sensor))
+    return sensors
+
+
+def draw_scanners(
+    mountings: Sequence[MountedSensor], errors: Mapping[str, SensorTruth], rng: Random
+) -> list[tuple[MountedSensor, Scanner]]:
+    """A laser scanner for each of the mountings that is one, with its own generator."""
+    scanners = []
+    for mounting in mountings:
+        model = LASER_SCANNERS.get(mounting.kind)
+        if model is not None:
+            truth = errors.get(mounting.name) or SensorTruth()
+            scanner = Scanner(model, truth.spread, Random(rng.getrandbits(64)))
+            scanners.append((mounting, scanner))
+    return scanners

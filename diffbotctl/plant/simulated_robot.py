@@ -8,18 +8,17 @@ from math import cos, sin
 from random import Random
 from typing import NamedTuple
 
+from diffbotctl.config.robot import Robot
+from diffbotctl.config.simulation import Simulation
 from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
-from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.laser_scanner import PARTS
-from diffbotctl.plant.random_parts import draw_body, draw_motors, draw_scanners, draw_sensors
-from diffbotctl.plant.range_sensors import RangeSensors
-from diffbotctl.plant.robot_parameters import PlantParameters
+from diffbotctl.model.laser_scanners import LASER_SCANNERS
+from diffbotctl.plant.chassis import Pose, draw_body
+from diffbotctl.plant.range_sensors import RangeSensors, draw_scanners, draw_sharps
+from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import KINDS, MOST_JITTER, BoardModel, SimulatedBoard
-from diffbotctl.plant.simulation import Simulation
-from diffbotctl.plant.wheel import LevelChange, WheelModel, draw_disc
+from diffbotctl.plant.wheel import LevelChange, WheelModel, draw_disc, draw_motors
 from diffbotctl.plant.wiring import PlantWiring
 from diffbotctl.plant.world import World
-from diffbotctl.time import NEVER
 
 CAMERA = "overhead_camera"
 EXACT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # covariance of a pose that is known
@@ -73,14 +72,14 @@ class SimulatedRobot:
             self._kind = self._kind._replace(period=machine.period)
         self._chance = chance
         self.machine = machine
-        self.motors = draw_motors(machine, simulation, chance)
+        self.motors = draw_motors(machine.rated, simulation.motor, chance)
         slots = simulation.encoder.slots or machine.disc or machine.slots
         self.discs = tuple(draw_disc(simulation.encoder, slots, chance) for _ in range(2))
         self.body = draw_body(machine, simulation, chance)
         where = simulation.start
         self._start = start or Pose(where.x, where.y, where.heading)
-        sharps = [each for each in machine.sensors if each.kind not in (*PARTS, CAMERA)]
-        sensors = draw_sensors(sharps, simulation.sensors, chance)
+        sharps = [each for each in machine.sensors if each.kind not in (*LASER_SCANNERS, CAMERA)]
+        sensors = draw_sharps(sharps, simulation.sensors, chance)
         # Own generators for what happens often, so that one wheel's luck does not move the other's.
         seeds = [chance.getrandbits(64) for _ in range(3)]
         self.wheels = tuple(
@@ -134,7 +133,7 @@ class SimulatedRobot:
             return
         board, eyes = self.board, self._eyes
         while True:
-            at = min(self._next_step, self._next_frame, eyes.next_look, eyes.next_scan, board.due)
+            at = min(self._next_step, self._next_frame, eyes.next_sharp, eyes.next_scan, board.due)
             if at > until:
                 break
             self._move(at)
@@ -144,7 +143,7 @@ class SimulatedRobot:
             if at == self._next_step:
                 self._next_step += STEP
                 self._roll()
-            if at == eyes.next_look:
+            if at == eyes.next_sharp:
                 self._look(at)
             if at == eyes.next_scan:
                 self._scan(at)
@@ -196,7 +195,7 @@ class SimulatedRobot:
                 CapturedEdge(time, socket, level) for time, level in self._changes(number, until)
             ]
         self._roll()
-        if until >= self._eyes.next_look:
+        if until >= self._eyes.next_sharp:
             self._look(until)
         self.now = until
         return sorted(found)
@@ -381,7 +380,15 @@ class SimulatedRobot:
     def _look(self, now: int) -> None:
         """Let every sensor measure that is due at `now`."""
         self._roll()
-        self._eyes.look(now, self.place())
+        self._eyes.measure(now, self.place())
 
 
-__all__ = ["NEVER", "CapturedEdge", "PlantTruth", "SimulatedRobot"]
+def draw_robot(
+    robot: Robot, nominal: Robot, seed: int, world: World | None = None
+) -> SimulatedRobot:
+    """The plant of a robot: built as `nominal` states, with a board set up as `robot` states.
+
+    `nominal` is the robot file without its calibration, `robot` the file with it.
+    """
+    parameters = plant_parameters(robot, nominal)
+    return SimulatedRobot(board_kind(robot), parameters, nominal.simulation, Random(seed), world)

@@ -14,7 +14,7 @@ from math import exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.plant.simulation import EncoderTruth
+from diffbotctl.config.simulation import EncoderTruth, MotorTruth
 from diffbotctl.time import NEVER, SECOND
 
 GRID = 10_000_000  # ns; the ripple stays constant this long: a twentieth of its period at 100 rpm
@@ -55,6 +55,26 @@ class EncoderDisc(NamedTuple):
     start: float  # rad; the disc's angle under the light barrier at the start
     jitter: float  # s; standard deviation of an edge's delay
     bounce: float = 0.0  # s; how long an edge chatters at most
+
+
+def draw_motors(rated: float, truth: MotorTruth, rng: Random) -> tuple[MotorModel, MotorModel]:
+    """The left and the right motor, of one make. `rated`: nominal speed at full duty, rad/s."""
+    lag = rng.uniform(*truth.lag)
+    motors = []
+    for _ in range(2):
+        start = rng.uniform(*truth.start_duty)
+        motors.append(
+            MotorModel(
+                speed=rated * (1.0 + rng.uniform(-1.0, 1.0) * truth.gain_spread),
+                lag=lag * (1.0 + rng.uniform(-1.0, 1.0) * truth.lag_spread),
+                start=start,
+                keep=start * truth.keep_share,
+                ripple=truth.ripple,
+                ripple_phase=rng.uniform(0.0, 2 * pi),
+                coulomb=truth.coasting == "coulomb",
+            )
+        )
+    return motors[0], motors[1]
 
 
 def draw_disc(truth: EncoderTruth, slots: int, chance: Random) -> EncoderDisc:

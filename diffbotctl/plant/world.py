@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
 
+from diffbotctl.config.pipeline import WorldEntry
+
 PARALLEL = (
     1e-12  # m; a wall whose direction is this near the ray's is seen from its end: not at all
 )
@@ -82,6 +84,13 @@ class World:
         if self.field is None:
             return x, y
         return min(max(x, 0.0), self.field[0]), min(max(y, 0.0), self.field[1])
+
+
+def build_world(entry: WorldEntry) -> World:
+    """Walls and obstacles of a pipeline file."""
+    walls = [Wall(*wall.start, *wall.end) for wall in entry.walls]
+    rounds = [Pillar(*obstacle.at, obstacle.radius) for obstacle in entry.obstacles]
+    return World(walls, rounds, entry.field)
 
 
 def _scan_wall(found: list[float], x: float, y: float, heading: float, wall: Wall) -> None:

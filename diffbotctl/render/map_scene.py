@@ -14,11 +14,10 @@ from diffbotctl.block import outputs
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
+from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
-from diffbotctl.plant.laser_scanner import PARTS as SCANNERS
-
-VIRTUAL = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
+from diffbotctl.model.laser_scanners import LASER_SCANNERS
 
 Numbers = list[list[float]]
 
@@ -31,10 +30,10 @@ def scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[
     without `graph` no sensor is placed.
     """
     robot = configuration.robot
-    walls, rounds, field = _world(configuration) if port in VIRTUAL else ([], [], [])
+    walls, rounds, field = _world(configuration) if port in VIRTUAL_PORTS else ([], [], [])
     return {
         "title": configuration.name,
-        "simulated": VIRTUAL.get(port, "") if robot is not None else "",
+        "simulated": VIRTUAL_PORTS.get(port, "") if robot is not None else "",
         "walls": walls,
         "rounds": rounds,
         "field": field,
@@ -96,9 +95,11 @@ def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
             place = {"x": at.x, "y": at.y, "heading": at.heading}
             found.append({"topic": f"{node.name}.range", **place, "reach": REACH})
     for name, sensor in robot.sensors.items():
-        if sensor.type in SCANNERS:
+        if sensor.type in LASER_SCANNERS:
             place = {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
-            found.append({"topic": f"robot.{name}", **place, "reach": SCANNERS[sensor.type].reach})
+            found.append(
+                {"topic": f"robot.{name}", **place, "reach": LASER_SCANNERS[sensor.type].reach}
+            )
     return found
 
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
+from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
 from diffbotctl.messages import Goal, Message
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.recording.info import readable_recording, require_complete
 from diffbotctl.recording.mcap_file import RecordingReader
-from diffbotctl.render.map_scene import VIRTUAL
 
 
 class RecordedRun(NamedTuple):
@@ -47,7 +47,7 @@ class RecordedRun(NamedTuple):
     @property
     def real(self) -> bool:
         """Whether a real robot drove."""
-        return self.about["port"] not in VIRTUAL
+        return self.about["port"] not in VIRTUAL_PORTS
 
     def goals(self) -> list[Goal]:
         """The goals that were handed out, in order."""

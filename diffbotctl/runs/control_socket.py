@@ -15,7 +15,6 @@ from diffbotctl.control_socket.command_driver import ControlClientDriver
 from diffbotctl.control_socket.engine_channel import EngineChannel
 from diffbotctl.control_socket.run_state import RunInfo
 from diffbotctl.drivers.goal_queue import Operator
-from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.render.map_scene import scene
@@ -58,7 +57,7 @@ class RunControlSocket:
             port=port,
             graph=assembly.graph,
             command=assembly.command,
-            drivers={"robot": SimulatedRobotDriver} if robot is not None and port == "sim" else {},
+            drivers={} if robot is None else _drivers(port),
             speed=None if robot is None else robot.limits.speed,
             turn_rate=None if robot is None else robot.limits.turn_rate,
             is_replay=is_replay,
@@ -83,6 +82,15 @@ class RunControlSocket:
                 os.waitpid(self.pid, 0)
                 return
             time.sleep(LOOK)
+
+
+def _drivers(port: str) -> dict[str, type]:
+    if port != "sim":
+        return {}
+    # Imported late: a run on a real port needs no plant.
+    from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
+
+    return {"robot": SimulatedRobotDriver}
 
 
 def _scene(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.goal_queue import Operator
-from diffbotctl.drivers.simulated_robot import is_duty_board, simulated_robot_driver
+from diffbotctl.drivers.robot_link import VIRTUAL_PORTS, is_duty_board
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.live_changes import LiveChanges
@@ -21,16 +21,14 @@ from diffbotctl.errors import UserError
 from diffbotctl.graph import LOG, Sink
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
-from diffbotctl.plant.simulated_robot import CAMERA
 from diffbotctl.processes import screen
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
 from diffbotctl.recording import log_process, snapshot
 from diffbotctl.recording.black_box import BlackBox
 from diffbotctl.recording.digest import Digest
 from diffbotctl.recording.recorder import Recorder
-from diffbotctl.render.map_scene import VIRTUAL
 from diffbotctl.runs import recording as recording_module
-from diffbotctl.runs.build_graph import Assembly, assemble, wires_of
+from diffbotctl.runs.build_graph import Assembly, assemble, sources, wires_of
 from diffbotctl.runs.signals import Signals
 from diffbotctl.time import NEVER, SECOND
 
@@ -86,7 +84,7 @@ class Run:
         signals: Signals | None = None,
         gone: Callable[[], None] | None = None,
     ) -> None:
-        real = options.port not in VIRTUAL
+        real = options.port not in VIRTUAL_PORTS
         self.configuration, self.options = configuration, options
         self.assembly: Assembly = assemble(configuration, real)
         self.reckoned = wires_of(self.assembly, Odometry)
@@ -168,9 +166,8 @@ class Run:
 
     def _seen_from_above(self) -> list[str]:
         """The wires on which cameras tell the pose, where no block reckons it."""
-        robot = self.configuration.robot
-        sensors = {} if robot is None else robot.sensors
-        return [f"robot.{name}" for name, each in sensors.items() if each.type == CAMERA]
+        kinds = sources(self.configuration.robot)
+        return [wire for wire, kind in kinds.items() if kind is Odometry]
 
     def _end(self, code: int, cause: str) -> None:
         self.engine.end(code, cause)
@@ -191,15 +188,18 @@ class Run:
     def _robot(self) -> RobotDriver | None:
         if self.configuration.robot is None:
             return None
+        # Imported late: a run on a real port needs neither plant nor emulator.
         if self.options.port == "sim":
+            from diffbotctl.drivers.simulated_robot import simulated_robot_driver
+
             return simulated_robot_driver(self.configuration, self.options.seed)
         if self.options.port == "emulated":
-            from diffbotctl.emulator.robot import emulated_robot_driver
+            from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 
             return emulated_robot_driver(self.configuration, self.options.seed)
-        from diffbotctl.runs.serial import serial_robot  # a simulated run needs no protocol
+        from diffbotctl.drivers.serial_robot import open_serial_robot
 
-        return serial_robot(self.configuration.robot, self.options.port, self.tell)
+        return open_serial_robot(self.configuration.robot, self.options.port, self.tell)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks: dict[str, list[Sink]] = {}

@@ -7,8 +7,8 @@ from statistics import fmean
 import pytest
 
 from diffbotctl.config.load import load
-from diffbotctl.drivers.simulated_robot import plant_parameters
 from diffbotctl.messages import Wheels
+from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.wheel import EncoderDisc, WheelModel
 

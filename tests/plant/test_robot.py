@@ -5,12 +5,12 @@ from random import Random
 
 import pytest
 
+from diffbotctl.config.simulation import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
 from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
 from diffbotctl.plant.sharp_ir import RESIDUE, volts
 from diffbotctl.plant.simulated_robot import SimulatedRobot
-from diffbotctl.plant.simulation import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import SECOND
 

@@ -7,10 +7,12 @@ from random import Random
 import pytest
 
 from diffbotctl.config.load import load, load_robot
-from diffbotctl.drivers.simulated_robot import plant_parameters, simulated_robot_driver
+from diffbotctl.drivers.simulated_robot import simulated_robot_driver
 from diffbotctl.messages import Odometry, Scan, Wheels
+from diffbotctl.model.laser_scanners import ScannerModel
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.laser_scanner import Scanner, ScannerModel
+from diffbotctl.plant.range_sensors import Scanner
+from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.time import SECOND

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.simulation import EncoderTruth
+from diffbotctl.config.simulation import EncoderTruth
 from diffbotctl.plant.wheel import REST, EncoderDisc, MotorModel, WheelModel, draw_disc
 from diffbotctl.time import SECOND
 

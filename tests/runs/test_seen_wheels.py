@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.emulator.wheel_report import WheelReport
+from diffbotctl.emulator.virtual_board import WheelReport
 
 MS = 1_000_000
 

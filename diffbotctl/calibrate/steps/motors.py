@@ -14,7 +14,7 @@ from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import MotionNotice, Outcome, Running
 from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.simulated_robot import is_duty_board
+from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Battery
 
