@@ -40,6 +40,7 @@ def candidates(radio: bool = False) -> list[Candidate]:
 
     Those that may be boards come first.
     """
+    # Imported late: pyserial is heavy, and only a list of all ports needs it.
     from serial.tools import list_ports
 
     return sort(list_ports.comports(), radio, stable_names(STABLE_NAMES))

@@ -14,6 +14,14 @@ from typing import Protocol
 
 from diffbotctl.drivers.socket_port import connect_radio, connect_socket, is_socket, unreachable
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.ports.diagnosis import (
+    OF_RIGHTS,
+    PortReport,
+    busy_problem,
+    judge_name,
+    survey_ports,
+)
+from diffbotctl.ports.permissions import current_user
 from diffbotctl.ports.port_users import UNSEEN, holder
 
 READ_SIZE = 4096  # bytes; more than any board sends between two looks
@@ -146,16 +154,11 @@ def _lock(fd: int, device: str) -> None:
 
 
 def _busy(device: str) -> RunError:
-    from diffbotctl.ports.diagnosis import busy_problem
-
     return RunError(busy_problem(device, holder(Path("/"), os.path.abspath(device)) or UNSEEN))
 
 
 def _no_right(device: str) -> RunError:
     """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
-    from diffbotctl.ports.diagnosis import OF_RIGHTS, PortReport, judge_name, survey_ports
-    from diffbotctl.ports.permissions import current_user
-
     root = Path("/")
     found = judge_name(root, survey_ports(root, current_user()), os.path.abspath(device))
     problems = found.problems if isinstance(found, PortReport) else ()
