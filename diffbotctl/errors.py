@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from textwrap import wrap
 
 WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT = 24  # columns of the user's line kept in front of the caret when it must be shortened
@@ -105,12 +106,11 @@ class RunError(UserError):
     exit_code = 1
 
 
-def closest_match(word: str, words: Iterable[str]) -> str | None:
+def closest_match(word: str, words: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The one of `words` that was probably meant by `word`, or None when none is near."""
-    from difflib import get_close_matches
+    from difflib import get_close_matches  # needed only after a mistake
 
-    found = get_close_matches(word[:80], list(words), n=1, cutoff=0.6)
-    return found[0] if found else None
+    return next(iter(get_close_matches(word[:80], list(words), n=1, cutoff=cutoff)), None)
 
 
 def join_words(words: Iterable[object], joint: str = "or") -> str:
@@ -167,8 +167,6 @@ def _columns(text: str) -> int:
 
 
 def _wrapped(text: str, indent: str, width: int) -> list[str]:
-    from textwrap import wrap
-
     return wrap(
         text,
         max(width, len(indent) + 20),

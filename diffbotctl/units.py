@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from math import pi
 
+from diffbotctl.errors import closest_match
+
 # unit -> (SI unit it belongs to, factor). One table for files, the command line and messages.
 UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
@@ -118,8 +120,7 @@ def _such_as(unit: str) -> str:
 
 
 def _nearest(written: str, unit: str) -> str:
-    from difflib import get_close_matches
-
-    same = [name for name in of_kind(unit) if name.lower() == written.lower()]
-    close = same or get_close_matches(written, of_kind(unit), n=1, cutoff=0.5)
-    return f"; did you mean {close[0]}?" if close else f"; use one of {', '.join(of_kind(unit))}"
+    names = of_kind(unit)
+    same = next((name for name in names if name.lower() == written.lower()), None)
+    near = same or closest_match(written, names, cutoff=0.5)
+    return f"; did you mean {near}?" if near else f"; use one of {', '.join(names)}"

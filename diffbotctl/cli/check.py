@@ -62,21 +62,22 @@ def _counted(count: int, what: str) -> str:
 @click.argument("code", required=False)
 def explain(code: str | None) -> int:
     """Explain CODE, such as E-PIN-PWM; without one, list all codes."""
-    from diffbotctl.codes import CODES
+    from diffbotctl.codes import code_texts
     from diffbotctl.errors import Problem, UsageError, closest_match
     from diffbotctl.ui.text import render_columns
 
+    codes = code_texts()
     if code is None:
-        for line in render_columns([(each, entry.title) for each, entry in CODES.items()]):
+        for line in render_columns([(name, entry.title) for name, entry in codes.items()]):
             click.echo(line)
         return 0
-    by_name = {name.upper(): name for name in CODES}
+    by_name = {name.upper(): name for name in codes}
     name = by_name.get(code.upper(), "")
-    found = CODES.get(name)
-    if found is None:
+    entry = codes.get(name)
+    if entry is None:
         near = by_name.get(closest_match(code.upper(), by_name) or "")
         fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists them all"
         raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
-    click.echo(f"{name}: {found.title}\n")
-    click.echo(click.wrap_text(found.text, 78, preserve_paragraphs=True))
+    click.echo(f"{name}: {entry.title}\n")
+    click.echo(click.wrap_text(entry.text, 78, preserve_paragraphs=True))
     return 0

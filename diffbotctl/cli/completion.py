@@ -71,9 +71,9 @@ def _ports() -> list[str]:
 
 
 def _codes() -> list[str]:
-    from diffbotctl.codes import CODES
+    from diffbotctl.codes import code_texts
 
-    return sorted(CODES)
+    return sorted(code_texts())
 
 
 def _blocks() -> list[str]:

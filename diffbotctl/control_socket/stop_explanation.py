@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import hypot
 
-from diffbotctl.codes import CODES
+from diffbotctl.codes import code_texts
 from diffbotctl.control_socket.run_state import RunState, StopEpisode
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Encoders, Link, Message, Odometry, Range, Stop, Twist, Volts, Wheels
@@ -25,7 +25,7 @@ def explain_stop(known: RunState, graph: Graph) -> str:
 
 def _first(episode: StopEpisode) -> str:
     name = episode.wire.partition(".")[0]
-    code = CODES.get(episode.stop.code)
+    code = code_texts().get(episode.stop.code)
     title = f" ({code.title})" if code is not None else ""
     return (
         f"At {episode.time / SECOND:.2f} s {name} stopped the robot: {episode.stop.code}{title}: "

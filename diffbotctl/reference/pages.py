@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from diffbotctl import messages
 from diffbotctl.block import Every, In, actions, inputs, outputs, robot_fields
-from diffbotctl.codes import CODES
+from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
 from diffbotctl.config.pipeline import Pipeline
 from diffbotctl.config.robot import Robot
@@ -134,7 +134,7 @@ def kinds() -> Iterator[str]:
 
 def codes() -> Iterator[str]:
     """Every code with its title; `diffbotctl explain CODE` says more."""
-    lines = [f"| `{code}` | {entry.title} |" for code, entry in CODES.items()]
+    lines = [f"| `{code}` | {entry.title} |" for code, entry in code_texts().items()]
     yield "\n".join(["| code | what it means |", "|---|---|", *lines])
 
 
