@@ -15,12 +15,11 @@ from statistics import fmean, stdev
 
 from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
-from diffbotctl.calibrate.dead_reckoning import end_error, mean_distance
-from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.dead_reckoning import Geometry, end_error, mean_distance
 from diffbotctl.calibrate.geometry_fit import fit_geometry
-from diffbotctl.calibrate.optiodom import OptiodomSession, is_session, read_session
-from diffbotctl.calibrate.range_fit import DISTANCES, FAR_FROM, RulerPoint, fit_curve
-from diffbotctl.calibrate.steps.range import LISTENING
+from diffbotctl.calibrate.log_reader import OptiodomSession, is_session, read_session
+from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
+from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
 from diffbotctl.plant.sharp_ir import CURVE
 from prove.row import NoData, Row, printed
 
@@ -59,8 +58,10 @@ def by_umbmark(session: OptiodomSession) -> Geometry:
     if session.side is None:
         raise ValueError("UMBmark needs squares")
     clockwise, counter = _ends(session, session.nominal)
-    angles = umbmark.from_positions(session.side, umbmark.mean(clockwise), umbmark.mean(counter))
-    return umbmark.corrected(session.nominal, session.side, angles)
+    angles = umbmark.angles_from_positions(
+        session.side, umbmark.mean_end(clockwise), umbmark.mean_end(counter)
+    )
+    return umbmark.correct_geometry(session.nominal, session.side, angles)
 
 
 def systematic_error(session: OptiodomSession, geometry: Geometry) -> float:
@@ -130,9 +131,9 @@ def range_rows(seed: int) -> Iterator[Row]:
 def _range_errors(offset: float, noise: float, chance: Random) -> tuple[float, float]:
     """The largest errors, in mm to 20 cm and in % beyond."""
     sheet = {place: volts + offset for place, volts in CURVE if 0.04 <= place <= 0.30}
-    readings = round(LISTENING * TELEMETRY)
+    readings = round(LISTEN_TIME_S * TELEMETRY)
     points = []
-    for place in DISTANCES:
+    for place in RULER_DISTANCES_M:
         heard = [sheet[place] + chance.gauss(0.0, noise) for _ in range(readings)]
         points.append(RulerPoint(place, fmean(heard), stdev(heard), readings))
     found = fit_curve(points)
@@ -140,8 +141,8 @@ def _range_errors(offset: float, noise: float, chance: Random) -> tuple[float, f
         place: abs(distance_at(volts, found.a, found.b, found.c) - place)
         for place, volts in sheet.items()
     }
-    near = max(error for place, error in wrong.items() if place <= FAR_FROM) * MM
-    far = max(error / place for place, error in wrong.items() if place > FAR_FROM) * 100
+    near = max(error for place, error in wrong.items() if place <= FAR_FROM_M) * MM
+    far = max(error / place for place, error in wrong.items() if place > FAR_FROM_M) * 100
     return near, far
 
 

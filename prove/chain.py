@@ -12,11 +12,10 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from diffbotctl.calibrate import autonomous_drive, umbmark
-from diffbotctl.calibrate.autonomous_drive import USUAL, DriveStyle
-from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.session_factory import open_session
-from diffbotctl.calibrate.steps.squares import corners, wrapped
-from diffbotctl.calibrate.umbmark import EndError
+from diffbotctl.calibrate.autonomous_drive import DEFAULT_STYLE, DriveStyle
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate.runner import open_session
+from diffbotctl.calibrate.steps.squares import corners, wrap_angle
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
 from prove.chain_robots import Chained, Wiring, chained, drawn
@@ -262,7 +261,7 @@ def driven(seed: int, folder: Path) -> Driven:
     before = _toured_before(seed, folder)
     found = chained(Wiring(), seed, folder, CHAIN)
     plain = _short(found)
-    after = _tour(found.rig, found.truths, USUAL)
+    after = _tour(found.rig, found.truths, DEFAULT_STYLE)
     found.run("discs")
     found.switch_off_and_on(Random(f"power {seed}"))
     learnt = _short(found)
@@ -273,13 +272,13 @@ def driven(seed: int, folder: Path) -> Driven:
 def _short(found: Chained) -> Short:
     lateral, heading = _true(found, [(1.0, 0.0, None)])
     _, turned = _true(found, [(0.0, 0.0, pi / 2)])
-    return Short(lateral, heading, wrapped(turned - pi / 2))
+    return Short(lateral, heading, wrap_angle(turned - pi / 2))
 
 
-def _true(found: Chained, places: list[autonomous_drive.Place]) -> tuple[float, float]:
+def _true(found: Chained, places: list[autonomous_drive.Waypoint]) -> tuple[float, float]:
     """How far to the left it truly ended, and how far it truly turned."""
     begun = found.truths.truth.pose
-    autonomous_drive.drive_to(found.rig, places, 3.0, USUAL)
+    autonomous_drive.drive_to(found.rig, places, 3.0, DEFAULT_STYLE)
     found.truths._mark = found.truths._mark._replace(pose=begun)
     return found.truths._value("left"), found.truths._value("turned")
 

@@ -9,10 +9,9 @@ from random import Random
 from typing import Any, NamedTuple
 
 from diffbotctl.calibrate.answers_file import AnswersFile
-from diffbotctl.calibrate.runner import make_step, run_step
+from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.session_factory import open_session
-from diffbotctl.calibrate.simulated_tools import SimulatedTruth
+from diffbotctl.calibrate.simulated_session import SimulatedTools
 from diffbotctl.calibrate.step import MotionNotice, Outcome
 from diffbotctl.config.load import load_robot
 
@@ -119,7 +118,7 @@ class Quiet:
 class Watched(AnswersFile):
     """An answers file that holds the robot to what was announced, by its truth."""
 
-    def __init__(self, path: Path, truths: SimulatedTruth, made: RobotSession) -> None:
+    def __init__(self, path: Path, truths: SimulatedTools, made: RobotSession) -> None:
         super().__init__(path, truths)
         self.truths = truths
         self.worst = 0.0
@@ -168,7 +167,7 @@ class Chained(NamedTuple):
     """A robot after the chain."""
 
     rig: RobotSession
-    truths: SimulatedTruth
+    truths: SimulatedTools
     outcomes: dict[str, Outcome]
     attendant: Watched
 

@@ -38,7 +38,7 @@ class Prompter(Protocol):
         """The answer, as Question.read gives it; `trouble`: what was wrong with the last one."""
 
 
-class SimulatedTools(Protocol):
+class MeasuringTools(Protocol):
     """Reads the truth of a simulated robot, as instruments.py does."""
 
     def mark(self) -> None: ...
@@ -50,7 +50,7 @@ class SimulatedTools(Protocol):
 class AnswersFile:
     """An attendant that answers from a file, and agrees to every movement."""
 
-    def __init__(self, path: Path, instruments: SimulatedTools | None) -> None:
+    def __init__(self, path: Path, instruments: MeasuringTools | None) -> None:
         """`instruments` is None for a real robot. Raises UsageError for an unusable file."""
         self.path = path
         self.answers = read_answers(path, "E-CALIBRATE-ANSWER", EXAMPLE)

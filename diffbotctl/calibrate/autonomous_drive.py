@@ -31,8 +31,11 @@ from diffbotctl.runs.build_graph import (
 )
 from diffbotctl.time import SECOND
 
-NEAR_STOCK, FACING_STOCK = 0.03, 0.07  # m, rad, of a board with the book's firmware
-PATIENCE = 180  # s an outing may take
+STOCK_TOLERANCE_M, STOCK_HEADING_TOLERANCE_RAD = (
+    0.03,
+    0.07,
+)  # m, rad, of a board with the book's firmware
+DRIVE_TIMEOUT_S = 180  # s an outing may take
 
 
 class DriveStyle(NamedTuple):
@@ -54,15 +57,18 @@ class DriveStyle(NamedTuple):
 
 # Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that
 # no tyre slips. Where a goal really ended, odometry tells, so it need not be near.
-CALM = DriveStyle(speed=0.20, turn_rate=2.0, acceleration=0.5, near=0.015, facing=0.04)
-USUAL = DriveStyle()
+CALIBRATION_STYLE = DriveStyle(speed=0.20, turn_rate=2.0, acceleration=0.5, near=0.015, facing=0.04)
+DEFAULT_STYLE = DriveStyle()
 
-Place = tuple[float, float, float | None]
+Waypoint = tuple[float, float, float | None]
 """x, y in m and heading in rad, or none, in the frame of the start"""
 
 
 def drive_to(
-    rig: RobotSession, places: Sequence[Place], reach: float, manner: DriveStyle = CALM
+    rig: RobotSession,
+    places: Sequence[Waypoint],
+    reach: float,
+    manner: DriveStyle = CALIBRATION_STYLE,
 ) -> Odometry:
     """Visit `places` one after the other; where odometry says that it came to rest.
 
@@ -84,7 +90,7 @@ class AutonomousDrive:
         self.pose: Odometry | None = None
         robot = rig.file.robot
         self.operator = Operator(goals, lambda code, cause: self.engine.end(code, cause))
-        nodes, command = _blocks(robot, manner)
+        nodes, command = _pipeline(robot, manner)
         sinks: dict[str, list[Sink]] = {
             command: [self._send],
             "follower.state": [self.operator.hear_goal_state],
@@ -106,7 +112,7 @@ class AutonomousDrive:
         self.operator.at = self.rig.now  # an engine's time starts at 0, the rig's went on
         self.engine.last = self.rig.now
         try:
-            ending = self.engine.run(self.rig.now + PATIENCE * SECOND)
+            ending = self.engine.run(self.rig.now + DRIVE_TIMEOUT_S * SECOND)
         finally:
             self.rig.now = max(self.rig.now, self.engine.last)
         if ending.stopped is False:
@@ -139,7 +145,7 @@ class AutonomousDrive:
             self.engine.end(1, f"it went further than the {self.reach:.1f} m that were announced")
 
 
-def _blocks(robot: Robot, manner: DriveStyle) -> tuple[list[Node], str]:
+def _pipeline(robot: Robot, manner: DriveStyle) -> tuple[list[Node], str]:
     """The pipeline, and the wire that leaves for the robot."""
     limits = robot.limits
     most = UNPROVEN_SPEED if robot.drive.polarity == "unproven" else inf
@@ -150,7 +156,7 @@ def _blocks(robot: Robot, manner: DriveStyle) -> tuple[list[Node], str]:
     }
     near, facing = manner.near, manner.facing
     if is_duty_board(robot):  # its counts, late and few, tell no nearer
-        near, facing = max(near, NEAR_STOCK), max(facing, FACING_STOCK)
+        near, facing = max(near, STOCK_TOLERANCE_M), max(facing, STOCK_HEADING_TOLERANCE_RAD)
     ends = {"tolerance": near, "heading_tolerance": facing}
     odometry = build_block(OdometryBlock, robot, method=manner.method)
     to_goal = {"odometry": "odometry.odometry", "goal": "operator.goal", "stop": "operator.stop"}

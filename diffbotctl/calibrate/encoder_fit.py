@@ -21,29 +21,38 @@ from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 
-SECONDS = 1e-9
+NS = 1e-9
 # By hand a slot stays open for 20 ms and more: flanks nearer to each other than this are chatter.
-CHATTER = 0.0035  # s
-SAFE = 1.5  # times the longest chatter
-FINE = 0.0005  # s; glitch times are rounded up to whole ones of it
-SHARE = 1 / 3  # of the shortest time that a slot is open, at full speed: more would lose slots
-BINS = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.0035)  # s, upper ends of the histogram's classes
-MIN_GLITCH_EDGES = 20  # flanks, fewer tell nothing
-BAR = 30  # characters of the longest bar
+BOUNCE_GAP_MAX_S = 0.0035  # s
+GLITCH_MARGIN = 1.5  # times the longest chatter
+GLITCH_STEP_S = 0.0005  # s; glitch times are rounded up to whole ones of it
+GLITCH_OPEN_TIME_RATIO_MAX = (
+    1 / 3
+)  # of the shortest time that a slot is open, at full speed: more would lose slots
+HISTOGRAM_BINS_S = (
+    0.0001,
+    0.0002,
+    0.0005,
+    0.001,
+    0.002,
+    0.0035,
+)  # s, upper ends of the histogram's classes
+GLITCH_EDGES_MIN = 20  # flanks, fewer tell nothing
+HISTOGRAM_BAR_MAX = 30  # characters of the longest bar
 
 
-def bursts(times: Sequence[int]) -> list[float]:
+def bounce_times(times: Sequence[int]) -> list[float]:
     """How long each flank chattered (s): from its first to the last that followed closely."""
     found: list[float] = []
     first = last = None
     for time in sorted(times):
-        if first is None or last is None or (time - last) * SECONDS > CHATTER:
+        if first is None or last is None or (time - last) * NS > BOUNCE_GAP_MAX_S:
             if first is not None and last is not None:
-                found.append((last - first) * SECONDS)
+                found.append((last - first) * NS)
             first = time
         last = time
     if first is not None and last is not None:
-        found.append((last - first) * SECONDS)
+        found.append((last - first) * NS)
     return found
 
 
@@ -53,17 +62,17 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
     longest = 0.0
     for wheel, side in enumerate(SIDES):
         times = [edge.time for edge in edges if edge.wheel == wheel]
-        if len(times) < MIN_GLITCH_EDGES:
+        if len(times) < GLITCH_EDGES_MIN:
             continue
-        lengths = [each for each in bursts(times) if each > 0.0]
+        lengths = [each for each in bounce_times(times) if each > 0.0]
         made.report.extend(_histogram(side, lengths, len(times)))
         longest = max([longest, *lengths])
     encoder = robot.drive.left.encoder
     open_time = pi / encoder.slots / robot.drive.left.motor.rated
-    wanted = ceil(SAFE * longest / FINE) * FINE
-    if longest <= encoder.glitch / SAFE:
+    wanted = ceil(GLITCH_MARGIN * longest / GLITCH_STEP_S) * GLITCH_STEP_S
+    if longest <= encoder.glitch / GLITCH_MARGIN:
         return made
-    if wanted > SHARE * open_time:
+    if wanted > GLITCH_OPEN_TIME_RATIO_MAX * open_time:
         made.faults.append(
             f"the encoders' flanks chatter for {longest * 1000:.1f} ms, too long to be looked away "
             "from at full speed: a capacitor of 100 nF from the signal to ground ends that"
@@ -79,26 +88,28 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
 def _histogram(side: str, lengths: Sequence[float], flanks: int) -> list[str]:
     if not lengths:
         return [f"{side} encoder: {flanks} flanks, none of them chattered"]
-    counts = [0] * (len(BINS) + 1)
+    counts = [0] * (len(HISTOGRAM_BINS_S) + 1)
     for length in lengths:
-        counts[bisect_right(BINS, length)] += 1
+        counts[bisect_right(HISTOGRAM_BINS_S, length)] += 1
     lines = [
         f"{side} encoder: {len(lengths)} flanks chattered, {max(lengths) * 1000:.1f} ms at most"
     ]
     low = 0.0
-    for high, count in zip((*BINS, 0.0), counts, strict=True):
+    for high, count in zip((*HISTOGRAM_BINS_S, 0.0), counts, strict=True):
         if count:
             name = f"{low * 1000:g} to {high * 1000:g} ms" if high else f"beyond {low * 1000:g} ms"
-            lines.append(f"  {name:<15} {count:>4} {'#' * max(1, BAR * count // max(counts))}")
+            lines.append(
+                f"  {name:<15} {count:>4} {'#' * max(1, HISTOGRAM_BAR_MAX * count // max(counts))}"
+            )
         low = high
     return lines
 
 
-MIN_DUTY_EDGES = 40  # pitches, fewer tell nothing: two turns of a usual disc
-PAUSE = 1.8  # times the median pitch: the hand rests or turns back within it
-LEFT_OUT = 0.1  # of the pitches at either end of the order: where a hand jerks
-PRECISE = 0.003  # the least standard deviation that is stated: a barrier's delay is in it
-USUAL = (0.2, 0.8)  # beyond this the barrier sees the disc's rim, or its threshold is off
+SLOT_DUTY_PITCHES_MIN = 40  # pitches, fewer tell nothing: two turns of a usual disc
+PITCH_RATIO_MAX = 1.8  # times the median pitch: the hand rests or turns back within it
+TRIM_RATIO = 0.1  # of the pitches at either end of the order: where a hand jerks
+SLOT_DUTY_SD_MIN = 0.003  # the least standard deviation that is stated: a barrier's delay is in it
+SLOT_DUTY_RANGE = (0.2, 0.8)  # beyond this the barrier sees the disc's rim, or its threshold is off
 
 
 def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
@@ -111,13 +122,13 @@ def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
         encoder = getattr(robot.drive, side).encoder
         flanks = [each for each in edges if each.wheel == wheel]
         counted = 0 if encoder.edge == "falling" else 1
-        parts = sorted(pitches(flanks, encoder.glitch, counted))
-        if len(parts) < MIN_DUTY_EDGES:
+        parts = sorted(slot_duties(flanks, encoder.glitch, counted))
+        if len(parts) < SLOT_DUTY_PITCHES_MIN:
             continue
-        cut = int(LEFT_OUT * len(parts))
+        cut = int(TRIM_RATIO * len(parts))
         kept = parts[cut : len(parts) - cut]
-        share, sd = fmean(kept), max(pstdev(kept) / sqrt(len(kept)), PRECISE)
-        if not USUAL[0] <= share <= USUAL[1]:
+        share, sd = fmean(kept), max(pstdev(kept) / sqrt(len(kept)), SLOT_DUTY_SD_MIN)
+        if not SLOT_DUTY_RANGE[0] <= share <= SLOT_DUTY_RANGE[1]:
             made.faults.append(
                 f"the {side} encoder's pin keeps one level for {max(share, 1 - share):.0%} of a "
                 "pitch: move the light barrier so that its beam meets the middle of the slots"
@@ -128,13 +139,13 @@ def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
     return made
 
 
-def pitches(flanks: Sequence[RawEdge], glitch: float, counted: int) -> Iterator[float]:
+def slot_duties(flanks: Sequence[RawEdge], glitch: float, counted: int) -> Iterator[float]:
     """Of each whole pitch, the share during which the pin is at level `counted`.
 
     A pitch lies between two flanks to that level; `glitch` (s) is how long a flank may chatter.
     Pitches in which the wheel rested or turned back are left out.
     """
-    clean = list(_clean(sorted(flanks), glitch))
+    clean = list(_debounced(sorted(flanks), glitch))
     found = [
         (third.time - first.time, second.time - first.time)
         for first, second, third in zip(clean, clean[1:], clean[2:], strict=False)
@@ -142,16 +153,16 @@ def pitches(flanks: Sequence[RawEdge], glitch: float, counted: int) -> Iterator[
     ]
     usual = median(whole for whole, _ in found) if found else 0.0
     for whole, part in found:
-        if whole < PAUSE * usual:
+        if whole < PITCH_RATIO_MAX * usual:
             yield part / whole
 
 
-def _clean(flanks: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
+def _debounced(flanks: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
     """The first flank of each burst, levels in turn."""
     last: RawEdge | None = None
     level = None
     for flank in flanks:
-        near = last is not None and (flank.time - last.time) * SECONDS < glitch
+        near = last is not None and (flank.time - last.time) * NS < glitch
         last = flank
         if not near and flank.level != level:
             level = flank.level
@@ -159,8 +170,8 @@ def _clean(flanks: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
 
 
 # Counts that a roll may be off the others: its two ends, and where the hand stopped.
-ENDS = 2
-NEAR = 0.25  # of a slot, how far the mean may lie from a whole number
+COUNT_TOLERANCE = 2
+SLOTS_TOLERANCE = 0.25  # of a slot, how far the mean may lie from a whole number
 
 
 def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> PartResult:
@@ -173,7 +184,7 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     }
     found: dict[str, int] = {}
     for side, counts in rolls.items():
-        _one(made, found, side, counts, turns, stated[side])
+        _count_side(made, found, side, counts, turns, stated[side])
     if len(set(found.values())) > 1:
         made.faults.append(
             f"the discs have {found['left']} and {found['right']} slots: the board can only count "
@@ -186,7 +197,7 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     return made
 
 
-def _one(
+def _count_side(
     made: PartResult,
     found: dict[str, int],
     side: str,
@@ -195,7 +206,7 @@ def _one(
     stated: int,
 ) -> None:
     middle = median(counts)
-    good = [count for count in counts if abs(count - middle) <= ENDS]
+    good = [count for count in counts if abs(count - middle) <= COUNT_TOLERANCE]
     per_turn = sum(good) / len(good) / turns
     for number, count in enumerate(counts, 1):
         if count not in good:
@@ -203,7 +214,7 @@ def _one(
     spread = (max(good) - min(good)) / turns
     slots = round(per_turn)
     told = f"{side} disc: {per_turn:.2f} counts a turn from {len(good)} rolls, spread {spread:.2f}"
-    if (len(good) < 2 and len(counts) > 1) or abs(per_turn - slots) > NEAR or slots < 1:
+    if (len(good) < 2 and len(counts) > 1) or abs(per_turn - slots) > SLOTS_TOLERANCE or slots < 1:
         made.faults.append(
             f"{told}: no whole number of slots. Was it turned exactly {turns} times, forward, and "
             "not too fast? If so the encoder loses edges, or bounces"

@@ -14,19 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import dead_reckon
-from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.recorded_drive import Floats, Segment
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, Segment, dead_reckon
 
-MEDIANS = {2: 1.386, 3: 2.366}  # of chi-squared with as many degrees of freedom
-EDGE = 2.0  # where weights begin to fall, in standard deviations of the sum of a stretch's three
-ROUNDS = 40  # of Gauss and Newton; a handful is usual
-STILL = 1e-9  # relative change at which they end
-LONGEST = 0.3  # natural logarithm; a longer step leaves what the slopes tell
-LEAST_SPREAD = 0.01  # of the expected variance: exact data must not make rounding look like error
-DIAMETER_PRIOR = 0.05  # sd of the stated mean diameter: anyone can measure a wheel better than this
+CHI2_MEDIANS = {2: 1.386, 3: 2.366}  # of chi-squared with as many degrees of freedom
+WEIGHT_THRESHOLD_SD = (
+    2.0  # where weights begin to fall, in standard deviations of the sum of a stretch's three
+)
+ITERATIONS_MAX = 40  # of Gauss and Newton; a handful is usual
+STEP_TOLERANCE = 1e-9  # relative change at which they end
+LOG_STEP_MAX = 0.3  # natural logarithm; a longer step leaves what the slopes tell
+VARIANCE_RATIO_MIN = (
+    0.01  # of the expected variance: exact data must not make rounding look like error
+)
+DIAMETER_PRIOR_SD = (
+    0.05  # sd of the stated mean diameter: anyone can measure a wheel better than this
+)
 
-Weight = Callable[[Floats], Floats]
+WeightFunction = Callable[[Floats], Floats]
 
 
 class Residual(NamedTuple):
@@ -40,7 +44,7 @@ class Residual(NamedTuple):
     @property
     def chi(self) -> float:
         """Sum of squares, scaled so that its median is that of three degrees of freedom."""
-        scale = MEDIANS[3] / MEDIANS[len(self.residuals)]
+        scale = CHI2_MEDIANS[3] / CHI2_MEDIANS[len(self.residuals)]
         return float(self.residuals @ self.residuals) * scale
 
 
@@ -55,50 +59,50 @@ class Adjustment(NamedTuple):
     misfits: list[Residual]
 
 
-def huber(distance: Floats) -> Floats:
+def huber_weights(distance: Floats) -> Floats:
     """Weights that fall as one over the distance beyond EDGE."""
-    return np.minimum(1.0, EDGE / np.maximum(distance, EDGE))
+    return np.minimum(1.0, WEIGHT_THRESHOLD_SD / np.maximum(distance, WEIGHT_THRESHOLD_SD))
 
 
-def cauchy(distance: Floats) -> Floats:
+def cauchy_weights(distance: Floats) -> Floats:
     """Weights that fall as one over its square."""
-    return 1 / (1 + (distance / EDGE) ** 2)
+    return 1 / (1 + (distance / WEIGHT_THRESHOLD_SD) ** 2)
 
 
 def adjust(
     pieces: Sequence[Segment],
     start: Geometry,
     stated: Geometry,
-    weigh: Weight,
-    diameter_sd: float = DIAMETER_PRIOR,
+    weigh: WeightFunction,
+    diameter_sd: float = DIAMETER_PRIOR_SD,
 ) -> Adjustment:
     """The geometry that brings every stretch to its true end, from `start` on.
 
     The mean diameter is held to the `stated` one as far as `diameter_sd` (relative) says.
     """
     geometry = start
-    for _ in range(ROUNDS):
-        misfits, spread, weights = _weighed(pieces, geometry, weigh)
+    for _ in range(ITERATIONS_MAX):
+        misfits, spread, weights = _reweight(pieces, geometry, weigh)
         normal, pull = normal_equations(misfits, weights)
         hold = spread / diameter_sd**2
         normal[0, 0] += hold
         pull[0] += hold * np.log(geometry.mean / stated.mean)
-        step = np.clip(-np.linalg.lstsq(normal, pull, rcond=None)[0], -LONGEST, LONGEST)
-        geometry = _moved(geometry, step)
-        if np.abs(step).max() < STILL:
+        step = np.clip(-np.linalg.lstsq(normal, pull, rcond=None)[0], -LOG_STEP_MAX, LOG_STEP_MAX)
+        geometry = _apply_log_step(geometry, step)
+        if np.abs(step).max() < STEP_TOLERANCE:
             break
-    misfits, spread, weights = _weighed(pieces, geometry, weigh)
+    misfits, spread, weights = _reweight(pieces, geometry, weigh)
     return Adjustment(geometry, spread, weights, misfits)
 
 
-def residual(piece: Segment, geometry: Geometry) -> Residual:
+def segment_residual(piece: Segment, geometry: Geometry) -> Residual:
     """How far dead reckoning with `geometry` misses the true end of `piece`."""
     reckoned = dead_reckon(piece, geometry)
     gap = reckoned.end - piece.moved
     gap[2] = np.remainder(gap[2] + np.pi, 2 * np.pi) - np.pi
     known = 3 if np.isfinite(piece.moved[2]) else 2
     root = np.linalg.cholesky(reckoned.covariance[:known, :known])
-    slopes = reckoned.slope[:known] @ _by_logarithms(geometry)
+    slopes = reckoned.slope[:known] @ _log_jacobian(geometry)
     return Residual(np.linalg.solve(root, gap[:known]), np.linalg.solve(root, slopes))
 
 
@@ -111,16 +115,16 @@ def normal_equations(misfits: Sequence[Residual], weights: Floats) -> tuple[Floa
     return normal, pull
 
 
-def _weighed(
-    pieces: Sequence[Segment], geometry: Geometry, weigh: Weight
+def _reweight(
+    pieces: Sequence[Segment], geometry: Geometry, weigh: WeightFunction
 ) -> tuple[list[Residual], float, Floats]:
-    misfits = [residual(piece, geometry) for piece in pieces]
+    misfits = [segment_residual(piece, geometry) for piece in pieces]
     chi = np.array([each.chi for each in misfits])
-    spread = max(LEAST_SPREAD, float(np.median(chi)) / MEDIANS[3])
-    return misfits, spread, weigh(np.sqrt(chi / MEDIANS[3] / spread))
+    spread = max(VARIANCE_RATIO_MIN, float(np.median(chi)) / CHI2_MEDIANS[3])
+    return misfits, spread, weigh(np.sqrt(chi / CHI2_MEDIANS[3] / spread))
 
 
-def _by_logarithms(geometry: Geometry) -> Floats:
+def _log_jacobian(geometry: Geometry) -> Floats:
     """(3, 3): both diameters and the track by the logarithms of mean, ratio and track."""
     right, left, ratio = geometry.right, geometry.left, geometry.ratio
     return np.array(
@@ -132,7 +136,7 @@ def _by_logarithms(geometry: Geometry) -> Floats:
     )
 
 
-def _moved(geometry: Geometry, step: Floats) -> Geometry:
+def _apply_log_step(geometry: Geometry, step: Floats) -> Geometry:
     mean, ratio, track = (exp(each) for each in step)
     scaled = Geometry(geometry.right * mean, geometry.left * mean, geometry.track)
     return scaled.reshaped(geometry.ratio * ratio, geometry.track * track)

@@ -15,14 +15,16 @@ from math import pi
 
 import numpy as np
 
-from diffbotctl.calibrate.motor_fit import SLOT, LagFit, StepResponse, gathered
-from diffbotctl.calibrate.recorded_drive import Floats
+from diffbotctl.calibrate.dead_reckoning import Floats
+from diffbotctl.calibrate.motor_fit import SLOT_ERROR_SD_PITCHES, LagFit, StepResponse, gather_edges
 
-ROUNDS = 12
-SETTLED = 1e-5  # s; the rounds end when neither time moves further
-FIRST_LAG = 0.1  # s, from where the search begins
-LEAST = 0.01  # s, of a lag
-COUNT = 0.29  # pitches, sd of a place that is only known to lie somewhere in a slot: 1 / sqrt(12)
+ITERATIONS_MAX = 12
+TIME_TOLERANCE_S = 1e-5  # s; the rounds end when neither time moves further
+INITIAL_LAG_S = 0.1  # s, from where the search begins
+LAG_MIN_S = 0.01  # s, of a lag
+COUNT_SD_PITCHES = (
+    0.29  # pitches, sd of a place that is only known to lie somewhere in a slot: 1 / sqrt(12)
+)
 
 
 @dataclass
@@ -74,23 +76,23 @@ class LagModel:
         self.uneven += by[2 * steps + 2 :]
 
 
-def common_lag(steps: Sequence[StepResponse], slots: int, jitter: float) -> LagFit:
+def fit_common_lag(steps: Sequence[StepResponse], slots: int, jitter: float) -> LagFit:
     """Lag and dead time of both wheels, whose motors are of one kind, from steps that are timed by
     when they were sent; when each was taken scatters by `jitter` (s, sd).
 
     Raises ValueError when there are too few edges, or no such motion is in them.
     """
-    wheels = [_wheel(steps, left, slots) for left in (True, False)]
-    lag, dead, noise = FIRST_LAG, FIRST_LAG, COUNT * 2 * pi / slots
-    for _ in range(ROUNDS):
-        matrix, wanted = _system(wheels, lag, dead, noise, jitter)
+    wheels = [_initial_model(steps, left, slots) for left in (True, False)]
+    lag, dead, noise = INITIAL_LAG_S, INITIAL_LAG_S, COUNT_SD_PITCHES * 2 * pi / slots
+    for _ in range(ITERATIONS_MAX):
+        matrix, wanted = _normalized_system(wheels, lag, dead, noise, jitter)
         by: Floats = np.asarray(np.linalg.lstsq(matrix, wanted, rcond=None)[0], dtype=float)
-        lag, before = max(lag + float(by[0]), LEAST), lag
+        lag, before = max(lag + float(by[0]), LAG_MIN_S), lag
         dead = max(dead + float(by[1]), 0.0)
         each = (len(by) - 2) // 2
         for number, wheel in enumerate(wheels):
             wheel.move(by[2 + number * each : 2 + (number + 1) * each])
-        if abs(lag - before) + abs(by[1]) < SETTLED:
+        if abs(lag - before) + abs(by[1]) < TIME_TOLERANCE_S:
             break
     else:
         raise ValueError("how late they follow could not be told from the steps")
@@ -103,10 +105,10 @@ def common_lag(steps: Sequence[StepResponse], slots: int, jitter: float) -> LagF
     )
 
 
-def _wheel(steps: Sequence[StepResponse], left: bool, slots: int) -> LagModel:
-    times, places, which, slot = gathered(steps, left, slots)
+def _initial_model(steps: Sequence[StepResponse], left: bool, slots: int) -> LagModel:
+    times, places, which, slot = gather_edges(steps, left, slots)
     ups = np.array([step.up for step in steps])[which]
-    late = times > FIRST_LAG * 10.0
+    late = times > INITIAL_LAG_S * 10.0
     speeds = np.array(
         [
             np.mean(
@@ -136,7 +138,7 @@ def _slope(times: Floats, places: Floats) -> float:
     return float(np.polyfit(times - times[0], places, 1)[0])
 
 
-def _system(
+def _normalized_system(
     wheels: Sequence[LagModel], lag: float, dead: float, noise: float, jitter: float
 ) -> tuple[Floats, Floats]:
     """The linear least squares of one round: what was seen, and then what is known beforehand."""
@@ -150,7 +152,7 @@ def _system(
         seen.append(wide / noise)
         missing.append((wheel.places - angles) / noise)
         steps, slots = len(wheel.start), len(wheel.uneven)
-        error = SLOT * 2 * pi / slots
+        error = SLOT_ERROR_SD_PITCHES * 2 * pi / slots
         prior = np.zeros((steps + slots, wide.shape[1]))
         first = columns.start
         prior[np.arange(steps), first + steps + np.arange(steps)] = 1.0 / jitter

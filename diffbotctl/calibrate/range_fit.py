@@ -21,13 +21,13 @@ from diffbotctl.blocks.range_sensor import distance_at
 
 Floats: TypeAlias = NDArray[np.float64]
 
-DISTANCES = (0.04, 0.07, 0.10, 0.16, 0.25, 0.30)  # m; close where the curve bends most
-LEAST_POINTS = 4  # one more than there are numbers to find
-NEAR_ALLOWED, FAR_FROM, FAR_ALLOWED = 0.003, 0.20, 0.02  # m, m, share of the distance
-RULER = 0.0005  # m; sd of a distance held by hand at a ruler
-LEAST_SHIFT, MOST_SHIFT = 0.0, 0.05  # m; of b: what lies inside the case, as far as it can be
-STEP_SHARE = 1e-6  # of the range of b, to which it is found
-GOLDEN = (sqrt(5.0) - 1.0) / 2.0
+RULER_DISTANCES_M = (0.04, 0.07, 0.10, 0.16, 0.25, 0.30)  # m; close where the curve bends most
+POINTS_MIN = 4  # one more than there are numbers to find
+NEAR_ERROR_MAX_M, FAR_FROM_M, FAR_ERROR_RATIO_MAX = 0.003, 0.20, 0.02  # m, m, share of the distance
+RULER_SD_M = 0.0005  # m; sd of a distance held by hand at a ruler
+SHIFT_MIN_M, SHIFT_MAX_M = 0.0, 0.05  # m; of b: what lies inside the case, as far as it can be
+SHIFT_TOLERANCE_RATIO = 1e-6  # of the range of b, to which it is found
+GOLDEN_RATIO = (sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class RangeFit:
 
     def misses(self) -> list[RulerPoint]:
         """Points that the curve tells worse than is asked."""
-        return [each for each in self.points if abs(self.error(each)) > allowed(each.distance)]
+        return [each for each in self.points if abs(self.error(each)) > error_limit(each.distance)]
 
     @property
     def noise(self) -> float:
@@ -81,9 +81,9 @@ class RangeFit:
         return sqrt(sum(each.noise**2 for each in self.points) / len(self.points))
 
 
-def allowed(distance: float) -> float:
+def error_limit(distance: float) -> float:
     """How far a told distance may be from the true one, in m."""
-    return NEAR_ALLOWED if distance <= FAR_FROM else FAR_ALLOWED * distance
+    return NEAR_ERROR_MAX_M if distance <= FAR_FROM_M else FAR_ERROR_RATIO_MAX * distance
 
 
 def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
@@ -93,26 +93,26 @@ def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
     Raises ValueError with the reason when the points cannot be those of such a sensor.
     """
     ordered = tuple(sorted(points, key=lambda each: each.distance))
-    _refuse(ordered)
-    b = _least(lambda shift: _linear(ordered, shift)[2], LEAST_SHIFT, MOST_SHIFT)
-    a, c, left = _linear(ordered, b)
+    _check_points(ordered)
+    b = _golden_section(lambda shift: _solve_linear(ordered, shift)[2], SHIFT_MIN_M, SHIFT_MAX_M)
+    a, c, left = _solve_linear(ordered, b)
     if not a > 0.0:
         raise ValueError("the voltages do not fall as a Sharp sensor's do: is it the right pin?")
-    return RangeFit(a, b, c, _deviations(ordered, a, b, left), ordered)
+    return RangeFit(a, b, c, _standard_deviations(ordered, a, b, left), ordered)
 
 
-def _refuse(points: Sequence[RulerPoint]) -> None:
+def _check_points(points: Sequence[RulerPoint]) -> None:
     """Raise ValueError when no curve can be laid through the points."""
-    if len({each.distance for each in points}) < LEAST_POINTS:
-        raise ValueError(f"{len(points)} distances; {LEAST_POINTS} different ones are needed")
+    if len({each.distance for each in points}) < POINTS_MIN:
+        raise ValueError(f"{len(points)} distances; {POINTS_MIN} different ones are needed")
     for near, far in pairwise(points):
         if far.distance == near.distance:
             continue
         if near.volts < far.volts:
-            raise ValueError(_rising(near, far))
+            raise ValueError(_rising_cause(near, far))
 
 
-def _rising(near: RulerPoint, far: RulerPoint) -> str:
+def _rising_cause(near: RulerPoint, far: RulerPoint) -> str:
     seen = (
         f"{near.volts:.2f} V at {near.distance * 100:g} cm, "
         f"and more, {far.volts:.2f} V, at {far.distance * 100:g} cm"
@@ -125,48 +125,48 @@ def _rising(near: RulerPoint, far: RulerPoint) -> str:
     return f"{seen}: it must fall with distance; was one of the two not where it was said to be?"
 
 
-def _linear(points: Sequence[RulerPoint], shift: float) -> tuple[float, float, float]:
+def _solve_linear(points: Sequence[RulerPoint], shift: float) -> tuple[float, float, float]:
     """a and c for a given b, and the mean square of the distances' errors against what is allowed.
 
     A voltage's error divided by the slope a / (d + b)^2 is the distance's.
     """
     distance = np.array([each.distance for each in points])
     volts = np.array([each.volts for each in points])
-    weight = (distance + shift) ** 2 / np.array([allowed(each) for each in distance])
+    weight = (distance + shift) ** 2 / np.array([error_limit(each) for each in distance])
     table = np.column_stack((1.0 / (distance + shift), np.ones_like(distance)))
     (a, c), *_ = np.linalg.lstsq(table * weight[:, None], volts * weight, rcond=None)
     errors = (volts - table @ (a, c)) * weight / a
     return float(a), float(c), float(np.mean(errors**2))
 
 
-def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+def _golden_section(cost: Callable[[float], float], low: float, high: float) -> float:
     """Where `cost`, a function with one valley, is least between `low` and `high`."""
-    left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+    left, right = high - GOLDEN_RATIO * (high - low), low + GOLDEN_RATIO * (high - low)
     at_left, at_right = cost(left), cost(right)
-    end = STEP_SHARE * (high - low)
+    end = SHIFT_TOLERANCE_RATIO * (high - low)
     while high - low > end:
         if at_left < at_right:
             high, right, at_right = right, left, at_left
-            left = high - GOLDEN * (high - low)
+            left = high - GOLDEN_RATIO * (high - low)
             at_left = cost(left)
         else:
             low, left, at_left = left, right, at_right
-            right = low + GOLDEN * (high - low)
+            right = low + GOLDEN_RATIO * (high - low)
             at_right = cost(right)
     return 0.5 * (low + high)
 
 
-def _deviations(
+def _standard_deviations(
     points: Sequence[RulerPoint], a: float, b: float, left: float
 ) -> tuple[float, float, float]:
     """Of a, b and c: the points' noise and the ruler's, or what the curve leaves over if more."""
     distance = np.array([each.distance for each in points]) + b
     slope = a / distance**2
-    scale = np.array([allowed(each.distance) for each in points])
+    scale = np.array([error_limit(each.distance) for each in points])
     table = np.column_stack((1.0 / distance, -slope, np.ones_like(distance))) / slope[:, None]
     weighted = table / scale[:, None]
     inverse = np.linalg.pinv(weighted)
-    known = (np.array([each.sd for each in points]) / slope) ** 2 + RULER**2
+    known = (np.array([each.sd for each in points]) / slope) ** 2 + RULER_SD_M**2
     spare = max(len(points) - 3, 1)
     whole = np.maximum(known / scale**2, left * len(points) / spare)
     variances = (inverse**2) @ whole

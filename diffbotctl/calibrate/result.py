@@ -1,18 +1,26 @@
-"""What a calibration found, how sure it is, and where it comes from."""
+"""What a calibration found, how sure it is, and where it comes from.
+
+What was calibrated of a robot, how long ago, and what was not.
+"""
 
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from math import isfinite
 from typing import NamedTuple
 
 from diffbotctl.config import calibration_overlay
+from diffbotctl.config.checks.calibration import found_by
+from diffbotctl.config.configuration import RobotFile
 from diffbotctl.params import with_unit
 
+RIGHT_DIAMETER, LEFT_DIAMETER = "drive.right.wheel.diameter", "drive.left.wheel.diameter"
+TRACK = "drive.track"
 NOT_MEASURED = "not measured"
 # Significant digits that are written. A tape tells four at best, but what two wheels differ by is
 # known far better than what they have in common.
-DIGITS, DOUBT = 6, 2
+VALUE_DIGITS, SD_DIGITS = 6, 2
 
 FindingValue = float | str | bool | tuple[float, ...]
 
@@ -53,9 +61,9 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
     Raises ValueError for a value or deviation that is not finite.
     """
     unit = _unit(finding.field)
-    entries = {"value": _value(finding.value, unit)}
+    entries = {"value": _format_value(finding.value, unit)}
     if finding.sd is not None:
-        entries["sd"] = _value(finding.sd, unit, DOUBT)
+        entries["sd"] = _format_value(finding.sd, unit, SD_DIGITS)
     volts = NOT_MEASURED if origin.volts is None else with_unit(round(origin.volts, 2), "V")
     entries |= {"date": json.dumps(origin.date), "method": origin.method, "volts": volts}
     if origin.recording:
@@ -70,14 +78,80 @@ def _unit(field: str) -> str:
     return declaration.unit
 
 
-def _value(value: FindingValue, unit: str, digits: int = DIGITS) -> str:
+def _format_value(value: FindingValue, unit: str, digits: int = VALUE_DIGITS) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(_value(each, unit) for each in value)}]"
+        return f"[{', '.join(_format_value(each, unit) for each in value)}]"
     if isinstance(value, str):
         return value
     if not isfinite(value):
         raise ValueError(f"{value} is no result")
     number = f"{value:.{digits}g}"
     return number if unit in ("", "1") else f"{number} {unit}"
+
+
+DATE_FORMAT = "%Y-%m-%dT%H:%MZ"
+MINUTE, HOUR, DAY = 60, 3600, 86_400  # s
+
+
+class CalibrationEntry(NamedTuple):
+    """One entry as a person reads it."""
+
+    field: str
+    value: str
+    sd: str
+    age: str
+    method: str
+    volts: str
+    recording: str
+
+
+def format_date(now: datetime) -> str:
+    """The time as entries carry it, in UTC."""
+    return now.astimezone(UTC).strftime(DATE_FORMAT)
+
+
+def calibration_entries(file: RobotFile, now: datetime) -> list[CalibrationEntry]:
+    """Every entry of the robot's `calibration:`, in its order."""
+    return [
+        CalibrationEntry(
+            field,
+            _short_value(entry.value),
+            _short_value(entry.sd),
+            format_age(entry.date, now),
+            entry.method or "",
+            str(entry.volts or ""),
+            (entry.recording or "")[:12],
+        )
+        for field, entry in file.robot.calibration.items()
+    ]
+
+
+def missing_entries(file: RobotFile) -> dict[str, str]:
+    """What was never calibrated though most pipelines rely on it -> the command that finds it."""
+    return {
+        path: by for path, by in found_by(file.robot).items() if path not in file.robot.calibration
+    }
+
+
+def format_age(date: str | None, now: datetime) -> str:
+    """How long before `now` (aware) that was, in the largest unit that fits."""
+    try:
+        then = datetime.strptime(date or "", DATE_FORMAT).replace(tzinfo=UTC)
+    except ValueError:
+        return date or ""
+    seconds = (now - then).total_seconds()
+    for length, name in ((DAY, "day"), (HOUR, "hour"), (MINUTE, "minute")):
+        if seconds >= length:
+            count = int(seconds / length)
+            return f"{count} {name}{'s' * (count != 1)} old"
+    return "just now" if seconds > -MINUTE else "in the future: check the clock"
+
+
+def _short_value(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, list):
+        return f"{len(value)} values"
+    return str(value)

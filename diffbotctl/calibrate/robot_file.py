@@ -27,11 +27,12 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.yaml_edit import reads_as, with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
 
-KEY = "calibration"
+SECTION = "calibration"
 INDENT = "  "
 # The section's line with nothing behind the key, or an empty mapping; what follows is a comment.
-EMPTY = re.compile(
-    rf"^(?P<key>{KEY}:)(?P<gap>[ ]*)(?P<braces>\{{[ ]*\}})?(?P<rest>[ ]*(?:#.*)?)$", re.MULTILINE
+EMPTY_SECTION = re.compile(
+    rf"^(?P<key>{SECTION}:)(?P<gap>[ ]*)(?P<braces>\{{[ ]*\}})?(?P<rest>[ ]*(?:#.*)?)$",
+    re.MULTILINE,
 )
 
 
@@ -43,27 +44,27 @@ def replace_section(text: str, entries: Mapping[str, str]) -> str:
     crlf = "\r\n" in text and not re.search(r"(?<!\r)\n", text)
     changed = text.replace("\r\n", "\n") if crlf else text
     for path, written in entries.items():
-        changed = _with(changed, path, written)
+        changed = _with_section_entry(changed, path, written)
     return changed.replace("\n", "\r\n") if crlf else changed
 
 
-def _with(text: str, path: str, written: str) -> str:
+def _with_section_entry(text: str, path: str, written: str) -> str:
     if _is_empty(text):
-        return _opened(text, f"{INDENT}{path}: {written}")
-    return with_entry(text, [KEY, path], written)
+        return _open_section(text, f"{INDENT}{path}: {written}")
+    return with_entry(text, [SECTION, path], written)
 
 
 def _is_empty(text: str) -> bool:
     top = yaml.load(text, Loader=yaml.CSafeLoader)
-    return isinstance(top, dict) and not top.get(KEY)
+    return isinstance(top, dict) and not top.get(SECTION)
 
 
-def _opened(text: str, line: str) -> str:
+def _open_section(text: str, line: str) -> str:
     """`text`, whose section is empty or missing, with `line` as the section's first entry."""
-    found = list(EMPTY.finditer(text))
+    found = list(EMPTY_SECTION.finditer(text))
     if not found:
         end = "" if text.endswith("\n") or not text else "\n"
-        changed = f"{text}{end}{KEY}:\n{line}\n"
+        changed = f"{text}{end}{SECTION}:\n{line}\n"
     elif len(found) == 1:
         match = found[0]
         # Spaces in the place of the braces keep a comment in its column.
@@ -74,19 +75,19 @@ def _opened(text: str, line: str) -> str:
         )
     else:
         raise ValueError("the word `calibration:` stands at the beginning of several lines")
-    return _checked(text, changed, line)
+    return _check_entry(text, changed, line)
 
 
-def _checked(before: str, after: str, line: str) -> str:
+def _check_entry(before: str, after: str, line: str) -> str:
     """`after`, if it reads as `before` with that one entry in the section."""
     wanted = yaml.load(before, Loader=yaml.CSafeLoader) | {
-        KEY: yaml.load(line, Loader=yaml.CSafeLoader)
+        SECTION: yaml.load(line, Loader=yaml.CSafeLoader)
     }
     return reads_as(after, wanted)
 
 
-FINGERPRINT = 8  # hexadecimal digits: one in four thousand million is no accident
-KEPT = ".before-"
+FINGERPRINT_DIGITS = 8  # hexadecimal digits: one in four thousand million is no accident
+BACKUP_INFIX = ".before-"
 
 
 class FileChange(NamedTuple):
@@ -115,16 +116,16 @@ def writable_copy(path: Path) -> tuple[Path, bool]:
         if mine.exists():
             if mine.samefile(path):
                 cause = "this is the folder of diffbotctl itself, whose files stay as they are"
-                raise _unwritten(path, cause, "change to a folder of your own")
+                raise _write_error(path, cause, "change to a folder of your own")
             return mine, False
         mine.parent.mkdir(exist_ok=True)
         shutil.copyfile(path, mine)
     except OSError as error:
-        raise _unwritten(mine, f"cannot copy it there: {error.strerror}", "") from error
+        raise _write_error(mine, f"cannot copy it there: {error.strerror}", "") from error
     return mine, True
 
 
-def change(path: Path, findings: Sequence[Finding], origin: Provenance) -> FileChange:
+def plan_change(path: Path, findings: Sequence[Finding], origin: Provenance) -> FileChange:
     """What `findings` make of the robot file at `path`.
 
     Raises UsageError where its layout does not allow it; ConfigurationError with the reasons when
@@ -135,12 +136,12 @@ def change(path: Path, findings: Sequence[Finding], origin: Provenance) -> FileC
         entries = {each.field: formatted_value(each, origin) for each in findings}
         after = replace_section(before.decode(), entries).encode()
     except ValueError as error:
-        raise _unwritten(path, str(error), "write the entries by hand") from error
-    _read(path, after)
+        raise _write_error(path, str(error), "write the entries by hand") from error
+    _load_trial(path, after)
     return FileChange(path, before, after)
 
 
-def write_findings(path: Path, keys: Sequence[str], value: str) -> FileChange:
+def plan_value_change(path: Path, keys: Sequence[str], value: str) -> FileChange:
     """The robot file at `path` with one of its own values replaced, or added.
 
     Raises as `change` does.
@@ -149,12 +150,12 @@ def write_findings(path: Path, keys: Sequence[str], value: str) -> FileChange:
     try:
         after = with_entry(before.decode(), keys, value).encode()
     except ValueError as error:
-        raise _unwritten(path, str(error), "write the entry by hand") from error
-    _read(path, after)
+        raise _write_error(path, str(error), "write the entry by hand") from error
+    _load_trial(path, after)
     return FileChange(path, before, after)
 
 
-def write(made: FileChange) -> Path:
+def write_change(made: FileChange) -> Path:
     """Write the change in one go. Returns where the file as it was is kept.
 
     Raises RunError when the file was changed meanwhile, or cannot be written.
@@ -166,10 +167,10 @@ def write(made: FileChange) -> Path:
         cause = "it was changed by somebody else meanwhile"
         fix = "do it again, or write the entries by hand"
         raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))
-    kept = _kept(path, made.after)
+    kept = _backup_path(path, made.after)
     try:
-        _replace(kept, made.before, path)
-        _replace(path, made.after, path)
+        _write_atomic(kept, made.before, path)
+        _write_atomic(path, made.after, path)
     except OSError as error:
         cause = f"cannot write there: {error.strerror}"
         raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, "")) from error
@@ -182,17 +183,17 @@ def undo(path: Path) -> FileChange:
     Raises UsageError when there is none, or the file has been changed since.
     """
     now = path.read_bytes()
-    kept = _kept(path.resolve(), now)
+    kept = _backup_path(path.resolve(), now)
     if not kept.exists():
-        raise UsageError(_nothing_kept(path))
+        raise UsageError(_no_backup(path))
     before = kept.read_bytes()
-    _replace(path.resolve(), before, path)
+    _write_atomic(path.resolve(), before, path)
     kept.unlink()
     return FileChange(path, now, before)
 
 
-def _nothing_kept(path: Path) -> Problem:
-    others = sorted(each.name for each in path.resolve().parent.glob(f"{path.name}{KEPT}*"))
+def _no_backup(path: Path) -> Problem:
+    others = sorted(each.name for each in path.resolve().parent.glob(f"{path.name}{BACKUP_INFIX}*"))
     if others:
         cause = f"it was changed since the last calibration; {', '.join(others)} is kept beside it"
         fix = "compare them, and copy what you want back"
@@ -201,8 +202,10 @@ def _nothing_kept(path: Path) -> Problem:
     return Problem("E-CALIBRATE-UNDO", str(path), cause, fix)
 
 
-def _kept(path: Path, after: bytes) -> Path:
-    return path.with_name(f"{path.name}{KEPT}{sha256(after).hexdigest()[:FINGERPRINT]}")
+def _backup_path(path: Path, after: bytes) -> Path:
+    return path.with_name(
+        f"{path.name}{BACKUP_INFIX}{sha256(after).hexdigest()[:FINGERPRINT_DIGITS]}"
+    )
 
 
 def with_findings(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
@@ -215,11 +218,11 @@ def with_findings(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
     try:
         after = replace_section(file.file.read_bytes().decode(), entries).encode()
     except ValueError as error:
-        raise _unwritten(file.file, str(error), "write the entries by hand") from error
-    return replace(_read(file.file, after), file=file.file, files=file.files)
+        raise _write_error(file.file, str(error), "write the entries by hand") from error
+    return replace(_load_trial(file.file, after), file=file.file, files=file.files)
 
 
-def _read(path: Path, after: bytes) -> RobotFile:
+def _load_trial(path: Path, after: bytes) -> RobotFile:
     """The robot file at `path`, had it the text `after`. Raises ConfigurationError."""
     trial = path.with_name(f".{path.name}.trial.yaml")
     try:
@@ -234,7 +237,7 @@ def _read(path: Path, after: bytes) -> RobotFile:
         trial.unlink(missing_ok=True)
 
 
-def _replace(path: Path, data: bytes, like: Path) -> None:
+def _write_atomic(path: Path, data: bytes, like: Path) -> None:
     """Write `data` to `path` in one go, with the access rights of `like`."""
     beside = path.with_name(f".{path.name}.new")
     with beside.open("wb") as file:
@@ -245,5 +248,5 @@ def _replace(path: Path, data: bytes, like: Path) -> None:
     beside.replace(path)
 
 
-def _unwritten(path: Path, cause: str, fix: str) -> UsageError:
+def _write_error(path: Path, cause: str, fix: str) -> UsageError:
     return UsageError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))

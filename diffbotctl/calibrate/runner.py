@@ -6,18 +6,17 @@ Runs steps: draws their events, has their questions answered, and keeps what the
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from diffbotctl.calibrate.answers_file import Prompter
 from diffbotctl.calibrate.log_reader import fingerprint
-from diffbotctl.calibrate.result import Provenance
-from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.status import stamp
+from diffbotctl.calibrate.result import Provenance, format_date
+from diffbotctl.calibrate.session import RobotSession, StopKey
 from diffbotctl.calibrate.step import (
     CurvePlot,
     Event,
@@ -30,9 +29,17 @@ from diffbotctl.calibrate.step import (
     Step,
     StepProgress,
 )
+from diffbotctl.config.configuration import RobotFile
+from diffbotctl.drivers.serial_robot import open_serial_robot
+from diffbotctl.engine.clock import PacedClock
+from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import Answer, AnswerError, Question
+
+if TYPE_CHECKING:
+    from diffbotctl.calibrate.simulated_session import SimulatedTools
+    from diffbotctl.plant.world import World
 
 # Name of the step's command -> where its class is; imported when used.
 STEPS = {
@@ -45,7 +52,7 @@ STEPS = {
     "battery": "diffbotctl.calibrate.steps.battery:BatteryStep",
 }
 
-GEOMETRY = {
+GEOMETRY_METHODS = {
     "squares": "diffbotctl.calibrate.steps.squares:SquaresStep",
     "spin": "diffbotctl.calibrate.steps.spin:SpinStep",
     "straight": "diffbotctl.calibrate.steps.straight:StraightStep",
@@ -59,13 +66,13 @@ def make_step(name: str, **settings: object) -> Step:
     The setting `how` of geometry says which of its ways.
     """
     way = settings.pop("how", None)
-    module, _, kind = (STEPS[name] if way is None else GEOMETRY[str(way)]).partition(":")
+    module, _, kind = (STEPS[name] if way is None else GEOMETRY_METHODS[str(way)]).partition(":")
     made: Step = getattr(import_module(module), kind)(**settings)
     return made
 
 
-PATIENCE = 5  # answers of no use, until a question is given up
-SECONDS = 1e-9
+ANSWER_ATTEMPTS_MAX = 5  # answers of no use, until a question is given up
+NS = 1e-9
 
 
 class Screen(Protocol):
@@ -86,6 +93,33 @@ class StepDone:
     """recording and pictures"""
 
 
+def open_session(
+    file: RobotFile,
+    port: str,
+    seed: int = 0,
+    key: StopKey | None = None,
+    report: Callable[[str], None] = print,
+    world: World | None = None,
+) -> tuple[RobotSession, SimulatedTools | None]:
+    """The robot of `file` behind `port` (`sim`, `emulated` or a device), and tools to measure it.
+
+    Simulated and emulated robots live in virtual time, as fast as it goes. Raises RunError when the
+    port cannot be opened, EmulatorError when there is no emulator.
+    """
+    if port == "sim" or port == "emulated":
+        # A real robot needs neither plant nor emulator.
+        from diffbotctl.calibrate.simulated_session import open_simulated
+
+        return open_simulated(file, port, seed, key, world)
+
+    def make_driver(file: RobotFile, previous: RobotDriver | None, now: int) -> RobotDriver:
+        if previous is not None:
+            previous.close()
+        return open_serial_robot(file.robot, port, report, now)
+
+    return RobotSession(file, make_driver, PacedClock(exact=False), key), None
+
+
 def run_step(step: Step, rig: RobotSession, attendant: Prompter, screen: Screen) -> Outcome:
     """Run one step to its end; the robot stands still afterwards, however it ended.
 
@@ -97,7 +131,7 @@ def run_step(step: Step, rig: RobotSession, attendant: Prompter, screen: Screen)
     try:
         while True:
             event = running.send(sent)
-            sent = _obey(event, rig, attendant, screen)
+            sent = _handle(event, rig, attendant, screen)
     except StopIteration as end:
         outcome: Outcome = end.value
         if outcome.findings:
@@ -109,7 +143,7 @@ def run_step(step: Step, rig: RobotSession, attendant: Prompter, screen: Screen)
         rig.driver.stop(rig.now)
 
 
-def _obey(event: Event, rig: RobotSession, attendant: Prompter, screen: Screen) -> Any:
+def _handle(event: Event, rig: RobotSession, attendant: Prompter, screen: Screen) -> Any:
     if isinstance(event, Question):
         return ask(event, attendant)
     if isinstance(event, MotionNotice):
@@ -138,7 +172,7 @@ def ask(question: Question, attendant: Prompter) -> Answer:
     Raises RunError when that does not come about.
     """
     trouble = ""
-    for _ in range(PATIENCE):
+    for _ in range(ANSWER_ATTEMPTS_MAX):
         try:
             return attendant.answer(question, trouble)
         except AnswerError as error:
@@ -155,8 +189,8 @@ def save_result(step: Step, outcome: Outcome, rig: RobotSession, folder: Path) -
     files = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        recording = _free(folder, begins, ".csv")
-        recording.write_text(table(rows))
+        recording = _free_path(folder, begins, ".csv")
+        recording.write_text(encoder_table(rows))
         files.append(recording)
         for name, text in outcome.pictures.items():
             picture = recording.with_name(f"{recording.stem}-{name}")
@@ -164,7 +198,7 @@ def save_result(step: Step, outcome: Outcome, rig: RobotSession, folder: Path) -
             files.append(picture)
     except OSError as error:
         raise _unwritable(folder, error) from error
-    origin = Provenance(outcome.method, stamp(now), outcome.volts, fingerprint([recording]))
+    origin = Provenance(outcome.method, format_date(now), outcome.volts, fingerprint([recording]))
     return StepDone(outcome, origin, files)
 
 
@@ -173,13 +207,13 @@ def refuse_unwritable(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         trial = folder / f".trial.{os.getpid()}"
-        trial.write_text("".join(map(str, range(ROOM))))
+        trial.write_text("".join(map(str, range(PROBE_NUMBERS))))
         trial.unlink()
     except OSError as error:
         raise _unwritable(folder, error) from error
 
 
-ROOM = 1000  # numbers: some kB, that a full disk does not take
+PROBE_NUMBERS = 1000  # numbers: some kB, that a full disk does not take
 
 
 def _unwritable(folder: Path, error: OSError) -> RunError:
@@ -188,7 +222,7 @@ def _unwritable(folder: Path, error: OSError) -> RunError:
     return RunError(Problem("E-CALIBRATE-WRITE", str(folder), cause, fix))
 
 
-def _free(folder: Path, begins: str, suffix: str) -> Path:
+def _free_path(folder: Path, begins: str, suffix: str) -> Path:
     """A name that is not taken; two steps may end in the same second."""
     number, path = 1, folder / f"{begins}{suffix}"
     while path.exists():
@@ -197,16 +231,16 @@ def _free(folder: Path, begins: str, suffix: str) -> Path:
     return path
 
 
-def table(frames: Sequence[Encoders]) -> str:
+def encoder_table(frames: Sequence[Encoders]) -> str:
     """Frames as the CSV text that `calibrate from-log` reads; more columns tell what drove them."""
     lines = ["time,right,left,right_edge,left_edge,right_command,left_command,kind,boot"]
     for frame in frames:
         edges = [
-            "" if edge is None else f"{edge * SECONDS:.6f}"
+            "" if edge is None else f"{edge * NS:.6f}"
             for edge in (frame.right_edge, frame.left_edge)
         ]
         cells = [
-            f"{frame.time * SECONDS:.6f}",
+            f"{frame.time * NS:.6f}",
             frame.right,
             frame.left,
             *edges,

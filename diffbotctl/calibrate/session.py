@@ -25,7 +25,7 @@ from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
 from diffbotctl.time import SECOND
 
-SPARE = 1  # count; the edge that a wheel stood on
+COUNT_MARGIN = 1  # count; the edge that a wheel stood on
 
 
 class TurnLimit:
@@ -47,12 +47,12 @@ class TurnLimit:
         for side, count, begun in zip(
             (drive.left, drive.right), (frame.left, frame.right), self._from, strict=True
         ):
-            if abs(count - begun) > self.turns * side.encoder.slots + SPARE:
+            if abs(count - begun) > self.turns * side.encoder.slots + COUNT_MARGIN:
                 cause = f"a wheel turned more than the {self.turns:g} turns that were announced"
-                raise stop_for_turn_limit(cause, "noise on its encoder, or a wrong count of slots?")
+                raise stopped_error(cause, "noise on its encoder, or a wrong count of slots?")
 
 
-def stop_for_turn_limit(cause: str, fix: str) -> RunError:
+def stopped_error(cause: str, fix: str) -> RunError:
     """What to raise when the robot had to be stopped."""
     return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
 
@@ -60,7 +60,7 @@ def stop_for_turn_limit(cause: str, fix: str) -> RunError:
 Kind = TypeVar("Kind", bound=Message)
 
 
-class Keys(Protocol):
+class StopKey(Protocol):
     """Ends a movement when a person wants it: `file` is readable, `cause` says why."""
 
     file: int
@@ -88,19 +88,23 @@ class Received(NamedTuple):
         return self.of(Encoders)
 
 
-REPEAT = SECOND // 20  # ns between two sendings of a command that holds: six to a dead-man's time
-STALE = SECOND // 2  # ns without a frame while moving; the host itself notices after 250 ms
-MEETING = 20 * SECOND  # ns until a board must have answered and taken its settings
-STOPPING = 3 * SECOND  # ns until a stop must have shown
-SETTLED = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
+COMMAND_PERIOD_NS = (
+    SECOND // 20
+)  # ns between two sendings of a command that holds: six to a dead-man's time
+FRAME_TIMEOUT_NS = (
+    SECOND // 2
+)  # ns without a frame while moving; the host itself notices after 250 ms
+CONNECT_TIMEOUT_NS = 20 * SECOND  # ns until a board must have answered and taken its settings
+STOP_TIMEOUT_NS = 3 * SECOND  # ns until a stop must have shown
+STANDSTILL_TIME_NS = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
 
-QUIET = 1.0  # s of listening, after a stop, for inputs that count by themselves
-CAPTURE_PATIENCE = 0.3  # s until the board has heard of it, or has told the rest
-STOPPED_BY_KEY = "the robot was stopped; run the step again when you like"
-HUM = 5  # counts in that time; a wheel that rolls out gives fewer
+NOISE_TEST_TIME_S = 1.0  # s of listening, after a stop, for inputs that count by themselves
+CAPTURE_TIME_S = 0.3  # s until the board has heard of it, or has told the rest
+KEY_STOP_FIX = "the robot was stopped; run the step again when you like"
+NOISE_COUNTS_MIN = 5  # counts in that time; a wheel that rolls out gives fewer
 
-SessionOptions = Duty | Wheels
-Make = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
+WheelCommand = Duty | Wheels
+DriverFactory = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 
 
 class Capturing(Protocol):
@@ -133,9 +137,9 @@ class RobotSession:
     def __init__(
         self,
         file: RobotFile,
-        make: Make,
+        make: DriverFactory,
         clock: Clock,
-        keys: Keys | None = None,
+        keys: StopKey | None = None,
     ) -> None:
         self.file = file
         self.clock = clock
@@ -185,19 +189,19 @@ class RobotSession:
         """
         self._hear()
         self.driver.stop(self.now)
-        self.still = self._counts_in(self.listen(QUIET).encoders)
-        self.noisy = any(count >= HUM for count in self.still)
+        self.still = self._counts_in(self.listen(NOISE_TEST_TIME_S).encoders)
+        self.noisy = any(count >= NOISE_COUNTS_MIN for count in self.still)
         self.rest()
 
     def _hear(self) -> None:
         """Wait for a frame over a link that is up. Raises RunError when none comes."""
         begun = self.now
         while self.encoders is None or self.heard_at <= begun or self._link_trouble():
-            if self.now - begun > MEETING:
+            if self.now - begun > CONNECT_TIMEOUT_NS:
                 cause = self._link_trouble() or "no frames came"
                 fix = "is it switched on, and does `diffbotctl blink` work?"
-                raise stop_for_turn_limit(f"the board was not ready within 20 s: {cause}", fix)
-            self._turn(self.now + STALE)
+                raise stopped_error(f"the board was not ready within 20 s: {cause}", fix)
+            self._turn(self.now + FRAME_TIMEOUT_NS)
 
     def _link_trouble(self) -> str:
         """Why no command would be taken, as far as the link tells."""
@@ -214,14 +218,14 @@ class RobotSession:
         assert self.encoders is not None
         return self.encoders
 
-    def hold(self, wanted: SessionOptions, seconds: float) -> Received:
+    def hold(self, wanted: WheelCommand, seconds: float) -> Received:
         """Keep a command for so long, and return what arrived. The robot goes on moving after it.
 
         Raises RunError, with the robot stopped, on any trouble.
         """
         return self.follow(lambda _: wanted, seconds)
 
-    def follow(self, wanted: Callable[[float], SessionOptions], seconds: float) -> Received:
+    def follow(self, wanted: Callable[[float], WheelCommand], seconds: float) -> Received:
         """As `hold`, with a command for each moment: `wanted` is handed seconds since the start."""
         self.awake()
         begun, heard = self.now, Received([])
@@ -230,7 +234,7 @@ class RobotSession:
             while self.now < end:
                 command = wanted((self.now - begun) / SECOND)
                 self.driver.command(self.now, command._replace(time=self.now))
-                until = min(self.now + REPEAT, end)
+                until = min(self.now + COMMAND_PERIOD_NS, end)
                 while self.now < until:
                     self._take(heard, self._turn(until), moving=True)
         except BaseException:
@@ -251,10 +255,10 @@ class RobotSession:
         self.driver.stop(self.now)
         heard, begun, still, counts = Received([]), self.now, self.now, None
         while not self._rests(begun, still):
-            if self.now - begun > STOPPING:
+            if self.now - begun > STOP_TIMEOUT_NS:
                 fix = "switch the motors' battery off before you look for the cause"
-                raise stop_for_turn_limit("the board did not confirm that it has stopped", fix)
-            self._take(heard, self._turn(self.now + REPEAT), moving=False)
+                raise stopped_error("the board did not confirm that it has stopped", fix)
+            self._take(heard, self._turn(self.now + COMMAND_PERIOD_NS), moving=False)
             last = self.encoders
             if last is not None and counts != (last.left, last.right):
                 counts, still = (last.left, last.right), self.now
@@ -265,7 +269,7 @@ class RobotSession:
         if self.noisy and last is not None:
             told = not last.left_command and not last.right_command and last.time > begun
             return told and self.now - begun >= SECOND
-        return self.driver.stopped and self.now - still >= SETTLED
+        return self.driver.stopped and self.now - still >= STANDSTILL_TIME_NS
 
     def capture(self, on: bool) -> list[RawEdge] | None:
         """Begin or end to gather every flank of both encoders, unfiltered.
@@ -276,7 +280,7 @@ class RobotSession:
         if host is None or self.file.robot.link.protocol == "rosserial":
             return None
         host.capture(self.now, on)
-        self.listen(CAPTURE_PATIENCE)
+        self.listen(CAPTURE_TIME_S)
         found = [RawEdge(*each) for each in host.edges]
         host.edges.clear()
         return found
@@ -307,7 +311,7 @@ class RobotSession:
         self.now = max(self.now, self.clock.wait(self.now, [])[0])
         if self.encoders is None:
             self.meet()
-        elif self.now - self.heard_at > STALE:
+        elif self.now - self.heard_at > FRAME_TIMEOUT_NS:
             self._hear()
             self.rest()
 
@@ -316,11 +320,11 @@ class RobotSession:
         for _, message in deliveries:
             if isinstance(message, Stop) and message.code:
                 fix = f"`diffbotctl explain {message.code}` tells more"
-                raise stop_for_turn_limit(f"the board stopped the motors: {message.cause}", fix)
+                raise stopped_error(f"the board stopped the motors: {message.cause}", fix)
             if isinstance(message, Link) and message.state == "lost":
-                raise stop_for_turn_limit("the link to the board was lost", "")
-        if moving and self.now - self.heard_at > STALE:
-            raise stop_for_turn_limit("no frames from the board for half a second", "")
+                raise stopped_error("the link to the board was lost", "")
+        if moving and self.now - self.heard_at > FRAME_TIMEOUT_NS:
+            raise stopped_error("no frames from the board for half a second", "")
         if moving and self.bound is not None and self.encoders is not None:
             self.bound.check(self.encoders, self.file.robot)
 
@@ -333,7 +337,7 @@ class RobotSession:
         self.now = max(self.now, now)
         if self.keys is not None and self.keys.file in ready and self.keys.cause:
             self.driver.stop(self.now)
-            raise stop_for_turn_limit(self.keys.cause, STOPPED_BY_KEY)
+            raise stopped_error(self.keys.cause, KEY_STOP_FIX)
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)

@@ -22,21 +22,10 @@ from math import copysign, cos, hypot, isnan, nan, pi, sin, sqrt
 from statistics import stdev
 from typing import NamedTuple
 
-from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 
-SIDES = 4
-QUARTER = pi / 2  # rad; one turn on the spot
-
-
-class EndError(NamedTuple):
-    """Where one square ended, true minus odometry, in the frame of its start."""
-
-    x: float
-    """m"""
-    y: float
-    """m"""
-    heading: float = 0.0
-    """rad, counter-clockwise; only the heading rule reads it"""
+SQUARE_SIDES = 4
+QUARTER_TURN = pi / 2  # rad; one turn on the spot
 
 
 class Angles(NamedTuple):
@@ -48,7 +37,7 @@ class Angles(NamedTuple):
     """gained along each side, to the left"""
 
 
-def mean(ends: Sequence[EndError]) -> EndError:
+def mean_end(ends: Sequence[EndError]) -> EndError:
     """Centre of gravity of one direction's ends. Raises ValueError when there are none."""
     if not ends:
         raise ValueError("UMBmark needs at least one run in each direction")
@@ -58,39 +47,45 @@ def mean(ends: Sequence[EndError]) -> EndError:
 
 def systematic_error(clockwise: Sequence[EndError], counter: Sequence[EndError]) -> float:
     """E_max,syst in m: the further of the two centres of gravity from no error at all."""
-    return max(hypot(end.x, end.y) for end in (mean(clockwise), mean(counter)))
+    return max(hypot(end.x, end.y) for end in (mean_end(clockwise), mean_end(counter)))
 
 
-def from_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
+def angles_from_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
     """Angles from where two mean ends lie; `side` in m.
 
     The x and the y equations are averaged: their second-order errors have opposite signs.
     """
-    along, across = _by_x(side, clockwise, counter), _by_y(side, clockwise, counter)
+    along, across = (
+        _angles_from_x(side, clockwise, counter),
+        _angles_from_y(side, clockwise, counter),
+    )
     return Angles((along.alpha + across.alpha) / 2, (along.beta + across.beta) / 2)
 
 
-def from_headings(clockwise: EndError, counter: EndError) -> Angles:
+def angles_from_headings(clockwise: EndError, counter: EndError) -> Angles:
     """Angles from how two mean ends are turned; better than positions when sides are long."""
     return Angles(
-        (clockwise.heading - counter.heading) / (2 * SIDES),
-        (clockwise.heading + counter.heading) / (2 * SIDES),
+        (clockwise.heading - counter.heading) / (2 * SQUARE_SIDES),
+        (clockwise.heading + counter.heading) / (2 * SQUARE_SIDES),
     )
 
 
-def look_swapped(side: float, clockwise: EndError, counter: EndError) -> bool:
+def ends_look_swapped(side: float, clockwise: EndError, counter: EndError) -> bool:
     """Whether the two directions were probably taken for each other.
 
     Exchanging them leaves alpha by x and beta by y as they are, and turns the signs of the other
     two; so the rules contradict each other where they should agree.
     """
-    along, across = _by_x(side, clockwise, counter), _by_y(side, clockwise, counter)
+    along, across = (
+        _angles_from_x(side, clockwise, counter),
+        _angles_from_y(side, clockwise, counter),
+    )
     agree = hypot(along.alpha - across.alpha, along.beta - across.beta)
     oppose = hypot(along.alpha + across.alpha, along.beta + across.beta)
     return agree > 2 * oppose
 
 
-def corrected(geometry: Geometry, side: float, angles: Angles) -> Geometry:
+def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometry:
     """The geometry that would have driven the square right; mean diameter kept.
 
     `geometry` is what odometry used during the runs. The ratio found multiplies the one in use: a
@@ -100,9 +95,9 @@ def corrected(geometry: Geometry, side: float, angles: Angles) -> Geometry:
     # The side is the chord of an arc with radius r: half of it is r sin(beta / 2). The wheels run
     # at r + b/2 and r - b/2; both are multiplied by sin(beta / 2) here, since r may be infinite.
     chord, half = side / 2, geometry.track / 2 * sin(angles.beta / 2)
-    if angles.alpha >= QUARTER or abs(half) >= chord:
+    if angles.alpha >= QUARTER_TURN or abs(half) >= chord:
         raise ValueError("these end points are too far off for squares of that size")
-    track_ratio = QUARTER / (QUARTER - angles.alpha)
+    track_ratio = QUARTER_TURN / (QUARTER_TURN - angles.alpha)
     wheel_ratio = (chord + half) / (chord - half)
     return geometry.reshaped(geometry.ratio * wheel_ratio, geometry.track * track_ratio)
 
@@ -113,9 +108,9 @@ def square_end(side: float, used: Geometry, true: Geometry, clockwise: bool) -> 
     Every side is a true arc, every turn a true turn about a point near the middle; `side` in m.
     """
     right, left = true.right / used.right, true.left / used.left
-    turn = copysign(QUARTER * used.track / 2, -1 if clockwise else 1)
+    turn = copysign(QUARTER_TURN * used.track / 2, -1 if clockwise else 1)
     x = y = heading = 0.0
-    for _ in range(SIDES):
+    for _ in range(SQUARE_SIDES):
         for right_way, left_way in ((side * right, side * left), (turn * right, -turn * left)):
             turned = (right_way - left_way) / true.track
             chord = (right_way + left_way) / 2 * _chord_over_arc(turned)
@@ -129,21 +124,25 @@ def _chord_over_arc(turned: float) -> float:
     return sin(turned / 2) / (turned / 2) if turned else 1.0
 
 
-def _by_x(side: float, clockwise: EndError, counter: EndError) -> Angles:
+def _angles_from_x(side: float, clockwise: EndError, counter: EndError) -> Angles:
     scale = -4 * side
     return Angles((clockwise.x + counter.x) / scale, (clockwise.x - counter.x) / scale)
 
 
-def _by_y(side: float, clockwise: EndError, counter: EndError) -> Angles:
+def _angles_from_y(side: float, clockwise: EndError, counter: EndError) -> Angles:
     scale = -4 * side
     return Angles((clockwise.y - counter.y) / scale, (clockwise.y + counter.y) / scale)
 
 
-LEAST_SPREAD = 0.001  # m: what a tape can tell
-LEAST_HEADING = 0.005  # rad: what a set square can tell
-REFINEMENTS = 6  # each leaves a tenth of what the one before has left, or less
-SIGNIFICANT = 5.0  # standard deviations of the means, from which on swapped directions are named
-LARGEST = 8.0  # side over track, beyond which the errors are no longer small (sensing, UMBmark)
+POSITION_SD_MIN_M = 0.001  # m: what a tape can tell
+HEADING_SD_MIN_RAD = 0.005  # rad: what a set square can tell
+ITERATIONS = 6  # each leaves a tenth of what the one before has left, or less
+SWAP_SIGNIFICANCE = (
+    5.0  # standard deviations of the means, from which on swapped directions are named
+)
+SIDE_TRACK_RATIO_MAX = (
+    8.0  # side over track, beyond which the errors are no longer small (sensing, UMBmark)
+)
 
 
 class SquareErrors(NamedTuple):
@@ -184,7 +183,7 @@ class UmbmarkResult(NamedTuple):
 
 def advised_side(track: float, longest: float = 1.0) -> float:
     """Side in m: the longer the more shows, but no longer than the equations hold."""
-    return min(longest, LARGEST * track)
+    return min(longest, SIDE_TRACK_RATIO_MAX * track)
 
 
 def fit_umbmark(squares: SquareErrors, used: Geometry, share: float = 1.0) -> UmbmarkResult:
@@ -196,9 +195,9 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, share: float = 1.0) -> Um
     """
     rules = []
     if squares.has_positions:
-        rules.append((_solved(squares, used, _by_positions), _position_sd(squares)))
+        rules.append((_solve_angles(squares, used, _by_positions), _position_sd(squares)))
     if squares.has_headings:
-        rules.append((_solved(squares, used, _by_headings), _heading_sd(squares)))
+        rules.append((_solve_angles(squares, used, _by_headings), _heading_sd(squares)))
     if not rules:
         raise ValueError("neither places nor headings were read of every square")
     weights = [1.0 / sd**2 for _, sd in rules]
@@ -209,11 +208,11 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, share: float = 1.0) -> Um
     )
     alpha, beta = share * alpha, share * beta
     sd = sqrt(share / sum(weights))
-    found = corrected(used, squares.side, Angles(alpha, beta))
+    found = correct_geometry(used, squares.side, Angles(alpha, beta))
     before = after = nan
     if squares.has_positions:
         before = systematic_error(squares.clockwise, squares.counter)
-        after = max(hypot(end.x, end.y) for end in _unexplained(squares, used, found))
+        after = max(hypot(end.x, end.y) for end in _residual_ends(squares, used, found))
     return UmbmarkResult(found, Angles(alpha, beta), Angles(sd, sd), before, after)
 
 
@@ -223,65 +222,67 @@ def squares_look_swapped(squares: SquareErrors) -> bool:
         return False
     ways = (squares.clockwise, squares.counter)
     size = systematic_error(*ways)
-    noise = max(_spread(ends) / sqrt(len(ends)) for ends in ways)
-    means = [mean(ends) for ends in ways]
-    return size > SIGNIFICANT * noise and look_swapped(squares.side, *means)
+    noise = max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
+    means = [mean_end(ends) for ends in ways]
+    return size > SWAP_SIGNIFICANCE * noise and ends_look_swapped(squares.side, *means)
 
 
 Rule = Callable[[float, EndError, EndError], Angles]
 
 
-def _solved(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
+def _solve_angles(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
     """The angles by which squares would end exactly there.
 
     A rule is of first order; applied again to what the geometry found so far does not explain, it
     converges on the exact solution, as a second round on the floor would.
     """
     angles, found = Angles(0.0, 0.0), used
-    for _ in range(REFINEMENTS):
-        more = rule(squares.side, *_unexplained(squares, used, found))
+    for _ in range(ITERATIONS):
+        more = rule(squares.side, *_residual_ends(squares, used, found))
         angles = Angles(angles.alpha + more.alpha, angles.beta + more.beta)
-        found = corrected(used, squares.side, angles)
+        found = correct_geometry(used, squares.side, angles)
     return angles
 
 
-def _unexplained(
+def _residual_ends(
     squares: SquareErrors, used: Geometry, found: Geometry
 ) -> tuple[EndError, EndError]:
     """What is left of the mean ends, clockwise and counter, if `found` is the true geometry."""
     rest = []
     for ends, clockwise in ((squares.clockwise, True), (squares.counter, False)):
-        middle = mean(ends)
+        middle = mean_end(ends)
         explained = square_end(squares.side, used, found, clockwise)
         rest.append(EndError(*(a - b for a, b in zip(middle, explained, strict=True))))
     return rest[0], rest[1]
 
 
 def _by_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    return from_positions(side, clockwise, counter)
+    return angles_from_positions(side, clockwise, counter)
 
 
 def _by_headings(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    return from_headings(clockwise, counter)
+    return angles_from_headings(clockwise, counter)
 
 
 def _position_sd(squares: SquareErrors) -> float:
-    scatter = sum(_spread(ends) ** 2 / len(ends) for ends in (squares.clockwise, squares.counter))
+    scatter = sum(
+        _position_spread(ends) ** 2 / len(ends) for ends in (squares.clockwise, squares.counter)
+    )
     # Each angle is the mean of two rules, each the sum of two means over four sides.
-    return sqrt(scatter) / (SIDES * squares.side * sqrt(2.0))
+    return sqrt(scatter) / (SQUARE_SIDES * squares.side * sqrt(2.0))
 
 
 def _heading_sd(squares: SquareErrors) -> float:
     scatter = 0.0
     for ends in (squares.clockwise, squares.counter):
-        spread = stdev(end.heading for end in ends) if len(ends) > 1 else LEAST_HEADING
-        scatter += max(spread, LEAST_HEADING) ** 2 / len(ends)
-    return sqrt(scatter) / (2 * SIDES)
+        spread = stdev(end.heading for end in ends) if len(ends) > 1 else HEADING_SD_MIN_RAD
+        scatter += max(spread, HEADING_SD_MIN_RAD) ** 2 / len(ends)
+    return sqrt(scatter) / (2 * SQUARE_SIDES)
 
 
-def _spread(ends: Sequence[EndError]) -> float:
+def _position_spread(ends: Sequence[EndError]) -> float:
     """Standard deviation of an end along an axis, m."""
     if len(ends) < 2:
-        return LEAST_SPREAD
+        return POSITION_SD_MIN_M
     along, across = stdev(end.x for end in ends), stdev(end.y for end in ends)
-    return max(sqrt((along**2 + across**2) / 2), LEAST_SPREAD)
+    return max(sqrt((along**2 + across**2) / 2), POSITION_SD_MIN_M)

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.session import HUM
+from diffbotctl.calibrate.session import NOISE_COUNTS_MIN
 from diffbotctl.config.drive_sides import SIDES
 from diffbotctl.config.robot import Robot
 
-PINS = ("enable", "in1", "in2")
-OTHER = {"left": "right", "right": "left"}
+MOTOR_PINS = ("enable", "in1", "in2")
+OTHER_SIDE = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,22 +51,22 @@ class DetectedWiring:
         return sorted(filter(None, self.wheel.values())) == ["left", "right"]
 
 
-LEAST = 2  # counts that a turning wheel gives in a pulse, and noise does not
+PULSE_COUNTS_MIN = 2  # counts that a turning wheel gives in a pulse, and noise does not
 
 
 def detect_wiring(pulses: Mapping[str, MotorPulse], resting: Mapping[str, int]) -> DetectedWiring:
     """What two pulses show, by channel; `resting`: counts of each socket in a second at rest."""
     found = DetectedWiring()
-    noisy = {side for side in SIDES if resting[side] >= HUM}
+    noisy = {side for side in SIDES if resting[side] >= NOISE_COUNTS_MIN}
     for channel in SIDES:
-        _motor(found, pulses[channel], pulses[OTHER[channel]])
+        _check_motor(found, pulses[channel], pulses[OTHER_SIDE[channel]])
     for wheel in SIDES:
-        _encoder(found, wheel, pulses, noisy)
-    _name_crossings(found)
+        _check_encoder(found, wheel, pulses, noisy)
+    _report_swaps(found)
     return found
 
 
-def _motor(found: DetectedWiring, pulse: MotorPulse, other: MotorPulse) -> None:
+def _check_motor(found: DetectedWiring, pulse: MotorPulse, other: MotorPulse) -> None:
     channel = pulse.channel
     which, _, way = pulse.seen.partition(" ")
     found.wheel[channel] = which if which in SIDES else None
@@ -83,7 +83,7 @@ def _motor(found: DetectedWiring, pulse: MotorPulse, other: MotorPulse) -> None:
         )
 
 
-def _encoder(
+def _check_encoder(
     found: DetectedWiring, wheel: str, pulses: Mapping[str, MotorPulse], noisy: set[str]
 ) -> None:
     """At which socket the encoder of `wheel` answers."""
@@ -91,7 +91,7 @@ def _encoder(
     turned = [pulse for pulse in pulses.values() if found.wheel[pulse.channel] == wheel]
     if not turned:
         return
-    heard = [s for s in SIDES if s not in noisy and turned[0].counts[s] >= LEAST]
+    heard = [s for s in SIDES if s not in noisy and turned[0].counts[s] >= PULSE_COUNTS_MIN]
     if len(heard) == 1:
         found.socket[wheel] = heard[0]
         return
@@ -112,7 +112,7 @@ def _encoder(
         )
 
 
-def _name_crossings(found: DetectedWiring) -> None:
+def _report_swaps(found: DetectedWiring) -> None:
     wheels, sockets = found.wheel, found.socket
     if wheels["left"] == "right" and wheels["right"] == "left":
         found.mended.append("motors swapped: the left output turns the right wheel")
@@ -122,7 +122,7 @@ def _name_crossings(found: DetectedWiring) -> None:
         found.faults.append(
             f"both outputs turn the {wheels['left']} wheel: look at the motor wires"
         )
-    if any(sockets[wheel] == OTHER[wheel] for wheel in SIDES):
+    if any(sockets[wheel] == OTHER_SIDE[wheel] for wheel in SIDES):
         found.mended.append("encoders swapped: each is plugged in where the other one is stated")
     for channel in SIDES:
         wheel = wheels[channel]
@@ -132,10 +132,10 @@ def _name_crossings(found: DetectedWiring) -> None:
 
 def wiring_findings(found: DetectedWiring, robot: Robot) -> list[Finding]:
     """The pins and directions that make each side of the board drive and hear its own wheel."""
-    return [*_motors(found, robot), *_encoders(found, robot)]
+    return [*_motor_findings(found, robot), *_encoder_findings(found, robot)]
 
 
-def _motors(found: DetectedWiring, robot: Robot) -> list[Finding]:
+def _motor_findings(found: DetectedWiring, robot: Robot) -> list[Finding]:
     made: list[Finding] = []
     if not found.proven:
         return made
@@ -146,7 +146,8 @@ def _motors(found: DetectedWiring, robot: Robot) -> list[Finding]:
         motor = drive[channel].motor
         if wheel != channel:
             made += [
-                Finding(f"drive.{wheel}.motor.{pin}", str(getattr(motor, pin))) for pin in PINS
+                Finding(f"drive.{wheel}.motor.{pin}", str(getattr(motor, pin)))
+                for pin in MOTOR_PINS
             ]
         wanted = motor.reversed != found.backward[channel]
         if wanted != drive[wheel].motor.reversed:
@@ -154,8 +155,8 @@ def _motors(found: DetectedWiring, robot: Robot) -> list[Finding]:
     return made
 
 
-def _encoders(found: DetectedWiring, robot: Robot) -> list[Finding]:
-    if not any(found.socket[wheel] == OTHER[wheel] for wheel in SIDES):
+def _encoder_findings(found: DetectedWiring, robot: Robot) -> list[Finding]:
+    if not any(found.socket[wheel] == OTHER_SIDE[wheel] for wheel in SIDES):
         return []
     pins = {"left": robot.drive.left.encoder.pin, "right": robot.drive.right.encoder.pin}
-    return [Finding(f"drive.{wheel}.encoder.pin", str(pins[OTHER[wheel]])) for wheel in SIDES]
+    return [Finding(f"drive.{wheel}.encoder.pin", str(pins[OTHER_SIDE[wheel]])) for wheel in SIDES]

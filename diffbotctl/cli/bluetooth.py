@@ -199,7 +199,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
 
 def _noted(file: RobotFile, now: int, yes: bool) -> bool:
     """Whether the robot file says the module's rate; it is written where it said another."""
-    from diffbotctl.calibrate.robot_file import write_findings
+    from diffbotctl.calibrate.robot_file import plan_value_change
     from diffbotctl.cli.calibrate_results import own, put
     from diffbotctl.errors import UserError
 
@@ -208,7 +208,7 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
         click.echo(f"{file.file} says so already.")
         return True
     try:
-        if put(write_findings(own(file.file), ("link", "baud"), str(now)), yes):
+        if put(plan_value_change(own(file.file), ("link", "baud"), str(now)), yes):
             return True
     except UserError as error:
         click.echo(str(error), err=True)

@@ -12,10 +12,9 @@ from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show_results, undo
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.geometry import Geometry
+    from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
     from diffbotctl.calibrate.geometry_fit import GeometryFit
     from diffbotctl.calibrate.log_reader import CountLog
-    from diffbotctl.calibrate.recorded_drive import RecordedDrive
 
 A_FILE = click.Path(path_type=Path)
 
@@ -105,23 +104,21 @@ def _save(
 ) -> None:
     from datetime import UTC, datetime
 
-    from diffbotctl.calibrate.geometry_fit import findings_of_fit
+    from diffbotctl.calibrate.geometry_fit import geometry_findings
     from diffbotctl.calibrate.log_reader import fingerprint
-    from diffbotctl.calibrate.result import Provenance
-    from diffbotctl.calibrate.status import stamp
+    from diffbotctl.calibrate.result import Provenance, format_date
     from diffbotctl.config.load import load_robot
 
     if is_session:
         raise click.UsageError("A session is of another robot than yours: nothing to save.")
-    origin = Provenance("from-log", stamp(datetime.now(UTC)), None, fingerprint(files))
-    keep(load_robot(robot).file, findings_of_fit(found), origin, yes)
+    origin = Provenance("from-log", format_date(datetime.now(UTC)), None, fingerprint(files))
+    keep(load_robot(robot).file, geometry_findings(found), origin, yes)
 
 
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.log_reader import unusable
-    from diffbotctl.calibrate.optiodom import read_session
+    from diffbotctl.calibrate.log_reader import read_session, unusable_log
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
@@ -132,14 +129,14 @@ def _sessions(
     stated = sessions[0].nominal
     for folder, session in zip(folders, sessions, strict=True):
         if session.nominal != stated:
-            raise unusable(folder, "states another geometry than the first folder")
+            raise unusable_log(folder, "states another geometry than the first folder")
     return [drive for session in sessions for drive in session.drives], stated
 
 
 def _logs(
     files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
 ) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.geometry import Geometry
+    from diffbotctl.calibrate.dead_reckoning import Geometry
     from diffbotctl.calibrate.log_reader import read_counts
     from diffbotctl.config.load import load_robot
 
@@ -160,7 +157,7 @@ def _placed(
     from diffbotctl.calibrate.log_reader import (
         read_ends,
         refuse_too_far,
-        unusable,
+        unusable_log,
         with_end,
         with_own_poses,
         with_truth,
@@ -173,6 +170,6 @@ def _placed(
     told = read_ends(ends)
     for each in counts:
         if each.name not in told:
-            raise unusable(ends, f"has no line for the recording {each.name}")
+            raise unusable_log(ends, f"has no line for the recording {each.name}")
         refuse_too_far(each, told[each.name], diameter, ends)
     return [with_end(each, told[each.name]) for each in counts]

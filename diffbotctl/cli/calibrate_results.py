@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from diffbotctl.calibrate.result import Finding, Provenance
+    from diffbotctl.calibrate.result import CalibrationEntry, Finding, Provenance
     from diffbotctl.calibrate.robot_file import FileChange
-    from diffbotctl.calibrate.status import CalibrationEntry
 
 COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
@@ -24,9 +23,9 @@ def keep(path: Path, findings: Sequence[Finding], origin: Provenance, yes: bool)
 
     Raises UserError where it cannot be written or is not plausible.
     """
-    from diffbotctl.calibrate.robot_file import change
+    from diffbotctl.calibrate.robot_file import plan_change
 
-    return put(change(own(path), findings, origin), yes)
+    return put(plan_change(own(path), findings, origin), yes)
 
 
 def own(path: Path) -> Path:
@@ -41,7 +40,7 @@ def own(path: Path) -> Path:
 
 def put(made: FileChange, yes: bool) -> bool:
     """Show the change, ask, and write it. False: not wanted. Raises RunError."""
-    from diffbotctl.calibrate.robot_file import write
+    from diffbotctl.calibrate.robot_file import write_change
     from diffbotctl.config.lookup import display_path
 
     difference = made.difference()
@@ -51,7 +50,7 @@ def put(made: FileChange, yes: bool) -> bool:
             click.echo(difference)
         click.echo(UNWRITTEN)
         return False
-    kept = write(made)
+    kept = write_change(made)
     click.echo(f"{display_path(made.path)} is written; as it was: {kept.name}.")
     click.echo("`diffbotctl calibrate undo` goes back.")
     return True
@@ -83,13 +82,13 @@ def _agreed() -> bool:
     return click.confirm("Write this?", default=True)
 
 
-@click.command()
+@click.command("show")
 @click.option("--robot", help="Robot file or name; the rules of `run` for none.")
 def show_results(robot: str | None) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
     from datetime import UTC, datetime
 
-    from diffbotctl.calibrate.status import calibration_entries, missing
+    from diffbotctl.calibrate.result import calibration_entries, missing_entries
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
     from diffbotctl.ui.text import render_columns
@@ -99,7 +98,7 @@ def show_results(robot: str | None) -> None:
     click.echo(display_path(file.file))
     for line in _grouped(rows):
         click.echo(line)
-    unknown = missing(file)
+    unknown = missing_entries(file)
     if unknown:
         click.echo("never calibrated, and found by:")
     for line in render_columns(

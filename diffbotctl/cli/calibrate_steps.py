@@ -18,7 +18,7 @@ from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 if TYPE_CHECKING:
     from diffbotctl.calibrate.answers_file import Prompter
     from diffbotctl.calibrate.session import RobotSession
-    from diffbotctl.calibrate.simulated_tools import SimulatedTruth
+    from diffbotctl.calibrate.simulated_session import SimulatedTools
     from diffbotctl.calibrate.step import Step
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.ui.calibration_screen import CalibrationScreen
@@ -127,7 +127,7 @@ def _at_robot(
     wanted: CalibrateOptions, screen: CalibrationScreen
 ) -> Iterator[tuple[RobotSession, Prompter]]:
     """The robot, and whoever stands beside it; in the end it is stopped and let go."""
-    from diffbotctl.calibrate.session_factory import open_session
+    from diffbotctl.calibrate.runner import open_session
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
@@ -166,7 +166,7 @@ def _keyboard() -> Keyboard | None:
 
 
 def _attendant(
-    wanted: CalibrateOptions, truths: SimulatedTruth | None, keyboard: Keyboard | None
+    wanted: CalibrateOptions, truths: SimulatedTools | None, keyboard: Keyboard | None
 ) -> Prompter:
     from diffbotctl.calibrate.answers_file import AnswersFile
     from diffbotctl.ui.terminal_prompter import TerminalPrompter

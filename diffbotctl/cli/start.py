@@ -33,9 +33,9 @@ def command(
     """
     from diffbotctl.cli.start_guide import Walk
     from diffbotctl.start.guide_answers import GuideAnswers
-    from diffbotctl.start.progress import GuideProgress, place
+    from diffbotctl.start.progress import GuideProgress, state_path
 
-    record = GuideProgress(place(), str(Path.cwd()))
+    record = GuideProgress(state_path(), str(Path.cwd()))
     if again:
         record.forget()
     attendant = None if answers is None else GuideAnswers(answers)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.start.guide_answers import QUESTIONS
-from diffbotctl.start.steps import CHAPTERS, GuideStep, numbered
+from diffbotctl.start.steps import CHAPTERS, Chapter, headline
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class Walk:
         """The board's USB port."""
         return self.record.notes.get("port", "a port yet to be found")
 
-    def tell(self) -> GuideStep | None:
+    def tell(self) -> Chapter | None:
         """Say what is true now, and what comes next. Returns the next chapter."""
         following = None
         for chapter in CHAPTERS:
@@ -120,7 +120,7 @@ class Walk:
         for chapter in CHAPTERS:
             if chapter.key in self.record.done:
                 continue
-            click.echo(f"\n{click.style(numbered(chapter.key), bold=True)}")
+            click.echo(f"\n{click.style(headline(chapter.key), bold=True)}")
             _say(f"  next: {chapter.ahead}")
             try:
                 getattr(self, f"_{chapter.key}")()
@@ -243,8 +243,8 @@ class Walk:
             raise click.ClickException("it did not get there; start again when that is mended")
 
 
-def _told(state: str, chapter: GuideStep, text: str) -> None:
-    click.echo(fold_text(f"{state}   {numbered(chapter.key)}: {text}", hang=len("done   ")))
+def _told(state: str, chapter: Chapter, text: str) -> None:
+    click.echo(fold_text(f"{state}   {headline(chapter.key)}: {text}", hang=len("done   ")))
 
 
 def _say(text: str) -> None:

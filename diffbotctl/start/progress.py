@@ -56,7 +56,7 @@ class GuideProgress:
             raise RunError(Problem("E-FILE-WRITE", str(self.path), cause, fix)) from error
 
 
-def place() -> Path:
+def state_path() -> Path:
     """Where the record lies: below the user's state folder."""
     root = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     return Path(root) / "diffbotctl" / "start.json"

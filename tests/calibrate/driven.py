@@ -5,8 +5,7 @@ from random import Random
 
 import numpy as np
 
-from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.recorded_drive import TAPE, RecordedDrive
+from diffbotctl.calibrate.dead_reckoning import TAPE_MEASURE, Geometry, RecordedDrive
 
 STATED = Geometry(0.065, 0.065, 0.140)
 STEP = 0.005  # m that a wheel rolls from one row to the next
@@ -56,7 +55,13 @@ def drive(name, ways, true, used=STATED, slip=0.0, ticks=None, seed=0, all_poses
     rows = np.arange(len(keep)) if all_poses else np.array([0, len(keep) - 1])
     tick = 1 / (ticks or 1e6)
     return RecordedDrive(
-        name, keep * PERIOD, counted[keep], rows, np.array(poses)[keep][rows], (tick, tick), TAPE
+        name,
+        keep * PERIOD,
+        counted[keep],
+        rows,
+        np.array(poses)[keep][rows],
+        (tick, tick),
+        TAPE_MEASURE,
     )
 
 

@@ -5,8 +5,7 @@ import pytest
 from diffbotctl.calibrate import encoder_fit
 from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.result import PartResult
-from diffbotctl.calibrate.runner import run_step
-from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
@@ -26,7 +25,7 @@ ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open 
     ],
 )
 def test_flanks_that_follow_closely_are_one_that_chatters(times, lengths):
-    found = encoder_fit.bursts([round(time * MS) for time in times])
+    found = encoder_fit.bounce_times([round(time * MS) for time in times])
     assert found == pytest.approx([length / 1000 for length in lengths])
 
 

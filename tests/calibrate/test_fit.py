@@ -6,10 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.dead_reckoning import dead_reckon
-from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.dead_reckoning import Geometry, dead_reckon, segments, whole_drive
 from diffbotctl.calibrate.geometry_fit import fit_geometry
-from diffbotctl.calibrate.recorded_drive import segments, whole_drive
 from tests.calibrate.driven import STATED, drive, squares, wander
 
 TRUE = STATED.reshaped(1.004, 0.140 * 1.02)

@@ -4,8 +4,7 @@ import pytest
 
 from diffbotctl.calibrate import feedforward
 from diffbotctl.calibrate.answers_file import AnswersFile
-from diffbotctl.calibrate.runner import make_step, run_step
-from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Duty, Wheels
 

@@ -4,9 +4,8 @@ import pytest
 
 from diffbotctl.calibrate import motor_experiments, motor_fit
 from diffbotctl.calibrate.answers_file import AnswersFile
-from diffbotctl.calibrate.motor_lag_fit import common_lag
-from diffbotctl.calibrate.runner import run_step
-from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
+from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
@@ -36,7 +35,7 @@ def stock(seed, delay):
 @pytest.mark.parametrize("seed, delay", [(1, 100), (2, 30), (3, 180)])
 def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
-    found = common_lag(ended(motor_experiments.steps(made)), 20, 0.012)
+    found = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
     lag = sum(motor.lag for motor in plant.motors) / 2
     # Each wheel takes each of 24 commands up to 25 ms early or late: 2 ms of their mean.
     assert found.lag + found.dead == pytest.approx(lag + delay / 1000, abs=0.01)
@@ -60,4 +59,4 @@ def test_wheels_that_stand_tell_nothing():
     frames = [Encoders(60 * MS * number, 5, 5, None, None) for number in range(40)]
     steps = [motor_fit.StepResponse(frames, 1.0, up) for up in (True, False)] * 2
     with pytest.raises(ValueError, match="did not turn it faster"):
-        common_lag(steps, 20, 0.012)
+        fit_common_lag(steps, 20, 0.012)

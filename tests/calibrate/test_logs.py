@@ -6,14 +6,15 @@ import pytest
 from click.testing import CliRunner
 
 from diffbotctl.calibrate.log_reader import (
+    is_session,
     read_counts,
     read_ends,
+    read_session,
     refuse_too_far,
     with_end,
     with_own_poses,
     with_truth,
 )
-from diffbotctl.calibrate.optiodom import is_session, read_session
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
 from tests.calibrate.driven import STATED, squares

@@ -8,7 +8,7 @@ import yaml
 from click.testing import CliRunner
 
 from diffbotctl.blocks.range_sensor import distance_at
-from diffbotctl.calibrate.steps.battery import CHEMISTRIES, cells_of, divider
+from diffbotctl.calibrate.steps.battery import CHEMISTRIES, cell_range, divider_finding
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import RunError
@@ -112,7 +112,7 @@ def test_without_a_pin_there_is_nothing_to_calibrate(robot):
 )
 def test_a_divider_that_cannot_be_is_refused(told, meter, word):
     with pytest.raises(RunError, match=word):
-        divider(told, meter, 3.0)
+        divider_finding(told, meter, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_divider_that_cannot_be_is_refused(told, meter, word):
     ],
 )
 def test_how_many_cells_a_voltage_allows(volts, kind, cells):
-    assert cells_of(volts, CHEMISTRIES[kind]) == cells
+    assert cell_range(volts, CHEMISTRIES[kind]) == cells
 
 
 def test_the_discs_are_found_and_written(robot):

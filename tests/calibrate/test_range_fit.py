@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from diffbotctl.blocks.range_sensor import distance_at, volts_at
-from diffbotctl.calibrate.range_fit import DISTANCES, RulerPoint, allowed, fit_curve
+from diffbotctl.calibrate.range_fit import RULER_DISTANCES_M, RulerPoint, error_limit, fit_curve
 
 # The data sheet's typical part on white paper, read from its figure: cm, V.
 DATA_SHEET = (
@@ -30,14 +30,14 @@ DATA_SHEET = (
 KNOWN = {cm / 100: volts for cm, volts in DATA_SHEET}
 
 
-def exact(offset=0.0, distances=DISTANCES):
+def exact(offset=0.0, distances=RULER_DISTANCES_M):
     return [RulerPoint(each, KNOWN[each] + offset, 0.0, 1) for each in distances]
 
 
 def noisy(chance, offset, readings):
     """Each point as the step averages it."""
     points = []
-    for each in DISTANCES:
+    for each in RULER_DISTANCES_M:
         heard = [KNOWN[each] + offset + chance.gauss(0.0, 0.010) for _ in range(readings)]
         points.append(RulerPoint(each, fmean(heard), pstdev(heard), readings))
     return points
@@ -46,7 +46,8 @@ def noisy(chance, offset, readings):
 def worst(found, offset):
     """The largest error on all of the data sheet's points, against what is allowed there."""
     return max(
-        abs(distance_at(volts + offset, found.a, found.b, found.c) - distance) / allowed(distance)
+        abs(distance_at(volts + offset, found.a, found.b, found.c) - distance)
+        / error_limit(distance)
         for distance, volts in KNOWN.items()
     )
 
@@ -67,7 +68,7 @@ def test_an_offset_is_all_in_c():
 @given(some.floats(0.10, 0.22), some.floats(0.002, 0.030), some.floats(-0.15, 0.15))
 @settings(max_examples=50, deadline=None)
 def test_points_of_a_curve_give_that_curve_back(a, b, c):
-    points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in DISTANCES]
+    points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in RULER_DISTANCES_M]
     found = fit_curve(points)
     assert (found.a, found.b, found.c) == pytest.approx((a, b, c), rel=1e-3, abs=1e-4)
     assert not found.misses()
@@ -100,7 +101,7 @@ def test_deviations_are_those_of_many_fits():
         ([RulerPoint(0.04, 0.03, 0.0, 1), *exact()[1:]], "folds back"),
         # 16 and 25 cm exchanged
         ([*exact()[:3], RulerPoint(0.16, 0.525, 0, 1), RulerPoint(0.25, 0.813, 0, 1)], "must fall"),
-        ([RulerPoint(each, 1.0, 0.0, 1) for each in DISTANCES], "do not fall"),
+        ([RulerPoint(each, 1.0, 0.0, 1) for each in RULER_DISTANCES_M], "do not fall"),
     ],
 )
 def test_points_of_no_such_sensor_are_refused(points, word):

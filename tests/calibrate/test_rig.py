@@ -10,8 +10,7 @@ import pytest
 
 from diffbotctl.calibrate import autonomous_drive
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.runner import run_step
-from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.step import Message, MotionNotice, Outcome
 from diffbotctl.config.load import load_robot
 from diffbotctl.engine.clock import VirtualClock
@@ -91,7 +90,7 @@ def test_counts_are_those_of_now_when_a_wheel_was_turned_while_a_person_thought(
 
 def test_a_key_stops_it(robot):
     keys = Pipe()
-    one, truths = open_session(robot, "sim", seed=1, keys=keys)
+    one, truths = open_session(robot, "sim", seed=1, key=keys)
     one.meet()
     one.hold(FORWARD, 1.0)
     os.write(keys.end, b" ")
@@ -104,7 +103,7 @@ def test_a_key_stops_it(robot):
 
 def test_a_key_stops_an_outing(robot):
     keys = Pipe()
-    one, truths = open_session(robot, "sim", seed=1, keys=keys)
+    one, truths = open_session(robot, "sim", seed=1, key=keys)
     one.meet()
     os.write(keys.end, b"q")
     with pytest.raises(RunError, match="a key was pressed"):
@@ -167,7 +166,7 @@ def test_an_unproven_robot_drives_slowly(made):
     fastest = []
     note = one.note
     one.note = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
-    autonomous_drive.drive_to(one, [(0.4, 0.0, None)], 1.0, autonomous_drive.USUAL)
+    autonomous_drive.drive_to(one, [(0.4, 0.0, None)], 1.0, autonomous_drive.DEFAULT_STYLE)
     # 0.1 m/s with a radius of 32.5 mm, and a little for steering
     assert 2.0 < max(fastest) < 3.5
 

@@ -9,16 +9,15 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.result import Finding, Provenance, formatted_value
+from diffbotctl.calibrate.result import Finding, Provenance, format_age, formatted_value
 from diffbotctl.calibrate.robot_file import (
-    change,
+    plan_change,
+    plan_value_change,
     replace_section,
     undo,
     writable_copy,
-    write,
-    write_findings,
+    write_change,
 )
-from diffbotctl.calibrate.status import age
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import ConfigurationError, RunError, UsageError
@@ -105,7 +104,7 @@ def test_every_other_line_survives(above, section, below):
 
 
 def test_written_values_take_the_place_of_the_stated_ones(robot):
-    write(change(robot, [TRACK, LAG], ORIGIN))
+    write_change(plan_change(robot, [TRACK, LAG], ORIGIN))
     file = load_robot(str(robot))
     assert (file.robot.drive.track, file.nominal.drive.track) == (0.1263, 0.125)
     assert (file.robot.drive.left.motor.lag, file.robot.drive.right.motor.lag) == (0.093, 0.1)
@@ -114,7 +113,7 @@ def test_written_values_take_the_place_of_the_stated_ones(robot):
 def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
     states = [robot.read_bytes()]
     for value in (0.1263, 0.1265):
-        write(change(robot, [TRACK._replace(value=value)], ORIGIN))
+        write_change(plan_change(robot, [TRACK._replace(value=value)], ORIGIN))
         states.append(robot.read_bytes())
     undo(robot)
     assert robot.read_bytes() == states[1]
@@ -127,9 +126,9 @@ def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
 
 def test_one_value_of_its_own_is_written_and_undone(robot):
     first = robot.read_text()
-    made = write_findings(robot, ("link", "baud"), "57600")
+    made = plan_value_change(robot, ("link", "baud"), "57600")
     assert "+link: {protocol: diffbot, uart: 1, baud: 57600}" in made.difference()
-    write(made)
+    write_change(made)
     assert robot.read_text() == first.replace("baud: 9600}", "baud: 57600}") != first
     undo(robot)
     assert robot.read_text() == first
@@ -137,11 +136,11 @@ def test_one_value_of_its_own_is_written_and_undone(robot):
 
 def test_one_value_that_cannot_be_true_is_refused(robot):
     with pytest.raises(ConfigurationError):
-        write_findings(robot, ("link", "baud"), "1234")
+        plan_value_change(robot, ("link", "baud"), "1234")
 
 
 def test_a_file_that_was_edited_since_is_not_undone(robot):
-    write(change(robot, [TRACK], ORIGIN))
+    write_change(plan_change(robot, [TRACK], ORIGIN))
     edited = robot.read_bytes() + b"# mine\n"
     robot.write_bytes(edited)
     with pytest.raises(UsageError, match="changed since"):
@@ -150,10 +149,10 @@ def test_a_file_that_was_edited_since_is_not_undone(robot):
 
 
 def test_a_file_that_is_edited_meanwhile_is_not_written(robot):
-    made = change(robot, [TRACK], ORIGIN)
+    made = plan_change(robot, [TRACK], ORIGIN)
     robot.write_bytes(robot.read_bytes() + b"# mine\n")
     with pytest.raises(RunError, match="meanwhile"):
-        write(made)
+        write_change(made)
     assert robot.read_bytes().endswith(b"# mine\n")
 
 
@@ -169,7 +168,7 @@ def test_a_file_that_is_edited_meanwhile_is_not_written(robot):
 )
 def test_what_cannot_be_true_is_refused_with_the_reason(robot, finding, why):
     with pytest.raises(ConfigurationError) as refused:
-        change(robot, [finding], ORIGIN)
+        plan_change(robot, [finding], ORIGIN)
     assert why in " ".join(str(refused.value).split())
     assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
 
@@ -188,12 +187,12 @@ def test_what_ships_is_copied_to_the_person_s_own_folder(tmp_path, monkeypatch):
 )
 def test_age_in_words(minutes, words):
     now = datetime(2026, 5, 3, 0, 0, tzinfo=UTC).timestamp() + 60 * minutes
-    said = age("2026-05-03T00:00Z", datetime.fromtimestamp(now, UTC))
+    said = format_age("2026-05-03T00:00Z", datetime.fromtimestamp(now, UTC))
     assert said.startswith(words)
 
 
 def test_the_commands_show_and_undo(robot):
-    write(change(robot, [TRACK], ORIGIN))
+    write_change(plan_change(robot, [TRACK], ORIGIN))
     shown = CliRunner().invoke(command, ["show", "--robot", "./mine.yaml"]).output
     lines = shown.splitlines()
     assert lines[1].startswith("geometry, ") and "battery 7.4 V" in lines[1]

@@ -7,8 +7,7 @@ import pytest
 
 from diffbotctl.calibrate import encoder_fit
 from diffbotctl.calibrate.answers_file import AnswersFile
-from diffbotctl.calibrate.runner import run_step
-from diffbotctl.calibrate.session_factory import open_session
+from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
@@ -51,7 +50,7 @@ def turning(pitches, part, wheel=0, pitch=50.0):
     ],
 )
 def test_pitches_by_hand(changes, counted, found):
-    assert list(encoder_fit.pitches(flanks(*changes), 0.002, counted)) == pytest.approx(found)
+    assert list(encoder_fit.slot_duties(flanks(*changes), 0.002, counted)) == pytest.approx(found)
 
 
 def test_each_disc_has_its_own_share():

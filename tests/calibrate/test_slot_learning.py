@@ -6,7 +6,7 @@ from statistics import fmean
 
 import pytest
 
-from diffbotctl.calibrate.slot_fit import Learning, learn_discs
+from diffbotctl.calibrate.steps.discs import DiscLearner, learn_discs
 from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders, Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
@@ -20,7 +20,7 @@ WAYS = ((300, 3.0), (300, 6.0), (10_000, 8.0), (1000, 0.0))  # ms, rad/s; each w
 
 def learner():
     use = next(use for use in load("goal", "book_2wd").blocks if use.name == "odometry")
-    built = Learning(**use.values)
+    built = DiscLearner(**use.values)
     built.reset()
     return built
 

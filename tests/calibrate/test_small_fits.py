@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from diffbotctl.calibrate import encoder_fit, motor_fit, umbmark
-from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.robust_mean import robust_mean
+from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.dead_reckoning import Geometry
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from diffbotctl.time import SECOND

@@ -4,15 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.geometry import Geometry
+from diffbotctl.calibrate.dead_reckoning import Geometry
 from diffbotctl.calibrate.umbmark import (
     Angles,
     EndError,
-    corrected,
-    from_headings,
-    from_positions,
-    look_swapped,
-    mean,
+    angles_from_headings,
+    angles_from_positions,
+    correct_geometry,
+    ends_look_swapped,
+    mean_end,
     square_end,
     systematic_error,
 )
@@ -36,7 +36,7 @@ ROBOT = Geometry(0.065, 0.065, 0.140)
     ],
 )
 def test_angles_by_positions(clockwise, counter, alpha, beta):
-    found = from_positions(1.0, clockwise, counter)
+    found = angles_from_positions(1.0, clockwise, counter)
     assert found.alpha == pytest.approx(alpha, abs=1e-12)
     assert found.beta == pytest.approx(beta, abs=1e-12)
 
@@ -44,7 +44,9 @@ def test_angles_by_positions(clockwise, counter, alpha, beta):
 def test_angles_by_headings():
     # Four sides gain beta each, whichever way round; four turns miss alpha each, in their own
     # direction: clockwise 4 (beta + alpha), counter-clockwise 4 (beta - alpha).
-    found = from_headings(EndError(0, 0, 4 * (0.003 + 0.01)), EndError(0, 0, 4 * (0.003 - 0.01)))
+    found = angles_from_headings(
+        EndError(0, 0, 4 * (0.003 + 0.01)), EndError(0, 0, 4 * (0.003 - 0.01))
+    )
     assert found == pytest.approx((0.01, 0.003))
 
 
@@ -54,7 +56,7 @@ def test_correction_by_hand():
     # the wheels run at 50.07 and 49.93 m.
     from math import asin
 
-    found = corrected(ROBOT, 1.0, Angles(pi / 2 / 51, 2 * asin(0.01)))
+    found = correct_geometry(ROBOT, 1.0, Angles(pi / 2 / 51, 2 * asin(0.01)))
     assert found.track == pytest.approx(0.140 * 1.02)
     assert found.ratio == pytest.approx(50.07 / 49.93)
     assert found.mean == pytest.approx(0.065)
@@ -62,9 +64,9 @@ def test_correction_by_hand():
 
 def test_hopeless_ends_are_refused():
     with pytest.raises(ValueError, match="too far off"):
-        corrected(ROBOT, 1.0, Angles(pi / 2, 0.0))
+        correct_geometry(ROBOT, 1.0, Angles(pi / 2, 0.0))
     with pytest.raises(ValueError, match="at least one run"):
-        mean([])
+        mean_end([])
 
 
 def test_systematic_error_is_of_the_centres():
@@ -98,7 +100,7 @@ def test_rounds_multiply_and_converge(true):
     for _ in range(4):
         ends = [square_end(1.0, used, true, clockwise) for clockwise in (True, False)]
         errors.append(systematic_error(ends[:1], ends[1:]))
-        used = corrected(used, 1.0, from_positions(1.0, *ends))
+        used = correct_geometry(used, 1.0, angles_from_positions(1.0, *ends))
     assert errors[1] <= errors[0] / 10 + 1e-6
     assert errors[2] <= errors[1] / 10 + 1e-6
     assert used.track == pytest.approx(true.track, rel=1e-6)
@@ -111,7 +113,7 @@ def test_exchanged_directions_are_seen(true):
     if max(hypot(*end[:2]) for end in (clockwise, counter)) < 0.02:
         return  # a robot without errors ends in the same place both ways round
     # Where alpha and beta are as large, both ways look alike; that is not told apart.
-    angles = from_positions(1.0, clockwise, counter)
-    assert not look_swapped(1.0, clockwise, counter)
+    angles = angles_from_positions(1.0, clockwise, counter)
+    assert not ends_look_swapped(1.0, clockwise, counter)
     if abs(angles.alpha) > radians(0.3) or abs(angles.beta) > radians(0.3):
-        assert look_swapped(1.0, counter, clockwise)
+        assert ends_look_swapped(1.0, counter, clockwise)

@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.errors import RunError
-from diffbotctl.start.progress import GuideProgress, place
+from diffbotctl.start.progress import GuideProgress, state_path
 
 
 def test_what_was_done_is_there_at_the_next_visit(tmp_path):
@@ -47,7 +47,7 @@ def test_where_it_cannot_be_kept_the_place_is_named(tmp_path):
 
 def test_it_lies_where_state_belongs(monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", "/state")
-    assert str(place()) == "/state/diffbotctl/start.json"
+    assert str(state_path()) == "/state/diffbotctl/start.json"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", "/home/me")
-    assert str(place()) == "/home/me/.local/state/diffbotctl/start.json"
+    assert str(state_path()) == "/home/me/.local/state/diffbotctl/start.json"

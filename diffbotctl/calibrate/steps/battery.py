@@ -15,11 +15,11 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Battery as Told
 from diffbotctl.prompts.question import Question
 
-LISTENING = 10.0  # s: the board tells its battery every second or two
-METER = 0.005  # of the reading, standard deviation: what a cheap multimeter promises
-STEP = 5.0 / 1023 / 12**0.5  # V at the pin, standard deviation: the converter's step
-FULL_PIN = 4.9  # V at the pin; the converter reads 5 V and all above it alike
-LEAST, MOST = 3.0, 30.0  # V of a supply that drives motors of this kind
+LISTEN_TIME_S = 10.0  # s: the board tells its battery every second or two
+METER_SD_RATIO = 0.005  # of the reading, standard deviation: what a cheap multimeter promises
+CONVERTER_SD_V = 5.0 / 1023 / 12**0.5  # V at the pin, standard deviation: the converter's step
+PIN_MAX_V = 4.9  # V at the pin; the converter reads 5 V and all above it alike
+BATTERY_MIN_V, BATTERY_MAX_V = 3.0, 30.0  # V of a supply that drives motors of this kind
 UNKNOWN = "unknown"
 
 
@@ -49,7 +49,7 @@ CHEMISTRIES = {
 class BatteryStep:
     """The step."""
 
-    seconds: float = LISTENING
+    seconds: float = LISTEN_TIME_S
     name: str = "battery"
     title: str = "the battery's divider, by a meter, and its low limit"
     lifted: bool = False
@@ -70,7 +70,7 @@ class BatteryStep:
             yield Message("Nothing moves. Hold a meter to the battery's terminals.")
             told = self._told(rig)
             volts = float((yield METER_QUESTION))
-            found.append(divider(told, volts, battery.divider or 1.0))
+            found.append(divider_finding(told, volts, battery.divider or 1.0))
             lines.append(
                 f"divider {found[0].value:.4g}: {volts:.2f} V by the meter, "
                 f"{fmean(told):.2f} V by the board until now"
@@ -96,20 +96,20 @@ METER_QUESTION = Question(
     "What does the meter say?",
     unit="V",
     written="V",
-    least=LEAST,
-    most=MOST,
+    least=BATTERY_MIN_V,
+    most=BATTERY_MAX_V,
     why="no battery of such a robot is there; measure at its terminals, robot switched on",
     quantity="battery",
 )
 
 
-def divider(told: list[float], meter: float, used: float) -> Finding:
+def divider_finding(told: list[float], meter: float, used: float) -> Finding:
     """Battery volts per volt at the pin, from what the board told (V, by the divider `used`).
 
     Raises RunError where the pin is not connected, or sees more than it can read.
     """
     pin = fmean(told) / used
-    if pin < 0.1 or pin > FULL_PIN:  # V
+    if pin < 0.1 or pin > PIN_MAX_V:  # V
         side = (
             "nothing arrives: is it connected?"
             if pin < 1.0
@@ -120,7 +120,9 @@ def divider(told: list[float], meter: float, used: float) -> Finding:
         raise RunError(Problem("E-CALIBRATE-ROBOT", "battery.pin", cause, "look at the divider"))
     scatter = stdev(told) / used / len(told) ** 0.5 if len(told) > 1 else 0.0
     ratio = meter / pin
-    return Finding("battery.divider", ratio, ratio * hypot(METER, max(scatter, STEP) / pin))
+    return Finding(
+        "battery.divider", ratio, ratio * hypot(METER_SD_RATIO, max(scatter, CONVERTER_SD_V) / pin)
+    )
 
 
 def _low_limit(volts: float | None) -> Generator[Event, Any, Finding | None]:
@@ -134,7 +136,7 @@ def _low_limit(volts: float | None) -> Generator[Event, Any, Finding | None]:
         return None
     cell = CHEMISTRIES[str(kind)]
     # So many cells, that none of them is fuller than full and the robot still runs.
-    least, most = (1, 24) if volts is None else cells_of(volts, cell)
+    least, most = (1, 24) if volts is None else cell_range(volts, cell)
     asked = Question(
         "battery.cells",
         "How many cells in a row?",
@@ -148,7 +150,7 @@ def _low_limit(volts: float | None) -> Generator[Event, Any, Finding | None]:
     return Finding("battery.low", cells * cell.low)
 
 
-def cells_of(volts: float, cell: Chemistry) -> tuple[int, int]:
+def cell_range(volts: float, cell: Chemistry) -> tuple[int, int]:
     """How few and how many cells in a row can have `volts`."""
     empty = 0.75 * cell.low  # a battery that was forgotten, but still turns a motor
     least = int(-(-volts // cell.full))

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from math import hypot
 
 from diffbotctl.calibrate import autonomous_drive
-from diffbotctl.calibrate.geometry_fit import LEFT, RIGHT, TRACK
-from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.robust_mean import RobustMean, robust_mean
+from diffbotctl.calibrate.confidence import RobustMean, robust_mean
+from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import (
     MarkFloor,
@@ -21,9 +20,11 @@ from diffbotctl.calibrate.step import (
 from diffbotctl.prompts.question import Question
 
 REPEATS = 5
-FINEST = 0.001  # of the distance: what a tape on the floor and an eye can tell
-BEYOND = 0.25  # of the commanded distance: what a wrong wheel size may add
-FARTHEST = 0.35  # of the commanded distance that a reading may differ; more is a slip of the pen
+TAPE_SD_RATIO = 0.001  # of the distance: what a tape on the floor and an eye can tell
+REACH_MARGIN_RATIO = 0.25  # of the commanded distance: what a wrong wheel size may add
+READING_ERROR_RATIO_MAX = (
+    0.35  # of the commanded distance that a reading may differ; more is a slip of the pen
+)
 MM = 1000.0
 
 
@@ -40,7 +41,7 @@ class DistanceStep:
     def run(self, rig: RobotSession) -> Running:
         """Drive, have it measured, again; the scale is the tape's over the odometry's."""
         rig.meet()
-        reach = self.metres * (1 + BEYOND)
+        reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and never "
             f"further than {reach:.2f} m: clear so much floor before it.",
@@ -57,7 +58,7 @@ class DistanceStep:
             yield Message(
                 f"the wheels told {gone * MM:.0f} mm, the tape {float(reading) * MM:.0f} mm"
             )
-        scale = robust_mean(scales, FINEST)
+        scale = robust_mean(scales, TAPE_SD_RATIO)
         return Outcome("distance", _findings(rig, scale), self._report(rig, scale, scales))
 
     def _question(self, number: int) -> Question:
@@ -67,8 +68,8 @@ class DistanceStep:
             "tape?",
             unit="m",
             written="mm",
-            least=self.metres * (1 - FARTHEST),
-            most=self.metres * (1 + FARTHEST),
+            least=self.metres * (1 - READING_ERROR_RATIO_MAX),
+            most=self.metres * (1 + READING_ERROR_RATIO_MAX),
             why="no tyre is so far off its stated size; is it millimetres?",
             quantity="distance",
         )
@@ -91,7 +92,7 @@ def _findings(rig: RobotSession, scale: RobustMean) -> list[Finding]:
     drive = rig.file.robot.drive
     found = [
         Finding(path, side.wheel.diameter * scale.value, side.wheel.diameter * scale.sd)
-        for path, side in ((RIGHT, drive.right), (LEFT, drive.left))
+        for path, side in ((RIGHT_DIAMETER, drive.right), (LEFT_DIAMETER, drive.left))
     ]
     if TRACK in rig.file.robot.calibration:
         found.append(Finding(TRACK, drive.track * scale.value, drive.track * scale.sd))

@@ -30,11 +30,11 @@ from diffbotctl.messages import Duty
 from diffbotctl.prompts.question import Question
 
 # The board takes a wheel without edges for stalled after 0.5 s above 0.3 of duty.
-PULSE = 0.4  # s
-GENTLE, STRONG = 0.45, 0.8  # duty: three times a usual dead band; what a stiff gear needs
-FASTEST = 1.6  # times the rated speed: what the robot file may understate it by
-LISTEN = 0.5  # s after a pulse, until the last edge has been told
-WHICH = (
+PULSE_TIME_S = 0.4  # s
+GENTLE_DUTY, STRONG_DUTY = 0.45, 0.8  # duty: three times a usual dead band; what a stiff gear needs
+RATED_SPEED_RATIO_MAX = 1.6  # times the rated speed: what the robot file may understate it by
+LISTEN_TIME_S = 0.5  # s after a pulse, until the last edge has been told
+MOTION_CHOICES = (
     "none",
     "left forward",
     "left backward",
@@ -44,16 +44,16 @@ WHICH = (
     "both backward",
     "opposite ways",
 )
-TURNS = 10  # by hand; a miss of 5 degrees at the end is a seventh of a per cent
-ROLLS = 3  # repeats, so that one that was miscounted shows
+TURNS_PER_ROLL = 10  # by hand; a miss of 5 degrees at the end is a seventh of a per cent
+ROLLS_PER_WHEEL = 3  # repeats, so that one that was miscounted shows
 
 
 @dataclass(frozen=True, slots=True)
 class EncoderStep:
     """The step. `rolls` of `turns` turns by hand for each wheel; 0: the slots are not counted."""
 
-    turns: int = TURNS
-    rolls: int = ROLLS
+    turns: int = TURNS_PER_ROLL
+    rolls: int = ROLLS_PER_WHEEL
     name: str = "encoders"
     title: str = "which wire is which, which way is forward, how many slots"
     lifted: bool = True
@@ -62,7 +62,7 @@ class EncoderStep:
         """Pulses, what they show, a proof of it, then turns by hand."""
         rig.meet()
         resting = dict(zip(SIDES, rig.still, strict=True))
-        yield _announced(rig, "first the left, then the right motor")
+        yield _motion_notice(rig, "first the left, then the right motor")
         pulses = {}
         for channel in SIDES:
             pulses[channel] = yield from _pulse(rig, channel)
@@ -78,7 +78,7 @@ class EncoderStep:
         if findings:
             rig.attempt(findings)
         if found.proven:
-            findings += yield from _proof(rig)
+            findings += yield from _prove_directions(rig)
         gathers = rig.capture(True) is not None
         # From here on the board hears each wheel as its own side.
         heard = {side: socket and side for side, socket in found.socket.items()}
@@ -86,7 +86,7 @@ class EncoderStep:
         flanks = rig.capture(False) or [] if gathers else []
         findings += counted.findings
         faults = [*found.faults, *counted.faults]
-        report = [*found.mended, *_lines(found), *counted.report]
+        report = [*found.mended, *_wiring_report(found), *counted.report]
         if self.rolls:
             robot = rig.file.robot
             told = [encoder_fit.measure_glitch(flanks, robot)] if gathers else []
@@ -122,12 +122,12 @@ class EncoderStep:
             "no faster than a turn a second; a mark on the tyre helps."
         )
         yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
-        rig.listen(LISTEN)
+        rig.listen(LISTEN_TIME_S)
         return abs(_counts(rig)[socket] - before[socket])
 
 
-def _announced(rig: RobotSession, which: str) -> MotionNotice:
-    most = _most_turns(rig)
+def _motion_notice(rig: RobotSession, which: str) -> MotionNotice:
+    most = _turns_max(rig)
     text = (
         "The wheels must be off the ground. Each motor gets short pulses, "
         f"{which}: no wheel turns more than {most:.1f} turns."
@@ -136,36 +136,36 @@ def _announced(rig: RobotSession, which: str) -> MotionNotice:
     return MotionNotice(text, most, watched=False)
 
 
-def _most_turns(rig: RobotSession) -> float:
+def _turns_max(rig: RobotSession) -> float:
     """What the pulses of one announcement can turn a wheel by, at worst."""
     drive = rig.file.robot.drive
     rated = max(drive.left.motor.rated, drive.right.motor.rated)
-    return (GENTLE + STRONG) * FASTEST * rated * PULSE / (2 * pi)
+    return (GENTLE_DUTY + STRONG_DUTY) * RATED_SPEED_RATIO_MAX * rated * PULSE_TIME_S / (2 * pi)
 
 
 def _pulse(rig: RobotSession, channel: str) -> Generator[Event, Any, wiring_detection.MotorPulse]:
     """Push one motor; more strongly when nothing has moved."""
     seen, counts = "none", dict.fromkeys(SIDES, 0)
-    for duty in (GENTLE, STRONG):
+    for duty in (GENTLE_DUTY, STRONG_DUTY):
         yield MarkFloor(f"Look at both wheels: the {channel} motor's pins are driven now.")
         before = _counts(rig)
-        rig.hold(_one(channel, duty), PULSE)
+        rig.hold(_single_motor(channel, duty), PULSE_TIME_S)
         rig.rest()
         counts = {side: abs(now - before[side]) for side, now in _counts(rig).items()}
-        seen = yield _which("encoders.wheel", "Which wheel turned, and which way?")
+        seen = yield _motion_question("encoders.wheel", "Which wheel turned, and which way?")
         if seen != "none":
             break
     return wiring_detection.MotorPulse(channel, seen, counts)
 
 
-def _proof(rig: RobotSession) -> Generator[Event, Any, list[Finding]]:
+def _prove_directions(rig: RobotSession) -> Generator[Event, Any, list[Finding]]:
     """Both motors forward with what was found: only the eye can tell that it is true."""
     rig.meet()
-    yield _announced(rig, "both at once and forward")
+    yield _motion_notice(rig, "both at once and forward")
     yield MarkFloor("Look at both wheels: both motors are driven forward now.")
-    rig.hold(Duty(0, GENTLE, GENTLE), PULSE)
+    rig.hold(Duty(0, GENTLE_DUTY, GENTLE_DUTY), PULSE_TIME_S)
     rig.rest()
-    seen = yield _which("encoders.proof", "Which wheels turned, and which way?")
+    seen = yield _motion_question("encoders.proof", "Which wheels turned, and which way?")
     if seen == "both forward":
         return [Finding("drive.polarity", "calibrated")]
     cause = f"both motors were driven forward, and what turned was: {seen}"
@@ -173,11 +173,11 @@ def _proof(rig: RobotSession) -> Generator[Event, Any, list[Finding]]:
     raise RunError(Problem("E-CALIBRATE-ROBOT", "encoders", cause, fix))
 
 
-def _which(name: str, text: str) -> Question:
-    return Question(name, text, choices=WHICH, quantity="wheel")
+def _motion_question(name: str, text: str) -> Question:
+    return Question(name, text, choices=MOTION_CHOICES, quantity="wheel")
 
 
-def _one(channel: str, duty: float) -> Duty:
+def _single_motor(channel: str, duty: float) -> Duty:
     return Duty(0, duty, 0.0) if channel == "left" else Duty(0, 0.0, duty)
 
 
@@ -186,7 +186,7 @@ def _counts(rig: RobotSession) -> dict[str, int]:
     return {"left": last.left, "right": last.right}
 
 
-def _lines(found: wiring_detection.DetectedWiring) -> list[str]:
+def _wiring_report(found: wiring_detection.DetectedWiring) -> list[str]:
     if found.mended or found.faults:
         return []
     return ["wires, directions and encoders are as the robot file states"]

@@ -8,7 +8,13 @@ from statistics import fmean, stdev
 from typing import Any
 
 from diffbotctl.blocks.range_sensor import volts_at
-from diffbotctl.calibrate.range_fit import DISTANCES, RangeFit, RulerPoint, allowed, fit_curve
+from diffbotctl.calibrate.range_fit import (
+    RULER_DISTANCES_M,
+    RangeFit,
+    RulerPoint,
+    error_limit,
+    fit_curve,
+)
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import (
@@ -24,15 +30,17 @@ from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.messages import Battery, Volts
 from diffbotctl.prompts.question import Question
 
-SETTLING = 0.2  # s of readings that are thrown away: the hand, and what came before it
-LISTENING = 5.0  # s of readings that are averaged: 200 at 40 Hz leave 0.7 mV of 10 mV noise
-LEAST_READINGS = 20
-STEADY = 5.0  # standard deviations between both halves of the readings: more, and it has moved
-BATTERY = 2.5  # s; a board that measures its battery tells it meanwhile
-TRIES = 3
-NEAREST, FARTHEST = 0.03, 0.50  # m; beyond, no point of the curve is worth anything
+SETTLING_TIME_S = 0.2  # s of readings that are thrown away: the hand, and what came before it
+LISTEN_TIME_S = 5.0  # s of readings that are averaged: 200 at 40 Hz leave 0.7 mV of 10 mV noise
+READINGS_MIN = 20
+STEADY_DEVIATIONS_MAX = (
+    5.0  # standard deviations between both halves of the readings: more, and it has moved
+)
+BATTERY_LISTEN_TIME_S = 2.5  # s; a board that measures its battery tells it meanwhile
+ATTEMPTS_MAX = 3
+DISTANCE_MIN_M, DISTANCE_MAX_M = 0.03, 0.50  # m; beyond, no point of the curve is worth anything
 CM, MM, MV = 100.0, 1000.0, 1000.0
-DRAWN = 57  # points of the curve in the picture
+CURVE_POINTS = 57  # points of the curve in the picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +48,7 @@ class RangeStep:
     """The step, for one sensor; `sensor` empty: the only one. `seconds` of readings a distance."""
 
     sensor: str = ""
-    seconds: float = LISTENING
+    seconds: float = LISTEN_TIME_S
     name: str = "range"
     title: str = "the distance sensor's curve, by the rule"
     lifted: bool = False
@@ -54,17 +62,17 @@ class RangeStep:
             "and put a white card of at least 15 cm across it, upright, at each distance in turn."
         )
         points: list[RulerPoint] = []
-        for number, distance in enumerate(DISTANCES):
-            yield StepProgress("distance by distance", number, len(DISTANCES))
+        for number, distance in enumerate(RULER_DISTANCES_M):
+            yield StepProgress("distance by distance", number, len(RULER_DISTANCES_M))
             points.append((yield from self._point(rig, sensor, distance)))
         found = self._fit(sensor, points)
-        yield _graph(sensor, found)
-        told = rig.listen(BATTERY).of(Battery)
+        yield _curve_plot(sensor, found)
+        told = rig.listen(BATTERY_LISTEN_TIME_S).of(Battery)
         return Outcome(
             "range",
             range_findings(sensor, found),
-            report(sensor, found),
-            pictures={"points.csv": table(found)},
+            range_report(sensor, found),
+            pictures={"points.csv": points_table(found)},
             volts=told[-1].volts if told else None,
         )
 
@@ -91,8 +99,8 @@ class RangeStep:
         question = _question(shown)
         answer = yield question
         true = float(question.read(answer) if isinstance(answer, str) else answer)
-        for _ in range(TRIES):
-            rig.listen(SETTLING)
+        for _ in range(ATTEMPTS_MAX):
+            rig.listen(SETTLING_TIME_S)
             heard = rig.listen(self.seconds)
             readings = [each.volts for each in heard.of(Volts, f"robot.{sensor}")]
             point = self._believed(sensor, true, readings)
@@ -106,14 +114,17 @@ class RangeStep:
 
     def _believed(self, sensor: str, true: float, readings: list[float]) -> RulerPoint | None:
         """The point that readings make; None when the card has moved meanwhile."""
-        if len(readings) < LEAST_READINGS:
+        if len(readings) < READINGS_MIN:
             raise self._trouble(sensor, f"the board sent {len(readings)} readings only")
         half = len(readings) // 2
         first, second = readings[:half], readings[half:]
         point = RulerPoint(true, fmean(readings), stdev(readings), len(readings))
         if point.volts <= 0.0:
             raise self._trouble(sensor, "it reads 0 V: no supply, or a broken wire")
-        steady = STEADY * (stdev(first) ** 2 / half + stdev(second) ** 2 / len(second)) ** 0.5
+        steady = (
+            STEADY_DEVIATIONS_MAX
+            * (stdev(first) ** 2 / half + stdev(second) ** 2 / len(second)) ** 0.5
+        )
         moved = abs(fmean(first) - fmean(second)) > max(steady, 0.005)  # V: a step of the converter
         return None if moved else point
 
@@ -137,7 +148,7 @@ def range_findings(sensor: str, found: RangeFit) -> list[Finding]:
     ]
 
 
-def table(found: RangeFit) -> str:
+def points_table(found: RangeFit) -> str:
     """The points as CSV text, to be fitted again."""
     lines = [
         f"{each.distance:.5f},{each.volts:.5f},{each.noise:.5f},{each.readings}"
@@ -146,7 +157,7 @@ def table(found: RangeFit) -> str:
     return "\n".join(["distance,volts,noise,readings", *lines]) + "\n"
 
 
-def report(sensor: str, found: RangeFit) -> list[str]:
+def range_report(sensor: str, found: RangeFit) -> list[str]:
     """A table of the points, and what a person should know of them."""
     lines = ["  rule      volts   noise     told    error"]
     for each in found.points:
@@ -171,14 +182,16 @@ def _warnings(found: RangeFit) -> list[str]:
     ]
     missed = found.misses()
     if missed:
-        near = missed[0].distance <= DISTANCES[0] + 0.01 and found.error(missed[0]) > 0.0
+        near = missed[0].distance <= RULER_DISTANCES_M[0] + 0.01 and found.error(missed[0]) > 0.0
         places = join_words([f"{each.distance * CM:g} cm" for each in missed], "and")
         why = (
             "the nearest one may have stood in the fold, closer than 3 cm"
             if near
             else "the rule, the card, or a shiny floor between them"
         )
-        lines.append(f"Told worse than {allowed(0.1) * MM:.0f} mm or 2 %: {places}; suspect {why}.")
+        lines.append(
+            f"Told worse than {error_limit(0.1) * MM:.0f} mm or 2 %: {places}; suspect {why}."
+        )
     return lines
 
 
@@ -188,17 +201,17 @@ def _question(shown: str) -> Question:
         f"How far from the sensor's front does the card stand? Enter: {shown}",
         unit="m",
         written="cm",
-        least=NEAREST,
-        most=FARTHEST,
+        least=DISTANCE_MIN_M,
+        most=DISTANCE_MAX_M,
         why="the sensor measures from 4 to 30 cm; is it centimetres?",
         quantity="gap",
         default=shown,
     )
 
 
-def _graph(sensor: str, found: RangeFit) -> CurvePlot:
+def _curve_plot(sensor: str, found: RangeFit) -> CurvePlot:
     near, far = found.points[0].distance, found.points[-1].distance
-    places = [near + (far - near) * number / (DRAWN - 1) for number in range(DRAWN)]
+    places = [near + (far - near) * number / (CURVE_POINTS - 1) for number in range(CURVE_POINTS)]
     curve = [(each * CM, volts_at(each, found.a, found.b, found.c)) for each in places]
     points = [(each.distance * CM, each.volts) for each in found.points]
     return CurvePlot(

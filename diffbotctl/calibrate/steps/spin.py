@@ -9,9 +9,8 @@ from typing import Any
 
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate import feedforward
-from diffbotctl.calibrate.geometry_fit import TRACK
-from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.robust_mean import robust_mean
+from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, MarkFloor, MotionNotice, Outcome, Running, StepProgress
 from diffbotctl.config.robot import Robot
@@ -19,10 +18,10 @@ from diffbotctl.messages import Encoders, Odometry
 from diffbotctl.prompts.question import FACING
 from diffbotctl.runs.build_graph import build_block
 
-TURNS = 10
-RATE = 1.5  # rad/s; ten turns in 42 s
-FINEST = 0.0003  # of the track: one degree of ten turns
-REACH = 0.1  # m; a robot that turns on the spot wanders a little
+TURNS_PER_SPIN = 10
+TURN_RATE_RAD_S = 1.5  # rad/s; ten turns in 42 s
+TRACK_SD_RATIO = 0.0003  # of the track: one degree of ten turns
+REACH_M = 0.1  # m; a robot that turns on the spot wanders a little
 MM = 1000.0
 
 
@@ -30,7 +29,7 @@ MM = 1000.0
 class SpinStep:
     """The step: `turns` each way, `repeats` times."""
 
-    turns: int = TURNS
+    turns: int = TURNS_PER_SPIN
     repeats: int = 2
     name: str = "geometry"
     title: str = "the track, by turning on the spot"
@@ -41,15 +40,15 @@ class SpinStep:
         rig.meet()
         yield MotionNotice(
             f"The robot turns on the spot, {self.turns} times round and back again, "
-            f"{self.repeats} times. It stays within {REACH:g} m of where it stands.",
-            reach=REACH,
+            f"{self.repeats} times. It stays within {REACH_M:g} m of where it stands.",
+            reach=REACH_M,
         )
         ratios = []
         for number in range(self.repeats):
             for way in (1, -1):
                 yield StepProgress("turning on the spot", 2 * number + (way < 0), 2 * self.repeats)
                 ratios.append((yield from self._once(rig, way)))
-        found = robust_mean(ratios, FINEST)
+        found = robust_mean(ratios, TRACK_SD_RATIO)
         track = rig.file.robot.drive.track
         finding = Finding(TRACK, track * found.value, track * found.sd)
         line = (
@@ -62,21 +61,21 @@ class SpinStep:
         """What the track must be multiplied by, by one spin."""
         yield MarkFloor("Mark the floor beside both tyres.")
         robot = rig.file.robot
-        rim = way * RATE * robot.drive.track
+        rim = way * TURN_RATE_RAD_S * robot.drive.track
         drive = robot.drive
         command = feedforward.wheels(
             robot, -rim / drive.left.wheel.diameter, rim / drive.right.wheel.diameter
         )
         frames = rig.listen(0.1).encoders
-        frames += rig.hold(command, 2 * pi * self.turns / RATE).encoders
+        frames += rig.hold(command, 2 * pi * self.turns / TURN_RATE_RAD_S).encoders
         frames += rig.rest().encoders
-        told = reckoned_turn(robot, frames).heading
+        told = dead_reckoned_end(robot, frames).heading
         facing = yield FACING
         true = float(facing) + 2 * pi * round((told - float(facing)) / (2 * pi))
         return told / true
 
 
-def reckoned_turn(robot: Robot, frames: Sequence[Encoders]) -> Odometry:
+def dead_reckoned_end(robot: Robot, frames: Sequence[Encoders]) -> Odometry:
     """Where odometry says that these frames have led, from the origin."""
     block = build_block(OdometryBlock, robot)
     block.reset()

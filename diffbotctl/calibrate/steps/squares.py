@@ -11,9 +11,8 @@ from math import degrees, hypot, isnan, nan, pi, sqrt
 from typing import Any
 
 from diffbotctl.calibrate import autonomous_drive, umbmark
-from diffbotctl.calibrate.geometry import Geometry
-from diffbotctl.calibrate.geometry_fit import LEFT, RIGHT, TRACK
-from diffbotctl.calibrate.result import Finding
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import (
     Event,
@@ -25,7 +24,7 @@ from diffbotctl.calibrate.step import (
     ScatterPlot,
     StepProgress,
 )
-from diffbotctl.calibrate.umbmark import EndError, UmbmarkResult
+from diffbotctl.calibrate.umbmark import UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
@@ -33,12 +32,12 @@ from diffbotctl.prompts.question import FACING, Question
 from diffbotctl.render import end_error_svg
 from diffbotctl.units import quantity
 
-RUNS = 5  # squares each way round
-CORNER = sqrt(2.0)  # of the side: how far the far corner is
-BEYOND = 0.25  # of the side: what a wrong geometry may add
+RUNS_PER_DIRECTION = 5  # squares each way round
+DIAGONAL_RATIO = sqrt(2.0)  # of the side: how far the far corner is
+REACH_MARGIN_RATIO = 0.25  # of the side: what a wrong geometry may add
 MM = 1000.0
 CLOCKWISE, COUNTER = "clockwise", "counter-clockwise"
-READ = ("places", "headings", "both")
+READ_MODES = ("places", "headings", "both")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ class SquaresStep:
     """The step: `runs` squares each way; `side` in m, 0 for the one that suits the track."""
 
     side: float = 0.0
-    runs: int = RUNS
+    runs: int = RUNS_PER_DIRECTION
     rounds: int = 1
     read: str = "places"
     name: str = "geometry"
@@ -62,21 +61,21 @@ class SquaresStep:
         pictures = {}
         for number in range(self.rounds):
             ends = yield from self._round(rig, side)
-            used = geometry_of(rig)
+            used = stated_geometry(rig)
             try:
                 found = umbmark.fit_umbmark(ends, used, share=1 / (number + 1))
             except ValueError as error:
-                raise _useless(str(error)) from error
-            findings = of_geometry(rig.file.robot, found, side)
+                raise _unusable_ends(str(error)) from error
+            findings = umbmark_findings(rig.file.robot, found, side)
             report += _report(side, used, found)
-            drawing = _drawing(side, ends)
+            drawing = _end_plot(side, ends)
             pictures[f"ends-{number + 1}.svg"] = end_error_svg.ends(drawing.title, drawing.points)
             yield drawing
             rig.attempt(findings)
         return Outcome("umbmark", findings, report, pictures=pictures)
 
     def _round(self, rig: RobotSession, side: float) -> Generator[Event, Any, umbmark.SquareErrors]:
-        reach = side * (CORNER + BEYOND)
+        reach = side * (DIAGONAL_RATIO + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and never further than {reach:.2f} m from its start. It "
@@ -111,11 +110,11 @@ class SquaresStep:
         """The true end less the one of odometry, in the frame of the start."""
         x = y = heading = nan
         if self.read != "headings":
-            x = float((yield _place("forward", side))) - end.x
-            y = float((yield _place("left", side))) - end.y
+            x = float((yield _position_question("forward", side))) - end.x
+            y = float((yield _position_question("left", side))) - end.y
         if self.read != "places":
             facing = yield FACING
-            heading = wrapped(float(facing) - end.heading)
+            heading = wrap_angle(float(facing) - end.heading)
         return EndError(x, y, heading)
 
 
@@ -125,7 +124,7 @@ SWAPPED = (
 )
 
 
-def corners(side: float, clockwise: bool) -> list[autonomous_drive.Place]:
+def corners(side: float, clockwise: bool) -> list[autonomous_drive.Waypoint]:
     """The square from the origin along x, turning on the spot in each corner."""
     turn = -1.0 if clockwise else 1.0
     return [
@@ -136,18 +135,18 @@ def corners(side: float, clockwise: bool) -> list[autonomous_drive.Place]:
     ]
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """`angle` (rad) within half a turn of none."""
     return (angle + pi) % (2 * pi) - pi
 
 
-def geometry_of(rig: RobotSession) -> Geometry:
+def stated_geometry(rig: RobotSession) -> Geometry:
     """What odometry takes now."""
     drive = rig.file.robot.drive
     return Geometry(drive.right.wheel.diameter, drive.left.wheel.diameter, drive.track)
 
 
-def of_geometry(robot: Robot, found: UmbmarkResult, side: float) -> list[Finding]:
+def umbmark_findings(robot: Robot, found: UmbmarkResult, side: float) -> list[Finding]:
     """Both diameters and the track; what the squares leave open of them.
 
     The mean diameter is as unsure as it was: squares say nothing of it.
@@ -158,11 +157,11 @@ def of_geometry(robot: Robot, found: UmbmarkResult, side: float) -> list[Finding
     ratio_sd = geometry.track / side * found.sd.beta
     right, left = (
         hypot(diameter * ratio_sd / 2, known_sd(robot, path))
-        for diameter, path in ((geometry.right, RIGHT), (geometry.left, LEFT))
+        for diameter, path in ((geometry.right, RIGHT_DIAMETER), (geometry.left, LEFT_DIAMETER))
     )
     return [
-        Finding(RIGHT, geometry.right, right),
-        Finding(LEFT, geometry.left, left),
+        Finding(RIGHT_DIAMETER, geometry.right, right),
+        Finding(LEFT_DIAMETER, geometry.left, left),
         Finding(TRACK, geometry.track, track_sd),
     ]
 
@@ -173,16 +172,16 @@ def known_sd(robot: Robot, path: str) -> float:
     return 0.0 if entry is None or entry.sd is None else quantity(str(entry.sd), "m")
 
 
-PLACES = {
+POSITION_QUESTIONS = {
     "forward": "How far in front of the start mark did it end? Behind it is less than 0.",
     "left": "How far to the left of the start mark did it end? To the right is less than 0.",
 }
 
 
-def _place(which: str, side: float) -> Question:
+def _position_question(which: str, side: float) -> Question:
     return Question(
         f"geometry.{which}",
-        PLACES[which],
+        POSITION_QUESTIONS[which],
         unit="m",
         written="mm",
         least=-side,
@@ -192,12 +191,12 @@ def _place(which: str, side: float) -> Question:
     )
 
 
-def _useless(cause: str) -> RunError:
+def _unusable_ends(cause: str) -> RunError:
     fix = "was every end read from the start mark, with its sign, in millimetres?"
     return RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
 
 
-def _drawing(side: float, ends: umbmark.SquareErrors) -> ScatterPlot:
+def _end_plot(side: float, ends: umbmark.SquareErrors) -> ScatterPlot:
     points = {
         way: [(end.x, end.y) for end in many]
         for way, many in ((CLOCKWISE, ends.clockwise), (COUNTER, ends.counter))
@@ -207,7 +206,7 @@ def _drawing(side: float, ends: umbmark.SquareErrors) -> ScatterPlot:
     else:
         points["centres"] = [
             (middle.x, middle.y)
-            for middle in (umbmark.mean(ends.clockwise), umbmark.mean(ends.counter))
+            for middle in (umbmark.mean_end(ends.clockwise), umbmark.mean_end(ends.counter))
         ]
     return ScatterPlot(f"where squares of {side:g} m ended, less odometry, mm", points)
 

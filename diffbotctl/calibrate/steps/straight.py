@@ -12,18 +12,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from diffbotctl.calibrate import autonomous_drive, umbmark
-from diffbotctl.calibrate.geometry_fit import LEFT, RIGHT
-from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.robust_mean import robust_mean
+from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, MarkFloor, MotionNotice, Outcome, Running, StepProgress
-from diffbotctl.calibrate.steps.squares import geometry_of
+from diffbotctl.calibrate.steps.squares import stated_geometry
 from diffbotctl.calibrate.umbmark import Angles
 from diffbotctl.prompts.question import Question
 
 REPEATS = 4  # there and back
-BEYOND = 0.25  # of the way: what a wrong wheel size may add
-FINEST = 0.001  # m: what a rule beside a string tells
+REACH_MARGIN_RATIO = 0.25  # of the way: what a wrong wheel size may add
+OFFSET_SD_M = 0.001  # m: what a rule beside a string tells
 MM = 1000.0
 
 
@@ -40,7 +39,7 @@ class StraightStep:
     def run(self, rig: RobotSession) -> Running:
         """Run along the string, have the offset read, from the other end; as often as wanted."""
         rig.meet()
-        reach = self.metres * (1 + BEYOND)
+        reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
             f"{self.repeats} times from each end, and never further than {reach:.2f} m.",
@@ -51,7 +50,7 @@ class StraightStep:
             for end, found in offsets.items():
                 yield StepProgress("along the string", len(found), 2 * self.repeats)
                 found.append((yield from self._once(rig, end, reach, number)))
-        there, back = (robust_mean(each, FINEST) for each in offsets.values())
+        there, back = (robust_mean(each, OFFSET_SD_M) for each in offsets.values())
         offset = (there.value + back.value) / 2
         sd = (there.sd**2 + back.sd**2) ** 0.5 / 2
         return self._outcome(rig, offset, sd)
@@ -77,13 +76,13 @@ class StraightStep:
         return float(answer) - pose.y
 
     def _outcome(self, rig: RobotSession, offset: float, sd: float) -> Outcome:
-        used = geometry_of(rig)
+        used = stated_geometry(rig)
         beta, beta_sd = 2 * offset / self.metres, 2 * sd / self.metres
-        found = umbmark.corrected(used, self.metres, Angles(0.0, beta))
+        found = umbmark.correct_geometry(used, self.metres, Angles(0.0, beta))
         ratio_sd = used.track / self.metres * beta_sd
         findings = [
-            Finding(RIGHT, found.right, found.right * ratio_sd / 2),
-            Finding(LEFT, found.left, found.left * ratio_sd / 2),
+            Finding(RIGHT_DIAMETER, found.right, found.right * ratio_sd / 2),
+            Finding(LEFT_DIAMETER, found.left, found.left * ratio_sd / 2),
         ]
         lines = [
             f"it ends {offset * MM:+.1f} mm beside the string after {self.metres:g} m, "
