@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.errors import Problem
-from diffbotctl.ports.diagnosis import PortReport, judge_name, survey_ports
-from diffbotctl.ports.permissions import SystemUser
+from diffbotctl.ports.access import SystemUser
+from diffbotctl.ports.diagnosis import PortReport, diagnose_name, survey_ports
 from prove import port_answers
 from prove.row import Row, printed
 from tests.fake_machine import CH340, MEGA, FakeMachine
@@ -373,7 +373,7 @@ def said(situation: Situation, folder: Path) -> tuple[Problem, ...]:
     seen = survey_ports(machine.root, person)
     if situation.asked is None:
         return seen.problems
-    found = judge_name(machine.root, seen, situation.asked)
+    found = diagnose_name(machine.root, seen, situation.asked)
     if isinstance(found, PortReport):
         return found.problems
     return () if found is None else (found,)

@@ -17,13 +17,13 @@ from diffbotctl.bluetooth.dbus import Bus, BusError, DBusCall
 from diffbotctl.bluetooth.errors import no_radio, not_found, not_paired, refused
 from diffbotctl.errors import Problem, RunError, UsageError
 
-BLUETOOTH = "bluetooth:"
+PORT_PREFIX = "bluetooth:"
 PORT = re.compile(r"((?:[0-9A-F]{2}:){5}[0-9A-F]{2})(?:/(\d{1,2}))?\Z")
 SERIAL_CHANNEL = 1  # the one channel of an HC-05, for its serial port profile
 CHANNELS = range(1, 31)  # of RFCOMM: five bits, of which 0 and 31 are reserved
 
 
-class Module(NamedTuple):
+class RfcommPort(NamedTuple):
     """A Bluetooth module and the RFCOMM channel of its serial port."""
 
     address: str  # six pairs of capital hexadecimal digits
@@ -31,19 +31,19 @@ class Module(NamedTuple):
 
     def __str__(self) -> str:
         channel = "" if self.channel == SERIAL_CHANNEL else f"/{self.channel}"
-        return f"{BLUETOOTH}{self.address}{channel}"
+        return f"{PORT_PREFIX}{self.address}{channel}"
 
 
-def module(text: str) -> Module:
+def parse_port(text: str) -> RfcommPort:
     """The module of an address, with or without `bluetooth:` in front. Raises UsageError."""
-    words = text.strip().removeprefix(BLUETOOTH).upper().replace("-", ":")
+    words = text.strip().removeprefix(PORT_PREFIX).upper().replace("-", ":")
     found = PORT.match(words)
     if found is None:
         raise _wrong(text, f"'{text}' is no Bluetooth address")
     channel = SERIAL_CHANNEL if found[2] is None else int(found[2])
     if channel not in CHANNELS:
         raise _wrong(text, f"there is no channel {channel}: 1 to 30")
-    return Module(found[1], channel)
+    return RfcommPort(found[1], channel)
 
 
 def _wrong(text: str, cause: str) -> UsageError:
@@ -54,11 +54,23 @@ def _wrong(text: str, cause: str) -> UsageError:
 ADAPTER, DEVICE = "org.bluez.Adapter1", "org.bluez.Device1"
 MANAGER, AGENT = "org.bluez.AgentManager1", "/org/diffbotctl/agent"
 SERIAL_PORT = "00001101-0000-1000-8000-00805f9b34fb"  # the profile of a serial port
-KNOWN_NAMES = ("HC-05", "HC-06", "HC05", "HC06", "linvor", "JDY-31", "SPP-C", "BT04", "H-C-2010")
+SERIAL_MODULE_NAMES = (
+    "HC-05",
+    "HC-06",
+    "HC05",
+    "HC06",
+    "linvor",
+    "JDY-31",
+    "SPP-C",
+    "BT04",
+    "H-C-2010",
+)
 PIN = "1234"  # of an HC-05 as it is sold
-PAIR_WAIT = 60.0  # s; the service gives up by itself before
-LOOK = 0.5  # s between two looks at what was found
-GLANCE = 2.0  # s for what is only a hint: a service that must be started first may take longer
+PAIR_TIMEOUT_S = 60.0  # s; the service gives up by itself before
+POLL_PERIOD_S = 0.5  # s between two looks at what was found
+HINT_TIMEOUT_S = (
+    2.0  # s for what is only a hint: a service that must be started first may take longer
+)
 
 
 class NearbyModule(NamedTuple):
@@ -109,7 +121,7 @@ class BluezService:
                 left = until - time.monotonic()
                 if left <= 0:
                     return
-                time.sleep(min(LOOK, left))
+                time.sleep(min(POLL_PERIOD_S, left))
 
     def known(self) -> list[NearbyModule]:
         """What the service knows of, in reach or not. Raises RunError."""
@@ -131,7 +143,7 @@ class BluezService:
                 return found
         raise not_found(address)
 
-    def pair(self, found: NearbyModule, pin: str, wait: float = PAIR_WAIT) -> None:
+    def pair(self, found: NearbyModule, pin: str, wait: float = PAIR_TIMEOUT_S) -> None:
         """Pair with the module's number, and trust it. Raises RunError."""
         self.pin, self.asked = pin, False
         with _words():
@@ -194,14 +206,14 @@ class BluezService:
         return _reject(question)
 
 
-def paired() -> list[NearbyModule]:
+def paired_modules() -> list[NearbyModule]:
     """The serial modules that are paired, in reach or not; none where nobody can be asked.
 
     Only looks: a radio that is off stays off.
     """
     try:
         with closing(Bus(_reject)) as bus:
-            objects = bus.objects(GLANCE)
+            objects = bus.objects(HINT_TIMEOUT_S)
     except (RunError, BusError):
         return []
     found = [
@@ -232,7 +244,9 @@ def _words() -> Iterator[None]:
 def _found(path: str, device: dict[str, Any]) -> NearbyModule:
     name = str(device.get("Alias") or device.get("Name") or "")
     profiles = [str(each).lower() for each in device.get("UUIDs", ())]
-    serial = SERIAL_PORT in profiles or name.upper().startswith(tuple(map(str.upper, KNOWN_NAMES)))
+    serial = SERIAL_PORT in profiles or name.upper().startswith(
+        tuple(map(str.upper, SERIAL_MODULE_NAMES))
+    )
     strength = device.get("RSSI")
     return NearbyModule(
         str(device.get("Address", "")), name, strength, bool(device.get("Paired")), serial, path

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from diffbotctl.errors import Problem, RunError
 
 SERVICE = "org.bluez"
-QUICK = 10.0  # s; what the service answers by itself
-CONNECT = 2.0  # s; the bus is on this machine
+CALL_TIMEOUT_S = 10.0  # s; what the service answers by itself
+CONNECT_TIMEOUT_S = 2.0  # s; the bus is on this machine
 
 
 class DBusCall(NamedTuple):
@@ -52,7 +52,7 @@ class Bus:
         method: str,
         signature: str = "",
         arguments: tuple[Any, ...] = (),
-        wait: float = QUICK,
+        wait: float = CALL_TIMEOUT_S,
     ) -> tuple[Any, ...]:
         """Call the service, answering its questions meanwhile.
 
@@ -89,7 +89,7 @@ class Bus:
             (interface, name, (signature, value)),
         )
 
-    def objects(self, wait: float = QUICK) -> dict[str, dict[str, dict[str, Any]]]:
+    def objects(self, wait: float = CALL_TIMEOUT_S) -> dict[str, dict[str, dict[str, Any]]]:
         """Everything the service knows: path, interface, property, value. Raises BusError."""
         (found,) = self.call(
             "/", "org.freedesktop.DBus.ObjectManager", "GetManagedObjects", wait=wait
@@ -142,7 +142,7 @@ def _connection() -> Any:
             )
         ) from error
     try:
-        return open_dbus_connection(bus="SYSTEM", auth_timeout=CONNECT)
+        return open_dbus_connection(bus="SYSTEM", auth_timeout=CONNECT_TIMEOUT_S)
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise _no_bus("it cannot be reached") from error
 

@@ -11,7 +11,7 @@ from collections.abc import Generator
 from typing import NamedTuple
 
 AT_BAUD = 38400  # of every HC-05 whose button was held while its power came on
-TRIES = 3  # the first command after power-on is often answered with an error
+COMMAND_MAX_TRIES = 3  # the first command after power-on is often answered with an error
 RATE_KEY = "+UART:"
 # Error numbers that people meet; HC-05 AT command set, appendix.
 ERRORS = {
@@ -23,21 +23,21 @@ ERRORS = {
 }
 
 AtReply = list[str]
-AtSession = Generator[str, AtReply, "ModuleRate"]
+AtSession = Generator[str, AtReply, "BaudChange"]
 
 
-class ModuleRate(NamedTuple):
+class BaudChange(NamedTuple):
     """The module's rate before and now, baud."""
 
     before: int
     now: int
 
 
-class NoReplyError(Exception):
+class AtModeError(Exception):
     """The module does not answer as an HC-05 in AT mode does; the message says what it did."""
 
 
-def set_rate(baud: int) -> AtSession:
+def set_baud(baud: int) -> AtSession:
     """Set the module's rate, look whether it took it, and let it leave AT mode.
 
     Raises NoAnswerError. Says nothing that changes the module before it has answered twice.
@@ -48,18 +48,18 @@ def set_rate(baud: int) -> AtSession:
         yield from _ask(f"AT+UART={baud},0,0")  # one stop bit, no parity
         now = yield from _rate()
         if now != baud:
-            raise NoReplyError(f"it took the command, but its rate is still {now} baud")
+            raise AtModeError(f"it took the command, but its rate is still {now} baud")
     yield "AT+RESET"  # whatever it answers: it restarts, out of AT mode
-    return ModuleRate(before, baud)
+    return BaudChange(before, baud)
 
 
 def _greet() -> Generator[str, AtReply, None]:
     heard: AtReply = []
-    for _ in range(TRIES):
+    for _ in range(COMMAND_MAX_TRIES):
         heard = yield "AT"
         if heard and heard[-1] == "OK":
             return
-    raise NoReplyError(f"it answers {heard[-1]} to AT" if heard else "nothing answers to AT")
+    raise AtModeError(f"it answers {heard[-1]} to AT" if heard else "nothing answers to AT")
 
 
 def _rate() -> Generator[str, AtReply, int]:
@@ -68,22 +68,22 @@ def _rate() -> Generator[str, AtReply, int]:
             words = line.removeprefix(RATE_KEY).split(",")
             if words[0].isdigit():
                 return int(words[0])
-    raise NoReplyError("it does not tell its rate")
+    raise AtModeError("it does not tell its rate")
 
 
 def _ask(command: str) -> Generator[str, AtReply, AtReply]:
     heard: AtReply = []
-    for _ in range(TRIES):
+    for _ in range(COMMAND_MAX_TRIES):
         heard = yield command
         if heard and heard[-1] == "OK":
             return heard
     if not heard:
-        raise NoReplyError(f"it has fallen silent over {command}")
+        raise AtModeError(f"it has fallen silent over {command}")
     number = heard[-1].removeprefix("ERROR:(").rstrip(")")
-    raise NoReplyError(f"{command} fails: {ERRORS.get(number, heard[-1])}")
+    raise AtModeError(f"{command} fails: {ERRORS.get(number, heard[-1])}")
 
 
-class AtLines:
+class AtReplyReader:
     """Bytes into lines, up to the one that ends an answer."""
 
     def __init__(self) -> None:

@@ -6,8 +6,7 @@ import select
 import time
 from collections.abc import Iterator
 
-from diffbotctl.bluetooth.link_probe import LinkProbe
-from diffbotctl.bluetooth.link_stats import LinkFigures
+from diffbotctl.bluetooth.link_stats import LinkFigures, LinkProbe
 from diffbotctl.board.progress import FlashMessage
 from diffbotctl.board.session import BoardVisit
 from diffbotctl.drivers.serial_port import OpenPort, disconnected_error, open_port

@@ -25,7 +25,7 @@ def info(file: Path) -> int:
     from diffbotctl.recording.info import recording_info
     from diffbotctl.ui import recording_text
 
-    for line in recording_text.overview(recording_info(file)):
+    for line in recording_text.info_lines(recording_info(file)):
         click.echo(line)
     return 0
 
@@ -139,7 +139,7 @@ def _on_terminal(drawn: list[Any], plain: bool) -> None:
 
     size = get_terminal_size((80, 24))
     font = ASCII if plain or not _speaks_braille() else BRAILLE
-    for line in plots.plot_lines(drawn, size.columns, size.lines - 1, font):
+    for line in plots.render_plots(drawn, size.columns, size.lines - 1, font):
         click.echo(line)
 
 
@@ -164,11 +164,11 @@ def diff(one: Path, other: Path) -> int:
     from diffbotctl.ui import recording_text
 
     topics = recording_differences(one, other)
-    for line in recording_text.differences(topics, ("A", "B")):
+    for line in recording_text.difference_lines(topics, ("A", "B")):
         click.echo(line)
     both = recorded_metrics(one), recorded_metrics(other)
     if both[0] != both[1]:
         click.echo()
-        for line in recording_text.metrics(*both, ("A", "B")):
+        for line in recording_text.metrics_table(*both, ("A", "B")):
             click.echo(line)
     return int(any(topic.place is not None for topic in topics))

@@ -61,9 +61,9 @@ def _line(found: NearbyModule) -> str:
 @click.option("--for", "seconds", default=SCAN, show_default=True, help="s to look for it.")
 def pair(address: str, pin: str, again: bool, seconds: float) -> None:
     """Pair with the module of ADDRESS, once and for all."""
-    from diffbotctl.bluetooth.bluez import BluezService, module
+    from diffbotctl.bluetooth.bluez import BluezService, parse_port
 
-    wanted = module(address)
+    wanted = parse_port(address)
     with BluezService() as service:
         found = service.find(wanted.address, seconds)
         if again and found.paired:
@@ -114,10 +114,12 @@ def test(port: str, robot: str | None, seconds: float) -> None:
 
 def _device(port: str) -> str:
     """A bare address is a module's."""
-    from diffbotctl.bluetooth.bluez import module
+    from diffbotctl.bluetooth.bluez import parse_port
     from diffbotctl.drivers.socket_port import is_socket
 
-    return port if "/" in port or is_socket(port) or port.startswith("tty") else str(module(port))
+    return (
+        port if "/" in port or is_socket(port) or port.startswith("tty") else str(parse_port(port))
+    )
 
 
 def _figures(found: LinkFigures) -> list[str]:
@@ -172,7 +174,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     Leads through the module's AT mode: its button must be held while its power comes on. Exit code:
     1 when the robot file does not say the module's rate in the end.
     """
-    from diffbotctl.bluetooth.hc05_at import ModuleRate
+    from diffbotctl.bluetooth.hc05_at import BaudChange
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_candidates import refuse_radio
@@ -189,7 +191,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     written = True
     with closing(change_rate(device, board_settings(file.robot), int(rate))) as events:
         for event in events:
-            if isinstance(event, ModuleRate):
+            if isinstance(event, BaudChange):
                 click.echo(DONE.format(before=event.before, now=event.now))
                 written = _noted(file, event.now, yes)
             else:

@@ -80,7 +80,7 @@ def from_log(
     """
     from diffbotctl.calibrate.geometry_fit import fit_geometry
     from diffbotctl.errors import Problem, RunError
-    from diffbotctl.ui.calibration_report import lines
+    from diffbotctl.ui.calibration_screen import fit_report
 
     folders = [file for file in files if file.is_dir()]
     if folders:
@@ -93,7 +93,7 @@ def from_log(
         fix = "`diffbotctl explain E-CALIBRATE-FIT` tells the usual causes"
         place = ", ".join(map(str, files))
         raise RunError(Problem("E-CALIBRATE-FIT", place, str(error), fix)) from error
-    for line in lines(found):
+    for line in fit_report(found):
         click.echo(line)
     if save or yes:
         _save(found, files, robot, bool(folders), yes)

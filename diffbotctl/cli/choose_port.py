@@ -36,14 +36,14 @@ def choose_port(radio: bool = False) -> str:
 def _name_modules() -> None:
     """Raises OnlyRadioError when a module is paired. It is not chosen by itself: whether the robot
     at hand is the one behind it, only a person can tell."""
-    from diffbotctl.bluetooth.bluez import Module, paired
+    from diffbotctl.bluetooth.bluez import RfcommPort, paired_modules
     from diffbotctl.drivers.board_errors import OnlyRadioError
 
-    modules = paired()
+    modules = paired_modules()
     if modules:
         raise OnlyRadioError(
             [f"{each.name} {each.address}".lstrip() for each in modules],
-            [over(sys.argv[1:], str(Module(each.address))) for each in modules],
+            [over(sys.argv[1:], str(RfcommPort(each.address))) for each in modules],
         )
 
 

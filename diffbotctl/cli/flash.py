@@ -87,10 +87,10 @@ def _agreed() -> bool:
 
 
 def _show(events: Iterable[Event]) -> None:
-    from diffbotctl.ui.progress import show
+    from diffbotctl.ui.progress import show_progress
 
     try:
-        show(events)
+        show_progress(events)
     except KeyboardInterrupt:
         click.echo(INTERRUPTED, err=True)
         raise click.Abort from None

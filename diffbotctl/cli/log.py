@@ -87,7 +87,7 @@ def _print(line: dict[str, Any]) -> None:
     if not sys.stdout.isatty():
         print(json.dumps(line), flush=True)
         return
-    from diffbotctl.ui.message_text import line as words
+    from diffbotctl.ui.run_text import log_line_text as words
 
     click.secho(words(LogLine(**line)), fg=COLOURS.get(line["level"]))
 

@@ -32,8 +32,8 @@ def ports(port: str | None, ask: bool, robot: str | None, root: Path) -> int:
 
     Exit code: 0 when a port could be used (or PORT can), 1 when not.
     """
+    from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
-    from diffbotctl.ports.permissions import current_user
 
     seen = survey_ports(root, current_user())
     if port is not None:
@@ -55,9 +55,9 @@ def _all(seen: PortSurvey) -> bool:
 
 
 def _one(root: Path, seen: PortSurvey, name: str) -> bool:
-    from diffbotctl.ports.diagnosis import PortReport, judge_name
+    from diffbotctl.ports.diagnosis import PortReport, diagnose_name
 
-    found = judge_name(root, seen, name)
+    found = diagnose_name(root, seen, name)
     if found is None:
         click.echo(f"{name}  a pseudo-terminal, such as an emulated board's")
         return True
@@ -123,9 +123,9 @@ def doctor(fix: bool, root: Path) -> int:
     Each line begins with ok, -- (worth knowing) or !! (in the way). Exit code: 1 with any !!.
     """
     from diffbotctl.diagnostics.doctor import BAD, doctor_findings
+    from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
     from diffbotctl.ports.fixes import fix_commands
-    from diffbotctl.ports.permissions import current_user
     from diffbotctl.ui.text import fold_text
 
     person = current_user()

@@ -144,7 +144,7 @@ def _measured(run: RecordedRun, wanted: ReplayOptions, done: ReplayResult) -> in
         until = wanted.until if wanted.until < NEVER else None
         before = recorded_metrics(run.path, wanted.begin, until)
     click.echo()
-    for line in recording_text.metrics(before, done.metrics, ("recorded", "replayed")):
+    for line in recording_text.metrics_table(before, done.metrics, ("recorded", "replayed")):
         click.echo(line)
     return 0
 

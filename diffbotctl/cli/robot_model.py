@@ -37,12 +37,12 @@ def show(robot: str | None, output: Path | None) -> int:
         return 0
     from rich.console import Console
 
-    from diffbotctl.ui.robot_view import portrait
+    from diffbotctl.ui.map.layers import render_robot_view
 
     console = Console(highlight=False)
     console.print(f"[bold]{found.file.stem}[/bold]")
     for view in views:
-        console.print(portrait(view, console.width))
+        console.print(render_robot_view(view, console.width))
     return 0
 
 

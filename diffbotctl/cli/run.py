@@ -150,9 +150,9 @@ def _finish(run: Run, aside: NonBlockingStderr) -> int:
         result = run.go()
     finally:
         aside.end()
-    from diffbotctl.ui.summary import lines
+    from diffbotctl.ui.run_text import summary_lines
 
-    for line in lines(result, run.operator.last):
+    for line in summary_lines(result, run.operator.last):
         click.echo(line)
     if result.failure is not None:
         raise result.failure
@@ -177,14 +177,14 @@ def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSna
 
     def show(pictures: Iterator[RunSnapshot]) -> None:
         if not sys.stdout.isatty():
-            from diffbotctl.ui import plain_log
+            from diffbotctl.ui import run_text
 
-            plain_log.show(pictures)
+            run_text.print_log(pictures)
             return
         from diffbotctl.render.map_scene import scene, scene_of
         from diffbotctl.ui import live_view
 
-        live_view.show(scene_of(scene(configuration, None, port)), pictures)
+        live_view.show_live(scene_of(scene(configuration, None, port)), pictures)
 
     return partial(show)
 

@@ -165,13 +165,13 @@ def outcome(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, str]:
 def _goal(status: dict[str, Any]) -> str:
     from diffbotctl.messages import GoalState
     from diffbotctl.recording.json_codec import message_reader
-    from diffbotctl.ui.message_text import goal_state
+    from diffbotctl.ui.run_text import goal_state_text
 
     said = status["goal_state"]
     if said is None:
         return "no goal is under way"
     state: GoalState = message_reader(GoalState)(said)
-    return f"goal {state.number}: {goal_state(state)}"
+    return f"goal {state.number}: {goal_state_text(state)}"
 
 
 @click.command()

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl import __version__
-from diffbotctl.bluetooth.adapter import Adapter, adapter
+from diffbotctl.bluetooth.errors import AdapterStatus, adapter_status
 from diffbotctl.errors import Problem
+from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey
-from diffbotctl.ports.permissions import SystemUser, groups
 
 OK, NOTE, BAD = "ok", "--", "!!"
 OLDEST = (3, 11)
@@ -52,7 +52,7 @@ def doctor_findings(root: Path, person: SystemUser, seen: PortSurvey) -> Iterato
     yield from _versions()
     yield _groups(root, person)
     yield from _ports(seen)
-    yield from bluetooth(adapter(root))
+    yield from check_bluetooth(adapter_status(root))
     yield from _packages(root)
 
 
@@ -80,7 +80,7 @@ def _version(name: str) -> str | None:
 
 
 def _groups(root: Path, person: SystemUser) -> DoctorFinding:
-    serial = [group for group in groups(root).values() if group.name in SERIAL_GROUPS]
+    serial = [group for group in system_groups(root).values() if group.name in SERIAL_GROUPS]
     mine = [group.name for group in serial if group.number in person.groups]
     if person.user == 0:
         words = "root may do anything; as an ordinary user diffbotctl needs no root"
@@ -115,7 +115,7 @@ def _of(problem: Problem, wanted: bool) -> DoctorFinding:
     return DoctorFinding(verdict, problem.code, f"{problem.place}: {problem.cause}", problem.fix)
 
 
-def bluetooth(found: Adapter) -> Iterator[DoctorFinding]:
+def check_bluetooth(found: AdapterStatus) -> Iterator[DoctorFinding]:
     """Whether a Bluetooth module could be reached; of interest to those who have one."""
     topic = "Bluetooth"
     if not hasattr(socket, "AF_BLUETOOTH"):

@@ -9,12 +9,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from diffbotctl.bluetooth.bluez import BLUETOOTH
+from diffbotctl.bluetooth.bluez import PORT_PREFIX
 from diffbotctl.drivers.board_errors import NoBoardError, RadioPortError, SeveralBoardsError
-from diffbotctl.ports.usb_ids import CHIP, KINDS, MEGA
+from diffbotctl.ports.usb_ids import CHIP, MEGA, USB_IDS
 
-GENUINE = {identity for identity, kind in KINDS.items() if kind.role == MEGA}
-CLONES = {identity for identity, kind in KINDS.items() if kind.role == CHIP}
+GENUINE = {identity for identity, kind in USB_IDS.items() if kind.role == MEGA}
+CLONES = {identity for identity, kind in USB_IDS.items() if kind.role == CHIP}
 
 if TYPE_CHECKING:
     from serial.tools.list_ports_common import ListPortInfo
@@ -88,5 +88,5 @@ def is_usb(device: str) -> bool:
 def refuse_radio(device: str) -> None:
     """Raises RadioPortError for a port that leads over Bluetooth."""
     bound = any(RADIO.search(name) for name in (device, os.path.realpath(device)))
-    if bound or device.startswith(BLUETOOTH):
+    if bound or device.startswith(PORT_PREFIX):
         raise RadioPortError(device)

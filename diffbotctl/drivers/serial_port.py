@@ -14,15 +14,14 @@ from typing import Protocol
 
 from diffbotctl.drivers.socket_port import connect_radio, connect_socket, is_socket, unreachable
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.ports.access import HIDDEN_USER, current_user, port_user
 from diffbotctl.ports.diagnosis import (
-    OF_RIGHTS,
+    PERMISSION_CODES,
     PortReport,
     busy_problem,
-    judge_name,
+    diagnose_name,
     survey_ports,
 )
-from diffbotctl.ports.permissions import current_user
-from diffbotctl.ports.port_users import UNSEEN, holder
 
 READ_SIZE = 4096  # bytes; more than any board sends between two looks
 
@@ -154,16 +153,17 @@ def _lock(fd: int, device: str) -> None:
 
 
 def _busy(device: str) -> RunError:
-    return RunError(busy_problem(device, holder(Path("/"), os.path.abspath(device)) or UNSEEN))
+    user = port_user(Path("/"), os.path.abspath(device)) or HIDDEN_USER
+    return RunError(busy_problem(device, user))
 
 
 def _no_right(device: str) -> RunError:
     """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
     root = Path("/")
-    found = judge_name(root, survey_ports(root, current_user()), os.path.abspath(device))
+    found = diagnose_name(root, survey_ports(root, current_user()), os.path.abspath(device))
     problems = found.problems if isinstance(found, PortReport) else ()
     for problem in problems:
-        if problem.code in OF_RIGHTS:
+        if problem.code in PERMISSION_CODES:
             return RunError(problem)
     group = _group(device)
     fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"

@@ -12,7 +12,7 @@ import select
 import socket
 from contextlib import suppress
 
-from diffbotctl.bluetooth.bluez import BLUETOOTH, module
+from diffbotctl.bluetooth.bluez import PORT_PREFIX, parse_port
 from diffbotctl.errors import Problem, RunError
 
 READ_SIZE = 4096  # bytes
@@ -36,7 +36,7 @@ MEANINGS = {
 
 def is_socket(device: str) -> bool:
     """Whether a port of this name is a socket rather than a device file."""
-    return device.startswith((BLUETOOTH, SOCKET))
+    return device.startswith((PORT_PREFIX, SOCKET))
 
 
 Address = tuple[str, int] | str
@@ -149,7 +149,7 @@ def unreachable(device: str, error: OSError) -> RunError:
     )
     if device.startswith(SOCKET):
         fix = "does whoever serves that socket run?"
-    address = device.removeprefix(BLUETOOTH)
+    address = device.removeprefix(PORT_PREFIX)
     return RunError(
         Problem("E-BLUETOOTH-CONNECT", f"port {device}", cause, fix.format(address=address))
     )
@@ -159,7 +159,7 @@ def _made(device: str) -> tuple[socket.socket, Address]:
     """A socket and where it is to connect."""
     if device.startswith(SOCKET):
         return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), device.removeprefix(SOCKET)
-    wanted = module(device)
+    wanted = parse_port(device)
     family, protocol = (getattr(socket, name, None) for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"))
     if family is None or protocol is None:
         fix = (

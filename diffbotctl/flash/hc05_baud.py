@@ -11,7 +11,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import NamedTuple
 
-from diffbotctl.bluetooth.hc05_at import AtLines, AtReply, ModuleRate, NoReplyError, set_rate
+from diffbotctl.bluetooth.hc05_at import AtModeError, AtReply, AtReplyReader, BaudChange, set_baud
 from diffbotctl.board.progress import Event, FlashMessage
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, RunError
@@ -36,7 +36,7 @@ class Ask(NamedTuple):
 
 def change_rate(
     device: str, settings: BoardSettings, baud: int
-) -> Generator[Event | Ask | ModuleRate, None, None]:
+) -> Generator[Event | Ask | BaudChange, None, None]:
     """Set the module on the board behind the USB port `device` to `baud`, and the board too.
 
     Yields Ask wherever a person must act. Raises RunError; the firmware is back on the board then,
@@ -44,14 +44,14 @@ def change_rate(
     """
     yield FlashMessage("a program that joins the USB port to the module's port, for a while:")
     yield from flash(device, folder("firmware") / BRIDGE)
-    done: ModuleRate | None = None
+    done: BaudChange | None = None
     try:
         for attempt in range(ATTEMPTS):
             yield Ask(BUTTON)
             try:
                 done = _talk(device, baud)
                 break
-            except NoReplyError as error:
+            except AtModeError as error:
                 if attempt == ATTEMPTS - 1:
                     raise _no_answer(device, error) from error
                 yield FlashMessage(f"No: {error}. Once more.")
@@ -65,24 +65,24 @@ def change_rate(
     yield Ask(OUT_AGAIN)
 
 
-def _talk(device: str, baud: int) -> ModuleRate:
+def _talk(device: str, baud: int) -> BaudChange:
     with Bootloader(device) as board:
         time.sleep(BOOT)
         board.read(0.0)  # what the restart itself has put on the line
-        talk = set_rate(baud)
+        talk = set_baud(baud)
         command = next(talk)
         while True:
             heard = _answer(board, command)
             try:
                 command = talk.send(heard)
             except StopIteration as end:
-                rate: ModuleRate = end.value
+                rate: BaudChange = end.value
                 return rate
 
 
 def _answer(board: Bootloader, command: str) -> AtReply:
     """The lines of the answer; none when it did not end in time."""
-    lines = AtLines()
+    lines = AtReplyReader()
     board.write(f"{command}\r\n".encode("ascii"))
     until = time.monotonic() + ANSWER
     while (left := until - time.monotonic()) > 0:
@@ -91,7 +91,7 @@ def _answer(board: Bootloader, command: str) -> AtReply:
     return []
 
 
-def _no_answer(device: str, error: NoReplyError) -> RunError:
+def _no_answer(device: str, error: AtModeError) -> RunError:
     return RunError(
         Problem(
             "E-BLUETOOTH-AT",

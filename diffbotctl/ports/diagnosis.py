@@ -10,16 +10,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.errors import Problem
-from diffbotctl.ports import conflicting_services, usb_ids
-from diffbotctl.ports.permissions import SystemUser, groups
-from diffbotctl.ports.port_users import UNSEEN, PortUser, holder
-from diffbotctl.ports.sysfs import SerialPort, Usb, ports, usb_devices
+from diffbotctl.ports import access, usb_ids
+from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
+from diffbotctl.ports.sysfs import SerialPort, UsbDevice, serial_ports, usb_devices
 
 NEVER_CHMOD = "Never chmod 777: it lasts until the cable is pulled, and lets anyone in"
 REPLUG = "then plug the cable in anew"
 RULE = f"install the udev rule that `diffbotctl doctor --fix` prints, {REPLUG}"
 # What to do about a program that holds a port, by its name.
-LET_GO = {
+RELEASE_FIXES = {
     "diffbotctl": "end that run: Ctrl-C in its window, or `diffbotctl stop` and then end it",
     "ModemManager": "it lets go within half a minute; for good: sudo systemctl disable --now "
     "ModemManager",
@@ -34,7 +33,7 @@ LET_GO = {
     "avrdude": "wait until it has finished",
     "agetty": "a login runs on this port: sudo systemctl disable --now serial-getty@{name}",
 }
-OF_RIGHTS = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
+PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM = "rfcomm"  # keeps the port that it made open; others may use it
 
 
@@ -69,7 +68,7 @@ class PortSurvey(NamedTuple):
 
 def survey_ports(root: Path, person: SystemUser) -> PortSurvey:
     """Look at every port below `root`, for `person`. Opens none."""
-    found = ports(root)
+    found = serial_ports(root)
     twins = _twins(found)
     reports = tuple(_report(root, person, port, twins) for port in found)
     lost = tuple(_portless(root, usb, reports) for usb in usb_devices(root))
@@ -78,7 +77,7 @@ def survey_ports(root: Path, person: SystemUser) -> PortSurvey:
 
 
 def _report(root: Path, person: SystemUser, port: SerialPort, twins: set[str]) -> PortReport:
-    using = holder(root, port.device)
+    using = port_user(root, port.device)
     if using is not None and using.name.startswith(RFCOMM):
         using = None
     problems = [
@@ -117,7 +116,7 @@ def _rights(root: Path, person: SystemUser, port: SerialPort) -> Problem | None:
     path = root / port.device[1:]
     if person.may(path, port.mode, port.owner, port.group):
         return None
-    known = groups(root)
+    known = system_groups(root)
     owning = known.get(port.group)
     name = owning.name if owning else f"number {port.group}"
     if owning is None or port.mode >> 3 & 0o6 != 0o6 or name == "root":
@@ -136,15 +135,17 @@ def _rights(root: Path, person: SystemUser, port: SerialPort) -> Problem | None:
 def busy_problem(device: str, using: PortUser) -> Problem:
     """Another program keeps the port; how to make it let go."""
     name = device.rpartition("/")[2]
-    fix = LET_GO.get(using.name, f"end that program (kill {using.process})").format(name=name)
-    if using == UNSEEN:
+    fix = RELEASE_FIXES.get(using.name, f"end that program (kill {using.process})").format(
+        name=name
+    )
+    if using == HIDDEN_USER:
         fix = f"sudo fuser -v {device} tells which; end it"
     fix += "; two programs on one port garble each other"
     return port_problem("E-PORT-BUSY", device, f"it is in use by {using}", fix)
 
 
 def _console(root: Path, port: SerialPort) -> Problem | None:
-    if not conflicting_services.console(root, port.device):
+    if not access.is_console(root, port.device):
         return None
     fix = (
         "raspi-config, Interface Options, Serial Port: no login shell, hardware on; elsewhere "
@@ -184,7 +185,7 @@ def _trapped(root: Path, port: SerialPort, using: PortUser | None) -> list[Probl
     if usb is None or (usb.kind and usb.kind.role == usb_ids.NO_BOARD):
         return []
     found: list[Problem | None] = []
-    if conflicting_services.brltty_wants(root, usb):
+    if access.brltty_claims(root, usb):
         found.append(
             port_problem(
                 "W-PORT-BRLTTY",
@@ -194,8 +195,8 @@ def _trapped(root: Path, port: SerialPort, using: PortUser | None) -> list[Probl
                 f"sudo apt-get remove brltty, {REPLUG}",
             )
         )
-    caught = using is not None and using.name == conflicting_services.MODEM_MANAGER
-    if not port.no_modem and not caught and conflicting_services.modem_manager(root):
+    caught = using is not None and using.name == access.MODEM_MANAGER
+    if not port.no_modem and not caught and access.modem_manager_runs(root):
         found.append(
             port_problem(
                 "W-PORT-MODEM",
@@ -234,7 +235,7 @@ def _twin(port: SerialPort, twins: set[str]) -> Problem | None:
     return port_problem("W-PORT-TWINS", port.device, cause, fix)
 
 
-def _portless(root: Path, usb: Usb, reports: tuple[PortReport, ...]) -> Problem | None:
+def _portless(root: Path, usb: UsbDevice, reports: tuple[PortReport, ...]) -> Problem | None:
     """A board's USB chip that has no serial port, and why."""
     known = usb.kind
     if known is None or known.role == usb_ids.NO_BOARD:
@@ -252,7 +253,7 @@ def _portless(root: Path, usb: Usb, reports: tuple[PortReport, ...]) -> Problem 
             "socket; if it stays so, the chip lost its program: DFU-program it as "
             "Arduino's page on the 16U2 says",
         )
-    if "usbfs" in usb.drivers or conflicting_services.brltty_wants(root, usb):
+    if "usbfs" in usb.drivers or access.brltty_claims(root, usb):
         return Problem(
             "E-PORT-BRLTTY",
             where,
@@ -301,7 +302,7 @@ def _count(reports: tuple[PortReport, ...], lost: bool) -> list[Problem]:
 PTY = "/dev/pts/"
 
 
-def judge_name(root: Path, seen: PortSurvey, name: str) -> PortReport | Problem | None:
+def diagnose_name(root: Path, seen: PortSurvey, name: str) -> PortReport | Problem | None:
     """What `name` leads to: its report, or why it cannot serve.
 
     None for a pseudo-terminal, such as an emulated board's: nothing is known of what is behind.

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortReport, PortSurvey
-from diffbotctl.ports.permissions import SystemUser, groups
-from diffbotctl.ports.sysfs import Usb, usb_devices
+from diffbotctl.ports.sysfs import UsbDevice, usb_devices
 
 BRLTTY = "sudo apt-get remove brltty"
 
@@ -33,7 +33,7 @@ def _of(root: Path, report: PortReport, person: SystemUser) -> list[str]:
     codes = {problem.code for problem in report.problems}
     found = []
     if "E-PORT-RIGHTS" in codes:
-        name = groups(root)[report.port.group].name
+        name = system_groups(root)[report.port.group].name
         found.append(f"sudo usermod -aG {name} {person.name}")
     if "W-PORT-BRLTTY" in codes:
         found.append(BRLTTY)
@@ -46,7 +46,7 @@ FILE = "/etc/udev/rules.d/70-diffbotctl.rules"  # below 73, where uaccess takes 
 RELOAD = "sudo udevadm control --reload && sudo udevadm trigger"
 
 
-def udev_rule(usb: Usb) -> str:
+def udev_rule(usb: UsbDevice) -> str:
     """One line for one kind of USB device."""
     return (
         f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{usb.vendor:04x}", '

@@ -13,14 +13,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.ports.usb_ids import UsbChip, kind
+from diffbotctl.ports.usb_ids import UsbChip, lookup_usb_id
 
 ONBOARD = re.compile(r"tty(AMA|S|THS|mxc|SAC|TCU)\d+\Z")
 PLUGGED = re.compile(r"(tty(USB|ACM)|rfcomm)\d+\Z")
 HARDWARE_NONE = "0"  # `type` of a ttyS whose chip the kernel did not find
 
 
-class Usb(NamedTuple):
+class UsbDevice(NamedTuple):
     """One USB device."""
 
     vendor: int
@@ -33,7 +33,7 @@ class Usb(NamedTuple):
     @property
     def kind(self) -> UsbChip | None:
         """What is known of its identity."""
-        return kind(self.vendor, self.product)
+        return lookup_usb_id(self.vendor, self.product)
 
     @property
     def identity(self) -> str:
@@ -45,7 +45,7 @@ class SerialPort(NamedTuple):
     """One serial port that is there."""
 
     device: str
-    usb: Usb | None
+    usb: UsbDevice | None
     address: str  # of the Bluetooth module that rfcomm has bound, else ""
     mode: int
     owner: int
@@ -62,7 +62,7 @@ class SerialPort(NamedTuple):
         return found[1], int(found[2] or 0)
 
 
-def ports(root: Path) -> list[SerialPort]:
+def serial_ports(root: Path) -> list[SerialPort]:
     """Every serial port worth naming: USB, Bluetooth, and those soldered to the machine."""
     stable = _links(root, "dev/serial/by-id")
     place = _links(root, "dev/serial/by-path")
@@ -79,7 +79,10 @@ def ports(root: Path) -> list[SerialPort]:
 def _is_serial(folder: Path) -> bool:
     if PLUGGED.match(folder.name):
         return True
-    return bool(ONBOARD.match(folder.name)) and text(folder / "type") not in ("", HARDWARE_NONE)
+    return bool(ONBOARD.match(folder.name)) and read_text(folder / "type") not in (
+        "",
+        HARDWARE_NONE,
+    )
 
 
 def _port(
@@ -89,7 +92,7 @@ def _port(
     return SerialPort(
         device,
         _usb_above(folder / "device"),
-        text(folder / "address"),
+        read_text(folder / "address"),
         about.st_mode & 0o777,
         about.st_uid,
         about.st_gid,
@@ -99,13 +102,13 @@ def _port(
     )
 
 
-def usb_devices(root: Path) -> list[Usb]:
+def usb_devices(root: Path) -> list[UsbDevice]:
     """Every USB device, with or without a serial port."""
     folders = _folders(root / "sys/bus/usb/devices")
     return [_usb(folder.resolve()) for folder in folders if (folder / "idVendor").exists()]
 
 
-def _usb_above(device: Path) -> Usb | None:
+def _usb_above(device: Path) -> UsbDevice | None:
     """The USB device that a port's folder lies in."""
     if not device.exists():
         return None
@@ -116,17 +119,17 @@ def _usb_above(device: Path) -> Usb | None:
     return None
 
 
-def _usb(folder: Path) -> Usb:
+def _usb(folder: Path) -> UsbDevice:
     interfaces = [each for each in _folders(folder) if each.name.startswith(f"{folder.name}:")]
     drivers = tuple(
         os.path.basename(os.readlink(each / "driver")) if (each / "driver").is_symlink() else ""
         for each in interfaces
     )
-    return Usb(
-        int(text(folder / "idVendor") or "0", 16),
-        int(text(folder / "idProduct") or "0", 16),
-        text(folder / "product"),
-        text(folder / "serial"),
+    return UsbDevice(
+        int(read_text(folder / "idVendor") or "0", 16),
+        int(read_text(folder / "idProduct") or "0", 16),
+        read_text(folder / "product"),
+        read_text(folder / "serial"),
         folder.name,
         drivers,
     )
@@ -134,7 +137,7 @@ def _usb(folder: Path) -> Usb:
 
 def _no_modem(root: Path, folder: Path) -> bool:
     """Whether udev's database has ID_MM_DEVICE_IGNORE for the port."""
-    entry = text(root / "run/udev/data" / f"c{text(folder / 'dev')}")
+    entry = read_text(root / "run/udev/data" / f"c{read_text(folder / 'dev')}")
     return "E:ID_MM_DEVICE_IGNORE=1" in entry.split("\n")
 
 
@@ -154,7 +157,7 @@ def _folders(path: Path) -> Iterator[Path]:
         yield from sorted(path.iterdir())
 
 
-def text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """A small file's content without its last line break; "" when it cannot be read."""
     try:
         return path.read_text("utf-8", "replace").strip()

@@ -16,12 +16,12 @@ class UsbChip(NamedTuple):
 ARDUINO, ARDUINO_ORG = 0x2341, 0x2A03
 MEGA, OTHER_BOARD, CHIP, DFU, NO_BOARD = "mega", "other_board", "chip", "dfu", "no_board"
 
-KINDS: dict[tuple[int, int], UsbChip] = {
+USB_IDS: dict[tuple[int, int], UsbChip] = {
     (vendor, product): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm")
     for vendor in (ARDUINO, ARDUINO_ORG)
     for product in (0x0010, 0x0042)
 }
-KINDS |= {
+USB_IDS |= {
     (ARDUINO, 0x0210): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm"),
     (ARDUINO, 0x0242): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm"),
     (ARDUINO, 0x003F): UsbChip("Arduino Mega ADK", OTHER_BOARD, "cdc_acm"),
@@ -54,9 +54,9 @@ OTHER_MAKERS = {
 }
 
 
-def kind(vendor: int, product: int) -> UsbChip | None:
+def lookup_usb_id(vendor: int, product: int) -> UsbChip | None:
     """What is known of a USB identity; None for one that may be anything."""
-    known = KINDS.get((vendor, product))
+    known = USB_IDS.get((vendor, product))
     if known is None and vendor in OTHER_MAKERS:
         return UsbChip(OTHER_MAKERS[vendor], NO_BOARD, "")
     return known

@@ -26,9 +26,13 @@ from diffbotctl.control_socket.client import AsyncControlClient, Fields
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import RunError
 from diffbotctl.ui.dash.state import RunView
-from diffbotctl.ui.teleop.deadman import PERIOD_OF_WORDS, TeleopDeadman
-from diffbotctl.ui.teleop.key_to_velocity import KeyboardVelocity
-from diffbotctl.ui.teleop.terminal_heartbeat import QUESTION, multiplexer
+from diffbotctl.ui.teleop.deadman import (
+    CURSOR_QUERY,
+    SEND_PERIOD_S,
+    TeleopDeadman,
+    multiplexer_name,
+)
+from diffbotctl.ui.teleop.keyboard import KeyboardVelocity
 
 
 class ScreenOptions(NamedTuple):
@@ -42,8 +46,8 @@ class ScreenOptions(NamedTuple):
     ascii_only: bool = False
 
 
-LAST = 3.0  # s for the terminal to take what restores it
-SLOW_LOOK = 1.0  # s between two looks at rates and blocks
+EXIT_TIMEOUT_S = 3.0  # s for the terminal to take what restores it
+SLOW_POLL_PERIOD_S = 1.0  # s between two looks at rates and blocks
 
 
 class EngineApp(App[int]):
@@ -104,7 +108,7 @@ class EngineApp(App[int]):
         self._take_hand()
         self.draw()
         self.set_interval(1.0 / self.wishes.hz, self._tick)
-        self.set_interval(PERIOD_OF_WORDS, self._beat)
+        self.set_interval(SEND_PERIOD_S, self._beat)
 
     def _take_hand(self) -> None:
         robot, wishes = self.sight.scene.robot, self.wishes
@@ -120,7 +124,7 @@ class EngineApp(App[int]):
         now = time.monotonic()
         try:
             self.sight.take_look(await self.caller.ask("look"))
-            if now - self.slow_look > SLOW_LOOK:
+            if now - self.slow_look > SLOW_POLL_PERIOD_S:
                 self.slow_look = now
                 await self.look_slowly()
         except RefusalError as refusal:
@@ -165,7 +169,7 @@ class EngineApp(App[int]):
 
     def _question(self) -> None:
         if self._driver is not None and not self.is_headless:
-            self._driver.write(QUESTION)  # through textual's own writer: nothing is cut in two
+            self._driver.write(CURSOR_QUERY)  # through textual's own writer: nothing is cut in two
             self._driver.flush()
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
@@ -218,7 +222,7 @@ class EngineApp(App[int]):
     def _latch(self, hand: KeyboardVelocity) -> None:
         """Latched mode, if somebody can prove to be there."""
         assert self.reins is not None
-        inside = multiplexer(os.environ)
+        inside = multiplexer_name(os.environ)
         if inside:
             hand.use(mode="hold")
             self.said = f"no latched mode inside {inside}: it would answer for a terminal that died"
@@ -263,7 +267,7 @@ class EngineApp(App[int]):
     def exit(self, *arguments: Any, **named: Any) -> None:
         """Leave, whatever happens: textual waits for ever to write to a terminal that is gone."""
         if self.leaving is None:
-            self.leaving = threading.Timer(LAST, os._exit, [1])
+            self.leaving = threading.Timer(EXIT_TIMEOUT_S, os._exit, [1])
             self.leaving.daemon = True
             self.leaving.start()
         super().exit(*arguments, **named)

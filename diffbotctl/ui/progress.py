@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from diffbotctl.board.progress import Event
 
 
-def show(events: Iterable[Event], console: Console | None = None) -> None:
+def show_progress(events: Iterable[Event], console: Console | None = None) -> None:
     """Draw the events of a job as they come. Raises what the job raises."""
     from diffbotctl.board.progress import FlashMessage
 

@@ -14,7 +14,7 @@ from diffbotctl.time import SECOND
 LONGEST = 60  # characters shown of a message that differs
 
 
-def overview(seen: RecordingInfo) -> Iterator[str]:
+def info_lines(seen: RecordingInfo) -> Iterator[str]:
     """What `bag info` prints."""
     about = seen.about
     yield f"file       {seen.path} ({_size(seen.size)})"
@@ -35,7 +35,7 @@ def overview(seen: RecordingInfo) -> Iterator[str]:
         yield f"{topic.name:28} {topic.kind:24} {topic.messages:8d} {rate:>10}  {topic.origin}"
 
 
-def differences(topics: list[TopicDifference], names: tuple[str, str]) -> Iterator[str]:
+def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> Iterator[str]:
     """What `bag diff` prints of the topics."""
     for topic in topics:
         if topic.place is None:
@@ -52,7 +52,7 @@ def differences(topics: list[TopicDifference], names: tuple[str, str]) -> Iterat
         yield f"same: {len(same)} of {len(topics)} topics, {messages} messages"
 
 
-def metrics(one: Metrics, other: Metrics, heads: tuple[str, str]) -> Iterator[str]:
+def metrics_table(one: Metrics, other: Metrics, heads: tuple[str, str]) -> Iterator[str]:
     """A table of both runs' metrics, with what changed."""
     yield f"{'':24} {heads[0]:>12} {heads[1]:>12} {'change':>12}"
     for name, (unit, scale) in UNITS.items():

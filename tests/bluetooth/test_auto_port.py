@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.bluetooth.bluez import paired
+from diffbotctl.bluetooth.bluez import paired_modules
 from diffbotctl.cli.choose_port import over
 from tests.bluez_double import Module, bluez, bus
 from tests.virtual_board import diffbotctl, flat
@@ -54,7 +54,7 @@ def test_what_no_command_can_lead_over_is_not_named(own_bus, module, words):
 
 
 def test_without_the_service_there_is_nothing_to_name(own_bus):
-    assert paired() == []
+    assert paired_modules() == []
 
 
 @pytest.mark.parametrize(

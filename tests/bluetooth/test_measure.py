@@ -2,7 +2,13 @@
 
 import pytest
 
-from diffbotctl.bluetooth.link_stats import Arrival, LinkFigures, lateness, link_figures, share
+from diffbotctl.bluetooth.link_stats import (
+    Arrival,
+    LinkFigures,
+    frame_delays,
+    link_figures,
+    percentile,
+)
 from diffbotctl.bluetooth.rate_advice import advise_rate, max_telemetry_rate
 from tests.radio import Radio
 from tests.virtual_board import board, diffbotctl, flat
@@ -37,14 +43,14 @@ def test_too_little_is_refused():
 def test_clocks_that_drift_apart_are_no_jitter():
     # 200 parts in a million, a bad crystal: 12 ms in the minute that this takes.
     heard = [Arrival(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
-    assert max(lateness(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
+    assert max(frame_delays(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
 
 
 @pytest.mark.parametrize(
     ("part", "value"), [(0.5, 2.0), (0.95, 4.0), (0.75, 3.0), (0.01, 1.0), (1.0, 4.0)]
 )
 def test_share(part, value):
-    assert share([4.0, 1.0, 3.0, 2.0], part) == value
+    assert percentile([4.0, 1.0, 3.0, 2.0], part) == value
 
 
 GOOD = LinkFigures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.bluetooth.hc05_at import AtLines, ModuleRate, NoReplyError, set_rate
+from diffbotctl.bluetooth.hc05_at import AtModeError, AtReplyReader, BaudChange, set_baud
 from diffbotctl.config.lookup import folder
 from diffbotctl.flash.intel_hex import read_hex
 from tests.hc05 import Hc05
@@ -20,7 +20,7 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 
 def talk(baud, answers):
     """(what was said, how it ended) with these answers in order."""
-    said, conversation = [], set_rate(baud)
+    said, conversation = [], set_baud(baud)
     command = next(conversation)
     for answer in answers:
         said.append(command)
@@ -28,7 +28,7 @@ def talk(baud, answers):
             command = conversation.send(answer)
         except StopIteration as end:
             return said, end.value
-        except NoReplyError as error:
+        except AtModeError as error:
             return said, str(error)
     return said, None
 
@@ -44,16 +44,16 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
         (
             [OK, OLD, OK, NEW, OK],
             ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-            ModuleRate(9600, 115200),
+            BaudChange(9600, 115200),
         ),
         # The first command after power-on is answered with an error, as many modules do.
         (
             [["ERROR:(0)"], OK, OLD, OK, NEW, OK],
             ["AT", "AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-            ModuleRate(9600, 115200),
+            BaudChange(9600, 115200),
         ),
         # It has the rate already: nothing is changed.
-        ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], ModuleRate(115200, 115200)),
+        ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], BaudChange(115200, 115200)),
         # In data mode nothing answers.
         ([[], [], []], ["AT"] * 3, "nothing answers to AT"),
         # It takes the command and does not do it.
@@ -66,7 +66,7 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
         (
             [OK, OLD, OK, NEW, []],
             ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"],
-            ModuleRate(9600, 115200),
+            BaudChange(9600, 115200),
         ),
         # An HC-06 does not know the question.
         (
@@ -93,7 +93,7 @@ def test_conversations(answers, said, end):
     ],
 )
 def test_lines(pieces, complete, lines):
-    reader = AtLines()
+    reader = AtReplyReader()
     ended = [reader.feed(piece) for piece in pieces]
     assert ended[-1] is complete and not any(ended[:-1])
     assert reader.lines == lines

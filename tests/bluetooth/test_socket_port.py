@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.bluetooth.bluez import Module, module
+from diffbotctl.bluetooth.bluez import RfcommPort, parse_port
 from diffbotctl.drivers.board_candidates import is_usb, refuse_radio
 from diffbotctl.drivers.board_errors import RadioPortError
 from diffbotctl.drivers.serial_port import open_port, reopen_port
@@ -22,15 +22,15 @@ ADDRESS = "98:D3:31:FC:12:34"
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (ADDRESS, Module(ADDRESS)),
-        (f"bluetooth:{ADDRESS.lower()}", Module(ADDRESS)),
-        ("98-d3-31-fc-12-34", Module(ADDRESS)),  # as Windows writes it
-        (f"bluetooth:{ADDRESS}/2", Module(ADDRESS, 2)),
+        (ADDRESS, RfcommPort(ADDRESS)),
+        (f"bluetooth:{ADDRESS.lower()}", RfcommPort(ADDRESS)),
+        ("98-d3-31-fc-12-34", RfcommPort(ADDRESS)),  # as Windows writes it
+        (f"bluetooth:{ADDRESS}/2", RfcommPort(ADDRESS, 2)),
     ],
 )
 def test_addresses(text, wanted):
-    assert module(text) == wanted
-    assert module(str(wanted)) == wanted
+    assert parse_port(text) == wanted
+    assert parse_port(str(wanted)) == wanted
 
 
 @pytest.mark.parametrize(
@@ -48,14 +48,14 @@ def test_addresses(text, wanted):
 )
 def test_what_is_no_address(text):
     with pytest.raises(UsageError) as error:
-        module(text)
+        parse_port(text)
     assert error.value.problems[0].code == "E-BLUETOOTH-ADDRESS"
 
 
 @given(st.text())
 def test_any_text_is_an_address_or_a_usage_error(text):
     try:
-        assert module(text).channel in range(1, 31)
+        assert parse_port(text).channel in range(1, 31)
     except UsageError as error:
         assert error.problems[0].code == "E-BLUETOOTH-ADDRESS"
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.bluetooth.adapter import adapter
+from diffbotctl.bluetooth.errors import adapter_status
 from diffbotctl.cli.main import program
 from diffbotctl.diagnostics.doctor import BAD, NOTE, OK, doctor_findings
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
+from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import survey_ports
-from diffbotctl.ports.permissions import SystemUser
 from tests.book_board import OnPort
 from tests.fake_machine import CH340, MEGA, FakeMachine
 
@@ -213,7 +213,7 @@ def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
 def test_the_state_of_the_radio(machine, files, code):
     for path, content in files.items():
         machine.write(path, content)
-    trouble = adapter(machine.root).trouble
+    trouble = adapter_status(machine.root).trouble
     assert (trouble.code if trouble else None) == code
 
 

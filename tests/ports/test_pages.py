@@ -42,8 +42,8 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
     import os
 
     from diffbotctl.cli.ports import _show
+    from diffbotctl.ports.access import SystemUser
     from diffbotctl.ports.diagnosis import survey_ports
-    from diffbotctl.ports.permissions import SystemUser
     from tests.fake_machine import MEGA, FakeMachine
 
     machine = FakeMachine(tmp_path / "machine")

@@ -16,8 +16,8 @@ from diffbotctl.recording.fields import Series, series
 from diffbotctl.ui.plot import image as image_module
 from diffbotctl.ui.plot import plots
 from diffbotctl.ui.plot.axes import make_axis
-from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, Dots
-from diffbotctl.ui.plot.image import COLOURS, as_svg, make_figure, save_figure
+from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, DotCanvas
+from diffbotctl.ui.plot.image import COLOURS, encode_svg, make_figure, save_figure
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
 
@@ -63,14 +63,14 @@ def test_an_axis_holds_its_values_and_two_ticks_or_more(one, other, ticks):
     ],
 )
 def test_dots(font, dots, rows):
-    canvas = Dots(1, 1, font)
+    canvas = DotCanvas(1, 1, font)
     for x, y in dots:
         canvas.set(x, y)
     assert canvas.rows() == rows
 
 
 def test_a_line_leaves_no_column_out():
-    canvas = Dots(8, 4, ASCII)
+    canvas = DotCanvas(8, 4, ASCII)
     canvas.line(0, 7, 7, 0)
     assert canvas.rows() == ["      .'", "    .'  ", "  .'    ", ".'      "]
 
@@ -81,7 +81,7 @@ RAMP = Series("a.b.x", "m", [0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("panels", [1, 2, 3])
 @pytest.mark.parametrize("font", [BRAILLE, ASCII])
 def test_a_picture_fits_the_terminal(panels, font):
-    lines = list(plots.plot_lines([RAMP] * panels, 80, 24, font))
+    lines = list(plots.render_plots([RAMP] * panels, 80, 24, font))
     assert len(lines) <= 24 and max(map(len, lines)) <= 80
     assert lines[0] == "a.b.x [m]"
     if font is ASCII:
@@ -89,7 +89,7 @@ def test_a_picture_fits_the_terminal(panels, font):
 
 
 def test_a_ramp_rises_from_the_lower_left_to_the_upper_right():
-    lines = list(plots.plot_lines([RAMP], 30, 9, ASCII))
+    lines = list(plots.render_plots([RAMP], 30, 9, ASCII))
     curve = [line[10:] for line in lines[1:-2]]
     firsts = [len(row) - len(row.lstrip()) for row in curve]
     assert firsts == sorted(firsts, reverse=True) and firsts[-1] == 0
@@ -98,7 +98,7 @@ def test_a_ramp_rises_from_the_lower_left_to_the_upper_right():
 
 def test_a_gap_stays_a_gap():
     gap = Series("a.b.x", "m", [0.0, 1.0, 2.0, 3.0, 4.0], [1.0, 1.0, nan, 1.0, 1.0])
-    (row,) = [line[10:] for line in plots.plot_lines([gap], 31, 9, ASCII) if "'" in line[9:]]
+    (row,) = [line[10:] for line in plots.render_plots([gap], 31, 9, ASCII) if "'" in line[9:]]
     assert "     " in row.strip()
     lines = [each for each in make_figure([gap], "t").shapes if getattr(each, "width", 0) == 1.5]
     assert [len(each.points) for each in lines] == [2, 2]
@@ -106,7 +106,7 @@ def test_a_gap_stays_a_gap():
 
 def test_fields_of_one_unit_share_a_panel(goal):
     picture = make_figure(series(goal, ["gate.wheels", "robot.front"]), "goal & <run>")
-    root = ElementTree.fromstring(as_svg(picture))
+    root = ElementTree.fromstring(encode_svg(picture))
     name = "{http://www.w3.org/2000/svg}"
     texts = [each.text for each in root.iter(f"{name}text")]
     assert {"goal & <run>", "gate.wheels.left", "gate.wheels.right", "rad/s", "V"} <= set(texts)

@@ -10,8 +10,7 @@ from diffbotctl.messages import Goal, Odometry, Range
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam, SceneOutline
 from diffbotctl.ui.map import layers
-from diffbotctl.ui.map.canvas import Layer, Map, scale_bar
-from diffbotctl.ui.map.viewport import Camera, around
+from diffbotctl.ui.map.canvas import Camera, MapCanvas, MapLayer, fit_camera, scale_bar
 
 CERTAIN = (0.0,) * 6
 BODY = SceneOutline(0.08, 0.15, 0.14, 0.125, 0.065, 0.065, 0.3, 4.0)
@@ -26,7 +25,7 @@ def test_a_click_hits_the_character_that_was_clicked(column, row, scale):
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=20))
 def test_all_that_must_be_seen_is_in_the_window(points):
-    camera = around(points, 60, 20)
+    camera = fit_camera(points, 60, 20)
     for point in points:
         column, row = camera.dot(point, 60, 20)
         assert 0 <= column < 120 and 0 <= row < 80
@@ -53,15 +52,15 @@ def test_x_runs_right_and_y_up():
     ],
 )
 def test_walls_are_drawn_in_quarters(bits_at, sign):
-    drawing = Map(Camera(0, 0, 1.0), 1, 1)
+    drawing = MapCanvas(Camera(0, 0, 1.0), 1, 1)
     for column, row in bits_at:
-        drawing._set(column, row, Layer.WALL)
+        drawing._set(column, row, MapLayer.WALL)
     assert drawing.text().plain == sign
 
 
 def test_the_highest_layer_gives_the_letter():
-    drawing = Map(Camera(0, 0, 1.0), 1, 1, plain=True)
-    for layer in (Layer.ROBOT, Layer.TRAIL):
+    drawing = MapCanvas(Camera(0, 0, 1.0), 1, 1, plain=True)
+    for layer in (MapLayer.ROBOT, MapLayer.TRAIL):
         drawing.dot((0.0, 0.0), layer)
     assert drawing.text().plain == "o"
 
@@ -84,8 +83,8 @@ def test_everything_is_on_the_map_in_letters():
         odometry=here, goal=Goal(0, 1, 0.7, -0.5, pi / 2), range_range=Range(0, 0.2, "measured")
     )
     trail = [(-0.5 + 0.01 * i, -0.4) for i in range(30)]
-    camera = around([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
-    text = layers.draw(scene, seen, trail, camera, 70, 35, plain=True).text().plain
+    camera = fit_camera([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
+    text = layers.draw_map(scene, seen, trail, camera, 70, 35, plain=True).text().plain
     for (
         sign
     ) in "#.o>X+:x~,|":  # wall, trail, outline, robot, goal, heading, beam, hit, doubt, way, bar
@@ -107,7 +106,7 @@ def test_everything_is_on_the_map_in_letters():
     ],
 )
 def test_the_ellipse_holds_three_sigmas(covariance, axes, turn):
-    long, short, found = layers.ellipse(covariance)
+    long, short, found = layers.covariance_ellipse(covariance)
     assert (long, short) == pytest.approx(axes)
     assert found == pytest.approx(turn)
 

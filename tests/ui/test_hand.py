@@ -2,10 +2,20 @@
 
 import pytest
 
-from diffbotctl.ui.teleop.deadman import FIRST_ANSWER, STALL, TeleopDeadman
-from diffbotctl.ui.teleop.key_layouts import DOWN, UP
-from diffbotctl.ui.teleop.key_to_velocity import KEY_LASTS, KeyboardVelocity
-from diffbotctl.ui.teleop.terminal_heartbeat import PATIENCE, PERIOD, multiplexer
+from diffbotctl.ui.teleop.deadman import (
+    FIRST_REPLY_TIMEOUT_S,
+    QUERY_PERIOD_S,
+    REPLY_TIMEOUT_S,
+    STALL_MIN_S,
+    TeleopDeadman,
+    multiplexer_name,
+)
+from diffbotctl.ui.teleop.keyboard import (
+    KEY_HOLD_TIMEOUT_S,
+    SPEED_DOWN_FACTOR,
+    SPEED_UP_FACTOR,
+    KeyboardVelocity,
+)
 
 LIMITS = (0.3, 4.0)  # one begins with half: 0.15 m/s and 2 rad/s
 F, T = 0.15, 2.0
@@ -48,7 +58,14 @@ def test_a_stop_key_lets_go(key):
 
 @pytest.mark.parametrize(
     ("key", "speed", "turn"),
-    [("q", UP, UP), ("z", DOWN, DOWN), ("w", UP, 1), ("x", DOWN, 1), ("e", 1, UP), ("c", 1, DOWN)],
+    [
+        ("q", SPEED_UP_FACTOR, SPEED_UP_FACTOR),
+        ("z", SPEED_DOWN_FACTOR, SPEED_DOWN_FACTOR),
+        ("w", SPEED_UP_FACTOR, 1),
+        ("x", SPEED_DOWN_FACTOR, 1),
+        ("e", 1, SPEED_UP_FACTOR),
+        ("c", 1, SPEED_DOWN_FACTOR),
+    ],
 )
 def test_speed_keys_change_what_a_press_means(key, speed, turn):
     hand = KeyboardVelocity(LIMITS)
@@ -73,15 +90,15 @@ def test_a_held_key_counts_until_its_repeats_end():
     for repeat in range(10):
         hand.press("i", repeat * 0.1)
         assert hand.wanted(repeat * 0.1) == (F, 0)
-    assert hand.wanted(0.9 + KEY_LASTS - 0.01) == (F, 0)
-    assert hand.wanted(0.9 + KEY_LASTS) is None
+    assert hand.wanted(0.9 + KEY_HOLD_TIMEOUT_S - 0.01) == (F, 0)
+    assert hand.wanted(0.9 + KEY_HOLD_TIMEOUT_S) is None
     assert not hand.stuttered
 
 
 def test_a_first_repeat_that_comes_late_is_told():
     hand = KeyboardVelocity(LIMITS)
     hand.press("i", 0.0)
-    assert hand.wanted(KEY_LASTS + 0.1) is None
+    assert hand.wanted(KEY_HOLD_TIMEOUT_S + 0.1) is None
     hand.press("i", 0.66)  # the slowest first repeat that keyboards are set to
     assert hand.stuttered
     hand.press("i", 0.69)
@@ -119,7 +136,7 @@ def test_a_change_of_mode_or_keys_lets_go():
     ("environment", "name"), [({}, ""), ({"TMUX": "/tmp/x"}, "tmux"), ({"STY": "1.x"}, "screen")]
 )
 def test_a_multiplexer_is_recognised(environment, name):
-    assert multiplexer(environment) == name
+    assert multiplexer_name(environment) == name
 
 
 class Line:
@@ -167,7 +184,7 @@ def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
     line.hand.press("i", line.now)
     line.run(0.1)
     line.answers = False
-    line.run(PERIOD + PATIENCE + 0.1)
+    line.run(QUERY_PERIOD_S + REPLY_TIMEOUT_S + 0.1)
     assert line.verbs()[-1] == "lost" and line.reins.lost
     line.run(1.0)
     assert line.verbs().count("lost") == 1  # and nothing is said afterwards
@@ -177,7 +194,7 @@ def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
 def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
     line = Line()
     line.hand.press("i", line.now)
-    line.run(KEY_LASTS - 0.05)
+    line.run(KEY_HOLD_TIMEOUT_S - 0.05)
     line.answers = False
     line.run(0.6)
     assert "release" not in line.verbs() and line.verbs()[-1] == "lost"
@@ -185,12 +202,12 @@ def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
 
 def test_without_answers_keys_drive_while_held_but_nothing_stays():
     held = Line(answers=False)
-    held.run(FIRST_ANSWER)
+    held.run(FIRST_REPLY_TIMEOUT_S)
     held.hand.press("i", held.now)
     held.run(0.8)
     assert held.verbs()[0] == "drive" and held.verbs()[-1] == "release"
     kept = Line("latched", answers=False)
-    kept.run(FIRST_ANSWER)
+    kept.run(FIRST_REPLY_TIMEOUT_S)
     kept.hand.press("i", kept.now)
     kept.run(0.2)
     assert kept.reins.is_unproven and not kept.said
@@ -202,7 +219,7 @@ def test_a_pause_of_our_own_is_not_the_terminals_fault():
     line.run(0.1)
     line.answers = False
     line.run(0.05)
-    line.now += 10 * STALL  # the process stood still
+    line.now += 10 * STALL_MIN_S  # the process stood still
     line.answers = True
     line.reins.beat(line.now)
     line.reins.answered(line.now)

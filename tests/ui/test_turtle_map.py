@@ -13,10 +13,9 @@ from diffbotctl.render.map_scene import Scene, scene, scene_of
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.ui.live_view import LiveView
 from diffbotctl.ui.map import layers
-from diffbotctl.ui.map.canvas import Layer
-from diffbotctl.ui.map.trail import MOST_LINES, TurtleTrail
-from diffbotctl.ui.map.viewport import Camera
-from diffbotctl.ui.message_text import located
+from diffbotctl.ui.map.canvas import Camera, MapLayer
+from diffbotctl.ui.map.trail import TURTLE_MAX_LINES, TurtleTrail
+from diffbotctl.ui.run_text import newest_odometry
 
 EXACT = (0.0,) * 6
 
@@ -44,9 +43,9 @@ def drawn(view, shown, width=60, height=40):
 
 def test_a_block_s_pose_goes_before_the_camera_s():
     camera, reckoned = pose(5, 5, time=9), pose(1, 1, time=3)
-    assert located(picture(robot__pose=camera, odometry__odometry=reckoned)) == reckoned
-    assert located(picture(robot__pose=camera)) == camera
-    assert located(picture()) is None
+    assert newest_odometry(picture(robot__pose=camera, odometry__odometry=reckoned)) == reckoned
+    assert newest_odometry(picture(robot__pose=camera)) == camera
+    assert newest_odometry(picture()) is None
 
 
 def test_the_pen_draws_in_its_colour_only_while_down():
@@ -76,9 +75,9 @@ def test_a_run_without_a_canvas_has_no_sheet():
 
 def test_a_long_line_loses_its_beginning():
     sheet = TurtleTrail()
-    for step in range(MOST_LINES + 10):
+    for step in range(TURTLE_MAX_LINES + 10):
         sheet.see(picture(robot__pose=pose(0.1 * step, 0.0), canvas__canvas=looks()))
-    assert len(sheet.lines) == MOST_LINES
+    assert len(sheet.lines) == TURTLE_MAX_LINES
 
 
 def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
@@ -121,7 +120,7 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     # ahead 1.032 m, clear to the left, too close behind, 0.5 m to the right of the eye
     scan = Scan(0, 0.0, pi / 2, (1.032, inf, 0.0, 0.5))
     camera = Camera(0.0, 0.0, 20.0)
-    made = layers.draw(
+    made = layers.draw_map(
         Scene("", "", beams=shown.beams),
         picture(o__o=pose(0, 0), robot__scan=scan),
         (),
@@ -129,6 +128,6 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
         60,
         40,
     )
-    dots = {cell for cell, layer in made.layers.items() if layer is Layer.SCAN}
+    dots = {cell for cell, layer in made.layers.items() if layer is MapLayer.SCAN}
     wanted = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
     assert dots == {(column // 2, row // 4) for column, row in wanted}

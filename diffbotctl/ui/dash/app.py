@@ -16,10 +16,9 @@ from textual.widgets import Static
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.ui.dash import panels
 from diffbotctl.ui.dash.key_bindings import HELP, VIEWS, help_page, press
-from diffbotctl.ui.dash.map_box import MapBox
-from diffbotctl.ui.dash.panels import facts
-from diffbotctl.ui.dash.prompt import Asked, Prompt
-from diffbotctl.ui.dash.state import MOST_LINES, RunView
+from diffbotctl.ui.dash.panels import facts_panel
+from diffbotctl.ui.dash.state import LOG_MAX_LINES, RunView
+from diffbotctl.ui.dash.widgets import InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
 
 SIDE, WIDE_SIDE = 32, 44  # characters of the facts
@@ -82,7 +81,7 @@ class Dashboard(EngineApp):
         """Rates, blocks, parameters."""
         await super().look_slowly()
         self.sight.blocks = (await self.caller.ask("blocks"))["blocks"]
-        self.sight.take_log(await self.caller.ask("log", last=MOST_LINES))
+        self.sight.take_log(await self.caller.ask("log", last=LOG_MAX_LINES))
         self.sight.parameters = (await self.caller.ask("parameters"))["parameters"]
         if not self.fields:
             self.fields = first_fields(self.sight)
@@ -110,16 +109,16 @@ class Dashboard(EngineApp):
         """Draw what is known now."""
         if self.reins is None:
             return
-        self._put("title", panels.title(self.sight))
+        self._put("title", panels.title_line(self.sight))
         held = self.main.query_one("#banner", Static)
         held.styles.display = "block" if self.sight.held else "none"
-        self._put("banner", panels.banner(self.sight), resizes=True)
+        self._put("banner", panels.stop_banner(self.sight), resizes=True)
         is_map = self.view == "map"
         side = self.main.query_one("#facts", Static)
         side.styles.display = "block" if is_map or self.size.width >= WIDE else "none"
         if side.display:
             width = max(side.size.width, SIDE) - 1
-            self._put("facts", facts(self.sight, width, self.wishes.ascii_only))
+            self._put("facts", facts_panel(self.sight, width, self.wishes.ascii_only))
         box, view = self.main.query_one(MapBox), self.main.query_one("#view", Static)
         box.styles.display, view.styles.display = ("block", "none") if is_map else ("none", "block")
         if is_map:
@@ -131,7 +130,7 @@ class Dashboard(EngineApp):
         if self.is_highest:
             self._pane("more", "parameters")
         self._put("said", Text(self.said, "yellow", no_wrap=True, overflow="ellipsis"))
-        self._put("hand", panels.hand_line(self.reins))
+        self._put("hand", panels.keyboard_line(self.reins))
 
     def _pane(self, name: str, view: str, margin: int = 0) -> None:
         """Draw a view in its pane, if what it shows may have changed since."""
@@ -156,14 +155,14 @@ class Dashboard(EngineApp):
     def _renderable(self, name: str, width: int, height: int) -> RenderableType:
         sight, plain = self.sight, self.wishes.ascii_only
         if name == "plots":
-            return panels.plots(sight, self.fields, width, max(height, 4), plain)
+            return panels.plots_panel(sight, self.fields, width, max(height, 4), plain)
         if name == "blocks":
-            return panels.blocks(sight, height)
+            return panels.blocks_panel(sight, height)
         if name == "parameters":
-            return panels.parameters(sight, self.chosen, height)
+            return panels.parameters_panel(sight, self.chosen, height)
         if name == "help":
             return help_page(self.reins.hand.keys.help if self.reins else "")
-        return panels.log(sight, max(height, 1))
+        return panels.log_panel(sight, max(height, 1))
 
     # Keys and mouse.
 
@@ -177,7 +176,7 @@ class Dashboard(EngineApp):
         return press(self, key)
 
     def _parameter_key(self, key: str) -> bool:
-        rows = panels.live(self.sight)
+        rows = panels.live_parameters(self.sight)
         if key in ("up", "down"):
             step = 1 if key == "down" else -1
             self.chosen = min(max(self.chosen + step, 0), max(len(rows) - 1, 0))
@@ -203,11 +202,11 @@ class Dashboard(EngineApp):
         heading = {} if event.heading is None else {"heading": event.heading}
         self.do("goto", x=event.at[0], y=event.at[1], **heading)
 
-    def ask(self, question: str, first: str, answer: Asked) -> None:
+    def ask(self, question: str, first: str, answer: OnInput) -> None:
         """Ask for a line of text below the map."""
         if self.reins is not None:
             self.reins.release()  # the keys are letters now
-        self.push_screen(Prompt(question, first), answer)
+        self.push_screen(InputPrompt(question, first), answer)
 
     def ask_goal(self) -> None:
         """A goal in numbers."""
@@ -254,7 +253,7 @@ class Dashboard(EngineApp):
             self.said = f"{text}: give a block, or *, and a level"
 
     def _set(self, text: str | None) -> None:
-        rows = panels.live(self.sight)
+        rows = panels.live_parameters(self.sight)
         if text is not None and rows:
             self.slow_look = 0.0
             self.do("set", parameter=rows[self.chosen]["parameter"], value=text)

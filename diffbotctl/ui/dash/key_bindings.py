@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.text import Text
 
-from diffbotctl.ui.dash.map_box import ZOOM, MapBox
+from diffbotctl.ui.dash.widgets import ZOOM_STEP, MapBox
 
 if TYPE_CHECKING:
     from diffbotctl.ui.dash.app import Dashboard
@@ -77,8 +77,8 @@ KEYS: dict[str, Callable[[Dashboard], None]] = {
     "b": lambda dashboard: dashboard.next_mode(),
     "f": partial(_map, MapBox.follow),
     "0": partial(_map, MapBox.fit),
-    "]": partial(_map, lambda box: box.zoom(ZOOM)),
-    "[": partial(_map, lambda box: box.zoom(1 / ZOOM)),
+    "]": partial(_map, lambda box: box.zoom(ZOOM_STEP)),
+    "[": partial(_map, lambda box: box.zoom(1 / ZOOM_STEP)),
     "{": partial(_map, lambda box: box.pan(-PAN, 0)),
     "}": partial(_map, lambda box: box.pan(PAN, 0)),
     "(": partial(_map, lambda box: box.pan(0, -PAN)),

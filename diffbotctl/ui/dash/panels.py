@@ -14,14 +14,14 @@ from rich.text import Text
 
 from diffbotctl.messages import Battery, Duty, Goal, GoalState, Link, Range, Wheels
 from diffbotctl.messages import Text as Words
-from diffbotctl.ui import message_text
+from diffbotctl.ui import run_text
 from diffbotctl.ui.dash.state import Fields, RunView
 from diffbotctl.ui.plot.plots import render_chart
 from diffbotctl.ui.teleop.deadman import TeleopDeadman
 from diffbotctl.ui.text import render_bar, render_signed_bar
 
 
-def facts(sight: RunView, width: int, plain: bool = False) -> Table:
+def facts_panel(sight: RunView, width: int, plain: bool = False) -> Table:
     """Pose, goal, wheels, range, battery, link and stop, in `width` characters."""
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", no_wrap=True, width=6)
@@ -40,7 +40,7 @@ Row = tuple[str | Text, str | Text]
 
 
 def _pose(sight: RunView) -> list[Row]:
-    said = message_text.located(sight.picture)
+    said = run_text.newest_odometry(sight.picture)
     if said is None:
         return []
     return [
@@ -51,8 +51,8 @@ def _pose(sight: RunView) -> list[Row]:
 
 def _goal(sight: RunView) -> list[Row]:
     goal, state = (
-        message_text.newest(sight.picture, Goal),
-        message_text.newest(sight.picture, GoalState),
+        run_text.newest_message(sight.picture, Goal),
+        run_text.newest_message(sight.picture, GoalState),
     )
     rows: list[Row] = []
     if isinstance(goal, Goal) and goal.number:
@@ -71,8 +71,8 @@ def _goal(sight: RunView) -> list[Row]:
 
 def _wheels(sight: RunView, width: int, plain: bool) -> list[Row]:
     """Commanded above measured, for each wheel."""
-    robot, odometry = sight.scene.robot, message_text.located(sight.picture)
-    commanded = sight.picture.messages.get("gate.wheels") or message_text.newest(
+    robot, odometry = sight.scene.robot, run_text.newest_odometry(sight.picture)
+    commanded = sight.picture.messages.get("gate.wheels") or run_text.newest_message(
         sight.picture, Wheels
     )
     if robot is None or not isinstance(commanded, Wheels | Duty):
@@ -106,19 +106,19 @@ def _ranges(sight: RunView, width: int, plain: bool) -> list[Row]:
             share = message.distance / reach if known else 0.0
             style = "red" if message.state in ("too_close", "fault") else "yellow"
             told = Text.assemble((render_bar(share, max(width - 10, 4), plain), style))
-            rows.append(("range", told.append(f" {message_text.distance(message)}")))
+            rows.append(("range", told.append(f" {run_text.range_text(message)}")))
     return rows
 
 
 def _battery(sight: RunView) -> list[Row]:
-    said = message_text.newest(sight.picture, Battery)
+    said = run_text.newest_message(sight.picture, Battery)
     if not isinstance(said, Battery):
         return []
     return [("supply", Text(f"{said.volts:.1f} V", "red" if said.low else ""))]
 
 
 def _link(sight: RunView) -> list[Row]:
-    said = message_text.newest(sight.picture, Link)
+    said = run_text.newest_message(sight.picture, Link)
     if not isinstance(said, Link):
         return []
     rate = max(
@@ -139,11 +139,11 @@ def _stop(sight: RunView) -> list[Row]:
     return [("stop", Text(str(sight.held["code"]), "bold red")), ("", str(sight.held["cause"]))]
 
 
-HELD = "bold white on red"
-SPAN = 30.0  # s of a chart
+STOP_STYLE = "bold white on red"
+PLOT_SPAN_S = 30.0  # s of a chart
 
 
-def title(sight: RunView) -> Text:
+def title_line(sight: RunView) -> Text:
     """Pipeline, robot, time, and SIMULATED where it is."""
     out = Text(no_wrap=True, overflow="ellipsis")
     out.append(sight.scene.title or sight.engine, "bold")
@@ -151,21 +151,21 @@ def title(sight: RunView) -> Text:
     if sight.scene.simulated:
         out.append(f"  {sight.scene.simulated}", "black on yellow")
     if sight.ended:
-        out.append("  the run has ended", HELD)
+        out.append("  the run has ended", STOP_STYLE)
     return out
 
 
-def banner(sight: RunView) -> Text:
+def stop_banner(sight: RunView) -> Text:
     """What holds the robot, over the whole width; empty when nothing does."""
     held = sight.held
     if held is None:
         return Text()
     way_out = "r: resume" if held["latched"] else "ends by itself"
     said = f" STOPPED  {held['code']}: {held['cause']}  ({way_out}) "
-    return Text(said, HELD)
+    return Text(said, STOP_STYLE)
 
 
-def hand_line(reins: TeleopDeadman) -> Text:
+def keyboard_line(reins: TeleopDeadman) -> Text:
     """How the keys drive: mode, speeds, whether they do just now, and how far the terminal is."""
     out, hand = Text(no_wrap=True, overflow="ellipsis"), reins.hand
     out.append(
@@ -182,16 +182,22 @@ def hand_line(reins: TeleopDeadman) -> Text:
     return out
 
 
-def plots(sight: RunView, names: list[str], width: int, height: int, plain: bool = False) -> Text:
+def plots_panel(
+    sight: RunView, names: list[str], width: int, height: int, plain: bool = False
+) -> Text:
     """The chosen fields over the last half minute."""
     if not names:
         return Text("p chooses what is plotted", "dim")
     return render_chart(
-        [(name, list(sight.numbers.get(name, ()))) for name in names], SPAN, width, height, plain
+        [(name, list(sight.numbers.get(name, ()))) for name in names],
+        PLOT_SPAN_S,
+        width,
+        height,
+        plain,
     )
 
 
-def blocks(sight: RunView, height: int) -> Table:
+def blocks_panel(sight: RunView, height: int) -> Table:
     """Each block with its rate, what it costs and its last error."""
     columns = [
         name
@@ -221,9 +227,9 @@ def _cell(name: str, value: Any) -> str:
     return f"{100 * value:.2f} %" if name == "busy" else str(value)
 
 
-def parameters(sight: RunView, at: int, height: int) -> Table:
+def parameters_panel(sight: RunView, at: int, height: int) -> Table:
     """The live parameters, the one at `at` marked, as many as there is room for."""
-    rows = live(sight)
+    rows = live_parameters(sight)
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for name in ("parameter", "value", "unit"):
         table.add_column(name, no_wrap=True)
@@ -240,15 +246,15 @@ def parameters(sight: RunView, at: int, height: int) -> Table:
     return table
 
 
-def live(sight: RunView) -> list[Fields]:
+def live_parameters(sight: RunView) -> list[Fields]:
     """The parameters that may change while the pipeline runs."""
     return [row for row in sight.parameters if row["live"]]
 
 
-def log(sight: RunView, height: int) -> Text:
+def log_panel(sight: RunView, height: int) -> Text:
     """The newest lines that fit."""
     lines = [
-        Text(message_text.line(line), message_text.STYLES.get(line.level, ""))
+        Text(run_text.log_line_text(line), run_text.LOG_STYLES.get(line.level, ""))
         for line in sight.log[-height:]
     ]
     return Text("\n", no_wrap=True, overflow="ellipsis").join(lines)

@@ -8,8 +8,8 @@ from rich.panel import Panel
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.panels import facts
-from diffbotctl.ui.dash.state import MOST_LINES, RunView
+from diffbotctl.ui.dash.panels import facts_panel
+from diffbotctl.ui.dash.state import LOG_MAX_LINES, RunView
 from diffbotctl.ui.engine_app import ScreenOptions
 from diffbotctl.ui.map import layers
 
@@ -25,7 +25,7 @@ def print_once(engine: EngineAddress, wishes: ScreenOptions, fields: list[str]) 
         sight.take_topics(caller.ask("topics"))
         sight.take_look(caller.ask("look"))
         sight.blocks = caller.ask("blocks")["blocks"]
-        sight.take_log(caller.ask("log", last=MOST_LINES))
+        sight.take_log(caller.ask("log", last=LOG_MAX_LINES))
         sight.parameters = caller.ask("parameters")["parameters"]
     finally:
         caller.close()
@@ -40,16 +40,18 @@ def show(sight: RunView, console: Console, plain: bool) -> None:
     from rich import box
 
     lines = box.ASCII if plain else box.ROUNDED
-    console.print(panels.title(sight))
+    console.print(panels.title_line(sight))
     if sight.held:
-        console.print(panels.banner(sight))
+        console.print(panels.stop_banner(sight))
     width = console.width - 4
     seen = (sight.scene, sight.picture, sight.trail.places)
-    camera = layers.look(*seen, width, HEIGHT)
-    drawing = layers.draw(*seen, camera, width, HEIGHT, plain, sight.sheet)
+    camera = layers.overview_camera(*seen, width, HEIGHT)
+    drawing = layers.draw_map(*seen, camera, width, HEIGHT, plain, sight.sheet)
     console.print(Panel(drawing.text(), title="map", box=lines))
-    console.print(Panel(facts(sight, width, plain), title="robot", box=lines))
-    console.print(Panel(panels.blocks(sight, len(sight.blocks) + 1), title="blocks", box=lines))
-    rows = len(panels.live(sight)) + 1
-    console.print(Panel(panels.parameters(sight, -1, rows), title="parameters", box=lines))
-    console.print(Panel(panels.log(sight, len(sight.log)), title="log", box=lines))
+    console.print(Panel(facts_panel(sight, width, plain), title="robot", box=lines))
+    console.print(
+        Panel(panels.blocks_panel(sight, len(sight.blocks) + 1), title="blocks", box=lines)
+    )
+    rows = len(panels.live_parameters(sight)) + 1
+    console.print(Panel(panels.parameters_panel(sight, -1, rows), title="parameters", box=lines))
+    console.print(Panel(panels.log_panel(sight, len(sight.log)), title="log", box=lines))

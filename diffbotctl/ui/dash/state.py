@@ -11,10 +11,10 @@ from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.render.map_scene import Scene, scene_of
 from diffbotctl.ui.map.trail import Trail, TurtleTrail
-from diffbotctl.ui.message_text import located
+from diffbotctl.ui.run_text import newest_odometry
 
-MOST_KEPT = 1200  # numbers kept of each field: two minutes at ten a second
-MOST_LINES = 100  # of the log: more than the highest terminal shows
+HISTORY_MAX_VALUES = 1200  # numbers kept of each field: two minutes at ten a second
+LOG_MAX_LINES = 100  # of the log: more than the highest terminal shows
 
 Fields = dict[str, Any]
 
@@ -60,7 +60,7 @@ class RunView:
         }
         self.picture = RunSnapshot(said["time"], messages, 0, 0)
         self.sheet.see(self.picture)
-        odometry = located(self.picture)
+        odometry = newest_odometry(self.picture)
         if odometry is not None:
             self.trail.see((odometry.x, odometry.y))
 
@@ -78,7 +78,7 @@ class RunView:
         for name, value in _numbers(values):
             kept = self.numbers.get(f"{wire}.{name}")
             if kept is None:
-                kept = self.numbers[f"{wire}.{name}"] = deque(maxlen=MOST_KEPT)
+                kept = self.numbers[f"{wire}.{name}"] = deque(maxlen=HISTORY_MAX_VALUES)
             if not kept or kept[-1][0] < time:
                 kept.append((time, value))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Font(NamedTuple):
+class DotFont(NamedTuple):
     """How many dots a character cell has across and down, and the characters to write them."""
 
     across: int
@@ -23,14 +23,14 @@ class Font(NamedTuple):
 
 
 # Unicode 15, block "Braille Patterns": dots 1 2 3 7 down the left, 4 5 6 8 down the right.
-BRAILLE = Font(2, 4, 0x2800, ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80)))
-ASCII = Font(1, 2, 0, ((1, 2),), " '.:")
+BRAILLE = DotFont(2, 4, 0x2800, ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80)))
+ASCII = DotFont(1, 2, 0, ((1, 2),), " '.:")
 
 
-class Dots:
+class DotCanvas:
     """A canvas of `width` by `height` characters. Dots count from the upper left corner."""
 
-    def __init__(self, width: int, height: int, font: Font) -> None:
+    def __init__(self, width: int, height: int, font: DotFont) -> None:
         self.font = font
         self.width, self.height = width * font.across, height * font.down
         self.cells = [[0] * width for _ in range(height)]

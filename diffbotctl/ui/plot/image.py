@@ -77,7 +77,7 @@ def save_figure(picture: Figure, path: Path) -> None:
     Raises UsageError for another ending, a place that cannot be written, or a missing library.
     """
 
-    writers = {".svg": as_svg, ".png": encode_png}
+    writers = {".svg": encode_svg, ".png": encode_png}
     encode = writers.get(path.suffix.lower())
     if encode is None:
         cause = "a picture is written as .svg or .png"
@@ -93,7 +93,7 @@ def save_figure(picture: Figure, path: Path) -> None:
         raise UsageError(Problem("E-PICTURE", str(path), cause)) from error
 
 
-def as_svg(picture: Figure) -> bytes:
+def encode_svg(picture: Figure) -> bytes:
     """The picture as an SVG document."""
     marks = [
         _line(each) if isinstance(each, FigureLine) else _words(each) for each in picture.shapes

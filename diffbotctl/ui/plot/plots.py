@@ -17,7 +17,7 @@ from rich.text import Text
 
 from diffbotctl.recording.fields import Series
 from diffbotctl.ui.plot.axes import Axis, make_axis
-from diffbotctl.ui.plot.canvas import BRAILLE, Dots, Font
+from diffbotctl.ui.plot.canvas import BRAILLE, DotCanvas, DotFont
 
 CHART_STYLES = ("cyan", "yellow", "magenta", "green", "red", "blue")
 LETTERS = "*+xo#@"
@@ -194,8 +194,8 @@ TICK_EVERY = 4  # rows between two numbers at the left
 COLUMNS_A_TICK = 14  # columns between two numbers on the axis of time
 
 
-def plot_lines(
-    drawn: Sequence[Series], width: int = 80, height: int = 24, font: Font = BRAILLE
+def render_plots(
+    drawn: Sequence[Series], width: int = 80, height: int = 24, font: DotFont = BRAILLE
 ) -> Iterator[str]:
     """The picture as lines of at most `width` columns, in `height` rows if the panels fit."""
     room = (height - 2) // len(drawn) - 1  # below all: time and its unit; above each: its name
@@ -209,9 +209,9 @@ def plot_lines(
     yield from _time(time, columns, font)
 
 
-def _panel(each: Series, time: Axis, columns: int, rows: int, font: Font) -> Iterator[str]:
+def _panel(each: Series, time: Axis, columns: int, rows: int, font: DotFont) -> Iterator[str]:
     values = make_axis(*each.bounds(), max(rows // TICK_EVERY, 1))
-    canvas = Dots(columns, rows, font)
+    canvas = DotCanvas(columns, rows, font)
     points = [(_place(time, t, canvas.width), _row(values, v, canvas)) for t, v in _pairs(each)]
     for (x0, y0), (x1, y1) in pairwise(points):
         if y0 is not None and y1 is not None:
@@ -236,7 +236,7 @@ def _place(time: Axis, value: float, width: int) -> int:
     return round(time.share(value) * (width - 1))
 
 
-def _row(values: Axis, value: float, canvas: Dots) -> int | None:
+def _row(values: Axis, value: float, canvas: DotCanvas) -> int | None:
     return None if isnan(value) else round((1.0 - values.share(value)) * (canvas.height - 1))
 
 
@@ -244,7 +244,7 @@ def _label_row(values: Axis, value: float, rows: int) -> int:
     return round((1.0 - values.share(value)) * (rows - 1))
 
 
-def _time(time: Axis, columns: int, font: Font) -> Iterator[str]:
+def _time(time: Axis, columns: int, font: DotFont) -> Iterator[str]:
     corner, dash, mark = "\u2514\u2500\u2534" if font is BRAILLE else "+-+"  # box drawing
     ruler, labels = [dash] * columns, [" "] * columns
     for tick in time.ticks:

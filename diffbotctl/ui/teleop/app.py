@@ -8,7 +8,7 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.panels import facts
+from diffbotctl.ui.dash.panels import facts_panel
 from diffbotctl.ui.engine_app import EngineApp
 
 HELP = "t other keys   b hold/latched   r resume   space stop   ctrl-c leave"
@@ -40,13 +40,17 @@ class Teleop(EngineApp):
         if self.reins is None:
             return
         plain = self.wishes.ascii_only
-        rows = [panels.title(self.sight), panels.banner(self.sight), panels.hand_line(self.reins)]
+        rows = [
+            panels.title_line(self.sight),
+            panels.stop_banner(self.sight),
+            panels.keyboard_line(self.reins),
+        ]
         self.query_one("#all", Static).update(
             Group(
                 *rows,
                 Text(self.reins.hand.keys.help, "dim", no_wrap=True),
                 Text(HELP, "dim", no_wrap=True),
                 Text(self.said, "yellow", no_wrap=True, overflow="ellipsis"),
-                facts(self.sight, min(self.size.width, WIDEST), plain),
+                facts_panel(self.sight, min(self.size.width, WIDEST), plain),
             )
         )

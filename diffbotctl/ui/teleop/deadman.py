@@ -1,16 +1,70 @@
-"""A hand's wishes as words to the engine: driving, letting go, and being lost."""
+"""Whether the person's terminal is still there: it is asked for its cursor and must answer.
+
+A dead ssh, a frozen window, a laptop asleep send no word; they also answer no question. A terminal
+multiplexer answers in place of the terminal behind it, so that inside one this proves nothing.
+
+A hand's wishes as words to the engine: driving, letting go, and being lost.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from diffbotctl.ui.teleop.key_to_velocity import KeyboardVelocity
-from diffbotctl.ui.teleop.terminal_heartbeat import TerminalHeartbeat
+from diffbotctl.ui.teleop.keyboard import KeyboardVelocity
 
-PERIOD_OF_WORDS = 0.05  # s; the engine takes 0.3 s of silence for a lost operator
-STALL = 0.15  # s between two beats: this process stood still; the engine minds that by itself
-FIRST_ANSWER = 1.0  # s for a terminal to answer at all; ssh to the other side of the world does
+CURSOR_QUERY = "\x1b[6n"  # DSR: report the cursor's position (ECMA-48)
+QUERY_PERIOD_S = 0.08  # s between two questions
+REPLY_TIMEOUT_S = 0.28  # s; with PERIOD and the way to the wheels it stays below half a second
+
+
+class TerminalHeartbeat:
+    """Times are seconds of any one clock. Questions are answered in the order they were asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
+        self.next = 0.0
+        self.round_trip: float | None = None
+
+    def is_due(self, now: float) -> bool:
+        """True when a question is to be asked now; it is noted as asked."""
+        if now < self.next:
+            return False
+        self.next = now + QUERY_PERIOD_S
+        self.asked.append(now)
+        return True
+
+    def answered(self, now: float) -> None:
+        """The terminal answered the oldest question."""
+        if self.asked:
+            self.round_trip = now - self.asked.pop(0)
+
+    def is_lost(self, now: float) -> bool:
+        """True when a question has waited too long."""
+        return bool(self.asked) and now - self.asked[0] > REPLY_TIMEOUT_S
+
+    def excuse(self, seconds: float) -> None:
+        """We ourselves did not look for so long: that is not the terminal's fault."""
+        self.asked = [time + seconds for time in self.asked]
+
+    def forget(self) -> None:
+        """Begin anew, as after a pause in which nothing was asked."""
+        self.asked.clear()
+        self.next = 0.0
+
+
+def multiplexer_name(environment: Mapping[str, str]) -> str:
+    """The name of the multiplexer that this runs inside of; empty when there is none."""
+    if environment.get("TMUX"):
+        return "tmux"
+    return "screen" if environment.get("STY") else ""
+
+
+SEND_PERIOD_S = 0.05  # s; the engine takes 0.3 s of silence for a lost operator
+STALL_MIN_S = 0.15  # s between two beats: this process stood still; the engine minds that by itself
+FIRST_REPLY_TIMEOUT_S = (
+    1.0  # s for a terminal to answer at all; ssh to the other side of the world does
+)
 
 
 class TeleopDeadman:
@@ -51,10 +105,10 @@ class TeleopDeadman:
 
     def beat(self, now: float) -> None:
         """Say what is to be said at `now`; call it every PERIOD_OF_WORDS."""
-        if now - self.beaten > STALL:
+        if now - self.beaten > STALL_MIN_S:
             self.pulse.excuse(now - self.beaten)
         self.beaten = now
-        self.waited = now - self.since >= FIRST_ANSWER
+        self.waited = now - self.since >= FIRST_REPLY_TIMEOUT_S
         if not self.answers and not self.waited:
             self._ask(now)
         if self.hand.mode == "latched" and not self.answers:

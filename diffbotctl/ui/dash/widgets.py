@@ -1,23 +1,33 @@
-"""The map as a widget: click or drag sets a goal, the wheel zooms, the right button pans."""
+"""The map as a widget: click or drag sets a goal, the wheel zooms, the right button pans.
+
+One question on the last line of the screen.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import atan2, hypot
+from typing import ClassVar
 
 from rich.text import Text
 from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal
 from textual.message import Message
+from textual.screen import ModalScreen
 from textual.widget import Widget
+from textual.widgets import Input, Label
 
 from diffbotctl.ui.dash.state import RunView
 from diffbotctl.ui.map import layers
-from diffbotctl.ui.map.viewport import Camera, Point
+from diffbotctl.ui.map.canvas import Camera, Point
 
-ZOOM = 1.25  # a step of the wheel
-ROOM = 0.9  # of the scale that would just fit, so that the map stands still for a while
-FARTHER = 0.6  # of it; smaller, the map is drawn closer
-SHIFT = 1.0  # dots that the middle may be off all the same
-LEAST_DRAG = 1.5  # characters; a shorter drag is a click that shook
+ZOOM_STEP = 1.25  # a step of the wheel
+FIT_SCALE_RATIO = 0.9  # of the scale that would just fit, so that the map stands still for a while
+REFIT_SCALE_RATIO = 0.6  # of it; smaller, the map is drawn closer
+CENTRE_TOLERANCE_DOTS = 1.0  # dots that the middle may be off all the same
+DRAG_MIN_CHARACTERS = 1.5  # characters; a shorter drag is a click that shook
 
 
 class MapBox(Widget):
@@ -50,7 +60,7 @@ class MapBox(Widget):
         if self.sight is None or width < 1 or height < 1:
             return Text("")
         self.used = self._camera(self.sight, width, height)
-        drawing = layers.draw(
+        drawing = layers.draw_map(
             self.sight.scene,
             self.sight.picture,
             self.sight.trail.places,
@@ -121,11 +131,11 @@ class MapBox(Widget):
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         """Closer."""
-        self.zoom(ZOOM)
+        self.zoom(ZOOM_STEP)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
         """Farther away."""
-        self.zoom(1 / ZOOM)
+        self.zoom(1 / ZOOM_STEP)
 
     def _goal(
         self, start: tuple[float, float], end: tuple[float, float]
@@ -133,7 +143,7 @@ class MapBox(Widget):
         assert self.used is not None
         width, height = self.size
         at = self.used.place(*start, width, height)
-        if hypot(end[0] - start[0], 2 * (end[1] - start[1])) < LEAST_DRAG:
+        if hypot(end[0] - start[0], 2 * (end[1] - start[1])) < DRAG_MIN_CHARACTERS:
             return at, None
         to = self.used.place(*end, width, height)
         return at, atan2(to[1] - at[1], to[0] - at[0])
@@ -150,13 +160,55 @@ class MapBox(Widget):
 
     def _fitted(self, sight: RunView, width: int, height: int) -> Camera:
         """A camera that has all in view; the one in use stays as long as it is about right."""
-        wanted = layers.look(sight.scene, sight.picture, sight.trail.places, width, height)
+        wanted = layers.overview_camera(
+            sight.scene, sight.picture, sight.trail.places, width, height
+        )
         last = self.fitted
         if last is not None and last[1:] == (width, height):
             off = hypot(wanted.x - last[0].x, wanted.y - last[0].y) * wanted.scale
             closer = last[0].scale / wanted.scale
-            if FARTHER < closer <= 1.0 and off < (1.0 - closer) * min(width, height) + SHIFT:
+            if (
+                REFIT_SCALE_RATIO < closer <= 1.0
+                and off < (1.0 - closer) * min(width, height) + CENTRE_TOLERANCE_DOTS
+            ):
                 return last[0]
-        camera = wanted._replace(scale=wanted.scale * ROOM)
+        camera = wanted._replace(scale=wanted.scale * FIT_SCALE_RATIO)
         self.fitted = (camera, width, height)
         return camera
+
+
+OnInput = Callable[[str | None], None]
+
+
+class InputPrompt(ModalScreen[str | None]):
+    """Gives the line back on enter, None on escape."""
+
+    CSS = """
+    InputPrompt { align: left bottom; background: transparent; }
+    InputPrompt Horizontal { height: 1; width: 100%; }
+    InputPrompt Label { width: auto; text-style: bold; padding: 0 1; }
+    InputPrompt Input { width: 1fr; border: none; height: 1; padding: 0; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "give_up", "leave")]
+
+    def __init__(self, question: str, first: str) -> None:
+        super().__init__()
+        self.question, self.first = question, first
+
+    def compose(self) -> ComposeResult:
+        """The question and a field."""
+        with Horizontal():
+            yield Label(self.question, markup=False)
+            yield Input(self.first, select_on_focus=False)
+
+    def on_mount(self) -> None:
+        """The field has the keys from the first moment on."""
+        self.query_one(Input).focus()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """The answer."""
+        self.dismiss(event.value)
+
+    def action_give_up(self) -> None:
+        """No answer."""
+        self.dismiss(None)
