@@ -1,140 +1,171 @@
-"""One account of what a wheel's edges were: which flank of which slot, going forward or backward.
+"""One hypothesis of what a wheel's edges were: which edge of which slot, going forward or backward.
 
 Going forward a rising edge comes at each whole z, going backward at each whole z plus the open
-share of the pitch. After a reversal more than one flank may have been passed; then the account
+share of the pitch. After a reversal more than one edge may have been passed; then the hypothesis
 splits. Times are integer nanoseconds, lengths pitches.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import log, sqrt
+from typing import NamedTuple
 
 from diffbotctl.estimation.wheel_kalman import Priors, WheelKalman, normal_cdf
 
-OPEN = 0.5  # share of the pitch that lies open, the middle of all discs
-UNLIKELY = 8.0  # a split's branch so far below the best (natural logarithm) is not taken up
-LEAST_SHARE = 1e-6  # no direction is quite impossible
-ROLLING = 3.0  # times the speed that friction ends; slower than this a wheel hardly rolls out
-OUTSIDE = 0.08  # mass beyond a bound from which on it is believed; less says nothing new at rest
-SURE = 0.001  # the same while moving, when each frame says something new
+OPEN_SHARE = 0.5  # of the pitch, the middle of all discs
+LOG_RATIO_MAX = 8.0  # a branch so far below the best (natural logarithm) is not followed
+DIRECTION_PROBABILITY_MIN = 1e-6  # no direction is quite impossible
+# Times the speed that friction ends; slower than this a wheel hardly rolls out
+ROLLING_CREEP_RATIO = 3.0
+# Probability outside of a bound from which on it is believed:
+OUTSIDE_MIN_AT_REST = 0.08  # less says nothing new
+OUTSIDE_MIN_MOVING = 0.001  # each frame says something new
 # The same while moving, of a board that will tell when the edge came: that says all that its
 # absence did, which would be taken in twice. Only an overdue edge tells of a wheel that is held.
-OVERDUE = 0.6
+OUTSIDE_MIN_EDGE_TIMES = 0.6
+
+
+class WheelFrame(NamedTuple):
+    """What the board reports of one wheel."""
+
+    time: int
+    """ns"""
+    edge_count: int
+    edge_time: int | None
+    """of the last edge, in ns, if the board tells it"""
+    drive: float
+    """pitches/s that the command asks for"""
+    drive_since: int | None
+    """ns, when that took hold, if known"""
+
+
+class _Branch(NamedTuple):
+    """An edge that may have been passed."""
+
+    fit: float  # log likelihood with the prior
+    log_prior: float  # log of the direction's probability
+    direction: int
+    slot: int
 
 
 class EdgeHypothesis:
-    """The motion of one wheel, and the flank that was passed last."""
+    """The motion of one wheel, and the edge that was passed last."""
 
     __slots__ = (
         "count",
         "drive",
-        "heading",
+        "drive_direction",
+        "edge_direction",
+        "edge_slot",
+        "is_reversed",
         "motion",
-        "passed",
-        "slot",
         "time",
-        "turned_back",
     )
 
-    def __init__(self, spread: Priors, time: int, count: int, slots: int) -> None:
+    def __init__(self, priors: Priors, time: int, count: int, slots: int) -> None:
         """`slots` of the disc, whose errors are learnt when the board tells edges' times."""
-        self.motion = WheelKalman(spread, slots)
+        self.motion = WheelKalman(priors, slots)
         self.time = time
         self.count = count
         self.drive = 0.0
-        self.heading = 0  # direction of the last drive: 1, -1, or 0 before the first
-        self.slot = 0  # the slot whose flank was passed last
-        self.passed = 0  # direction in which it was passed
-        self.turned_back = False  # driven the other way since then
+        self.drive_direction = 0  # of the last drive: 1, -1, or 0 before the first
+        self.edge_slot = 0  # the slot whose edge was passed last
+        self.edge_direction = 0  # in which it was passed: 1, -1, or 0 before the first
+        self.is_reversed = False  # driven the other way since then
 
     @property
-    def where(self) -> tuple[int, int, bool]:
-        """The flank that was passed last, and how."""
-        return self.slot, self.passed, self.turned_back
+    def last_edge(self) -> tuple[int, int, bool]:
+        """The edge that was passed last, and how."""
+        return self.edge_slot, self.edge_direction, self.is_reversed
 
     @property
-    def account(self) -> tuple[tuple[int, int, bool], bool | None]:
-        """What tells this account from another."""
-        return self.where, self.motion.dry
+    def key(self) -> tuple[tuple[int, int, bool], bool | None]:
+        """What tells this hypothesis from another."""
+        return self.last_edge, self.motion.is_dry
 
     def copy(self) -> EdgeHypothesis:
-        """The same account, to go its own way from now on."""
+        """The same hypothesis, to go its own way from now on."""
         twin = object.__new__(EdgeHypothesis)
+        for name in EdgeHypothesis.__slots__:
+            setattr(twin, name, getattr(self, name))
         twin.motion = self.motion.copy()
-        twin.time, twin.count, twin.drive, twin.heading = (
-            self.time,
-            self.count,
-            self.drive,
-            self.heading,
-        )
-        twin.slot, twin.passed, twin.turned_back = self.slot, self.passed, self.turned_back
         return twin
 
     @property
-    def place(self) -> float:
-        """z of the flank passed last, as nominally cut."""
-        return self.slot + (OPEN if self.passed < 0 else 0.0)
+    def edge_place(self) -> float:
+        """z of the edge passed last, as nominally cut."""
+        return _edge_place(self.edge_slot, self.edge_direction)
 
-    def frame(
-        self, time: int, count: int, edge: int | None, drive: float, since: int | None
-    ) -> list[EdgeHypothesis]:
-        """Take one frame: `count` at `time`, the last edge's time if the board tells it, and the
-        `drive` (pitches/s wanted) in force, `since` when if known. Returns this account, or those
-        into which it has split."""
+    def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
+        """Take one frame. Returns this hypothesis, or those into which it has split."""
+        time, count, edge_time, drive, drive_since = frame
         steps = abs(count - self.count)
         self.count = count
-        begun = self.time
-        marked = edge is not None and steps != 0
-        changes = drive != self.drive
-        switch = self._clamp(since, time) if changes else time
-        passed = self._clamp(edge, time) if marked else time
-        if changes and switch <= passed:
-            self._advance(switch)
-            self._turn(drive)
-            changes = False
-        self._advance(passed)
-        tracks = [self]
+        begin = self.time
+        has_edge = edge_time is not None and steps != 0
+        is_changing = drive != self.drive
+        change_time = self._clamp(drive_since, time) if is_changing else time
+        passed_time = self._clamp(edge_time, time) if has_edge else time
+        if is_changing and change_time <= passed_time:
+            self._advance(change_time)
+            self._set_drive(drive)
+            is_changing = False
+        self._advance(passed_time)
+        hypotheses = [self]
         if steps:
-            window = 0.0 if marked else abs(self.motion.speed) * (time - begun) * 1e-9
-            tracks = self._pass(steps, window)
-        for track in tracks:
-            if marked:
-                track.motion.see_edge(track.place, track.slot, track.passed > 0)
-            if changes:
-                track._advance(switch)
-                track._turn(drive)
-            track._advance(time)
-            track._see_bounds(
-                not marked and (steps != 0 or abs(track.motion.speed) > track.motion.spread.creep)
-            )
-        return tracks
+            window = 0.0 if has_edge else abs(self.motion.speed) * (time - begin) * 1e-9
+            hypotheses = self._pass_edges(steps, window)
+        for hypothesis in hypotheses:
+            motion = hypothesis.motion
+            if has_edge:
+                motion.update_edge(
+                    hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
+                )
+            if is_changing:
+                hypothesis._advance(change_time)
+                hypothesis._set_drive(drive)
+            hypothesis._advance(time)
+            is_moving = steps != 0 or abs(motion.speed) > motion.priors.creep
+            hypothesis._update_bounds(is_moving and not has_edge)
+        return hypotheses
 
-    def rolling_out(self, drive: float) -> list[EdgeHypothesis]:
+    def split_by_friction(self, drive: float) -> list[EdgeHypothesis]:
         """Split over how friction ends the motion, the first time that `drive` leaves off."""
         motion = self.motion
-        if motion.dry is not None or drive * motion.speed > 0.0 or not motion.rolls(ROLLING):
+        if (
+            motion.is_dry is not None
+            or drive * motion.speed > 0.0
+            or not motion.is_rolling(ROLLING_CREEP_RATIO)
+        ):
             return [self]
         twin = self.copy()
-        motion.dry, twin.motion.dry = False, True
+        motion.is_dry, twin.motion.is_dry = False, True
         return [self, twin]
 
-    def _see_bounds(self, moving: bool) -> None:
-        if self.passed:
-            low, high = bounds(self.place, self.passed, self.turned_back)
-            least = OVERDUE if self.motion.spread.timed else SURE
-            self.motion.see_bounds(low, high, least if moving else OUTSIDE)
-
-    def likely_edge(self, time: int, steps: int) -> int:
+    def estimated_edge_time(self, time: int, steps: int) -> int:
         """When the last of `steps` edges came that a frame at `time` counts, as the motor's model
         has it (ns)."""
         span = (time - self.time) * 1e-9
         speed = self.motion.speed
-        if not self.motion.rolls(ROLLING):
+        if not self.motion.is_rolling(ROLLING_CREEP_RATIO):
             return time - int(0.5e9 * span)
-        heading = -1 if speed < 0.0 else 1
-        beyond = heading * (self.motion.z + speed * span - self.place) - abs(steps)
-        ago = min(max(beyond / abs(speed), 0.0), span, 1.0 / abs(speed))
-        return time - int(ago * 1e9)
+        direction = -1 if speed < 0.0 else 1
+        beyond = direction * (self.motion.z + speed * span - self.edge_place) - abs(steps)
+        age = min(max(beyond / abs(speed), 0.0), span, 1.0 / abs(speed))
+        return time - int(age * 1e9)
+
+    def _update_bounds(self, is_moving: bool) -> None:
+        if not self.edge_direction:
+            return
+        low, high = bounds(self.edge_place, self.edge_direction, self.is_reversed)
+        if not is_moving:
+            outside_min = OUTSIDE_MIN_AT_REST
+        elif self.motion.priors.has_edge_times:
+            outside_min = OUTSIDE_MIN_EDGE_TIMES
+        else:
+            outside_min = OUTSIDE_MIN_MOVING
+        self.motion.update_bounds(low, high, outside_min)
 
     def _clamp(self, moment: int | None, time: int) -> int:
         return self.time if moment is None else min(max(moment, self.time), time)
@@ -144,81 +175,96 @@ class EdgeHypothesis:
         span = time - self.time
         if span > 0:
             self.time = time
-            self.motion.run(span * 1e-9, self.drive)
+            self.motion.predict(span * 1e-9, self.drive)
 
-    def _turn(self, drive: float) -> None:
+    def _set_drive(self, drive: float) -> None:
         """The command changes to `drive`."""
-        self.motion.turn(drive - self.drive)
+        self.motion.command_changed(drive - self.drive)
         self.drive = drive
         if drive == 0.0:
             return
-        heading = 1 if drive > 0.0 else -1
-        if self.heading == 0 and self.passed == 0:
-            self.passed = heading
-            if heading < 0:  # the phase is as unknown against the flanks that come going backward
-                self.motion.shift(-OPEN)
-                self.slot = 0
-        self.heading = heading
-        if heading != self.passed:
-            self.turned_back = True
+        direction = 1 if drive > 0.0 else -1
+        if self.drive_direction == 0 and self.edge_direction == 0:
+            self.edge_direction = direction
+            if direction < 0:  # the phase is as unknown against the edges seen going backward
+                self.motion.shift(-OPEN_SHARE)
+                self.edge_slot = 0
+        self.drive_direction = direction
+        if direction != self.edge_direction:
+            self.is_reversed = True
 
-    def _pass(self, steps: int, window: float) -> list[EdgeHypothesis]:
+    def _pass_edges(self, steps: int, window: float) -> list[EdgeHypothesis]:
         """`steps` edges have been passed (the board's sign is not believed), the last of them just
         now, or somewhere in the last `window` pitches of the way."""
-        if not self.turned_back:
-            heading = self.passed or self.heading or 1
-            self._take(heading, self.slot + heading * steps)
+        if not self.is_reversed:
+            direction = self.edge_direction or self.drive_direction or 1
+            self._set_edge(direction, self.edge_slot + direction * steps)
             return [self]
         branches = self._branches(steps, window)
-        best = max(fit for fit, *_ in branches)
-        taken = [branch for branch in branches if branch[0] > best - UNLIKELY]
-        tracks = [self, *(self.copy() for _ in taken[1:])]
-        for track, (_, prior, heading, slot) in zip(tracks, taken, strict=True):
-            track.motion.evidence += prior
-            track._take(heading, slot)
-        return tracks
+        best = max(branch.fit for branch in branches)
+        likely = [branch for branch in branches if branch.fit > best - LOG_RATIO_MAX]
+        hypotheses = [self, *(self.copy() for _ in likely[1:])]
+        for hypothesis, branch in zip(hypotheses, likely, strict=True):
+            hypothesis.motion.log_likelihood += branch.log_prior
+            hypothesis._set_edge(branch.direction, branch.slot)
+        return hypotheses
 
-    def _branches(self, steps: int, window: float) -> list[tuple[float, float, int, int]]:
-        """Which flank it may have been: (how well it fits, log of its direction's probability,
-        direction, slot)."""
+    def _branches(self, steps: int, window: float) -> list[_Branch]:
+        """Which edge it may have been."""
         motion = self.motion
         # A speed is never known better than to a creep when the direction hangs on it.
-        forward = normal_cdf(motion.speed / sqrt(motion.speed_variance + motion.spread.creep**2))
+        forward = normal_cdf(motion.speed / sqrt(motion.speed_variance + motion.priors.creep**2))
         branches = []
-        for heading, share in ((1, forward), (-1, 1.0 - forward)):
-            prior = log(max(share, LEAST_SHARE))
-            variance = motion.flank_variance(heading > 0) + window * window / 12.0
-            for slot in (self.slot + heading * steps, self.slot + heading * (steps - 1)):
-                place = slot + (OPEN if heading < 0 else 0.0)
-                away = motion.z - place - 0.5 * heading * window
-                branches.append((prior - 0.5 * away * away / variance, prior, heading, slot))
+        for direction, probability in ((1, forward), (-1, 1.0 - forward)):
+            log_prior = log(max(probability, DIRECTION_PROBABILITY_MIN))
+            variance = motion.edge_variance(direction > 0) + window * window / 12.0
+            for passed in (steps, steps - 1):
+                slot = self.edge_slot + direction * passed
+                error = motion.z - _edge_place(slot, direction) - 0.5 * direction * window
+                fit = log_prior - 0.5 * error * error / variance
+                branches.append(_Branch(fit, log_prior, direction, slot))
         return branches
 
-    def _take(self, heading: int, slot: int) -> None:
-        """The flank of `slot` was passed in direction `heading`."""
-        self.passed, self.slot = heading, slot
-        self.turned_back = self.heading != heading
+    def _set_edge(self, direction: int, slot: int) -> None:
+        """The edge of `slot` was passed in `direction`."""
+        self.edge_direction, self.edge_slot = direction, slot
+        self.is_reversed = self.drive_direction != direction
 
 
-def bounds(place: float, passed: int, turned_back: bool) -> tuple[float, float]:
-    """Where z can lie when the last edge stood at `place` and was `passed` forward (1) or backward.
+def _edge_place(slot: int, direction: int) -> float:
+    return slot + (OPEN_SHARE if direction < 0 else 0.0)
 
-    Turned back since, the next edge may come from either flank of the slot, so both count.
+
+def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, float]:
+    """Where z can lie when the last edge stood at `place` and was passed in `direction`.
+
+    Reversed since, the next edge may come from either edge of the slot, so both count.
     """
-    if passed > 0:
-        return place - (1.0 - OPEN if turned_back else 0.0), place + 1.0
-    return place - 1.0, place + (1.0 - OPEN if turned_back else 0.0)
+    if direction > 0:
+        return place - (1.0 - OPEN_SHARE if is_reversed else 0.0), place + 1.0
+    return place - 1.0, place + (1.0 - OPEN_SHARE if is_reversed else 0.0)
 
 
-def sort_hypotheses(
-    tracks: list[EdgeHypothesis],
-    time: int,
-    count: int,
-    edge: int | None,
-    drive: float,
-    since: int | None,
+def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:
+    """All hypotheses that come of these with one more frame."""
+    if hypotheses[0].motion.is_dry is None:
+        hypotheses = [
+            twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
+        ]
+    return [branch for hypothesis in hypotheses for branch in hypothesis.update(frame)]
+
+
+def prune(
+    hypotheses: list[EdgeHypothesis],
+    count_max: int,
+    log_ratio_max: float,
+    key: Callable[[EdgeHypothesis], object],
 ) -> list[EdgeHypothesis]:
-    """All accounts that come of `tracks` with one more frame, as `WheelTrack.frame` takes it."""
-    if tracks[0].motion.dry is None:
-        tracks = [twin for track in tracks for twin in track.rolling_out(drive)]
-    return [branch for track in tracks for branch in track.frame(time, count, edge, drive, since)]
+    """The likeliest, best first; of those with an equal `key`, the best."""
+    ranked = sorted(hypotheses, key=lambda hypothesis: -hypothesis.motion.log_likelihood)
+    limit = ranked[0].motion.log_likelihood - log_ratio_max
+    kept: dict[object, EdgeHypothesis] = {}
+    for hypothesis in ranked[:count_max]:
+        if hypothesis.motion.log_likelihood >= limit:
+            kept.setdefault(key(hypothesis), hypothesis)
+    return list(kept.values())

@@ -9,7 +9,7 @@ What reveals the phase is the motor's answer to a known command:
 where drive is what a usual motor settles at, beyond a usual friction. Undriven, some motors roll
 out as their lag has it, d speed / dt = -speed / lag; others are braked by dry friction to the last,
 d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds. With the
-state goes a `SlotPlaces`, the errors of the disc's slots.
+state goes a `SlotErrors`, the errors of the disc's slots.
 """
 
 from __future__ import annotations
@@ -17,17 +17,24 @@ from __future__ import annotations
 from math import erf, exp, inf, log, pi, sqrt
 from typing import NamedTuple
 
-from diffbotctl.estimation.known_slot_errors import TAKEN, KnownSlotErrors, Slots
-from diffbotctl.estimation.slot_errors import MeasurementRow, SlotErrors
-from diffbotctl.estimation.wheel_transition import Factors
+from diffbotctl.estimation.slot_errors import (
+    ADOPTED_SD,
+    KnownSlotErrors,
+    MeasurementRow,
+    SlotErrors,
+    Slots,
+    TransitionRows,
+)
 
 TURN = 2.0 * pi
-MIN_PROBABILITY = 1e-6  # a bound this unlikely is taken as a plain measurement of its nearer end
-UNIFORM = 1.0 / 12.0  # variance of what is equally likely anywhere in one pitch
-EDGE_VARIANCE_FLOOR = (
-    0.004  # pitches; how well an edge marks its own flank: the light barrier has a little play
-)
-LATE = 50e-6  # s; how well its time does
+PROBABILITY_MIN = 1e-6  # a bound this unlikely is taken as a plain measurement of its nearer end
+UNIFORM_VARIANCE = 1.0 / 12.0  # of what is equally likely anywhere in one pitch
+EDGE_SD_MIN = 0.004  # pitches; how well an edge marks its slot: the light barrier has some play
+EDGE_TIME_SD = 50e-6  # s
+# Entries of `Covariance`.
+Z_Z, Z_PHASE, PHASE_PHASE = 0, 5, 20
+DIAGONAL = (0, 6, 11, 15, 18, 20)
+SPEED_ENTRIES = (1, 6, 7, 8, 9, 10)
 
 
 class Priors(NamedTuple):
@@ -40,14 +47,14 @@ class Priors(NamedTuple):
     offset: float = 0.22  # rad/s
     friction: float = 1.16  # rad/s, not a deviation: the speed that a usual dead band takes away
     creep: float = 0.094  # rad/s, not a deviation: without drive, friction ends what is slower
-    rough: float = 0.28  # rad/s per square root of a second: what the model leaves out
-    drift: float = 0.016  # rad/s per square root of a second: how the offset wanders
+    model_noise: float = 0.28  # rad/s per square root of a second: what the model leaves out
+    offset_drift: float = 0.016  # rad/s per square root of a second: how the offset wanders
     slot: float = 0.03  # pitches; place of an edge
-    open: float = 0.05  # pitches; of the open share of a pitch
-    share: float = 0.0  # pitches, not a deviation: what that share is beyond a half
-    stamp: float = 0.0  # s; of a frame's time
-    hold: float = 0.0  # s; of the time at which a command takes hold
-    timed: bool = False  # no deviation: whether the board tells when edges came
+    open_share: float = 0.05  # pitches; of the open share of a pitch
+    open_share_error: float = 0.0  # pitches, not a deviation: what that share is beyond a half
+    frame_time: float = 0.0  # s; of a frame's time
+    command_time: float = 0.0  # s; of the time at which a command takes hold
+    has_edge_times: bool = False  # no deviation: whether the board tells when edges came
 
     def in_pitches(self, slots: int) -> Priors:
         """The same with all speeds in pitches/s of a disc with `slots` slots."""
@@ -56,90 +63,64 @@ class Priors(NamedTuple):
             offset=self.offset * scale,
             friction=self.friction * scale,
             creep=self.creep * scale,
-            rough=self.rough * scale,
-            drift=self.drift * scale,
+            model_noise=self.model_noise * scale,
+            offset_drift=self.offset_drift * scale,
         )
 
 
-Covariance = tuple[
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-    float,
-]
-"""The upper triangle of the covariance of the state, row by row."""
+Covariance = tuple[float, ...]
+"""The 21 entries of the upper triangle of the covariance of the state, row by row.
+
+Where they are unpacked, each is named by its two states: z, v (speed), g (gain), b (offset), l (log
+lag), f (phase).
+"""
 
 
 class WheelKalman:
     """The state of one wheel, its covariance, and what is known of its disc."""
 
     __slots__ = (
-        "ahead",
         "covariance",
         "disc",
-        "dry",
-        "evidence",
         "gain",
+        "is_dry",
+        "is_last_forward",
         "log_lag",
+        "log_likelihood",
         "offset",
         "phase",
-        "shifted",
+        "priors",
         "speed",
-        "spread",
         "z",
+        "z_shift",
     )
 
-    def __init__(self, spread: Priors, slots: int) -> None:
+    def __init__(self, priors: Priors, slots: int) -> None:
         """`slots`: of the disc."""
-        self.spread = spread = spread.in_pitches(slots)
-        self.disc: Slots = SlotErrors(slots, spread.slot, spread.open, spread.share)
-        self.z = self.phase = 0.5
-        self.speed = self.offset = self.shifted = 0.0
-        self.gain = 1.0
-        self.ahead: bool | None = None  # direction in which the last edge was passed
-        self.dry: bool | None = None  # braked by dry friction when undriven; none: not yet seen
-        self.evidence = 0.0  # logarithm of how likely all was that has been seen
-        self.log_lag = log(spread.lag)
-        self.covariance: Covariance = (
-            UNIFORM,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            UNIFORM,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            spread.gain**2,
-            0.0,
-            0.0,
-            0.0,
-            spread.offset**2,
-            0.0,
-            0.0,
-            spread.lag_ratio**2,
-            0.0,
-            UNIFORM,
+        self.priors = priors = priors.in_pitches(slots)
+        self.disc: Slots = SlotErrors(
+            slots, priors.slot, priors.open_share, priors.open_share_error
         )
+        self.z = self.phase = 0.5
+        self.speed = self.offset = self.z_shift = 0.0
+        self.gain = 1.0
+        self.is_last_forward: bool | None = None  # direction in which the last edge was passed
+        self.is_dry: bool | None = None  # braked by dry friction when undriven; none: not yet seen
+        self.log_likelihood = 0.0  # of all that has been seen
+        self.log_lag = log(priors.lag)
+        covariance = [0.0] * 21
+        covariance[Z_PHASE] = UNIFORM_VARIANCE
+        variances = (
+            UNIFORM_VARIANCE,
+            0.0,
+            priors.gain**2,
+            priors.offset**2,
+            priors.lag_ratio**2,
+            UNIFORM_VARIANCE,
+        )
+        for entry, variance in zip(DIAGONAL, variances, strict=True):
+            covariance[entry] = variance
+        self.covariance: Covariance = tuple(covariance)
 
     @property
     def travel(self) -> float:
@@ -150,22 +131,22 @@ class WheelKalman:
     def variance(self) -> float:
         """Variance of `travel`, in square pitches."""
         covariance = self.covariance
-        return covariance[0] - 2.0 * covariance[5] + covariance[20]
+        return covariance[Z_Z] - 2.0 * covariance[Z_PHASE] + covariance[PHASE_PHASE]
 
     @property
     def speed_variance(self) -> float:
         """(pitches/s)2"""
-        return self.covariance[6]
+        return self.covariance[DIAGONAL[1]]
 
-    def rolls(self, creeps: float) -> bool:
+    def is_rolling(self, creeps: float) -> bool:
         """True when it is faster than `creeps` times what friction ends."""
-        return abs(self.speed) > creeps * self.spread.creep
+        return abs(self.speed) > creeps * self.priors.creep
 
-    def flank_variance(self, forward: bool) -> float:
-        """Variance of z about a flank that is seen now, as it is known before."""
-        spread = self.spread
-        far = 0.0 if forward else spread.open * spread.open
-        return self.covariance[0] + spread.slot * spread.slot + far
+    def edge_variance(self, is_forward: bool) -> float:
+        """Variance of z about an edge that is seen now, as it is known before."""
+        priors = self.priors
+        share_variance = 0.0 if is_forward else priors.open_share * priors.open_share
+        return self.covariance[Z_Z] + priors.slot * priors.slot + share_variance
 
     def copy(self) -> WheelKalman:
         """The same, to go its own way from now on."""
@@ -179,116 +160,99 @@ class WheelKalman:
         """Count z from another slot or flank."""
         self.z += pitches
         self.phase += pitches
-        self.shifted += pitches
+        self.z_shift += pitches
 
     @property
     def start(self) -> float:
         """The phase, counted as if never shifted."""
-        return self.phase - self.shifted
+        return self.phase - self.z_shift
 
-    def run(self, span: float, drive: float) -> None:
+    def predict(self, span: float, drive: float) -> None:
         """Let `span` seconds pass under `drive` (pitches/s)."""
-        spread, sign = self.spread, (drive > 0.0) - (drive < 0.0)
+        sign = (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never pushes
             drive, sign = 0.0, 0
         speed = self.speed
         if speed == 0.0 and not drive:
             return
-        rolls_on = speed * sign <= 0.0 and speed != 0.0
-        if rolls_on and self.dry:
+        if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
             self._brake(span, drive)
             return
-        self._move(span, drive, sign, driven=drive != 0.0)
-        if not drive and abs(self.speed) < spread.creep:
-            self._halt()
+        self._move(span, drive, sign, is_driven=drive != 0.0)
+        if not drive and abs(self.speed) < self.priors.creep:
+            self._stop()
 
     def _brake(self, span: float, drive: float) -> None:
         """Dry friction works against the motion until that ends, and then as it would at rest."""
-        way = 1 if self.speed > 0.0 else -1
+        direction = 1 if self.speed > 0.0 else -1
         # Against the motion stands all that the dead band takes, on both of its sides if driven.
-        against = abs(drive) + self.spread.friction * (2.0 if drive else 1.0)
-        settled = self.gain * against - self.offset
-        if settled <= 0.0:
-            settled = against = 0.0
-        left = exp(self.log_lag) * log(1.0 + abs(self.speed) / settled) if settled else inf
-        self._move(min(left, span), -way * against, way if settled else 0, driven=False)
-        if left < span:
-            self._halt()
+        braking = abs(drive) + self.priors.friction * (2.0 if drive else 1.0)
+        settled = self.gain * braking - self.offset
+        if settled > 0.0:
+            stop_time = exp(self.log_lag) * log(1.0 + abs(self.speed) / settled)
+        else:
+            stop_time, braking, direction = inf, 0.0, 0
+        drive_against = -direction * braking
+        self._move(min(stop_time, span), drive_against, direction, is_driven=False)
+        if stop_time < span:
+            self._stop()
             if drive:
-                self.run(span - left, drive)
+                self.predict(span - stop_time, drive)
 
-    def _move(self, span: float, drive: float, sign: int, driven: bool) -> None:
+    def _move(self, span: float, drive: float, sign: int, is_driven: bool) -> None:
         """Follow the exponential towards gain * drive + offset * sign."""
         speed = self.speed
         lag = exp(self.log_lag)
-        fade = exp(-span / lag)
-        rise = 1.0 - fade
-        slide = lag * rise
-        rest = span - slide
-        over = speed - self.gain * drive - self.offset * sign
-        self.z += speed * span - over * rest
-        self.speed = speed - over * rise
-        by_lag = span * fade
-        factors = (
-            slide,
-            drive * rest,
-            sign * rest,
-            over * (slide - by_lag),
-            fade,
+        decay = exp(-span / lag)
+        rise = 1.0 - decay
+        speed_travel = lag * rise
+        drive_travel = span - speed_travel
+        excess = speed - self.gain * drive - self.offset * sign
+        self.z += speed * span - excess * drive_travel
+        self.speed = speed - excess * rise
+        lag_decay = span * decay
+        rows = (
+            speed_travel,
+            drive * drive_travel,
+            sign * drive_travel,
+            excess * (speed_travel - lag_decay),
+            decay,
             drive * rise,
             sign * rise,
-            over * by_lag / lag,
+            excess * lag_decay / lag,
         )
-        spread = self.spread
-        wander = spread.drift * spread.drift * span if driven else 0.0
-        self._spread_out(factors, spread.rough * spread.rough * span, span, wander)
+        priors = self.priors
+        offset_noise = priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
+        speed_noise = priors.model_noise * priors.model_noise * span
+        self._predict_covariance(rows, speed_noise, span, offset_noise)
 
-    def _halt(self) -> None:
+    def _stop(self) -> None:
         """Friction ends the motion; how far it still rolled hangs on a speed not known better."""
         lag = exp(self.log_lag)
         self.speed = 0.0
-        (zz, _, zg, zb, zl, zf, vv, _, _, _, _, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
-            self.covariance
-        )
-        self.covariance = (
-            zz + vv * lag * lag,
-            0.0,
-            zg,
-            zb,
-            zl,
-            zf,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            gg,
-            gb,
-            gl,
-            gf,
-            bb,
-            bl,
-            bf,
-            ll,
-            lf,
-            ff,
-        )
-        self.disc.halt()
+        covariance = list(self.covariance)
+        covariance[Z_Z] += self.speed_variance * lag * lag
+        for entry in SPEED_ENTRIES:
+            covariance[entry] = 0.0
+        self.covariance = tuple(covariance)
+        self.disc.wheel_stopped()
 
-    def _spread_out(self, factors: Factors, noise: float, span: float, wander: float) -> None:
-        """Turn the covariance P into F P F' + Q; F's rows of z and speed are `factors`.
+    def _predict_covariance(
+        self, rows: TransitionRows, noise: float, span: float, offset_noise: float
+    ) -> None:
+        """Turn the covariance P into F P F' + Q; F's rows of z and speed are `rows`.
 
         Written out, because it runs twice for each wheel and frame.
         """
-        if not self.disc.learnt:
-            self.disc.waiting.add(factors)
-        a, b, c, d, e, f, g, h = factors
+        if not self.disc.is_fixed:
+            self.disc.pending.add(rows)
+        a, b, c, d, e, f, g, h = rows
         (zz, zv, zg, zb, zl, zf, vv, vg, vb, vl, vf, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
             self.covariance
         )
-        along = zz + a * zv + b * zg + c * zb + d * zl
-        cross = zv + a * vv + b * vg + c * vb + d * vl
-        kept = e * vv + f * vg + g * vb + h * vl
+        z_z = zz + a * zv + b * zg + c * zb + d * zl
+        z_v = zv + a * vv + b * vg + c * vb + d * vl
+        v_v = e * vv + f * vg + g * vb + h * vl
         zg += a * vg + b * gg + c * gb + d * gl
         zb += a * vb + b * gb + c * bb + d * bl
         zl += a * vl + b * gl + c * bl + d * ll
@@ -297,171 +261,148 @@ class WheelKalman:
         vb = e * vb + f * gb + g * bb + h * bl
         vl = e * vl + f * gl + g * bl + h * ll
         vf = e * vf + f * gf + g * bf + h * lf
+        z_z = z_z + a * z_v + b * zg + c * zb + d * zl + noise * span * span / 3.0
+        z_v = z_v * e + f * zg + g * zb + h * zl + 0.5 * noise * span
+        v_v = v_v * e + f * vg + g * vb + h * vl + noise
         self.covariance = (
-            along + a * cross + b * zg + c * zb + d * zl + noise * span * span / 3.0,
-            cross * e + f * zg + g * zb + h * zl + 0.5 * noise * span,
-            zg,
-            zb,
-            zl,
-            zf,
-            kept * e + f * vg + g * vb + h * vl + noise,
-            vg,
-            vb,
-            vl,
-            vf,
-            gg,
-            gb,
-            gl,
-            gf,
-            bb + wander,
-            bl,
-            bf,
-            ll,
-            lf,
+            *(z_z, z_v, zg, zb, zl, zf),
+            *(v_v, vg, vb, vl, vf),
+            *(gg, gb, gl, gf),
+            *(bb + offset_noise, bl, bf),
+            *(ll, lf),
             ff,
         )
 
-    def turn(self, change: float) -> None:
+    def command_changed(self, change: float) -> None:
         """The drive changes by `change` (pitches/s) now, or a little earlier or later."""
-        if self.spread.hold:
-            first = self.covariance[0] + (change * self.spread.hold) ** 2
-            self.covariance = (first, *self.covariance[1:])
+        if self.priors.command_time:
+            z_variance = self.covariance[Z_Z] + (change * self.priors.command_time) ** 2
+            self.covariance = (z_variance, *self.covariance[1:])
 
-    def see_edge(self, place: float, slot: int, forward: bool) -> None:
-        """A flank of `slot` is under the light barrier, seen going `forward` or backward; nominally
+    def update_edge(self, place: float, slot: int, is_forward: bool) -> None:
+        """An edge of `slot` is under the light barrier, seen going forward or backward; nominally
         that is at `place`."""
-        disc, row = self.disc, self._row()
-        disc.begin()
-        if disc.learnt:
-            if (
-                isinstance(disc, KnownSlotErrors)
-                and self.ahead is not None
-                and forward != self.ahead
-            ):
-                self._loosen(disc.flanks.beyond.variance)
-            self.ahead = forward
-            row = self._row()
-            error, variance = disc.told(slot, forward)
-            whole = row[0] + variance
-            self._note(place + error - self.z, whole)
-            self._absorb(row, (place + error - self.z) / whole, 1.0 / whole)
-            return
-        assert isinstance(disc, SlotErrors)
-        disc.carry()
-        entry = disc.entry(slot, forward)
-        shared, own = disc.with_entry(entry)
-        # What is seen is z less the flank's error.
-        slots = [p - q for p, q in zip(disc.shared[0], own, strict=True)]
-        motion = _minus(row, shared)
-        alone = disc.alone(slot, forward)
-        noise = (
-            alone.variance or EDGE_VARIANCE_FLOOR * EDGE_VARIANCE_FLOOR + (self.speed * LATE) ** 2
-        )
-        whole = motion[0] - slots[entry] + noise
-        pull = (place + disc.error[entry] + alone.error - self.z) / whole
-        self._note(pull * whole, whole)
-        self._absorb(motion, pull, 1.0 / whole)
-        disc.absorb(motion, slots, pull, 1.0 / whole)
-        if entry == 0:
-            disc.settle()
+        disc = self.disc
+        if isinstance(disc, SlotErrors):
+            disc.start_learning()
+            if not disc.is_fixed:
+                self._update_edge_and_slots(disc, place, slot, is_forward)
+                return
+        elif self.is_last_forward is not None and is_forward != self.is_last_forward:
+            self._inflate(disc.edges.open_share.variance)
+        self.is_last_forward = is_forward
+        row = self._z_row()
+        error, variance = disc.edge_estimate(slot, is_forward)
+        innovation = place + error - self.z
+        innovation_variance = row[0] + variance
+        self._add_log_likelihood(innovation, innovation_variance)
+        self._update(row, innovation / innovation_variance, 1.0 / innovation_variance)
 
-    def _loosen(self, variance: float) -> None:
-        """Where the flanks of the other direction lie against those before is known so badly: all
+    def _update_edge_and_slots(
+        self, disc: SlotErrors, place: float, slot: int, is_forward: bool
+    ) -> None:
+        """Take in an edge while the slots' errors are learnt: what is seen is z less the error."""
+        disc.propagate()
+        index = disc.index(slot, is_forward)
+        error_row, error_slot_row = disc.rows(index)
+        slot_row = [
+            z - error for z, error in zip(disc.cross_covariance[0], error_slot_row, strict=True)
+        ]
+        row = _minus(self._z_row(), error_row)
+        fixed = disc.fixed_estimate(slot, is_forward)
+        noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
+        variance = row[0] - slot_row[index] + noise
+        scaled_innovation = (place + disc.errors[index] + fixed.error - self.z) / variance
+        self._add_log_likelihood(scaled_innovation * variance, variance)
+        self._update(row, scaled_innovation, 1.0 / variance)
+        disc.update(row, slot_row, scaled_innovation, 1.0 / variance)
+        if index == 0:
+            disc.stop_learning_if_known()
+
+    def _inflate(self, variance: float) -> None:
+        """Where the edges of the other direction lie against those before is known so badly: all
         that is counted in slots may be shifted, which leaves the travel as it is."""
         covariance = list(self.covariance)
-        for entry in (0, 5, 20):  # z and phase, and both together
+        for entry in (Z_Z, Z_PHASE, PHASE_PHASE):
             covariance[entry] += variance
-        self.covariance = tuple(covariance)  # type: ignore[assignment]
+        self.covariance = tuple(covariance)
 
-    def know(self, known: Slots) -> None:
+    def set_known_slots(self, known: KnownSlotErrors) -> None:
         """The disc turns out to be a `known` one: take in where its slots lie."""
         disc = self.disc
-        assert isinstance(disc, SlotErrors) and isinstance(known, KnownSlotErrors)
-        disc.back, disc.back_variance = known.beyond()
-        if disc.learnt:
-            return
-        disc.carry()
-        for slot in range(disc.slots):
-            self._see_slot(slot, known.told(slot, True).error, TAKEN * TAKEN)
-
-    def _see_slot(self, entry: int, error: float, variance: float) -> None:
-        """The slots' error of number `entry` is known from elsewhere."""
-        disc = self.disc
         assert isinstance(disc, SlotErrors)
-        shared, own = disc.with_entry(entry)
-        whole = own[entry] + variance
-        pull = (error - disc.error[entry]) / whole
-        self._absorb(shared, pull, 1.0 / whole)
-        disc.absorb(shared, own, pull, 1.0 / whole)
-
-    def see_bounds(self, low: float, high: float, least: float) -> None:
-        """z lies between `low` and `high`; believed when more than `least` of it lay outside."""
-        spread = self.spread
-        whole = self.covariance[0] + spread.slot**2 + (self.speed * spread.stamp) ** 2
-        deviation = sqrt(whole)
-        below = (low - self.z) / deviation
-        above = (high - self.z) / deviation
-        mass = normal_cdf(above) - normal_cdf(below)
-        if mass > 1.0 - least:
+        disc.backward_errors = known.backward_errors()
+        disc.backward_variance = known.edges.backward_variance
+        if disc.is_fixed:
             return
-        self.evidence += log(max(mass, MIN_PROBABILITY))
-        if mass < MIN_PROBABILITY:
+        disc.propagate()
+        for slot in range(disc.slots):
+            row, slot_row = disc.rows(slot)
+            variance = slot_row[slot] + ADOPTED_SD * ADOPTED_SD
+            innovation = known.edge_estimate(slot, True).error - disc.errors[slot]
+            self._update(row, innovation / variance, 1.0 / variance)
+            disc.update(row, slot_row, innovation / variance, 1.0 / variance)
+
+    def update_bounds(self, low: float, high: float, outside_min: float) -> None:
+        """z lies between `low` and `high`; believed when more than `outside_min` of the probability
+        lay outside."""
+        priors = self.priors
+        variance = self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2
+        sd = sqrt(variance)
+        below = (low - self.z) / sd
+        above = (high - self.z) / sd
+        probability = normal_cdf(above) - normal_cdf(below)
+        if probability > 1.0 - outside_min:
+            return
+        self.log_likelihood += log(max(probability, PROBABILITY_MIN))
+        if probability < PROBABILITY_MIN:
             nearer = low if below > 0.0 else high
-            self._learn((nearer - self.z) / whole, 1.0 / whole)
+            self._update_z((nearer - self.z) / variance, 1.0 / variance)
             return
-        shift, left = truncated_normal(below, above, mass)
-        self._learn(shift / deviation, (1.0 - left) / whole)
+        mean, remaining_variance = truncated_normal(below, above, probability)
+        self._update_z(mean / sd, (1.0 - remaining_variance) / variance)
 
-    def _note(self, surprise: float, variance: float) -> None:
-        self.evidence -= 0.5 * (surprise * surprise / variance + log(variance))
+    def _add_log_likelihood(self, innovation: float, variance: float) -> None:
+        self.log_likelihood -= 0.5 * (innovation * innovation / variance + log(variance))
 
-    def _learn(self, pull: float, cut: float) -> None:
-        """Take in what was seen of z itself."""
-        row, disc = self._row(), self.disc
-        self._absorb(row, pull, cut)
-        if not disc.learnt:
-            assert isinstance(disc, SlotErrors)
-            disc.carry()
-            disc.absorb(row, disc.shared[0], pull, cut)
+    def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
+        """Take in a measurement of z itself."""
+        row, disc = self._z_row(), self.disc
+        self._update(row, scaled_innovation, inverse_variance)
+        if not disc.is_fixed:
+            disc.propagate()
+            disc.update(row, disc.cross_covariance[0], scaled_innovation, inverse_variance)
 
-    def _row(self) -> MeasurementRow:
+    def _z_row(self) -> MeasurementRow:
         return self.covariance[:6]
 
-    def _absorb(self, row: MeasurementRow, pull: float, cut: float) -> None:
-        """Move the state by `row` times `pull`, take row row' times `cut` from the covariance."""
+    def _update(
+        self, row: MeasurementRow, scaled_innovation: float, inverse_variance: float
+    ) -> None:
+        """Kalman update by a measured quantity: `row` is its covariance with the state.
+
+        The state moves by row * `scaled_innovation` (the innovation over its variance), the
+        covariance loses row row' * `inverse_variance`. Written out as in `_predict_covariance`.
+        """
         z, v, g, b, lag, f = row
-        self.z += z * pull
-        self.speed += v * pull
-        self.gain += g * pull
-        self.offset += b * pull
-        self.log_lag += lag * pull
-        self.phase += f * pull
+        self.z += z * scaled_innovation
+        self.speed += v * scaled_innovation
+        self.gain += g * scaled_innovation
+        self.offset += b * scaled_innovation
+        self.log_lag += lag * scaled_innovation
+        self.phase += f * scaled_innovation
         (zz, zv, zg, zb, zl, zf, vv, vg, vb, vl, vf, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
             self.covariance
         )
-        zc, vc, gc, bc, lc = z * cut, v * cut, g * cut, b * cut, lag * cut
+        zc, vc, gc = z * inverse_variance, v * inverse_variance, g * inverse_variance
+        bc, lc, fc = b * inverse_variance, lag * inverse_variance, f * inverse_variance
         self.covariance = (
-            zz - zc * z,
-            zv - zc * v,
-            zg - zc * g,
-            zb - zc * b,
-            zl - zc * lag,
-            zf - zc * f,
-            vv - vc * v,
-            vg - vc * g,
-            vb - vc * b,
-            vl - vc * lag,
-            vf - vc * f,
-            gg - gc * g,
-            gb - gc * b,
-            gl - gc * lag,
-            gf - gc * f,
-            bb - bc * b,
-            bl - bc * lag,
-            bf - bc * f,
-            ll - lc * lag,
-            lf - lc * f,
-            ff - f * cut * f,
+            *(zz - zc * z, zv - zc * v, zg - zc * g, zb - zc * b, zl - zc * lag, zf - zc * f),
+            *(vv - vc * v, vg - vc * g, vb - vc * b, vl - vc * lag, vf - vc * f),
+            *(gg - gc * g, gb - gc * b, gl - gc * lag, gf - gc * f),
+            *(bb - bc * b, bl - bc * lag, bf - bc * f),
+            *(ll - lc * lag, lf - lc * f),
+            ff - fc * f,
         )
 
 

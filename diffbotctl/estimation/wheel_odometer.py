@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import copysign, pi
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from diffbotctl.control.speed_loop_mirror import SpeedLoopMirror, SpeedLoopState
-from diffbotctl.estimation.known_slot_errors import EdgeErrors
-from diffbotctl.estimation.slot_errors import SlotEstimate
+from diffbotctl.estimation.edge_hypothesis import WheelFrame
+from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
 from diffbotctl.estimation.wheel_kalman import Priors
 
-SHARE = 0.01  # pitches; sd of a measured open share, at another speed of the wheel
+MEASURED_OPEN_SHARE_SD = 0.01  # pitches; at another speed of the wheel
 
 
 class MotorConfig(Protocol):
@@ -46,51 +46,55 @@ class SideConfig(Protocol):
     encoder: EncoderConfig
 
 
+class LinkTiming(NamedTuple):
+    """How well times are known: standard deviations of a frame's time and of the time when a
+    command takes hold (s), and whether the board tells when edges came."""
+
+    frame_time: float
+    command_time: float
+    has_edge_times: bool
+
+
 class WheelOdometer:
     """A wheel followed by a filter that is driven by the model of its motor."""
 
     __slots__ = (
-        "begun",
         "count",
         "filter",
-        "first",
-        "gone",
+        "first_count",
         "mirror",
         "pitch",
+        "pitches_per_rad",
         "rated",
-        "rolled",
-        "started",
+        "reported_start",
+        "reported_travel",
+        "start_correction",
         "static",
-        "to_pitches",
+        "travel",
     )
 
-    def __init__(
-        self,
-        side: SideConfig,
-        time: int,
-        count: int,
-        stamp: float,
-        hold: float,
-        timed: bool = False,
-    ) -> None:
-        """First heard of at `time` (ns) with `count`; frames' times scatter by `stamp` (s), those
-        when commands take hold by `hold` (s). `timed`: the board tells when edges came."""
+    def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
+        """First received at `time` (ns) with `count`."""
         motor, slots = side.motor, side.encoder.slots
         self.pitch = pi * side.wheel.diameter / slots
-        self.to_pitches = 0.5 * slots / pi
+        self.pitches_per_rad = 0.5 * slots / pi
         self.rated = motor.rated
         self.static = motor.loop.static
-        self.count = self.first = count
-        static = motor.loop.static
-        friction = static / (1.0 - static) * motor.rated
-        spread = Priors(lag=motor.lag, stamp=stamp, hold=hold, friction=friction, timed=timed)
+        self.count = self.first_count = count
+        friction = self.static / (1.0 - self.static) * motor.rated
+        priors = Priors(lag=motor.lag, friction=friction, **timing._asdict())
         if side.encoder.open_share is not None:
-            spread = spread._replace(open=SHARE, share=side.encoder.open_share - 0.5)
-        self.filter = WheelFilter(spread, time, count, slots, known_edges(side.encoder, spread))
+            priors = priors._replace(
+                open_share=MEASURED_OPEN_SHARE_SD,
+                open_share_error=side.encoder.open_share - 0.5,
+            )
+        edges = known_edges(side.encoder, priors)
+        self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(motor.loop, motor.rated, slots, time)
-        self.rolled = self.begun = 0.0
-        self.gone = 0.0
-        self.started = self.filter.motion.start
+        self.travel = 0.0  # m, since the last report
+        self.start_correction = 0.0  # m, by which the first stretch has turned out longer
+        self.reported_travel = 0.0  # pitches
+        self.reported_start = self.filter.motion.start
 
     @property
     def speed(self) -> float:
@@ -102,36 +106,44 @@ class WheelOdometer:
         """Variance of the travel, m2."""
         return self.filter.motion.variance * self.pitch * self.pitch
 
-    def frame(
-        self, time: int, count: int, edge: int | None, command: float, duty: bool, since: int
+    def update(
+        self,
+        time: int,
+        count: int,
+        edge_time: int | None,
+        command: float,
+        is_duty: bool,
+        command_since: int,
     ) -> None:
-        """Take one frame; the `command` in force `since` is a `duty`, or rad/s."""
-        if not duty:
+        """Take one frame; the `command` in force since then is a duty, or rad/s."""
+        if not is_duty:
             steps = count - self.count
-            passed = self.filter.likely_edge(time, steps) if edge is None else edge
-            command = self.mirror.frame(time, steps, passed, command, since)
+            edge = edge_time
+            if edge is None:
+                edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
+            command = self.mirror.frame(time, steps, edge, command, command_since)
         self.count = count
-        drive = driven_speed(command, self.static, self.rated) * self.to_pitches
-        self.filter.frame(time, count, edge, drive, since)
+        drive = settled_speed(command, self.static, self.rated) * self.pitches_per_rad
+        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since))
 
-    def counted(self, count: int) -> float:
+    def unobserved_travel(self, count: int) -> float:
         """Metres to `count`, unseen: in the direction in which the board has counted, which alone
         knew its commands then; to the middle of the slot that was reached."""
         steps = count - self.count
         if not steps:
             return 0.0
-        track, way = self.filter.tracks[0], copysign(1.0, steps)
-        begun = way * (track.motion.z - track.place)  # of the slot in which it was
-        return (steps + way * (0.5 - begun)) * self.pitch
+        last, direction = self.filter.hypotheses[0], copysign(1.0, steps)
+        in_slot = direction * (last.motion.z - last.edge_place)  # of the slot in which it was
+        return (steps + direction * (0.5 - in_slot)) * self.pitch
 
-    def tell(self) -> None:
-        """Say how far the wheel has `rolled` and `begun` since this was last asked."""
+    def report(self) -> None:
+        """Work out `travel` and `start_correction` since this was last called."""
         motion = self.filter.motion
-        learnt = self.started - motion.start
-        gone = motion.travel
-        self.begun = learnt * self.pitch
-        self.rolled = (gone - self.gone - learnt) * self.pitch
-        self.gone, self.started = gone, motion.start
+        start_shift = self.reported_start - motion.start
+        travel = motion.travel
+        self.start_correction = start_shift * self.pitch
+        self.travel = (travel - self.reported_travel - start_shift) * self.pitch
+        self.reported_travel, self.reported_start = travel, motion.start
 
 
 class CountWheelOdometer(WheelOdometer):
@@ -139,22 +151,22 @@ class CountWheelOdometer(WheelOdometer):
 
     __slots__ = ()
 
-    def tell(self) -> None:
-        """Say how far the wheel has `rolled` since this was last asked."""
-        told = self.gone
-        self.gone = float(self.count - self.first)
-        self.rolled = (self.gone - told) * self.pitch
+    def report(self) -> None:
+        """Work out `travel` since this was last called."""
+        before = self.reported_travel
+        self.reported_travel = float(self.count - self.first_count)
+        self.travel = (self.reported_travel - before) * self.pitch
 
 
-def known_edges(encoder: EncoderConfig, spread: Priors) -> EdgeErrors | None:
+def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
     """The disc as it was measured, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
-    share = SlotEstimate(spread.share, spread.open * spread.open)
-    return EdgeErrors(encoder.slot_errors, encoder.back_errors, share, spread.slot)
+    open_share = SlotEstimate(priors.open_share_error, priors.open_share * priors.open_share)
+    return EdgeErrors(encoder.slot_errors, encoder.back_errors, open_share, priors.slot)
 
 
-def driven_speed(duty: float, static: float, rated: float) -> float:
+def settled_speed(duty: float, static: float, rated: float) -> float:
     """Wheel speed (rad/s) at which a usual motor settles with `duty`: a dead band, then a line."""
     beyond = abs(duty) - static
     return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

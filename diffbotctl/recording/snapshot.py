@@ -10,8 +10,10 @@ import io
 import pickle
 from typing import Any
 
+from diffbotctl.block import Block
 from diffbotctl.engine.loop import Engine
 from diffbotctl.log import Logbook
+from diffbotctl.recording import snapshot_0_1
 
 # Modules whose classes hold nothing but numbers, texts and one another.
 PLAIN = (
@@ -24,36 +26,6 @@ PLAIN = (
     "diffbotctl.params",
     "diffbotctl.engine.safety_gate",
 )
-# Where version 0.1 had the classes that its states hold: (module, class) then and now.
-VERSION_0_1 = {
-    ("blocks.footprint", "Footprint"): ("geometry.footprint", "Footprint"),
-    ("blocks.footprint", "Track"): ("geometry.footprint", "PointTracker"),
-    ("blocks.frame_times", "FrameTimes"): ("estimation.timestamp_filter", "TimestampFilter"),
-    ("blocks.known_slots", "Flanks"): ("estimation.known_slot_errors", "EdgeErrors"),
-    ("blocks.known_slots", "KnownSlots"): ("estimation.known_slot_errors", "KnownSlotErrors"),
-    ("blocks.disc_search", "DiscSearch"): ("estimation.disc_alignment", "DiscAlignment"),
-    ("blocks.loop_mirror", "Loop"): ("control.speed_loop_mirror", "SpeedLoopState"),
-    ("blocks.loop_mirror", "LoopMirror"): ("control.speed_loop_mirror", "SpeedLoopMirror"),
-    ("blocks.odometry_wheel", "CountedWheel"): (
-        "estimation.wheel_odometer",
-        "CountWheelOdometer",
-    ),
-    ("blocks.odometry_wheel", "OdometryWheel"): ("estimation.wheel_odometer", "WheelOdometer"),
-    ("blocks.pose_estimate", "PoseEstimate"): ("estimation.pose_filter", "PoseFilter"),
-    ("blocks.range_sensor", "Fold"): ("blocks.range_sensor", "FoldbackDetector"),
-    ("blocks.rest_to_rest", "Limits"): ("control.motion_profile", "MotionLimits"),
-    ("blocks.slot_places", "SlotPlaces"): ("estimation.slot_errors", "SlotErrors"),
-    ("blocks.slot_places", "Told"): ("estimation.slot_errors", "SlotEstimate"),
-    ("blocks.transition", "Transition"): ("estimation.wheel_transition", "Transition"),
-    ("blocks.wheel_filter", "WheelFilter"): ("estimation.wheel_filter", "WheelFilter"),
-    ("blocks.wheel_motion", "Spread"): ("estimation.wheel_kalman", "Priors"),
-    ("blocks.wheel_motion", "WheelMotion"): ("estimation.wheel_kalman", "WheelKalman"),
-    ("blocks.wheel_track", "WheelTrack"): ("estimation.edge_hypothesis", "EdgeHypothesis"),
-    **{
-        ("config.robot", name): ("config.robot", f"{name}Section")
-        for name in ("Curve", "Encoder", "Motor", "Mount", "Sensor", "Side", "SpeedLoop", "Wheel")
-    },
-}
 COLLECTIONS = {("collections", "deque"), ("builtins", "set"), ("builtins", "frozenset")}
 
 
@@ -81,7 +53,7 @@ def restore_snapshot(data: bytes, engine: Engine) -> None:
     try:
         blocks, wires, said, told = _Plain(io.BytesIO(data)).load()
         for node in engine.graph.nodes:
-            vars(node.block).update(_own(blocks[node.name]))
+            vars(node.block).update(_attributes(node.block, blocks[node.name]))
         engine.compiled.restore(wires)
         if engine.graph.book is not None and said is not None:
             _say_on(engine.graph.book, *said)
@@ -91,6 +63,14 @@ def restore_snapshot(data: bytes, engine: Engine) -> None:
         raise
     except Exception as error:  # a damaged state fails in any way
         raise StateError(f"it does not fit this pipeline ({type(error).__name__})") from error
+
+
+def _attributes(block: Block, state: dict[str, Any]) -> dict[str, Any]:
+    """What a state holds of a block, by the present names."""
+    own = _own(state)
+    if own.keys() <= vars(block).keys():
+        return own
+    return snapshot_0_1.present_attributes(type(block), own)
 
 
 def _own(state: dict[str, Any]) -> dict[str, Any]:
@@ -115,12 +95,13 @@ class _Plain(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in COLLECTIONS:
             return super().find_class(module, name)
-        before = (module.removeprefix("diffbotctl."), name)
-        if before in VERSION_0_1:
-            module, name = VERSION_0_1[before]
+        former = (module.removeprefix("diffbotctl."), name)
+        is_former = former in snapshot_0_1.CLASSES
+        if is_former:
+            module, name = snapshot_0_1.CLASSES[former]
             module = f"diffbotctl.{module}"
         if module.startswith(PLAIN):
-            found = super().find_class(module, name)
-            if isinstance(found, type) and found.__module__ == module:
-                return found
+            kind = super().find_class(module, name)
+            if isinstance(kind, type) and kind.__module__ == module:
+                return snapshot_0_1.reader_class(kind) if is_former else kind
         raise StateError(f"it holds a {module}.{name}, which is not brought back")

@@ -61,8 +61,8 @@ def test_the_slots_are_known_by_their_own_places_wherever_the_disc_stands(seed):
     turned = 0.5 + seed
     odometry, robot = drive(seed, 1.0, turned, lambda disc: disc)
     for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
-        assert wheel.filter.search is None
-        true, learnt = errors(disc, 0), wheel.filter.motion.disc.error[:SLOTS]
+        assert wheel.filter.alignment is None
+        true, learnt = errors(disc, 0), wheel.filter.motion.disc.errors[:SLOTS]
         # z begins between slots 0 and 1, the disc between those about `turned`
         fits = [
             sum((true[(first + slot) % SLOTS] - learnt[slot]) ** 2 for slot in range(SLOTS))
@@ -76,8 +76,10 @@ def test_the_slots_are_known_by_their_own_places_wherever_the_disc_stands(seed):
 def test_going_backward_tells_the_disc_too():
     odometry, robot = drive(3, -1.0, 2.0, lambda disc: disc)
     for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
-        assert wheel.filter.search is None
-        assert sorted(wheel.filter.motion.disc.back) == pytest.approx(sorted(errors(disc, 1)))
+        assert wheel.filter.alignment is None
+        assert sorted(wheel.filter.motion.disc.backward_errors) == pytest.approx(
+            sorted(errors(disc, 1))
+        )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -93,4 +95,4 @@ def test_a_strange_disc_is_not_believed(seed):
 
     odometry, _ = drive(seed, 1.0, 1.0, mirrored)
     for wheel in odometry.wheels:
-        assert not any(wheel.filter.motion.disc.back)
+        assert not any(wheel.filter.motion.disc.backward_errors)

@@ -74,7 +74,7 @@ def ends(kind: str, robots: int, coasting: str):
         for wheel, angle in zip(
             odometry.wheels, (truth.left_angle, truth.right_angle), strict=True
         ):
-            error = wheel.gone * PITCH - angle * 0.0325
+            error = wheel.reported_travel * PITCH - angle * 0.0325
             normalised.append(error * error / wheel.variance)
     return headings, normalised
 
@@ -108,7 +108,7 @@ def test_the_disc_is_learnt_in_a_few_turns():
         )
         *_, (odometry, _, _, _) = drive("edges", seed, tour=tour)
         for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
-            wrong.append(spread(slot_errors(disc), wheel.filter.motion.disc.error[:20]))
+            wrong.append(spread(slot_errors(disc), wheel.filter.motion.disc.errors[:20]))
     assert mean(wrong) < 0.012, "slots are cut to 0.03 of a pitch"
 
 

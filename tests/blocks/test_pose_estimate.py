@@ -12,8 +12,8 @@ TRACK = 0.125  # m
 
 
 class Wheel(NamedTuple):
-    rolled: float
-    begun: float = 0.0
+    travel: float
+    start_correction: float = 0.0
     speed: float = 0.0
     variance: float = 0.0
 
@@ -45,7 +45,7 @@ def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
     pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(1.0), Wheel(1.0))
     # The right wheel went 1.25 mm further at the start: 10 mrad to the left, 0.6 mm ahead.
-    pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
+    pose.move(Wheel(0.0), Wheel(0.0, start_correction=0.00125))
     assert pose.heading == pytest.approx(0.01)
     assert (pose.x, pose.y) == pytest.approx((cos(0.01) + 0.000625, sin(0.01)))
 
@@ -54,7 +54,7 @@ def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
     pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(2.0), Wheel(2.0))
     pose.start()
-    pose.move(Wheel(0.0), Wheel(0.0, begun=0.00125))
+    pose.move(Wheel(0.0), Wheel(0.0, start_correction=0.00125))
     assert pose.y == 0.0, "what was learnt of the new start turns nothing that came before it"
 
 

@@ -22,7 +22,7 @@ from diffbotctl.calibrate.step import MotionNotice, Outcome, Running, StepProgre
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.slot_errors import SlotErrors
-from diffbotctl.estimation.wheel_odometer import WheelOdometer
+from diffbotctl.estimation.wheel_odometer import LinkTiming, WheelOdometer
 from diffbotctl.messages import Battery, Encoders, Wheels
 
 SPEED_WANDER_RATIO = (
@@ -53,11 +53,13 @@ class LearningWheel(WheelOdometer):
 
     def learn(self, slots: int) -> LearningWheel:
         """Begin to."""
-        self.filter.flanks = None  # what was learnt before is not leant on
+        self.filter.known_edges = None  # what was learnt before is not leant on
         motion = self.filter.motion
-        motion.spread = motion.spread._replace(rough=SPEED_WANDER_RATIO * motion.spread.rough)
-        spread = motion.spread
-        motion.disc = SlotErrors(slots, spread.slot, spread.open, spread.share, both=True)
+        priors = motion.priors
+        motion.priors = priors._replace(model_noise=SPEED_WANDER_RATIO * priors.model_noise)
+        motion.disc = SlotErrors(
+            slots, priors.slot, priors.open_share, priors.open_share_error, learns_backward=True
+        )
         return self
 
     def disc(self) -> LearntDisc:
@@ -80,9 +82,9 @@ class DiscLearner(OdometryBlock):
     """Odometry that learns the discs of both wheels."""
 
     def _start(self, encoders: Encoders) -> tuple[WheelOdometer, WheelOdometer]:
-        link = (0.0, 0.0, True)
-        left = LearningWheel(self.left_side, encoders.time, encoders.left, *link)
-        right = LearningWheel(self.right_side, encoders.time, encoders.right, *link)
+        timing = LinkTiming(0.0, 0.0, has_edge_times=True)
+        left = LearningWheel(self.left_side, encoders.time, encoders.left, timing)
+        right = LearningWheel(self.right_side, encoders.time, encoders.right, timing)
         return left.learn(self.left_side.encoder.slots), right.learn(self.right_side.encoder.slots)
 
 
@@ -111,11 +113,11 @@ def learn_discs(odometry: DiscLearner, frames: Iterable[Encoders]) -> tuple[Lear
 
 def _centred(places: SlotErrors, entries: Sequence[int]) -> tuple[tuple[float, ...], float]:
     """Errors of some entries about their mean, and their standard deviation."""
-    errors = [places.error[each] for each in entries]
+    errors = [places.errors[each] for each in entries]
     middle, count = fmean(errors), len(errors)
-    own = [fmean(places.own[one][each] for each in entries) for one in entries]
+    own = [fmean(places.covariance[one][each] for each in entries) for one in entries]
     whole = fmean(own)
-    variance = sum(places.own[each][each] for each in entries) / count - whole
+    variance = sum(places.covariance[each][each] for each in entries) / count - whole
     return tuple(each - middle for each in errors), sqrt(max(variance, 0.0))
 
 

@@ -1,0 +1,108 @@
+"""States that version 0.1 saved: the present classes and attributes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+# (module, class) then and now.
+CLASSES = {
+    ("blocks.footprint", "Footprint"): ("geometry.footprint", "Footprint"),
+    ("blocks.footprint", "Track"): ("geometry.footprint", "PointTracker"),
+    ("blocks.frame_times", "FrameTimes"): ("estimation.timestamp_filter", "TimestampFilter"),
+    ("blocks.known_slots", "Flanks"): ("estimation.slot_errors", "EdgeErrors"),
+    ("blocks.known_slots", "KnownSlots"): ("estimation.slot_errors", "KnownSlotErrors"),
+    ("blocks.disc_search", "DiscSearch"): ("estimation.disc_alignment", "DiscAlignment"),
+    ("blocks.loop_mirror", "LoopMirror"): ("control.speed_loop_mirror", "SpeedLoopMirror"),
+    ("blocks.odometry_wheel", "CountedWheel"): ("estimation.wheel_odometer", "CountWheelOdometer"),
+    ("blocks.odometry_wheel", "OdometryWheel"): ("estimation.wheel_odometer", "WheelOdometer"),
+    ("blocks.pose_estimate", "PoseEstimate"): ("estimation.pose_filter", "PoseFilter"),
+    ("blocks.range_sensor", "Fold"): ("blocks.range_sensor", "FoldbackDetector"),
+    ("blocks.rest_to_rest", "Limits"): ("control.motion_profile", "MotionLimits"),
+    ("blocks.slot_places", "SlotPlaces"): ("estimation.slot_errors", "SlotErrors"),
+    ("blocks.slot_places", "Told"): ("estimation.slot_errors", "SlotEstimate"),
+    ("blocks.transition", "Transition"): ("estimation.slot_errors", "Transition"),
+    ("blocks.wheel_filter", "WheelFilter"): ("estimation.wheel_filter", "WheelFilter"),
+    ("blocks.wheel_motion", "Spread"): ("estimation.wheel_kalman", "Priors"),
+    ("blocks.wheel_motion", "WheelMotion"): ("estimation.wheel_kalman", "WheelKalman"),
+    ("blocks.wheel_track", "WheelTrack"): ("estimation.edge_hypothesis", "EdgeHypothesis"),
+    **{
+        ("config.robot", name): ("config.robot", f"{name}Section")
+        for name in ("Curve", "Encoder", "Motor", "Mount", "Sensor", "Side", "SpeedLoop", "Wheel")
+    },
+}
+
+# By the class's present name: attribute then and now, None where it is no more.
+ATTRIBUTES: dict[str, dict[str, str | None]] = {
+    "TimestampFilter": {"scatter": "jitter", "seen": "frames"},
+    "EdgeErrors": {
+        "beyond": "open_share",
+        "beyond_variance": "backward_variance",
+        "variance": "forward_variance",
+    },
+    "KnownSlotErrors": {"flanks": "edges", "first": "first_slot", "waiting": None},
+    "DiscAlignment": {"tracks": "hypotheses"},
+    "WheelOdometer": {
+        "begun": "start_correction",
+        "first": "first_count",
+        "gone": "reported_travel",
+        "rolled": "travel",
+        "started": "reported_start",
+        "to_pitches": "pitches_per_rad",
+    },
+    "PoseFilter": {
+        "first_x": "start_x",
+        "first_y": "start_y",
+        "first_heading": "start_heading",
+        "slipped": "slip_covariance",
+    },
+    "SlotErrors": {
+        "back": "backward_errors",
+        "back_variance": "backward_variance",
+        "begun": "is_started",
+        "both": "learns_backward",
+        "error": "errors",
+        "learnt": "is_fixed",
+        "own": "covariance",
+        "shared": "cross_covariance",
+        "tolerance": "slot_variance",
+        "waiting": "pending",
+    },
+    "Transition": {"factors": "rows", "still": "is_identity"},
+    "WheelFilter": {"flanks": "known_edges", "search": "alignment", "tracks": "hypotheses"},
+    "WheelKalman": {
+        "ahead": "is_last_forward",
+        "dry": "is_dry",
+        "evidence": "log_likelihood",
+        "shifted": "z_shift",
+        "spread": "priors",
+    },
+    "EdgeHypothesis": {
+        "heading": "drive_direction",
+        "passed": "edge_direction",
+        "slot": "edge_slot",
+        "turned_back": "is_reversed",
+    },
+    "OdometryBlock": {"times": "timestamps"},
+}
+ATTRIBUTES["CountWheelOdometer"] = ATTRIBUTES["WheelOdometer"]
+
+
+def reader_class(kind: type) -> type:
+    """The class to create an object of `kind` from a state of version 0.1: it takes the attributes
+    under their former names, and is then a plain `kind`."""
+
+    def set_state(self: Any, state: Any) -> None:
+        self.__class__ = kind
+        # An object's state is a dict, or with slots a pair of a dict and the slots' dict.
+        for attributes in state if isinstance(state, tuple) else (state,):
+            for name, value in present_attributes(kind, attributes or {}).items():
+                setattr(self, name, value)
+
+    return type(kind.__name__, (kind,), {"__slots__": (), "__setstate__": set_state})
+
+
+def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]:
+    """The attributes of an object of `kind` that version 0.1 saved, by their present names."""
+    names = ATTRIBUTES.get(kind.__name__, {})
+    renamed = {names.get(name, name): value for name, value in attributes.items()}
+    return {name: value for name, value in renamed.items() if name is not None}
