@@ -17,8 +17,7 @@ from math import ceil, pi, sqrt
 from statistics import fmean, median, pstdev
 
 from diffbotctl.calibrate.result import Finding, PartResult
-from diffbotctl.config.drive_sides import SIDES
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 
 NS = 1e-9

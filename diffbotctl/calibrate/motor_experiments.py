@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 from diffbotctl.calibrate import feedforward, motor_fit
 from diffbotctl.calibrate.session import Received, RobotSession
 from diffbotctl.calibrate.step import Event, Message, StepProgress
-from diffbotctl.config.drive_sides import SIDES
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.messages import Duty
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from math import isfinite
 from typing import NamedTuple
 
-from diffbotctl.config import calibration_overlay
+from diffbotctl.config import robot_tree
 from diffbotctl.config.checks.calibration import found_by
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.params import with_unit
@@ -72,7 +72,7 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
 
 
 def _unit(field: str) -> str:
-    declaration = calibration_overlay.field(field)
+    declaration = robot_tree.field(field)
     if declaration is None:
         raise ValueError(f"robot files have no field {field}")
     return declaration.unit

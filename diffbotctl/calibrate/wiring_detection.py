@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import NOISE_COUNTS_MIN
-from diffbotctl.config.drive_sides import SIDES
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import SIDES, Robot
 
 MOTOR_PINS = ("enable", "in1", "in2")
 OTHER_SIDE = {"left": "right", "right": "left"}

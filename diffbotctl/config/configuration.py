@@ -1,4 +1,4 @@
-"""What comes out of the files: everything a run needs, checked and typed."""
+"""The pipeline file, declared, and the checked configuration that a pipeline and a robot become."""
 
 from __future__ import annotations
 
@@ -7,9 +7,95 @@ from pathlib import Path
 from typing import Any
 
 from diffbotctl.block import Block
-from diffbotctl.config.pipeline import GoalEntry, WorldEntry
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Place, Problem
+from diffbotctl.params import Param, Section
+
+
+class RobotUse(Section):
+    """The node `robot`: which one, and what drives its wheels."""
+
+    use = Param(str, none=True, default=None, help="Name or path of a robot file.")
+    wires = Param(
+        dict[str, str], key="in", default={}, help="What feeds the robot's inputs: block.output."
+    )
+
+
+class GoalEntry(Section):
+    """A pose to reach, in the frame odom: where the robot starts is 0, 0, looking along x."""
+
+    x = Param(float, unit="m", default=0.0, help="Forward of the start.")
+    y = Param(float, unit="m", default=0.0, help="Left of the start.")
+    heading = Param(
+        float, unit="rad", none=True, default=None, help="Final heading; none: any will do."
+    )
+
+
+class BlockEntry(Section):
+    """One block: its kind, what feeds its inputs, and its parameters."""
+
+    block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
+    wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
+    values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
+    needs = Param(
+        str,
+        choices=("Volts", "Scan"),
+        none=True,
+        default=None,
+        help="Leave the block out, and pass on what it was given, where no sensor of the robot "
+        "has this message.",
+    )
+
+
+class WallEntry(Section):
+    """A straight wall of the simulated world."""
+
+    start = Param(tuple[float, float], key="from", unit="m", help="One end: [x, y].")
+    end = Param(tuple[float, float], key="to", unit="m", help="The other end: [x, y].")
+
+
+class ObstacleEntry(Section):
+    """A round obstacle of the simulated world."""
+
+    at = Param(tuple[float, float], unit="m", help="Its middle: [x, y].")
+    radius = Param(float, unit="m", above=0.0, help="Its radius.")
+
+
+class WorldEntry(Section):
+    """What stands around the simulated robot, in the world's frame.
+
+    That is the frame odom, unless the robot's `simulation.start` says where in the world it begins.
+    """
+
+    field = Param(
+        tuple[float, float],
+        unit="m",
+        none=True,
+        default=None,
+        help="A walled field from [0, 0] to here, which no simulated robot can leave.",
+    )
+    walls = Param(list[WallEntry], default=[], help="Straight walls.")
+    obstacles = Param(list[ObstacleEntry], default=[], help="Round obstacles.")
+
+
+class Pipeline(Section):
+    """What one run does."""
+
+    format = Param(int, choices=(1,), help="Version of this file's shape.")
+    kind = Param(str, choices=("pipeline",), help="What this file describes.")
+    include: Any = Param(
+        object,
+        none=True,
+        default=None,
+        help="A pipeline file, or a list of them, that this one changes.",
+    )
+    vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
+    robot = Param(
+        RobotUse, none=True, default=None, help="The robot; left out, the pipeline has none."
+    )
+    goals = Param(list[GoalEntry], default=[], help="Poses to reach, in this order.")
+    blocks = Param(dict[str, BlockEntry], help="The blocks by name.")
+    world = Param(WorldEntry, default=WorldEntry(), help="What stands around a simulated robot.")
 
 
 @dataclass(frozen=True)

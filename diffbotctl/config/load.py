@@ -1,34 +1,37 @@
-"""From names and files to a checked Configuration, or to all that is wrong with them."""
+"""From names and files to a checked Configuration, or to every problem of them.
+
+The way of a value: `source_tree` reads the file, with its includes and `--set`, `robot_tree` works
+in the calibration, `section_reader` makes typed values, the checks compare them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias, TypeVar
 
-from diffbotctl.block import Block, robot_fields
-from diffbotctl.config import (
-    calibration_overlay,
-    drive_sides,
-    include,
-    lookup,
-    optional_blocks,
-    overrides,
-    registry,
-    schema,
-    schema_check,
-    variables,
-    yaml_reader,
+from diffbotctl.block import robot_fields
+from diffbotctl.config import lookup, registry, robot_tree, source_tree, yaml_reader
+from diffbotctl.config.checks import CHECKS
+from diffbotctl.config.checks.block_needs import drop_unusable_blocks
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.configuration import (
+    BlockEntry,
+    BlockUse,
+    Configuration,
+    Pipeline,
+    RobotFile,
 )
-from diffbotctl.config.check_context import CheckContext
-from diffbotctl.config.checks.all_checks import CHECKS
-from diffbotctl.config.configuration import BlockUse, Configuration, RobotFile
-from diffbotctl.config.pipeline import BlockEntry, Pipeline
-from diffbotctl.config.robot import Robot
-from diffbotctl.config.typed_reader import Reader
+from diffbotctl.config.robot import Robot, field_value
+from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError, closest_match
-from diffbotctl.params import declared
+
+Name = TypeVar("Name", str, "str | None")
+TreeReader: TypeAlias = Callable[
+    [Path, Iterable[source_tree.Override], list[Problem]], tuple[Value, list[Path]]
+]
 
 
 def load(
@@ -44,8 +47,7 @@ def load(
     form `block.param=value`. `real`: a real robot is about to move, which adds the warnings that
     matter only then. Raises ConfigurationError with every problem of all files at once.
     """
-    loader = _Loader(sets, real)
-    return loader.pipeline(pipeline, robot)
+    return _Loader(sets, real).load_pipeline(pipeline, robot)
 
 
 def load_robot(
@@ -55,8 +57,7 @@ def load_robot(
 
     Raises ConfigurationError.
     """
-    loader = _Loader(sets, real)
-    return loader.robot_alone(robot)
+    return _Loader(sets, real).load_robot(robot)
 
 
 def check(
@@ -89,193 +90,171 @@ def _is_robot(name: str) -> bool:
 
 
 class _Loader:
-    """One reading of a pipeline or robot: what was found so far, right and wrong."""
+    """Reads one pipeline or robot and collects every problem on the way."""
 
-    def __init__(self, texts: Sequence[str], real: bool) -> None:
-        self.case = CheckContext(real=real)
-        self.problems = self.case.problems
-        self.texts = tuple(texts)
-        self.settings = overrides.parse(texts, self.problems)
+    def __init__(self, sets: Sequence[str], real: bool) -> None:
+        self.context = CheckContext(real=real)
+        self.problems = self.context.problems
+        self.sets = tuple(sets)
+        self.overrides = source_tree.parse_overrides(sets, self.problems)
         self.files: list[Path] = []
 
-    def pipeline(self, name: str, robot: str | None) -> Configuration:
-        file = self._found(lambda: lookup.pipeline(name))
-        tree = self._tree(file, "pipelines") if file else None
+    def load_pipeline(self, name: str, robot: str | None) -> Configuration:
+        file = self._find(lookup.pipeline, name)
+        tree = self._read_tree(file, source_tree.read_pipeline) if file else None
         if tree is not None:
-            tree = self._pipeline_tree(tree)
-        robot_file = self._robot_of(tree, robot)
-        optional_blocks.drop_unusable_blocks(self.case)
+            self._read_pipeline(tree)
+        robot_file = self._load_robot_of_pipeline(robot)
+        drop_unusable_blocks(self.context)
         self._check()
-        case = self.case
+        context = self.context
         assert file is not None
-        assert case.pipeline is not None
+        assert context.pipeline is not None
+        robot_use = context.pipeline.robot
         return Configuration(
             name=file.stem,
             file=file,
-            robot=case.robot,
-            nominal=case.nominal,
+            robot=context.robot,
+            nominal=context.nominal,
             robot_file=robot_file,
-            blocks=tuple(self._use(name, entry) for name, entry in case.pipeline.blocks.items()),
-            robot_wires=dict(case.pipeline.robot.wires) if case.pipeline.robot else {},
-            goals=tuple(case.pipeline.goals),
-            world=case.pipeline.world,
+            blocks=tuple(self._use(*item) for item in context.pipeline.blocks.items()),
+            robot_wires=dict(robot_use.wires) if robot_use else {},
+            goals=tuple(context.pipeline.goals),
+            world=context.pipeline.world,
             files=tuple(self.files),
             warnings=tuple(self.problems),
-            settings=self.texts,
+            settings=self.sets,
         )
 
-    def robot_alone(self, name: str | None) -> RobotFile:
-        file = self._robot(name)
+    def load_robot(self, name: str | None) -> RobotFile:
+        file = self._find_and_read_robot(name)
         self._check()
-        case = self.case
+        context = self.context
         assert file is not None
-        assert case.robot is not None
-        assert case.nominal is not None
-        return RobotFile(case.robot, case.nominal, file, tuple(self.files), tuple(self.problems))
+        assert context.robot is not None
+        assert context.nominal is not None
+        return RobotFile(
+            context.robot, context.nominal, file, tuple(self.files), tuple(self.problems)
+        )
 
     def _check(self) -> None:
-        """Run every check; raise when there is any error."""
+        """Run every check. Raises ConfigurationError when there is any error."""
         for check in CHECKS:
-            check(self.case)
-        errors = [problem for problem in self.problems if problem.severity == "error"]
-        self.problems[:] = _once(self.problems)
-        if errors:
+            check(self.context)
+        self.problems[:] = _without_repetition(self.problems)
+        if any(problem.severity == "error" for problem in self.problems):
             raise ConfigurationError(self.problems)
 
-    def _found(self, find: Any) -> Path | None:
+    def _find(self, find: Callable[[Name], Path], name: Name) -> Path | None:
         try:
-            path = find()
+            return find(name)
         except UserError as error:
             self.problems += error.problems
             return None
-        assert isinstance(path, Path)
-        return path
 
-    def _tree(self, file: Path, kind: str) -> Value | None:
+    def _read_tree(self, file: Path, read: TreeReader) -> Value | None:
         try:
-            tree, files = include.read(file, kind)
+            tree, files = read(file, self.overrides, self.problems)
         except ConfigurationError as error:
             self.problems += error.problems
             return None
         self.files += files
         return tree
 
-    def _pipeline_tree(self, tree: Value) -> Value:
-        tree = overrides.for_pipeline(tree, self.settings, self.problems)
-        tree = variables.substitute(tree, self.problems)
-        self.case.tree = tree
-        self.problems += schema_check.check(tree, schema.of_section(Pipeline), "the pipeline file")
-        reader = Reader()
-        self.case.pipeline = reader.section(tree, Pipeline)
-        self.problems += reader.problems
-        for name, entry in (self.case.pipeline.blocks or {}).items():
-            self._block(name, entry)
-        return tree
+    def _read_pipeline(self, tree: Value) -> None:
+        pipeline = read_section(tree, Pipeline, "the pipeline file", self.problems)
+        self.context.pipeline_tree, self.context.pipeline = tree, pipeline
+        for name, entry in (pipeline.blocks or {}).items():
+            if entry is not None and entry.block is not None:
+                self._read_block(name, entry.block, tree.entries["blocks"].entries[name])
 
-    def _block(self, name: str, entry: BlockEntry | None) -> None:
+    def _read_block(self, name: str, kind: str, value: Value) -> None:
         """Find the class of one block and read the values of its parameters."""
-        value = self.case.at("blocks", name)
-        if entry is None or entry.block is None or value is None:
-            return
         try:
-            kind = registry.block(entry.block)
+            block = registry.block(kind)
         except registry.RegistryError as error:
-            place = value.at("block") or value
-            self.problems.append(Problem(error.code, place.spot, str(error), error.fix))
+            place = value.entries["block"].place
+            self.problems.append(Problem(error.code, place, str(error), error.fix))
             return
-        self.case.kinds[name] = kind
-        given = value.at("with") or Value({}, value.place, value.key, flow=value.flow)
-        if not isinstance(given.data, dict):
-            return
-        where = f"{name}.with"
-        self.problems += schema_check.check(given, schema.of_parameters(kind), where)
-        reader = Reader()
-        self.case.values[name] = {
-            setting.name: reader.value(given.entries[setting.key], setting.kind, setting)
-            if setting.key in given.entries
-            else setting.default
-            for setting in declared(kind).values()
-        }
-        self.problems += reader.problems
+        self.context.block_classes[name] = block
+        parameters = value.at("with") or Value({}, value.value_place, value.key_place)
+        if isinstance(parameters.data, dict):
+            self.context.parameters[name] = read_parameters(
+                parameters, block, f"{name}.with", self.problems
+            )
 
-    def _robot_of(self, tree: Value | None, wanted: str | None) -> Path | None:
-        """Read the pipeline's robot, if it has one."""
-        pipeline = self.case.pipeline
-        if tree is not None and (pipeline is None or tree.at("robot") is None):
+    def _load_robot_of_pipeline(self, name: str | None) -> Path | None:
+        """Read the pipeline's robot, if it has one; `name` wins over the pipeline's own `use`."""
+        tree, pipeline = self.context.pipeline_tree, self.context.pipeline
+        if tree is not None and "robot" not in tree.entries:
             return None
-        if wanted is None and pipeline is not None and pipeline.robot is not None:
-            use = self.case.at("robot", "use")
-            if use is not None and pipeline.robot.use is not None:
-                return self._robot_in_use(use, pipeline.robot.use)
-        return self._robot(wanted)
+        use = tree.at("robot", "use") if tree is not None else None
+        if name is not None or use is None or pipeline is None:
+            return self._find_and_read_robot(name)
+        if pipeline.robot is None or pipeline.robot.use is None:
+            return self._find_and_read_robot(None)
+        return self._load_robot_in_use(use, pipeline.robot.use)
+
+    def _load_robot_in_use(self, use: Value, name: str) -> Path | None:
+        """The robot that the pipeline names; a path counts from the pipeline's folder.
+
+        A problem of the robot file as a whole is shown where the pipeline names it.
+        """
+        count = len(self.problems)
+        file = self._find(lookup.robot, name)
+        if lookup.is_path(name):
+            file = self._read_robot(self._folder_of(use) / name)
+        self.problems[count:] = [
+            replace(problem, place=use.place) if problem.line == 0 else problem
+            for problem in self.problems[count:]
+        ]
+        if file is not None and not lookup.is_path(name):
+            self._read_robot(file)
+        return file
 
     def _folder_of(self, value: Value) -> Path:
-        """The folder of the file in which `value` stands."""
+        """The folder of the file that `value` was written in."""
         for file in self.files:
-            if lookup.display_path(file) == value.place.source.name:
+            if lookup.display_path(file) == value.value_place.source.name:
                 return file.parent
         return Path()
 
-    def _robot_in_use(self, place: Value, use: str) -> Path | None:
-        """The robot that the pipeline names; a path is meant from the pipeline's folder."""
-        if lookup.is_path(use):
-            before = len(self.problems)
-            file = self._read_robot(self._folder_of(place) / use)
-            self.problems[before:] = [
-                Problem(each.code, place.spot, each.cause, each.fix) if each.line == 0 else each
-                for each in self.problems[before:]
-            ]
-            return file
-        try:
-            lookup.robot(use)
-        except UserError as error:
-            first = error.problems[0]
-            self.problems.append(Problem(first.code, place.spot, first.cause, first.fix))
-            return None
-        return self._robot(use)
-
-    def _robot(self, name: str | None) -> Path | None:
-        file = self._found(lambda: lookup.robot(name))
+    def _find_and_read_robot(self, name: str | None) -> Path | None:
+        file = self._find(lookup.robot, name)
         return self._read_robot(file) if file else None
 
     def _read_robot(self, file: Path) -> Path:
-        tree = self._tree(file, "robots")
+        tree = self._read_tree(file, source_tree.read_robot)
         if tree is None:
             return file
-        tree = overrides.for_robot(tree, self.settings)
-        tree = variables.substitute(tree, self.problems)
-        nominal = drive_sides.copy_common_to_sides(tree)
-        tree = drive_sides.copy_common_to_sides(
-            calibration_overlay.overlay_calibration(tree, self.problems)
-        )
-        self.case.robot_tree = tree
-        whole = schema.of_section(Robot, merged=True)
-        self.problems += schema_check.check(tree, whole, "the robot file")
-        reader = Reader()
-        self.case.robot = reader.section(tree, Robot)
-        self.problems += reader.problems
-        self.case.nominal = (
-            Reader().section(nominal, Robot) if self.case.robot.calibration else self.case.robot
-        )
+        calibrated = robot_tree.overlay_calibration(tree, self.problems)
+        whole = robot_tree.copy_common_to_sides(calibrated)
+        robot = read_section(whole, Robot, "the robot file", self.problems)
+        self.context.robot_tree, self.context.robot = whole, robot
+        self.context.nominal = robot
+        if robot.calibration:
+            stated = robot_tree.copy_common_to_sides(tree)
+            self.context.nominal = read_section(stated, Robot, "the robot file", [])
         return file
 
     def _use(self, name: str, entry: BlockEntry) -> BlockUse:
-        kind: type[Block] = self.case.kinds[name]
-        values = dict(self.case.values[name])
-        for attribute, path in robot_fields(kind).items():
-            values[attribute] = self.case.robot_field(path)
-        place = self.case.tree.at("blocks", name)  # type: ignore[union-attr]
-        assert place is not None
-        return BlockUse(name, entry.block, kind, values, dict(entry.wires), place.spot)
+        context = self.context
+        block = context.block_classes[name]
+        values = dict(context.parameters[name])
+        for attribute, path in robot_fields(block).items():
+            values[attribute] = field_value(context.robot, path)
+        value = context.pipeline_value("blocks", name)
+        assert value is not None
+        return BlockUse(name, entry.block, block, values, dict(entry.wires), value.place)
 
 
-def _once(problems: Iterable[Problem]) -> list[Problem]:
+def _without_repetition(problems: Iterable[Problem]) -> list[Problem]:
     """The problems without repetition, in the order of their files and lines."""
     first: dict[tuple[object, ...], Problem] = {}
     problems = list(problems)
     unknown = {str(problem.place) for problem in problems if problem.code == "E-VAR-UNKNOWN"}
     for problem in problems:
         if str(problem.place) in unknown and problem.code != "E-VAR-UNKNOWN":
-            continue  # what a variable that is not set would have been is no second mistake
+            continue  # a consequence of the variable that is not set
         first.setdefault((problem.code, str(problem.place), problem.cause), problem)
     return sorted(first.values(), key=lambda problem: (problem.file, problem.line, problem.column))

@@ -30,6 +30,7 @@ ROBOT: dict[str, type] = {
     "text": messages.Text,
     "stop": messages.Stop,
 }
+NODE_NAME = "^[a-z][a-z0-9_]*$"  # of blocks and sensors
 RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed")
 
 

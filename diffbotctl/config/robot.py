@@ -9,6 +9,7 @@ from diffbotctl.config.simulation import Simulation
 from diffbotctl.params import Param, Pin, Section
 
 RPM = 2 * pi / 60  # rad/s
+SIDES = ("left", "right")
 
 
 class BoardSection(Section):
@@ -459,3 +460,11 @@ class Robot(Section):
     calibration = Param(
         dict[str, Calibrated], default={}, help="Written by calibrate: field path to value."
     )
+
+
+def field_value(robot: Robot | None, path: str) -> Any:
+    """The field of a robot at dotted `path`. Raises AttributeError or KeyError for none."""
+    value: Any = robot
+    for step in path.split("."):
+        value = value[step] if isinstance(value, dict) else getattr(value, step)
+    return value

@@ -1,82 +1,26 @@
-"""The text of a configuration file, or why it has none: told before anything is parsed.
+"""Reads a YAML file into a tree of values, or says why it cannot be read.
 
-A YAML file as a tree of values that know where they stand.
+Nothing here recurses on the nesting of a file: levels are counted, and an alias counts with all the
+values that it stands for.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NoReturn
 
 from diffbotctl.config import yaml_syntax
-from diffbotctl.config.yaml_tree import TreeBuilder, UnreadableError, Value, too_deep
+from diffbotctl.config.yaml_tree import Data, ScalarError, Value, resolve
 from diffbotctl.errors import ConfigurationError, Place, Problem, Source
 
-LARGEST = 256 * 1024  # bytes; the longest shipped file has 4 kB
-
-
-def read_text(path: str, name: str) -> str:
-    """The text of the file at `path`, called `name` in messages. Raises ConfigurationError."""
-    try:
-        status = os.stat(path)
-    except (OSError, ValueError) as error:  # ValueError: no file can have such a name
-        raise _unreadable(name, error) from None
-    if stat.S_ISDIR(status.st_mode):
-        raise ConfigurationError(
-            Problem("E-FILE-READ", name, "this is a directory, not a file", "name a file in it")
-        )
-    if not stat.S_ISREG(status.st_mode):
-        raise ConfigurationError(
-            Problem("E-FILE-READ", name, "this is a device or a pipe, not a file", "name a file")
-        )
-    if status.st_size > LARGEST:
-        raise ConfigurationError(_too_large(name, status.st_size))
-    try:
-        with open(path, "rb") as file:
-            raw = file.read(LARGEST + 1)
-    except OSError as error:
-        raise _unreadable(name, error) from None
-    return _decoded(raw, name)
-
-
-def _decoded(raw: bytes, name: str) -> str:
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in raw:
-        what = "UTF-16 text" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "not a text file"
-        raise ConfigurationError(
-            Problem("E-FILE-ENCODING", name, f"this is {what}", "save it as UTF-8 text")
-        )
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        text = raw[: error.start].decode("utf-8", "replace")
-        line, column = text.count("\n") + 1, error.start - raw.rfind(b"\n", 0, error.start)
-        source = Source(name, raw.decode("utf-8", "replace"))
-        cause = f"byte 0x{raw[error.start]:02x} is not UTF-8"
-        raise ConfigurationError(
-            Problem("E-FILE-ENCODING", Place(source, line, column), cause, "save the file as UTF-8")
-        ) from None
-
-
-def _unreadable(name: str, error: OSError | ValueError) -> ConfigurationError:
-    causes: dict[type[Exception], tuple[str, str]] = {
-        FileNotFoundError: ("there is no such file", "check the name and the folder"),
-        PermissionError: ("you may not read this file", "check its permissions with ls -l"),
-    }
-    reason = (getattr(error, "strerror", None) or str(error)).lower()
-    cause, fix = causes.get(type(error), (f"the file cannot be read: {reason}", "check the path"))
-    return ConfigurationError(Problem("E-FILE-READ", name, cause, fix))
-
-
-def _too_large(name: str, size: int) -> Problem:
-    amount = f"{size / 1e6:.0f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
-    return Problem(
-        "E-FILE-SIZE",
-        name,
-        f"this file has {amount}; a robot or pipeline file has a few kB",
-        f"name another file; at most {LARGEST // 1024} kB are read",
-    )
+FILE_SIZE_MAX_BYTES = 256 * 1024  # the longest shipped file has 4 kB
+NESTING_MAX_LEVELS = 40  # a robot file has 6
+VALUES_MAX_COUNT = 20_000  # after every alias is expanded; a robot file has about 150
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read(path: str, name: str | None = None, is_own: bool = True) -> Value:
@@ -90,11 +34,16 @@ def read(path: str, name: str | None = None, is_own: bool = True) -> Value:
 def parse(source: Source) -> Value:
     """Read the YAML mapping in `source`. Raises ConfigurationError."""
     root = parse_any(source, "\n".join(source.lines))
-    wrong = _not_a_mapping(root, source)
-    if wrong:
-        raise ConfigurationError(wrong)
-    assert root is not None
-    return root
+    if root is not None and isinstance(root.data, dict):
+        return root
+    if root is None or root.data is None:
+        cause = "this file is empty"
+        fix = "begin it with `format: 1` and `kind: robot` or `pipeline`"
+        raise ConfigurationError(Problem("E-YAML-TOP", source.name, cause, fix))
+    kind = "a list" if isinstance(root.data, list) else "a single value"
+    cause = f"the file is {kind}, but keys with values are wanted"
+    fix = "write `key: value` lines, without a dash or bracket in front"
+    raise ConfigurationError(Problem("E-YAML-TOP", root.value_place, cause, fix))
 
 
 def parse_any(source: Source, text: str) -> Value | None:
@@ -102,14 +51,14 @@ def parse_any(source: Source, text: str) -> Value | None:
 
     Raises ConfigurationError.
     """
-    builder = TreeBuilder(source)
+    builder = _TreeBuilder(source)
     try:
         for event in _events(text):
-            builder.take(event)
-    except UnreadableError:
+            builder.add_event(event)
+    except _UnreadableError:
         pass
     except RecursionError:
-        builder.problems.append(too_deep(Place(source, 1, 1)))
+        builder.problems.append(_too_deep(Place(source, 1, 1)))
     except Exception as error:
         if type(error).__module__.split(".")[0] not in ("yaml", "_yaml"):
             raise
@@ -119,23 +68,226 @@ def parse_any(source: Source, text: str) -> Value | None:
     return builder.root
 
 
-def _not_a_mapping(root: Value | None, source: Source) -> list[Problem]:
-    if root is None or root.data is None:
-        cause, fix = (
-            "this file is empty",
-            "begin it with `format: 1` and `kind: robot` or `pipeline`",
-        )
-        return [Problem("E-YAML-TOP", source.name, cause, fix)]
-    if isinstance(root.data, dict):
-        return []
-    what = "a list" if isinstance(root.data, list) else "a single value"
-    cause = f"the file is {what}, but keys with values are wanted"
-    fix = "write `key: value` lines, without a dash or bracket in front"
-    return [Problem("E-YAML-TOP", root.place, cause, fix)]
+def read_text(path: str, name: str) -> str:
+    """The text of the file at `path`, called `name` in messages. Raises ConfigurationError."""
+    try:
+        status = os.stat(path)
+        if stat.S_ISDIR(status.st_mode):
+            _refuse("E-FILE-READ", name, "this is a directory, not a file", "name a file in it")
+        if not stat.S_ISREG(status.st_mode):
+            _refuse("E-FILE-READ", name, "this is a device or a pipe, not a file", "name a file")
+        if status.st_size > FILE_SIZE_MAX_BYTES:
+            _refuse_size(name, status.st_size)
+        with open(path, "rb") as file:
+            content = file.read(FILE_SIZE_MAX_BYTES + 1)
+    except FileNotFoundError:
+        _refuse("E-FILE-READ", name, "there is no such file", "check the name and the folder")
+    except PermissionError:
+        cause, fix = "you may not read this file", "check its permissions with ls -l"
+        _refuse("E-FILE-READ", name, cause, fix)
+    except (OSError, ValueError) as error:  # ValueError: no file can have such a name
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        _refuse("E-FILE-READ", name, f"the file cannot be read: {reason}", "check the path")
+    return _decode(content, name)
+
+
+def _decode(content: bytes, name: str) -> str:
+    is_utf_16 = content.startswith(UTF_16_MARKS)
+    if is_utf_16 or b"\0" in content:
+        cause = f"this is {'UTF-16 text' if is_utf_16 else 'not a text file'}"
+        _refuse("E-FILE-ENCODING", name, cause, "save it as UTF-8 text")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        column = error.start - content.rfind(b"\n", 0, error.start)
+        place = Place(Source(name, content.decode("utf-8", "replace")), line, column)
+        cause = f"byte 0x{content[error.start]:02x} is not UTF-8"
+        _refuse("E-FILE-ENCODING", place, cause, "save the file as UTF-8")
+
+
+def _refuse_size(name: str, size: int) -> NoReturn:
+    amount = f"{size / 1e6:.0f} MB" if size >= 1e6 else f"{size / 1e3:.0f} kB"
+    cause = f"this file has {amount}; a robot or pipeline file has a few kB"
+    fix = f"name another file; at most {FILE_SIZE_MAX_BYTES // 1024} kB are read"
+    _refuse("E-FILE-SIZE", name, cause, fix)
+
+
+def _refuse(code: str, place: Place | str, cause: str, fix: str) -> NoReturn:
+    raise ConfigurationError(Problem(code, place, cause, fix)) from None
 
 
 def _events(text: str) -> Iterator[Any]:
-    import yaml
+    import yaml  # 20 ms; `--help` does without
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     return yaml.parse(text, Loader=loader)
+
+
+class _UnreadableError(Exception):
+    """The rest of the file cannot be read."""
+
+
+@dataclass(slots=True)
+class _OpenCollection:
+    """A mapping or list whose end has not been reached. `key` waits for its value."""
+
+    value: Value
+    anchor: str | None
+    key: Value | None = None
+
+
+@dataclass
+class _TreeBuilder:
+    """Builds the tree from a parser's events and collects the problems."""
+
+    source: Source
+    problems: list[Problem] = field(default_factory=list)
+    root: Value | None = None
+    stack: list[_OpenCollection] = field(default_factory=list)
+    anchors: dict[str, Value | None] = field(default_factory=dict)
+    documents: int = 0
+
+    def add_event(self, event: Any) -> None:
+        """Take the next event of the parser. Raises _UnreadableError."""
+        match type(event).__name__:
+            case "DocumentStartEvent":
+                self._begin_document(event)
+            case "MappingStartEvent":
+                self._begin_collection(event, {})
+            case "SequenceStartEvent":
+                self._begin_collection(event, [])
+            case "MappingEndEvent" | "SequenceEndEvent":
+                collection = self.stack.pop()
+                self._add(collection.value, collection.anchor)
+            case "ScalarEvent":
+                self._add_scalar(event)
+            case "AliasEvent":
+                self._add_alias(event)
+
+    def _begin_document(self, event: Any) -> None:
+        self.documents += 1
+        if self.documents > 1:
+            cause = "a second document begins here, but a file holds one"
+            self._stop("E-YAML-TOP", self._place(event), cause, "remove the `---` line")
+
+    def _begin_collection(self, event: Any, data: Data) -> None:
+        self._check_tag(event)
+        value = Value(data, self._place(event), flow=bool(event.flow_style))
+        if self._expects_key():
+            cause = "a list or mapping cannot be a key"
+            fix = "check for a stray bracket or brace"
+            self._stop("E-YAML-KEY", value.value_place, cause, fix)
+        self.stack.append(_OpenCollection(value, event.anchor))
+        if event.anchor:
+            self.anchors[event.anchor] = None
+        if len(self.stack) > NESTING_MAX_LEVELS:
+            self.problems.append(_too_deep(value.value_place))
+            raise _UnreadableError
+
+    def _add_scalar(self, event: Any) -> None:
+        self._check_tag(event)
+        place, text = self._place(event), event.value
+        data: Data = text
+        quoted = not event.implicit[0]
+        if not quoted and not self._expects_key():
+            try:
+                data = resolve(text)
+            except ScalarError as error:
+                self._note("E-YAML-NUMBER", place, str(error), error.fix)
+        self._add(Value(data, place, None, text, quoted), event.anchor)
+
+    def _add_alias(self, event: Any) -> None:
+        place, name = self._place(event), event.anchor
+        if name not in self.anchors:
+            cause = f"*{name} refers to &{name}, which is not defined above"
+            self._stop("E-YAML-ANCHOR", place, cause, "write the value itself")
+        value = self.anchors[name]
+        if value is None:
+            cause = f"*{name} stands inside the value that it refers to"
+            self._stop("E-YAML-ANCHOR", place, cause, "write the value itself")
+        self._add(replace(value, key_place=None), None, place)
+
+    def _expects_key(self) -> bool:
+        if not self.stack:
+            return False
+        return isinstance(self.stack[-1].value.data, dict) and self.stack[-1].key is None
+
+    def _add(self, value: Value, anchor: str | None, place: Place | None = None) -> None:
+        """Add a finished value to the innermost open collection."""
+        if anchor:
+            self.anchors[anchor] = value
+        if not self.stack:
+            self.root = value
+            return
+        parent = self.stack[-1]
+        parent.value.size += value.size
+        if parent.value.size > VALUES_MAX_COUNT:
+            cause = f"this unfolds to more than {VALUES_MAX_COUNT} values"
+            self._stop("E-YAML-SIZE", place or value.value_place, cause, "write it without aliases")
+        if isinstance(parent.value.data, list):
+            parent.value.data.append(value)
+        elif parent.key is None:
+            self._check_key(value)
+            parent.key = value
+        else:
+            self._add_entry(parent.value, parent.key, value)
+            parent.key = None
+
+    def _check_key(self, key: Value) -> None:
+        if not isinstance(key.data, str):
+            cause = "a list or mapping cannot be a key"
+            self._stop("E-YAML-KEY", key.value_place, cause, "check for a stray `*` or bracket")
+        if key.text == "<<":
+            cause = "merge keys (`<<`) are not read"
+            fix = "use `include`, or write what both sides share once in `drive`"
+            self._note("E-YAML-KEY", key.value_place, cause, fix)
+
+    def _add_entry(self, mapping: Value, key: Value, value: Value) -> None:
+        entries, place = mapping.entries, key.value_place
+        if key.text in entries:
+            first = entries[key.text].key_place
+            where = "earlier in this line"
+            if first is not None and first.line != place.line:
+                where = f"in line {first.line}"
+            cause = f"'{key.text}' is given twice; the first stands {where}"
+            self._note("E-YAML-DUPLICATE", place, cause, "keep one of them")
+            return
+        value.key_place = place
+        if mapping.flow and value.data is None and not value.text:
+            self._check_comma(entries, key)
+        entries[key.text] = value
+
+    def _check_comma(self, entries: dict[str, Value], key: Value) -> None:
+        """`{width: 1,5 m}` is two entries: `width: 1` and an empty `5 m`."""
+        previous = list(entries.values())[-1].text if entries else ""
+        if not re.match(r"\d", key.text) or not re.search(r"\d\Z", previous):
+            return
+        cause = f"the comma ends the value {previous}, and '{key.text}' becomes a key of its own"
+        fix = f"write a point: {previous}.{key.text}"
+        self._note("E-YAML-COMMA", key.value_place, cause, fix)
+
+    def _check_tag(self, event: Any) -> None:
+        if event.tag is not None and event.tag != "!":
+            cause = f"tags such as {event.tag} are not read"
+            self._note("E-YAML-TAG", self._place(event), cause, "remove the tag")
+
+    def _place(self, event: Any) -> Place:
+        start, end = event.start_mark, event.end_mark
+        line = self.source.line(start.line + 1)
+        end_column = end.column if end.line == start.line else len(line)
+        is_collection = type(event).__name__.endswith("StartEvent")
+        length = 1 if is_collection else max(1, end_column - start.column)
+        return Place(self.source, start.line + 1, start.column + 1, length)
+
+    def _note(self, code: str, place: Place, cause: str, fix: str) -> None:
+        self.problems.append(Problem(code, place, cause, fix))
+
+    def _stop(self, code: str, place: Place, cause: str, fix: str) -> NoReturn:
+        self._note(code, place, cause, fix)
+        raise _UnreadableError
+
+
+def _too_deep(place: Place) -> Problem:
+    cause = f"this is nested more than {NESTING_MAX_LEVELS} levels deep"
+    return Problem("E-YAML-SIZE", place, cause, "close the brackets that are open")

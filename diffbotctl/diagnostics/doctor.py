@@ -18,7 +18,7 @@ from diffbotctl.ports.diagnosis import PortSurvey
 
 OK, NOTE, BAD = "ok", "--", "!!"
 OLDEST = (3, 11)
-NEEDED = ("click", "cobs", "jsonschema", "mcap", "numpy", "pyserial", "pyyaml", "rich")
+NEEDED = ("click", "cobs", "mcap", "numpy", "pyserial", "pyyaml", "rich")
 SERIAL_GROUPS = ("dialout", "uucp", "plugdev")
 
 

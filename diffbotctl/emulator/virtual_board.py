@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
-from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.config.robot import SIDES
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
 
-from diffbotctl.config.pipeline import WorldEntry
+from diffbotctl.config.configuration import WorldEntry
 
 PARALLEL = (
     1e-12  # m; a wall whose direction is this near the ray's is seen from its end: not at all

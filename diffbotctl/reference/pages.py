@@ -10,7 +10,7 @@ from diffbotctl import messages
 from diffbotctl.block import Every, In, actions, inputs, outputs, robot_fields
 from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
-from diffbotctl.config.pipeline import Pipeline
+from diffbotctl.config.configuration import Pipeline
 from diffbotctl.config.robot import Robot
 from diffbotctl.params import Declaration, Section, declared, with_unit
 

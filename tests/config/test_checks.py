@@ -4,7 +4,7 @@ import pytest
 
 from diffbotctl.config.board_pins import ATMEGA_328P, BOARDS, MEGA_2560
 from diffbotctl.config.checks import graph
-from diffbotctl.config.checks.geometry import resolution
+from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.checks.pins import able
 from diffbotctl.config.load import check, load
 from diffbotctl.links import bandwidth

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from diffbotctl.config import lookup, registry
-from diffbotctl.config.schema import of_declaration
-from diffbotctl.config.typed_reader import read_scalar
+from diffbotctl.config.section_reader import read_scalar
 from diffbotctl.config.yaml_reader import parse
 from diffbotctl.errors import ConfigurationError, Source
 from diffbotctl.params import Param, Pin, Section, declared
 from diffbotctl.reference import schemas
+from diffbotctl.reference.schemas import of_declaration
 
 
 @pytest.mark.parametrize("name", schemas.SCHEMAS)

@@ -120,7 +120,7 @@ drive:
     ],
 )
 def test_every_value_knows_its_place(steps, line, column, length):
-    spot = yaml_reader.parse(Source("a.yaml", DRIVE)).at(*steps).spot
+    spot = yaml_reader.parse(Source("a.yaml", DRIVE)).at(*steps).place
     assert (spot.line, spot.column, spot.length) == (line, column, length)
 
 

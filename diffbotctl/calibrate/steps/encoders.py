@@ -24,7 +24,7 @@ from diffbotctl.calibrate.step import (
     Running,
     StepProgress,
 )
-from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Duty
 from diffbotctl.prompts.question import Question

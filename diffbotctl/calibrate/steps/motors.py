@@ -22,8 +22,7 @@ from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import MotionNotice, Outcome, Running
-from diffbotctl.config.drive_sides import SIDES
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Battery

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from diffbotctl.block import robot_fields
-from diffbotctl.config.check_context import CheckContext
-from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import join_words
 
 
@@ -57,21 +57,21 @@ def found_by(robot: Any) -> dict[str, str]:
     return FOUND_BY | sensors
 
 
-def check_calibration(case: CheckContext) -> None:
+def check_calibration(context: CheckContext) -> None:
     """Refuse implausible entries; before a real robot moves, name what was never calibrated."""
-    if case.robot is None or case.nominal is None:
+    if context.robot is None or context.nominal is None:
         return
-    for path in case.robot.calibration or {}:
-        known, stated = case.known(path), case.stated(path)
+    for path in context.robot.calibration or {}:
+        known, stated = context.values(path), context.nominal_values(path)
         if known is None:
             continue
-        why = _implausible(path, known[0], stated[0] if stated else None) or _unlike(case, path)
+        why = _implausible(path, known[0], stated[0] if stated else None) or _unlike(context, path)
         if why:
-            place = case.robot_at("calibration", path, "value")
+            place = context.robot_value("calibration", path, "value")
             fix = "calibrate again, or delete the entry"
-            case.error("E-IMPLAUSIBLE", place.spot if place else path, why, fix)
-    if case.real:
-        _name_uncalibrated(case)
+            context.error("E-IMPLAUSIBLE", place.place if place else path, why, fix)
+    if context.real:
+        _name_uncalibrated(context)
 
 
 def _implausible(path: str, value: Any, stated: Any) -> str | None:
@@ -88,36 +88,36 @@ def _implausible(path: str, value: Any, stated: Any) -> str | None:
     return None
 
 
-def _unlike(case: CheckContext, path: str) -> str | None:
+def _unlike(context: CheckContext, path: str) -> str | None:
     """Why a value does not go with its neighbours, or None."""
     side = next((each for each in SIDES if path.startswith(f"drive.{each}.encoder.")), None)
     if side and path.endswith((".slot_errors", ".back_errors")):
-        known = case.known(path, f"drive.{side}.encoder.slots")
+        known = context.values(path, f"drive.{side}.encoder.slots")
         if known and len(known[0]) != known[1]:
             return f"{len(known[0])} errors for a disc with {known[1]} slots"
     if path.endswith(".wheel.diameter"):
-        both = case.known(*(f"drive.{each}.wheel.diameter" for each in SIDES))
+        both = context.values(*(f"drive.{each}.wheel.diameter" for each in SIDES))
         if both and max(both) > MOST_RATIO * min(both):
             return f"one wheel would be {max(both) / min(both):.2f} times as large as the other"
     return None
 
 
-def _name_uncalibrated(case: CheckContext) -> None:
-    assert case.robot is not None
-    done, by = set(case.robot.calibration or {}), found_by(case.robot)
-    needed = set(_needed(case, by))
+def _name_uncalibrated(context: CheckContext) -> None:
+    assert context.robot is not None
+    done, by = set(context.robot.calibration or {}), found_by(context.robot)
+    needed = set(_needed(context, by))
     missing = [path for path in by if path not in done and path in needed]
     if not missing:
         return
     commands = dict.fromkeys(by[path] for path in missing)
     cause = f"never calibrated, and this pipeline relies on it: {join_words(missing, 'and')}"
     fix = f"run {join_words((f'`diffbotctl calibrate {each}`' for each in commands), 'and')}"
-    case.warn("W-UNCALIBRATED", case.robot_place("calibration"), cause, fix)
+    context.warn("W-UNCALIBRATED", context.robot_place("calibration"), cause, fix)
 
 
-def _needed(case: CheckContext, by: dict[str, str]) -> Iterator[str]:
+def _needed(context: CheckContext, by: dict[str, str]) -> Iterator[str]:
     """Which of these fields some block of the pipeline reads."""
-    for kind in case.kinds.values():
+    for kind in context.block_classes.values():
         for wanted in robot_fields(kind).values():
             for path in by:
                 if path == wanted or path.startswith(f"{wanted}."):

@@ -11,17 +11,16 @@ import re
 
 from diffbotctl.block import In
 from diffbotctl.config import node_ports
-from diffbotctl.config.check_context import CheckContext
-from diffbotctl.config.node_ports import RESERVED, ROBOT, NodePorts
-from diffbotctl.config.schema import NAME
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.node_ports import NODE_NAME, RESERVED, ROBOT, NodePorts
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import closest_match, join_words
 from diffbotctl.messages import fields
 
 
-def check_loops(case: CheckContext) -> None:
+def check_loops(context: CheckContext) -> None:
     """Refuse each loop once, naming its blocks in the order of the wires."""
-    sources = {name: _sources(value) for name, value in _blocks(case).items()}
+    sources = {name: _sources(value) for name, value in _blocks(context).items()}
     for loop in loops({name: list(found) for name, found in sources.items()}):
         downstream = list(reversed(loop))
         around = " -> ".join([*downstream, downstream[0]])
@@ -31,7 +30,7 @@ def check_loops(case: CheckContext) -> None:
             "take one wire away; what the robot did comes back as robot.encoders, "
             "without a wire from the end of the graph"
         )
-        case.error("E-WIRE-LOOP", place.spot, cause, fix)
+        context.error("E-WIRE-LOOP", place.place, cause, fix)
 
 
 def loops(sources: dict[str, list[str]]) -> list[list[str]]:
@@ -64,8 +63,8 @@ def _loop_from(node: str, left: dict[str, list[str]]) -> list[str]:
     return path[path.index(node) :]
 
 
-def _blocks(case: CheckContext) -> dict[str, Value]:
-    blocks = case.at("blocks")
+def _blocks(context: CheckContext) -> dict[str, Value]:
+    blocks = context.pipeline_value("blocks")
     return dict(blocks.entries) if blocks else {}
 
 
@@ -81,95 +80,104 @@ def _sources(value: Value) -> dict[str, Value]:
     return found
 
 
-def check_names(case: CheckContext) -> None:
+def check_names(context: CheckContext) -> None:
     """Refuse names that are no plain words, and those that mean something else."""
-    for name, value in _entries(case.at("blocks")):
-        _check_word(case, name, value, "block")
+    for name, value in _entries(context.pipeline_value("blocks")):
+        _check_word(context, name, value, "block")
         if name in RESERVED:
             cause = f"'{name}' is the name of a node that every pipeline has"
-            case.error("E-NAME", value.key or value.spot, cause, "give the block another name")
-    for name, value in _entries(case.robot_at("sensors")):
-        _check_word(case, name, value, "sensor")
+            context.error(
+                "E-NAME", value.key_place or value.place, cause, "give the block another name"
+            )
+    for name, value in _entries(context.robot_value("sensors")):
+        _check_word(context, name, value, "sensor")
         if name in ROBOT:
             cause = f"'{name}' is already an output of the robot"
-            case.error("E-NAME", value.key or value.spot, cause, "give the sensor another name")
+            context.error(
+                "E-NAME", value.key_place or value.place, cause, "give the sensor another name"
+            )
 
 
 def _entries(value: Value | None) -> list[tuple[str, Value]]:
     return list(value.entries.items()) if value else []
 
 
-def _check_word(case: CheckContext, name: str, value: Value, what: str) -> None:
-    if re.fullmatch(NAME.strip("^$"), name):
+def _check_word(context: CheckContext, name: str, value: Value, what: str) -> None:
+    if re.fullmatch(NODE_NAME.strip("^$"), name):
         return
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     plain = plain if plain[:1].isalpha() else f"{what}_{plain}".rstrip("_")
     cause = f"'{name}' cannot name a {what}: small letters, digits and _ make a name"
-    case.error("E-NAME", value.key or value.spot, cause, f"call it {plain}")
+    context.error("E-NAME", value.key_place or value.place, cause, f"call it {plain}")
 
 
-def check_wires(case: CheckContext) -> None:
+def check_wires(context: CheckContext) -> None:
     """Check both ends of every wire of the pipeline."""
-    if case.tree is None:
+    if context.pipeline_tree is None:
         return
-    known = all_nodes(case)
-    for name, value in entries(case).items():
+    known = all_nodes(context)
+    for name, value in entries(context).items():
         if name in known:
-            _check_inputs(case, name, value, known)
-    if case.at("robot") is not None and case.at("robot", "in", "wheels") is None:
+            _check_inputs(context, name, value, known)
+    if (
+        context.pipeline_value("robot") is not None
+        and context.pipeline_value("robot", "in", "wheels") is None
+    ):
         cause = "nothing drives the robot's wheels: it will not move"
         fix = "wire them: robot: {in: {wheels: kinematics.wheels}}"
-        place = case.at("robot")
+        place = context.pipeline_value("robot")
         assert place is not None
-        case.warn("W-WIRE-WHEELS", place.spot, cause, fix)
+        context.warn("W-WIRE-WHEELS", place.place, cause, fix)
 
 
-def all_nodes(case: CheckContext) -> dict[str, NodePorts]:
+def all_nodes(context: CheckContext) -> dict[str, NodePorts]:
     """Every node whose ports are known, by name."""
-    known = {name: node_ports.of_block(kind) for name, kind in case.kinds.items()}
+    known = {name: node_ports.of_block(kind) for name, kind in context.block_classes.items()}
     known["operator"] = node_ports.operator()
-    if case.at("robot") is not None:
-        known["robot"] = node_ports.robot(case.robot)
+    if context.pipeline_value("robot") is not None:
+        known["robot"] = node_ports.robot(context.robot)
     return known
 
 
-def entries(case: CheckContext) -> dict[str, Value]:
+def entries(context: CheckContext) -> dict[str, Value]:
     """Everything in the pipeline file that may have an `in`."""
-    blocks = case.at("blocks")
+    blocks = context.pipeline_value("blocks")
     found = dict(blocks.entries) if blocks else {}
-    robot = case.at("robot")
+    robot = context.pipeline_value("robot")
     if robot is not None:
         found["robot"] = robot
     return found
 
 
-def _check_inputs(case: CheckContext, name: str, value: Value, known: dict[str, NodePorts]) -> None:
+def _check_inputs(
+    context: CheckContext, name: str, value: Value, known: dict[str, NodePorts]
+) -> None:
     ports = known[name].inputs
     wires = value.at("in")
     given = wires.entries if wires else {}
     strange = [port for port in given if port not in ports]
     for port in strange:
-        _unknown_input(case, name, port, given, ports)
+        _unknown_input(context, name, port, given, ports)
     free = [port for port in ports if port not in given]
     meant = {closest_match(port, free) for port in strange}
     for port, declared in ports.items():
         if port in given:
-            _check_source(case, name, port, declared, given[port], known)
+            _check_source(context, name, port, declared, given[port], known)
         elif not declared.optional and port not in meant:
-            _unconnected(case, name, port, declared, wires or value, known)
+            _unconnected(context, name, port, declared, wires or value, known)
 
 
 def _unknown_input(
-    case: CheckContext, name: str, port: str, given: dict[str, Value], ports: dict[str, In]
+    context: CheckContext, name: str, port: str, given: dict[str, Value], ports: dict[str, In]
 ) -> None:
     near = closest_match(port, ports)
     fix = f"did you mean {near}?" if near else _those("input", list(ports))
-    place = given[port].key or given[port].spot
-    case.error("E-WIRE-INPUT", place, f"'{name}' has no input '{port}'", fix)
+    place = given[port].key_place or given[port].place
+    context.error("E-WIRE-INPUT", place, f"'{name}' has no input '{port}'", fix)
 
 
 def _unconnected(
-    case: CheckContext,
+    context: CheckContext,
     name: str,
     port: str,
     declared: In,
@@ -186,7 +194,7 @@ def _unconnected(
         else f"add a block that gives a {kind}"
     )
     cause = f"input '{port}' of '{name}' is not connected; it needs a {kind}"
-    case.error("E-WIRE-MISSING", place.key or place.spot, cause, fix)
+    context.error("E-WIRE-MISSING", place.key_place or place.place, cause, fix)
 
 
 def _those(what: str, names: list[str]) -> str:
@@ -208,7 +216,7 @@ def suitable(kind: type, name: str, known: dict[str, NodePorts]) -> list[str]:
 
 
 def _check_source(
-    case: CheckContext,
+    context: CheckContext,
     name: str,
     port: str,
     declared: In,
@@ -219,43 +227,43 @@ def _check_source(
         return
     node, dot, output = source.data.partition(".")
     if not dot or not output:
-        _incomplete(case, source, node, declared, known)
+        _incomplete(context, source, node, declared, known)
     elif node == "robot" and "robot" not in known:
         cause = "this pipeline has no robot"
-        case.error("E-WIRE-NODE", source.spot, cause, "add `robot: {in: {wheels: ...}}` to it")
+        context.error("E-WIRE-NODE", source.place, cause, "add `robot: {in: {wheels: ...}}` to it")
     elif node not in known:
-        _unknown_node(case, source, node, output, known)
-    elif node == "robot" and case.robot is None:
+        _unknown_node(context, source, node, output, known)
+    elif node == "robot" and context.robot is None:
         return  # its file could not be read, so its sensors are not known
     elif output not in known[node].outputs:
-        _unknown_output(case, source, node, output, declared, known)
+        _unknown_output(context, source, node, output, declared, known)
     elif known[node].outputs[output] is not declared.kind:
-        _mismatch(case, name, port, source, known[node].outputs[output], declared.kind, known)
+        _mismatch(context, name, port, source, known[node].outputs[output], declared.kind, known)
 
 
 def _incomplete(
-    case: CheckContext, source: Value, node: str, declared: In, known: dict[str, NodePorts]
+    context: CheckContext, source: Value, node: str, declared: In, known: dict[str, NodePorts]
 ) -> None:
     outputs = known[node].outputs if node in known else {}
     fitting = [output for output, kind in outputs.items() if kind is declared.kind]
     fix = f"write {node}.{fitting[0]}" if fitting else "write block.output"
     cause = f"'{source.data}' names no output; a wire begins at block.output"
-    case.error("E-WIRE-OUTPUT", source.spot, cause, fix)
+    context.error("E-WIRE-OUTPUT", source.place, cause, fix)
 
 
 def _unknown_node(
-    case: CheckContext, source: Value, node: str, output: str, known: dict[str, NodePorts]
+    context: CheckContext, source: Value, node: str, output: str, known: dict[str, NodePorts]
 ) -> None:
-    blocks = case.at("blocks")
+    blocks = context.pipeline_value("blocks")
     if blocks is not None and node in blocks.entries:
         return  # the block is there but its kind is unknown, which is said there
     near = closest_match(node, known)
     fix = f"did you mean {near}.{output}?" if near else f"there are {join_words(known, 'and')}"
-    case.error("E-WIRE-NODE", source.spot, f"there is no block '{node}'", fix)
+    context.error("E-WIRE-NODE", source.place, f"there is no block '{node}'", fix)
 
 
 def _unknown_output(
-    case: CheckContext,
+    context: CheckContext,
     source: Value,
     node: str,
     output: str,
@@ -266,11 +274,11 @@ def _unknown_output(
     fitting = [each for each, kind in outputs.items() if kind is declared.kind]
     near = closest_match(output, outputs) or (fitting[0] if len(fitting) == 1 else None)
     fix = f"did you mean {node}.{near}?" if near else _those("output", list(outputs))
-    case.error("E-WIRE-OUTPUT", source.spot, f"'{node}' has no output '{output}'", fix)
+    context.error("E-WIRE-OUTPUT", source.place, f"'{node}' has no output '{output}'", fix)
 
 
 def _mismatch(
-    case: CheckContext,
+    context: CheckContext,
     name: str,
     port: str,
     source: Value,
@@ -286,7 +294,7 @@ def _mismatch(
     fix = (
         f"wire it from {join_words(sources)}" if sources else "put a block that converts it between"
     )
-    case.error("E-WIRE-TYPE", source.spot, cause, fix)
+    context.error("E-WIRE-TYPE", source.place, cause, fix)
 
 
 def described(kind: type) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
-from diffbotctl.config.check_context import CheckContext
-from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
 
 SHOWN = 6  # pins that a fix names before it says that there are more
@@ -22,61 +22,63 @@ class Use(NamedTuple):
     place: Place | str
 
 
-def check_pins(case: CheckContext) -> None:
+def check_pins(context: CheckContext) -> None:
     """Check every pin of the robot file against the table of its board."""
-    known = case.known("board.type", "link.uart", "link.protocol")
+    known = context.values("board.type", "link.uart", "link.protocol")
     if known is None:
         return
     if known[0] == SIMULATED:
-        _check_simulated(case)
+        _check_simulated(context)
         return
     board, uart, protocol = BOARDS[known[0]], known[1], known[2]
     if uart not in board.uarts:
         cause = f"an {board.title} has no uart {uart}"
         fix = f"it has uart {join_words(board.uarts)}"
-        case.error("E-LINK-UART", case.blame("link.uart", "board.type"), cause, fix)
+        context.error("E-LINK-UART", context.error_place("link.uart", "board.type"), cause, fix)
         return
     if uart not in board.links[protocol]:
         ports = join_words(board.links[protocol], "and")
         cause = f"our firmware speaks on uart {ports} of a {board.title}, not on {uart}"
         fix = f"connect the radio to uart {board.links[protocol][-1]}: {_pins_of(board, protocol)}"
-        case.error("E-LINK-UART", case.blame("link.uart", "link.protocol"), cause, fix)
+        context.error("E-LINK-UART", context.error_place("link.uart", "link.protocol"), cause, fix)
         return
     serial = serial_pins(board, uart, protocol)
-    _check_given(case)
-    uses = list(pins_in_use(case, board))
+    _check_given(context)
+    uses = list(pins_in_use(context, board))
     for use in uses:
-        _check_use(case, board, protocol, use, uses, serial)
-    _check_shared(case, uses)
+        _check_use(context, board, protocol, use, uses, serial)
+    _check_shared(context, uses)
 
 
-def _check_simulated(case: CheckContext) -> None:
-    if case.real:
-        place = case.robot_place("board", "type")
+def _check_simulated(context: CheckContext) -> None:
+    if context.real:
+        place = context.robot_place("board", "type")
         cause = "this robot lives in the simulator alone: there is no board to speak to"
-        case.error("E-BOARD-SIMULATED", place, cause, "run it without --port")
+        context.error("E-BOARD-SIMULATED", place, cause, "run it without --port")
 
 
-def _check_given(case: CheckContext) -> None:
+def _check_given(context: CheckContext) -> None:
     """Refuse `none` for a pin that a robot with a board must have."""
-    if case.robot is None:
+    if context.robot is None:
         return
     paths: list[tuple[str, ...]] = [("drive", side, *steps) for side in SIDES for steps in NEEDED]
-    for name, sensor in (case.robot.sensors or {}).items():
+    for name, sensor in (context.robot.sensors or {}).items():
         if sensor is None:
             continue
         if sensor.type in PINLESS:
             cause = f"a {sensor.type} can only be simulated yet: no board of ours reads it"
-            place = case.robot_place("sensors", name, "type")
-            case.error("E-BOARD-SENSOR", place, cause, "remove it, or set board: {type: simulated}")
+            place = context.robot_place("sensors", name, "type")
+            context.error(
+                "E-BOARD-SENSOR", place, cause, "remove it, or set board: {type: simulated}"
+            )
         else:
             paths.append(("sensors", name, "pin"))
     for steps in paths:
-        value = case.robot_at(*steps)
+        value = context.robot_value(*steps)
         if value is not None and value.data in NONE:
             cause = "only a robot that is simulated alone does without this pin"
             fix = "give the pin's number, or set board: {type: simulated}"
-            case.error("E-BOARD-PIN", value.spot, cause, fix)
+            context.error("E-BOARD-PIN", value.place, cause, fix)
 
 
 NEEDED = (("motor", "enable"), ("motor", "in1"), ("motor", "in2"), ("encoder", "pin"))
@@ -103,7 +105,7 @@ def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
     return found
 
 
-def pins_in_use(case: CheckContext, board: BoardPins) -> Iterator[Use]:
+def pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[Use]:
     """Every pin that the robot file names."""
     paths: list[tuple[str, str, tuple[str, ...], str]] = [
         ("digital", "direction input", ("drive", side, "motor", name), side)
@@ -112,19 +114,19 @@ def pins_in_use(case: CheckContext, board: BoardPins) -> Iterator[Use]:
     ]
     paths += [("pwm", "motor enable", ("drive", side, "motor", "enable"), side) for side in SIDES]
     paths += [("interrupt", "encoder", ("drive", side, "encoder", "pin"), side) for side in SIDES]
-    for name in (case.robot.sensors or {}) if case.robot else ():
+    for name in (context.robot.sensors or {}) if context.robot else ():
         paths.append(("analog", "sensor", ("sensors", name, "pin"), name))
     paths.append(("analog", "battery", ("battery", "pin"), ""))
     paths.append(("digital", "stop button", ("board", "stop_button"), ""))
     for role, label, steps, owner in paths:
-        found = case.known(".".join(steps))
+        found = context.values(".".join(steps))
         if found is not None:
             whose = f"{owner} {label}" if owner else label
-            yield Use(board.named(str(found[0])), role, whose, case.robot_place(*steps))
+            yield Use(board.named(str(found[0])), role, whose, context.robot_place(*steps))
 
 
 def _check_use(
-    case: CheckContext,
+    context: CheckContext,
     board: BoardPins,
     protocol: str,
     use: Use,
@@ -135,7 +137,7 @@ def _check_use(
     if wrong is not None:
         code, cause = wrong
         fix = _fix(able(board, use.role, protocol), use, uses, serial)
-        case.error(code, use.place, cause, fix)
+        context.error(code, use.place, cause, fix)
 
 
 def _wrong(
@@ -192,7 +194,7 @@ def _fix(candidates: list[str], use: Use, uses: list[Use], serial: dict[str, str
     return f"{choice} ({'; '.join(notes)})" if notes else choice
 
 
-def _check_shared(case: CheckContext, uses: list[Use]) -> None:
+def _check_shared(context: CheckContext, uses: list[Use]) -> None:
     first: dict[str, Use] = {}
     for use in uses:
         other = first.setdefault(use.pin, use)
@@ -200,7 +202,7 @@ def _check_shared(case: CheckContext, uses: list[Use]) -> None:
             continue
         cause = f"pin {use.pin} is already the {other.label}'s ({_line(other.place, use.place)})"
         fix = f"give the {use.label} a pin of its own"
-        case.error("E-PIN-TAKEN", use.place, cause, fix)
+        context.error("E-PIN-TAKEN", use.place, cause, fix)
 
 
 def _line(place: Place | str, seen_from: Place | str) -> str:

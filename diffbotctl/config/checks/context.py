@@ -1,0 +1,91 @@
+"""What the checks examine: the typed files, and the trees that know the place of every value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from diffbotctl.block import Block
+from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.robot import Robot, field_value
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import Place, Problem
+
+
+@dataclass
+class CheckContext:
+    """One configuration under examination. Values that could not be read are None.
+
+    `real`: a real robot is about to move. `nominal` is the robot before calibration.
+    `block_classes` and `parameters` have an entry for each block whose class was found.
+    """
+
+    real: bool = False
+    problems: list[Problem] = field(default_factory=list)
+    pipeline_tree: Value | None = None
+    pipeline: Pipeline | None = None
+    robot_tree: Value | None = None
+    robot: Robot | None = None
+    nominal: Robot | None = None
+    block_classes: dict[str, type[Block]] = field(default_factory=dict)
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def pipeline_value(self, *steps: str | int) -> Value | None:
+        """The value at a path of the pipeline file."""
+        return self.pipeline_tree.at(*steps) if self.pipeline_tree else None
+
+    def parameter_value(self, block: str, name: str) -> Value | None:
+        """A block's parameter in the pipeline file, or the block where it is not given."""
+        value = self.pipeline_value("blocks", block, "with", name)
+        return value or self.pipeline_value("blocks", block)
+
+    def robot_value(self, *steps: str | int) -> Value | None:
+        """The value at a path of the robot file."""
+        return self.robot_tree.at(*steps) if self.robot_tree else None
+
+    def robot_place(self, *steps: str) -> Place | str:
+        """The place of a field of the robot file, or of the nearest section around it."""
+        for end in range(len(steps), -1, -1):
+            value = self.robot_value(*steps[:end])
+            if value is not None:
+                return value.place
+        return "robot"
+
+    def error_place(self, *paths: str, also: Sequence[Value | None] = ()) -> Place | str:
+        """The place to show when several fields together are wrong: what the user changed.
+
+        `paths` are fields of the robot file, the most telling first; `also` are values of the
+        pipeline file. A `--set` goes before the user's files, these before shipped ones.
+        """
+        values = [*(self.robot_value(*path.split(".")) for path in paths), *also]
+        places = [value.place for value in values if value is not None]
+        if not places:
+            return self.robot_place(*paths[0].split("."))
+        return min(
+            places, key=lambda place: (place.source.name != "--set", not place.source.is_own)
+        )
+
+    def values(self, *paths: str) -> tuple[Any, ...] | None:
+        """The robot's fields at `paths`, or None when any of them could not be read."""
+        return _values(self.robot, paths)
+
+    def nominal_values(self, *paths: str) -> tuple[Any, ...] | None:
+        """As `values`, before calibration: what was measured with a ruler."""
+        return _values(self.nominal, paths)
+
+    def error(self, code: str, place: Place | str, cause: str, fix: str) -> None:
+        """Note what cannot work."""
+        self.problems.append(Problem(code, place, cause, fix))
+
+    def warn(self, code: str, place: Place | str, cause: str, fix: str) -> None:
+        """Note what is unwise."""
+        self.problems.append(Problem(code, place, cause, fix, "warning"))
+
+
+def _values(robot: Robot | None, paths: Sequence[str]) -> tuple[Any, ...] | None:
+    try:
+        values = tuple(field_value(robot, path) for path in paths)
+    except (AttributeError, KeyError, TypeError):
+        return None
+    return None if any(value is None for value in values) else values

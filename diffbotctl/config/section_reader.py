@@ -1,0 +1,299 @@
+"""Reads a tree of values into typed Sections by their declarations, in one pass.
+
+Quantities become SI numbers, mappings become objects. A wrong shape (a key that is not declared,
+one that is missing, a list in place of a number) and a wrong value are both noted as problems; the
+value is None then, so that the rest can still be checked. Such an object never leaves the
+configuration.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, TypeVar, get_args, get_origin
+
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import Problem, closest_match, join_words
+from diffbotctl.params import Declaration, Pin, Section, declared
+from diffbotctl.units import KINDS, UnitError, example, quantity
+
+S = TypeVar("S", bound=Section)
+Path = tuple[str, ...]
+
+PIN = re.compile(r"A?[0-9]{1,3}\Z")
+BOOLEAN_WORDS = {
+    "yes": "true",
+    "on": "true",
+    "y": "true",
+    "no": "false",
+    "off": "false",
+    "n": "false",
+}
+BLOCK_INPUT = re.compile(r"blocks\.[^.]+\.in\.")
+TWO_WIRES = "an input takes one wire; the block command_mux lets one of two through"
+# Kind of value -> how a message names it, and how it is written.
+MAPPING = ("keys with values are", "write `{key: value}`, or indented `key: value` lines below it")
+LIST = ("a list is", "write `[a, b]`, or lines that begin with a dash below it")
+SCALAR = ("one value is", "write a number or a word")
+
+
+def read_section(tree: Value, kind: type[S], title: str, problems: list[Problem]) -> S:
+    """The mapping `tree` as an object of `kind`, called `title` in messages.
+
+    What is absent has its default, or None where it is required.
+    """
+    return _Reader(title, (), problems).section(tree, kind, ())
+
+
+def read_parameters(
+    tree: Value, block: type, title: str, problems: list[Problem]
+) -> dict[str, Any]:
+    """The values of all parameters of the class `block` by attribute, from its mapping `with`."""
+    return _Reader("", (title,), problems).entries(tree, block, (), is_whole=True)
+
+
+class _Reader:
+    """Reads one tree; `title` names the whole, `prefix` begins every dotted path in a message."""
+
+    def __init__(self, title: str, prefix: Path, problems: list[Problem]) -> None:
+        self.title = title
+        self.prefix = prefix
+        self.problems = problems
+
+    def section(self, value: Value, kind: type[S], path: Path, is_whole: bool = True) -> S:
+        return kind(**self.entries(value, kind, path, is_whole))
+
+    def entries(self, value: Value, owner: type, path: Path, is_whole: bool) -> dict[str, Any]:
+        """The values of everything that `owner` declares; `is_whole`: required keys must be there.
+
+        What is absent has its default, or None where it is required.
+        """
+        declarations = declared(owner)
+        by_key = {declaration.key: declaration for declaration in declarations.values()}
+        self._check_unknown(value, by_key, path, is_whole)
+        values: dict[str, Any] = {}
+        for name, declaration in declarations.items():
+            entry = value.entries.get(declaration.key)
+            if entry is not None:
+                inner = (*path, declaration.key)
+                values[name] = self.value(entry, declaration.kind, declaration, inner)
+            else:
+                values[name] = None if declaration.is_required else declaration.default
+        if is_whole:
+            self._check_missing(value, by_key, path)
+        return values
+
+    def value(self, value: Value, kind: Any, declaration: Declaration, path: Path) -> Any:
+        """`value` as a `kind`, within the bounds of `declaration`; None when it is not one."""
+        if kind is object:
+            return value.plain()
+        if declaration.none and value.text in ("none", "null") and not value.quoted:
+            return None
+        origin = get_origin(kind) or kind
+        if origin in (list, tuple):
+            return self._items(value, kind, declaration, path)
+        if origin is dict or issubclass(origin, Section):
+            return self._mapping(value, kind, declaration, path)
+        if isinstance(value.data, dict | list):
+            self._wrong_kind(value, SCALAR, path)
+            return None
+        data, problem = read_scalar(value, kind, declaration)
+        if problem is not None:
+            self.problems.append(problem)
+        return data
+
+    def _items(self, value: Value, kind: Any, declaration: Declaration, path: Path) -> Any:
+        if not self._has_kind(value, list, declaration, path):
+            return None if value.data is None and declaration.none else []
+        kinds = get_args(kind)
+        if get_origin(kind) is list:
+            return [self.value(item, kinds[0], declaration, path) for item in value.items]
+        self._check_count(value, len(kinds), path)
+        return tuple(
+            self.value(item, item_kind, declaration, path)
+            for item, item_kind in zip(value.items, kinds, strict=False)
+        )
+
+    def _mapping(self, value: Value, kind: Any, declaration: Declaration, path: Path) -> Any:
+        is_mapping = self._has_kind(value, dict, declaration, path)
+        if kind is dict:
+            return value.plain() if is_mapping else {}
+        if get_origin(kind) is dict:
+            entry_kind = get_args(kind)[1]
+            return {
+                name: self.value(entry, entry_kind, declaration, (*path, name))
+                for name, entry in value.entries.items()
+            }
+        is_whole = declaration.is_required or not declaration.shared
+        return self.section(value, kind, path, is_whole) if is_mapping else None
+
+    def _has_kind(self, value: Value, kind: type, declaration: Declaration, path: Path) -> bool:
+        """True for a mapping or list as wanted; notes what is wrong with anything else."""
+        if isinstance(value.data, kind):
+            return True
+        if not (declaration.none and value.data is None):
+            self._wrong_kind(value, MAPPING if kind is dict else LIST, path)
+        return False
+
+    def _within(self, path: Path) -> str:
+        return ".".join([*self.prefix, *path]) or self.title
+
+    def _check_unknown(
+        self, value: Value, declarations: dict[str, Declaration], path: Path, is_whole: bool
+    ) -> None:
+        for name, entry in value.entries.items():
+            if name in declarations:
+                continue
+            near = closest_match(name, declarations)
+            if near is None:
+                names = join_words(declarations, "and")
+                fix = f"it may hold {names}" if declarations else "it holds no keys"
+            else:
+                is_missing = is_whole and declarations[near].is_required
+                also = ", which must be given" if is_missing and near not in value.entries else ""
+                fix = f"did you mean '{near}'{also}?"
+            cause = f"unknown key '{name}' in {self._within(path)}"
+            place = entry.key_place or entry.place
+            self.problems.append(Problem("E-KEY-UNKNOWN", place, cause, fix))
+
+    def _check_missing(
+        self, value: Value, declarations: dict[str, Declaration], path: Path
+    ) -> None:
+        free = [name for name in declarations if name not in value.entries]
+        # A misspelt key is reported as such, not as a missing one besides.
+        misspelt = {closest_match(name, free) for name in value.entries if name not in declarations}
+        for name in free:
+            declaration = declarations[name]
+            if not declaration.is_required or name in misspelt:
+                continue
+            help = declaration.help
+            fix = f"add `{name}:` - {help[:1].lower()}{help[1:]}"
+            cause = f"{self._within(path)} has no '{name}'"
+            self.problems.append(Problem("E-KEY-MISSING", value.place, cause, fix))
+
+    def _wrong_kind(self, value: Value, wanted: tuple[str, str], path: Path) -> None:
+        within = self._within(path)
+        words, fix = wanted
+        if value.data is None and not value.text:
+            problem = Problem("E-VALUE-EMPTY", value.place, f"{within} is empty", fix)
+            self.problems.append(problem)
+            return
+        if isinstance(value.data, dict):
+            written = "a mapping"
+        else:
+            written = "a list" if isinstance(value.data, list) else f"'{value.text}'"
+        cause = f"{within} is {written}, but {words} wanted"
+        if isinstance(value.data, list) and BLOCK_INPUT.match(within):
+            fix = TWO_WIRES
+        self.problems.append(Problem("E-TYPE", value.place, cause, fix))
+
+    def _check_count(self, value: Value, wanted: int, path: Path) -> None:
+        count = len(value.items)
+        if count == wanted:
+            return
+        entries = "entry" if count == 1 else "entries"
+        cause = f"{self._within(path)} has {count} {entries}, but {wanted} are wanted"
+        fix = f"write {wanted} values between the brackets"
+        if count > wanted and any(item.text[-1:].isdecimal() for item in value.items):
+            fix += "; a comma separates them, so a decimal is written with a point: 1.5 m"
+        self.problems.append(Problem("E-TYPE", value.place, cause, fix))
+
+
+def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any, Problem | None]:
+    """The scalar `value` in SI as a `kind`, and what is wrong with it, if anything is."""
+    help = f"{declaration.key}: {declaration.help}"
+    if value.data is None:
+        sample = _sample(declaration) or (declaration.choices[0] if declaration.choices else "")
+        such_as = f", such as {sample}" if sample else ""
+        fix = f"write a value behind the colon{such_as}, or remove the key"
+        return None, Problem("E-VALUE-EMPTY", value.place, f"{declaration.key} has no value", fix)
+    try:
+        data = SCALAR_READERS[kind](value, declaration)
+    except UnitError as error:
+        return None, Problem("E-UNIT", value.place, str(error), help)
+    except _ScalarTypeError as error:
+        return None, Problem("E-TYPE", value.place, str(error), error.fix or help)
+    complaint = declaration.complaint(data)
+    if complaint is None:
+        return data, None
+    if declaration.choices:
+        return None, _not_a_choice(value, declaration)
+    cause = f"{declaration.key} is {value.text or data}; it {complaint}"
+    return None, Problem("E-BOUNDS", value.place, cause, help)
+
+
+class _ScalarTypeError(Exception):
+    """A scalar is not of the declared kind. Without a `fix` the setting's help is shown."""
+
+    def __init__(self, cause: str, fix: str = "") -> None:
+        super().__init__(cause)
+        self.fix = fix
+
+
+def _float(value: Value, declaration: Declaration) -> float:
+    data, unit = value.data, declaration.unit
+    if isinstance(data, int | float) and not isinstance(data, bool):
+        return float(data)
+    if unit and not isinstance(data, bool):
+        return quantity(str(data), unit)
+    if isinstance(data, bool):
+        cause = f"{value.text} is not {KINDS.get(unit, 'a number')}"
+    elif re.match(r"[0-9]+:[0-9]", value.text):
+        cause = f"'{value.text}' is a text; a number has no colon"
+    else:
+        cause = f"'{value.text}' is not a number"
+    sample = _sample(declaration)
+    such_as = f" (such as {sample})" if sample else ""
+    raise _ScalarTypeError(cause, f"{declaration.key}{such_as}: {declaration.help}")
+
+
+def _int(value: Value, declaration: Declaration) -> int:
+    data = value.data
+    if isinstance(data, int | float) and not isinstance(data, bool) and data == int(data):
+        return int(data)
+    raise _ScalarTypeError(f"'{value.text}' is not a whole number")
+
+
+def _bool(value: Value, declaration: Declaration) -> bool:
+    if isinstance(value.data, bool):
+        return value.data
+    word = BOOLEAN_WORDS.get(value.text.lower(), "true or false")
+    raise _ScalarTypeError(f"'{value.text}' is not true or false", f"write {word}")
+
+
+def _str(value: Value, declaration: Declaration) -> str:
+    if isinstance(value.data, str):
+        return value.data
+    if declaration.choices:
+        return value.text
+    kind = "true or false" if isinstance(value.data, bool) else "a number"
+    cause = f"{value.text} is {kind}, but {declaration.key} wants a text"
+    raise _ScalarTypeError(cause, f"put it in quotes: '{value.text}'")
+
+
+def _pin(value: Value, declaration: Declaration) -> Pin:
+    data = value.data
+    name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
+    if not PIN.match(name):
+        fix = "write the number or name printed on the board, such as 5 or A0"
+        raise _ScalarTypeError(f"'{value.text}' is not the name of a pin", fix)
+    return Pin(name)
+
+
+SCALAR_READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _str, Pin: _pin}
+
+
+def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
+    choices = [str(choice) for choice in declaration.choices]
+    near = closest_match(value.text, choices)
+    fix = f"did you mean {near}?" if near else f"use {join_words(choices)}"
+    allowed = (
+        f"only {choices[0]} is known"
+        if len(choices) == 1
+        else f"it is one of {join_words(choices)}"
+    )
+    cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
+    return Problem("E-CHOICE", value.place, cause, fix)
+
+
+def _sample(declaration: Declaration) -> str:
+    return example(declaration.unit) if declaration.unit else ""

@@ -1,0 +1,239 @@
+"""The tree of one robot or pipeline file: what it includes, `--set` and `$name` worked in.
+
+Each value keeps the place where it was written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NoReturn
+
+from diffbotctl.config import lookup, yaml_reader
+from diffbotctl.config.yaml_tree import ScalarError, Value, resolve
+from diffbotctl.errors import (
+    ConfigurationError,
+    Place,
+    Problem,
+    Source,
+    UserError,
+    closest_match,
+    join_words,
+)
+
+INCLUDE_DEPTH_MAX = 10  # files
+VARIABLE = r"[A-Za-z_][A-Za-z0-9_]*"
+WHOLE_VARIABLE = re.compile(rf"\$({VARIABLE})\Z")
+ANY_VARIABLE = re.compile(rf"\$\$|\$({VARIABLE})")
+OVERRIDE_SHAPE = "write --set block.parameter=value, such as --set follower.tolerance='20 mm'"
+
+
+@dataclass(frozen=True)
+class Override:
+    """One `--set path=value`. `place` is the path's place in the words of the command line."""
+
+    steps: tuple[str, ...]
+    value: Value
+    place: Place
+
+
+def parse_overrides(texts: Iterable[str], problems: list[Problem]) -> list[Override]:
+    """The overrides in `texts`; those that cannot be read go to `problems`."""
+    overrides: list[Override] = []
+    for text in texts:
+        try:
+            overrides.append(_parse_override(text))
+        except ConfigurationError as error:
+            problems += error.problems
+    return overrides
+
+
+def _parse_override(text: str) -> Override:
+    source = Source("--set", text)
+    path, equals, written = text.partition("=")
+    steps = tuple(path.strip().split("."))
+    place = Place(source, 1, 1, max(1, len(path)))
+    if not equals or len(steps) < 2 or not all(steps):
+        cause = "this does not say what is set to what"
+        raise ConfigurationError(Problem("E-SET", place, cause, OVERRIDE_SHAPE))
+    column = len(path) + 1
+    value = yaml_reader.parse_any(source, " " * column + written)
+    if value is None:
+        end = Place(source, 1, column + 1)
+        raise ConfigurationError(Problem("E-SET", end, "the value is missing", OVERRIDE_SHAPE))
+    return Override(steps, replace(value, key_place=place), place)
+
+
+def read_robot(
+    path: Path, overrides: Iterable[Override], problems: list[Problem]
+) -> tuple[Value, list[Path]]:
+    """The tree of the robot file at `path`, and every file that was read.
+
+    Raises ConfigurationError for a file that cannot be read; smaller mistakes go to `problems`.
+    """
+    tree, paths = _read_with_includes(path, "robots")
+    for override in overrides:
+        if override.steps[0] == "robot":
+            tree = tree.with_entry(override.steps[1:], override.value)
+    return _substitute(tree, problems), paths
+
+
+def read_pipeline(
+    path: Path, overrides: Iterable[Override], problems: list[Problem]
+) -> tuple[Value, list[Path]]:
+    """As `read_robot`, of the pipeline file at `path`."""
+    tree, paths = _read_with_includes(path, "pipelines")
+    blocks = tree.entries.get("blocks")
+    names = list(blocks.entries) if blocks else []
+    for override in overrides:
+        first, *rest = override.steps
+        if first in ("vars", "goals", "world"):
+            tree = tree.with_entry(override.steps, override.value)
+        elif first in names:
+            tree = tree.with_entry(("blocks", first, "with", *rest), override.value)
+        elif first != "robot":
+            near = closest_match(first, [*names, "robot", "vars"])
+            has = ", ".join([*names, "robot", "vars"])
+            fix = f"did you mean {near}?" if near else f"it has {has}"
+            cause = f"the pipeline has no block '{first}'"
+            problems.append(Problem("E-SET", override.place, cause, fix))
+    return _substitute(tree, problems), paths
+
+
+def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:
+    """The file at `path` over all that it includes, and every file that was read.
+
+    `folder` is where bare names are looked up. Raises ConfigurationError.
+    """
+    reader = _IncludeReader(folder)
+    return reader.read(path, ()), reader.paths
+
+
+@dataclass
+class _IncludeReader:
+    folder: str
+    paths: list[Path] = field(default_factory=list)
+
+    def read(self, path: Path, including: Sequence[Path]) -> Value:
+        """`including` are the files that led here, outermost first."""
+        own = yaml_reader.read(str(path), lookup.display_path(path), not lookup.is_shipped(path))
+        if path not in self.paths:
+            self.paths.append(path)
+        include = own.entries.get("include")
+        if include is None:
+            return own
+        base: Value | None = None
+        for name in include.items or [include]:
+            included = self._included(name, path, [*including, path.resolve()])
+            base = included if base is None else included.merged_over(base)
+        return own if base is None else own.merged_over(base)
+
+    def _included(self, name: Value, path: Path, including: list[Path]) -> Value:
+        if not isinstance(name.data, str) or not name.data.strip() or "\0" in name.data:
+            cause = "include wants the name or path of a file"
+            _refuse_include(name, cause, "write `include: book_2wd`")
+        file = self._find(name, path)
+        if file.resolve() in including or len(including) > INCLUDE_DEPTH_MAX:
+            names = " -> ".join(path.name for path in [*including, file])
+            _refuse_include(name, f"the files include each other: {names}", "remove one include")
+        try:
+            return self.read(file, including)
+        except ConfigurationError as error:
+            whole_file = [problem for problem in error.problems if problem.line == 0]
+            if not whole_file:
+                raise
+            raise ConfigurationError(
+                Problem("E-INCLUDE", name.place, problem.cause, problem.fix)
+                for problem in whole_file
+            ) from None
+
+    def _find(self, include: Value, path: Path) -> Path:
+        """A path counts from the including file; a name is first looked for beside it."""
+        name = str(include.data)
+        if lookup.is_path(name):
+            return path.parent / name
+        beside = path.parent / f"{name}.yaml"
+        shipped = lookup.folder(self.folder) / f"{name}.yaml"
+        for candidate in (beside, shipped):
+            if candidate.is_file():
+                return candidate
+        try:
+            return lookup.find(name, self.folder)
+        except UserError as error:
+            _refuse_include(include, error.problems[0].cause, error.problems[0].fix)
+
+
+def _refuse_include(name: Value, cause: str, fix: str) -> NoReturn:
+    raise ConfigurationError(Problem("E-INCLUDE", name.place, cause, fix)) from None
+
+
+def _substitute(tree: Value, problems: list[Problem]) -> Value:
+    """`tree` with every `$name` replaced from its `vars`; `$$` is a dollar sign.
+
+    An unknown name is an error, one that is never used a warning; both go to `problems`.
+    """
+    variables = tree.entries.get("vars")
+    substitution = _Substitution(variables.entries if variables else {}, problems)
+    entries = {
+        name: value if name == "vars" else substitution.apply(value)
+        for name, value in tree.entries.items()
+    }
+    for name in substitution.variables.keys() - substitution.used:
+        value = substitution.variables[name]
+        cause, fix = f"the variable {name} is never used", f"remove it, or write ${name} somewhere"
+        place = value.key_place or value.value_place
+        problems.append(Problem("W-VAR-UNUSED", place, cause, fix, "warning"))
+    return replace(tree, data=entries)
+
+
+@dataclass
+class _Substitution:
+    variables: dict[str, Value]
+    problems: list[Problem]
+    used: set[str] = field(default_factory=set)
+
+    def apply(self, value: Value) -> Value:
+        if isinstance(value.data, dict):
+            entries = {name: self.apply(entry) for name, entry in value.data.items()}
+            return replace(value, data=entries)
+        if isinstance(value.data, list):
+            return replace(value, data=[self.apply(item) for item in value.data])
+        if "$" not in value.text:
+            return value
+        names = [name for name in ANY_VARIABLE.findall(value.text) if name]
+        unknown = [name for name in names if name not in self.variables]
+        self.problems += [self._unknown(value, name) for name in unknown]
+        self.used |= set(names)
+        if unknown:
+            return value
+        if whole := WHOLE_VARIABLE.match(value.text):
+            # A mistake in the variable's value is reported where the variable is used.
+            variable = self.variables[whole[1]]
+            return replace(variable, value_place=value.value_place, key_place=value.key_place)
+        return self._interpolate(value)
+
+    def _interpolate(self, value: Value) -> Value:
+        text = ANY_VARIABLE.sub(
+            lambda match: self.variables[match[1]].text if match[1] else "$", value.text
+        )
+        data: bool | int | float | str | None = text
+        if not value.quoted:
+            try:
+                data = resolve(text)
+            except ScalarError as error:
+                problem = Problem("E-YAML-NUMBER", value.value_place, str(error), error.fix)
+                self.problems.append(problem)
+        return replace(value, data=data, text=text)
+
+    def _unknown(self, value: Value, name: str) -> Problem:
+        near = closest_match(name, self.variables)
+        if near:
+            fix = f"did you mean ${near}?"
+        elif self.variables:
+            names = join_words(self.variables, "and")
+            fix = f"vars holds {names}; a dollar sign itself is written $$"
+        else:
+            fix = f"add `vars: {{{name}: ...}}`; a dollar sign itself is written $$"
+        return Problem("E-VAR-UNKNOWN", value.place, f"there is no variable {name}", fix)
