@@ -8,7 +8,7 @@ and a sentence; schemas, recordings and reference pages are made from these decl
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 
 class Field(NamedTuple):
@@ -17,6 +17,31 @@ class Field(NamedTuple):
     unit: str
     help: str
 
+
+CommandKind = Literal["wheels", "duty"]
+RangeState = Literal["clear", "measured", "too_close", "fault"]
+GoalPhase = Literal["idle", "turning", "driving", "aligning"]
+GoalEnd = Literal["reached", "blocked", "stuck", "timed_out"]
+LinkState = Literal["opening", "negotiating", "up", "stale", "lost"]
+LogLevel = Literal["debug", "info", "warning", "error"]
+LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)  # in order of severity
+# Codes of the stops that the blocks and the gate of this package cause; another package's block
+# may have codes of its own.
+StopCode = Literal[
+    "",
+    "operator_stop",
+    "operator_lost",
+    "obstacle",
+    "too_close",
+    "range_fault",
+    "range_stale",
+    "telemetry_stale",
+    "link_lost",
+    "reconnect",
+    "board_restart",
+    "command_stale",
+    "gate_limit",
+]
 
 Time = Annotated[int, Field("ns", "Logical time at which the content was true.")]
 Metres = Annotated[float, Field("m", "A length.")]
@@ -36,7 +61,9 @@ class Encoders(NamedTuple):
     right_edge: Annotated[int | None, Field("ns", "Time of the right encoder's last edge.")] = None
     left_command: Annotated[float, Field("see kind", "Left command in force on the board.")] = 0.0
     right_command: Annotated[float, Field("see kind", "Right command in force on the board.")] = 0.0
-    command_kind: Annotated[str, Field("", "`wheels` (rad/s) or `duty` (-1 to 1).")] = "wheels"
+    command_kind: Annotated[CommandKind, Field("", "`wheels` (rad/s) or `duty` (-1 to 1).")] = (
+        "wheels"
+    )
     command_time: Annotated[int | None, Field("ns", "When that command took hold, if known.")] = (
         None
     )
@@ -55,7 +82,7 @@ class Range(NamedTuple):
 
     time: Time
     distance: Annotated[float, Field("m", "Distance; the reach when clear, 0 when too close.")]
-    state: Annotated[str, Field("", "`clear`, `measured`, `too_close` or `fault`.")]
+    state: Annotated[RangeState, Field("", "`clear`, `measured`, `too_close` or `fault`.")]
 
 
 class Scan(NamedTuple):
@@ -131,7 +158,7 @@ class GoalState(NamedTuple):
     time: Time
     number: Annotated[int, Field("", "Number of the goal this speaks of.")]
     state: Annotated[
-        str,
+        Literal[GoalPhase, GoalEnd],
         Field(
             "",
             "`idle`, `turning`, `driving`, `aligning`, or how it ended: `reached`, "
@@ -156,7 +183,7 @@ class Link(NamedTuple):
     """Health of the link to the board."""
 
     time: Time
-    state: Annotated[str, Field("", "`opening`, `negotiating`, `up`, `stale` or `lost`.")]
+    state: Annotated[LinkState, Field("", "`opening`, `negotiating`, `up`, `stale` or `lost`.")]
     received: Annotated[int, Field("", "Good frames since the start.")] = 0
     damaged: Annotated[int, Field("", "Frames or bytes thrown away as damaged.")] = 0
     lost: Annotated[int, Field("", "Frames missing from the sequence.")] = 0
@@ -196,14 +223,11 @@ class Canvas(NamedTuple):
     ] = ()
 
 
-LOG_LEVELS = ("debug", "info", "warning", "error")  # the least grave first
-
-
 class LogLine(NamedTuple):
     """One event, in words."""
 
     time: Time
-    level: Annotated[str, Field("", "`debug`, `info`, `warning` or `error`.")]
+    level: Annotated[LogLevel, Field("", "`debug`, `info`, `warning` or `error`.")]
     source: Annotated[str, Field("", "The block that says it, `robot`, `operator` or `engine`.")]
     text: Annotated[str, Field("", "The words.")]
 

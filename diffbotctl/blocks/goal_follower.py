@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from math import atan2, copysign, cos, exp, hypot, pi, sin, sqrt
+from typing import cast
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time, shortest_turn
-from diffbotctl.messages import Goal, GoalState, Odometry, Stop, Twist
+from diffbotctl.messages import Goal, GoalEnd, GoalPhase, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
 
@@ -318,7 +319,9 @@ class GoalFollower(Block):
         self._begin(odometry)
         return None
 
-    def _clocks(self, step: float, odometry: Odometry, stop: Stop | None) -> tuple[str, str] | None:
+    def _clocks(
+        self, step: float, odometry: Odometry, stop: Stop | None
+    ) -> tuple[GoalEnd, str] | None:
         """Let the clocks run; (state, cause) when one of them ends the goal."""
         if stop is not None and stop.code and stop.latched:
             return None  # a held robot is neither late nor stuck
@@ -342,9 +345,10 @@ class GoalFollower(Block):
         goal = self.target
         assert goal is not None
         away = hypot(goal.x - odometry.x, goal.y - odometry.y)
-        return GoalState(now, goal.number, self.phase, away, self._turn_left(odometry))
+        phase = cast(GoalPhase, self.phase)  # `judging` lasts no longer than one call of `react`
+        return GoalState(now, goal.number, phase, away, self._turn_left(odometry))
 
-    def _end(self, now: int, odometry: Odometry, state: str, cause: str) -> GoalState:
+    def _end(self, now: int, odometry: Odometry, state: GoalEnd, cause: str) -> GoalState:
         self.phase = "aligning"
         told = self._tell(now, odometry)._replace(state=state, cause=cause)
         self.target, self.phase = None, "idle"

@@ -6,13 +6,13 @@ from math import sqrt
 from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.messages import Range, Resume, Stop, Twist
+from diffbotctl.messages import Range, Resume, Stop, StopCode, Twist
 from diffbotctl.params import Param
 
-STALE = "range_stale"
-FAULT = "range_fault"
-TOO_CLOSE = "too_close"
-OBSTACLE = "obstacle"
+STALE: StopCode = "range_stale"
+FAULT: StopCode = "range_fault"
+TOO_CLOSE: StopCode = "too_close"
+OBSTACLE: StopCode = "obstacle"
 CYCLE = 0.0252  # s; a Sharp sensor's longest cycle and its settling (data sheet ED-05G101)
 RELEASE = 0.02  # m farther than it stopped before it drives on; a reading at 20 cm wobbles by 3 mm
 

@@ -14,10 +14,10 @@ from diffbotctl.geometry.footprint import (
     points_of,
     seen_from,
 )
-from diffbotctl.messages import Odometry, Scan, Stop, Twist
+from diffbotctl.messages import Odometry, Scan, Stop, StopCode, Twist
 from diffbotctl.params import Param
 
-OBSTACLE = "obstacle"
+OBSTACLE: StopCode = "obstacle"
 STALE = "scan_stale"
 SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)  # of the wanted velocity that are tried, in this order
 STRIDE = 0.01  # m that a corner moves between two looks along the way

@@ -6,10 +6,21 @@ from collections.abc import Callable, Sequence
 
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.log import LEVEL
-from diffbotctl.messages import Goal, GoalState, LogLine, Message, Path, Resume, Setting, Stop
+from diffbotctl.messages import (
+    Goal,
+    GoalEnd,
+    GoalState,
+    LogLevel,
+    LogLine,
+    Message,
+    Path,
+    Resume,
+    Setting,
+    Stop,
+)
 from diffbotctl.time import NEVER
 
-ENDED = {"reached", "blocked", "stuck", "timed_out"}
+ENDED: set[GoalEnd] = {"reached", "blocked", "stuck", "timed_out"}
 
 
 class Operator:
@@ -107,7 +118,7 @@ class Operator:
             self.under_way, self.paused = self.paused, None
             self._say(now, "goal", self.under_way)
 
-    def note(self, now: int, level: str, source: str, text: str) -> None:
+    def note(self, now: int, level: LogLevel, source: str, text: str) -> None:
         """Put a line into the log for what is no block."""
         self._say(now, "log", LogLine(now, level, source, text))
 

@@ -16,6 +16,7 @@ from diffbotctl.messages import (
     LOG_LEVELS,
     Call,
     Goal,
+    GoalEnd,
     GoalState,
     Link,
     LogLine,
@@ -25,7 +26,7 @@ from diffbotctl.messages import (
     Text,
 )
 
-GIVEN_UP = {"blocked", "stuck", "timed_out"}
+GIVEN_UP: set[GoalEnd] = {"blocked", "stuck", "timed_out"}
 LINK_LEVELS = {"stale": WARNING, "lost": ERROR}
 
 

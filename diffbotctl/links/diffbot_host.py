@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from typing import Final
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_baud_search import BaudSearch
@@ -11,7 +12,7 @@ from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, BoardSetting
 from diffbotctl.links.diffbot_telemetry import COMMANDS, RawEdge, Sent, Telemetry, volts_of
 from diffbotctl.links.link_protocol import Refusal
 from diffbotctl.links.unknown_board import another_version, refused_setting, unsettled
-from diffbotctl.messages import Battery, Duty, Link, Message, Stop, Text, Wheels
+from diffbotctl.messages import Battery, Duty, Link, LinkState, Message, Stop, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 ASK_EVERY = 250 * MILLISECOND
@@ -33,7 +34,11 @@ HOLDING = {
     "overruled": ("overruled", "another program or port stopped the robot"),
     "button": ("stop_button", "the stop button is pressed"),
 }
-UP, STALE_STATE, NEGOTIATING, OPENING, GONE = "up", "stale", "negotiating", "opening", "lost"
+UP: Final = "up"
+STALE_STATE: Final = "stale"
+NEGOTIATING: Final = "negotiating"
+OPENING: Final = "opening"
+GONE: Final = "lost"
 
 HostOutput = list[tuple[str, Message]]
 
@@ -56,7 +61,7 @@ class DiffbotHost:
         self.baud = self._search.rate
         self.refusal: Refusal | None = None
         self._met_before = False
-        self.state = GONE
+        self.state: LinkState = GONE
         self.hello: frames.HelloFrame | None = None
         self.edges: list[RawEdge] = []
         """raw edges, when `capture` is on; whoever reads them empties the list"""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.clock_sync import BoardClock
 from diffbotctl.links.diffbot_settings import REFERENCE
-from diffbotctl.messages import Encoders, Volts
+from diffbotctl.messages import CommandKind, Encoders, Volts
 from diffbotctl.time import SECOND
 
 WRAP = 1 << 16
@@ -26,7 +26,7 @@ class Sent(NamedTuple):
     time: int  # ns, host, when it was written
     left: float
     right: float
-    kind: str  # `wheels` or `duty`
+    kind: CommandKind  # `wheels` or `duty`
 
 
 class RawEdge(NamedTuple):
@@ -183,7 +183,7 @@ class Telemetry:
 
     def _in_force(self, board: int, frame: State) -> tuple[Sent, int | None]:
         """The command that drives the motors, and the host's time since which its values do."""
-        kind = "duty" if frames.MODE[frame.mode] == "duty" else "wheels"
+        kind: CommandKind = "duty" if frames.MODE[frame.mode] == "duty" else "wheels"
         drives = frames.MODE[frame.mode] in ("speed", "duty")
         sent = self._sent.get(frame.command) if drives else None
         sent = sent or Sent(0, 0.0, 0.0, kind)

@@ -26,7 +26,7 @@ from diffbotctl.links.rosserial_topics import (
     TopicNames,
     Topics,
 )
-from diffbotctl.messages import Duty, Encoders, Link, Message, Text, Volts, Wheels
+from diffbotctl.messages import Duty, Encoders, Link, LinkState, Message, Text, Volts, Wheels
 from diffbotctl.time import NEVER, SECOND
 
 ASK_AGAIN = 570_000_000  # ns; a full answer takes 0.55 s at 9600 baud
@@ -79,7 +79,8 @@ class RosserialHost:
             self.names.right_ticks: TickUnwrapper(rate),
         }
         self.sensor, self.range_constant, self.wire_time = sensor, range_constant, wire_time
-        self.state, self.cause, self.boot = "opening", "", 0
+        self.state: LinkState = "opening"
+        self.cause, self.boot = "", 0
         self._replies: deque[bytes] = deque()
         self._fresh: dict[str, int] = {}  # arrival of ticks that wait for the other wheel's
         self._last: tuple[int, int] | None = None  # counts of the last Encoders

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from math import isfinite
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from diffbotctl.messages import Field, Goal, fields
 
@@ -77,6 +77,8 @@ def _property(hint: Any, field: Field) -> dict[str, Any]:
         inside = get_args(hint)[0]
         items = {"type": "number"} if inside is float else {"type": "object"}
         return {"type": "array", "items": items, **about}
+    if get_origin(hint) is Literal:
+        return {"type": "string", "enum": list(get_args(hint)), **about}
     names = {int: "integer", float: "number", str: "string", bool: "boolean", type(None): "null"}
     types = [names[part] for part in _parts(hint)]
     return {"type": types[0] if len(types) == 1 else types, **about}
@@ -87,7 +89,7 @@ def _parts(hint: Any) -> tuple[Any, ...]:
 
 
 def _is_tuple(hint: Any) -> bool:
-    return getattr(hint, "__origin__", None) is tuple
+    return get_origin(hint) is tuple
 
 
 def plain(value: Any) -> Any:

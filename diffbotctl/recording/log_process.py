@@ -21,7 +21,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.loop import INTERRUPTED, RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Sink
-from diffbotctl.messages import LogLine
+from diffbotctl.messages import LogLevel, LogLine
 from diffbotctl.processes.fork import fork_with_channel
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.recording.writer_process import read_items, report
@@ -63,7 +63,7 @@ def log_text(line: LogLine, epoch: int) -> str:
     return json.dumps(fields) + "\n"
 
 
-LEVELS = {0: "info", INTERRUPTED: "warning"}  # of the end, by exit code
+LEVELS: dict[int, LogLevel] = {0: "info", INTERRUPTED: "warning"}  # of the end, by exit code
 PROOF = {None: "", True: "; final stop confirmed", False: "; final stop NOT CONFIRMED"}
 
 
