@@ -9,7 +9,7 @@ from statistics import median
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
+from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Goal
 from diffbotctl.runs.run import Run, RunOptions, RunResult
@@ -119,7 +119,7 @@ def _compare(chance: Random) -> list[float]:
         bench.ready()
         bench.wait(400)
         target, rate, edge = 0.0, 10.0, bench.now
-        tick = bench.now + TICK // 2
+        tick = bench.now + LOOP_PERIOD // 2
         for step in range(60):
             if step == 0:
                 bench.claim()
@@ -146,7 +146,7 @@ def _compare(chance: Random) -> list[float]:
                     model.edge(rise)
                 edges = [each for each in edges if each > tick]
                 model.tick(tick)
-                tick += TICK
+                tick += LOOP_PERIOD
             for rise in edges:
                 model.edge(rise)
             bench.wait(50)

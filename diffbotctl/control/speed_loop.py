@@ -1,20 +1,25 @@
-"""The wheel-speed loop of a board with our firmware, in floating point.
+"""The wheel-speed loop: feed-forward with dead band, and PI on the speed that the edges tell.
 
-The same specification stands in the C source: feed-forward with dead band, PI on the speed that the
-edges tell, at 100 Hz. Speeds are rad/s, duty -1 to 1, times integer nanoseconds.
+It is written once for all who need it: the simulated board runs it as a board with our firmware
+does (the same specification stands in the C source), the host works out what it does (`mirror`),
+wheel speeds on the host and calibration use its feed-forward. Speeds are rad/s, duty -1 to 1, times
+integer nanoseconds.
 """
 
 from __future__ import annotations
 
-from math import pi
+from math import copysign, pi
 from typing import NamedTuple, Protocol
 
-TICK = 10_000_000  # ns between two runs of the loop
-TICK_SECONDS = 0.010
-SILENCE = 300_000_000  # ns without an edge after which the speed counts as unknown
-MOST_INTEGRAL = 0.25  # duty; more than the spread of cold motors is never needed
-SLEW = 0.05  # duty per tick while a reversal is under way, so that no gear is slammed
-STALL_DUTY, STALL_TIME = 0.3, 500_000_000  # duty above which a wheel must give edges, and for ns
+from diffbotctl.time import MILLISECOND
+
+LOOP_PERIOD = 10 * MILLISECOND
+LOOP_PERIOD_S = 0.010
+EDGE_TIMEOUT = 300 * MILLISECOND  # without an edge, after which the speed counts as unknown
+INTEGRAL_MAX = 0.25  # duty; more than the spread of cold motors is never needed
+SLEW_MAX = 0.05  # duty per period while a reversal is under way, so that no gear is slammed
+STALL_DUTY_MIN = 0.3  # above it a wheel must give edges
+STALL_TIMEOUT = 500 * MILLISECOND
 
 
 class SpeedGains(NamedTuple):
@@ -24,6 +29,12 @@ class SpeedGains(NamedTuple):
     slope: float
     proportional: float  # duty per rad/s
     integral: float  # duty per rad
+
+    def duty(self, target: float, error: float = 0.0, integral: float = 0.0) -> float:
+        """Unlimited duty for `target` (rad/s, not 0), with the speed's `error` (rad/s) and the
+        `integral` part (duty)."""
+        feed_forward = copysign(self.static, target) + self.slope * target
+        return feed_forward + self.proportional * error + integral
 
 
 class SpeedLoopSettings(Protocol):
@@ -55,45 +66,70 @@ def speed_gains(motor: MotorSettings) -> SpeedGains:
     return SpeedGains(loop.static, slope, loop.proportional, loop.integral)
 
 
-class WheelSpeedLoop:
-    """One wheel's loop. `duty` is what the motor gets, `direction` the sign of its counts."""
+def limit_duty(duty: float, target: float) -> float:
+    """`duty` within what the motor can be given: from 0 to 1 in the direction of `target`."""
+    power = duty if target > 0.0 else -duty
+    return copysign(min(power, 1.0), target) if target and power > 0.0 else 0.0
 
-    __slots__ = (
-        "_before",
-        "_gains",
-        "_integral",
-        "_last",
-        "_moved",
-        "_pitch",
-        "_slewing",
-        "direction",
-        "duty",
-        "fault",
-        "target",
-    )
+
+def limit_integral(integral: float, limit: float = INTEGRAL_MAX) -> float:
+    """`integral` (duty) within +-`limit`."""
+    return min(max(integral, -limit), limit)
+
+
+class SpeedLoop:
+    """One wheel's target, the speed that its edges tell, and the integral."""
+
+    __slots__ = ("gains", "integral", "last_edge", "pitch", "previous_edge", "target")
 
     def __init__(self, gains: SpeedGains, slots: int) -> None:
-        self._gains = gains
-        self._pitch = 2 * pi / slots
+        self.gains = gains
+        self.pitch = 2 * pi / slots
+        self.target = self.integral = 0.0
+        self.last_edge: int | None = None  # since the target's sign changed
+        self.previous_edge: int | None = None
+
+    def set_target(self, target: float) -> bool:
+        """Take a new target; True when the loop begins anew, at rest or in another direction."""
+        begins = target == 0.0 or target * self.target <= 0.0
+        if begins:
+            self.integral = 0.0
+            self.last_edge = self.previous_edge = None
+        self.target = target
+        return begins
+
+    def measured(self, now: int) -> float | None:
+        """Speed (rad/s) from the last period and the age of the last edge, or None."""
+        last, previous = self.last_edge, self.previous_edge
+        if last is None or previous is None:
+            return None
+        age, period = now - last, last - previous
+        if age > EDGE_TIMEOUT:
+            return None
+        longest = age if age > period else period
+        return copysign(self.pitch / (longest * 1e-9), self.target)
+
+
+class WheelSpeedLoop(SpeedLoop):
+    """A board's loop. `duty` is what the motor gets, `direction` the sign of its counts."""
+
+    __slots__ = ("_moved", "_slewing", "direction", "duty", "fault")
+
+    def __init__(self, gains: SpeedGains, slots: int) -> None:
+        super().__init__(gains, slots)
         self.direction = 1
-        self.target = self.duty = self._integral = 0.0
+        self.duty = 0.0
         self.fault = self._slewing = False
-        self._last: int | None = None
-        self._before: int | None = None
         self._moved = 0
 
     def edge(self, now: int) -> None:
         """An edge that passed the glitch filter."""
-        self._before, self._last = self._last, now
+        self.previous_edge, self.last_edge = self.last_edge, now
         self._moved = now
 
     def command(self, now: int, target: float) -> None:
         """Take a new target (rad/s); its feed-forward acts at once."""
-        before = self.target
-        self.target = target
-        if target == 0.0 or target * before <= 0.0:
-            self._integral = 0.0
-            self._last = self._before = None
+        if self.set_target(target):
             self._moved = now
             self._slewing = target * self.duty < 0.0
         if target:
@@ -101,82 +137,101 @@ class WheelSpeedLoop:
         self._drive(now, 0.0)
 
     @property
-    def resting(self) -> bool:
+    def is_at_rest(self) -> bool:
         """True when `tick` would change nothing: no motion is wanted, none is driven."""
         return self.target == 0.0 and self.duty == 0.0
 
-    def power(self, now: int, duty: float) -> None:
-        """Take a raw duty in place of a target; `watch` it each TICK."""
-        if abs(self.duty) <= STALL_DUTY:
+    def set_duty(self, now: int, duty: float) -> None:
+        """Take a raw duty in place of a target; `check_stall` each LOOP_PERIOD."""
+        if abs(self.duty) <= STALL_DUTY_MIN:
             self._moved = now
         self.duty = 0.0 if self.fault else duty
         if duty:
             self.direction = 1 if duty > 0.0 else -1
 
-    def watch(self, now: int, duty: float) -> bool:
-        """Look for a stall at a raw duty; False when there is nothing to look for."""
-        if abs(duty) <= STALL_DUTY:
+    def check_stall(self, now: int, duty: float) -> bool:
+        """Look for a stall at a `duty`; False when there is nothing to look for."""
+        if -STALL_DUTY_MIN <= duty <= STALL_DUTY_MIN:
             self._moved = now
-        elif now - self._moved > STALL_TIME:
+        elif now - self._moved > STALL_TIMEOUT:
             self.fault = True
             self.duty = 0.0
         return self.duty != 0.0
 
     def tick(self, now: int) -> float:
-        """Run the loop once, each TICK; returns the duty."""
-        if self.target == 0.0 or self.fault:
-            self.duty = 0.0
-            return 0.0
-        if -STALL_DUTY <= self.duty <= STALL_DUTY:
-            self._moved = now
-        elif now - self._moved > STALL_TIME:
-            self.fault = True
-            self.duty = 0.0
-            return 0.0
-        self._drive(now, TICK_SECONDS)
+        """Run the loop once, each LOOP_PERIOD; returns the duty."""
+        if self.target != 0.0 and not self.fault:
+            self.check_stall(now, self.duty)
+        self._drive(now, LOOP_PERIOD_S)
         return self.duty
-
-    def measured(self, now: int) -> float | None:
-        """Speed (rad/s) from the last period and the age of the last edge, or None."""
-        last, before = self._last, self._before
-        if last is None or before is None:
-            return None
-        age, period = now - last, last - before
-        if age > SILENCE:
-            return None
-        longest = age if age > period else period
-        return self.direction * self._pitch / (longest * 1e-9)
 
     def _drive(self, now: int, step: float) -> None:
         target = self.target
         if target == 0.0 or self.fault:
             self.duty = 0.0
             return
-        static, slope, proportional, integral = self._gains
         speed = self.measured(now)
         error = 0.0 if speed is None else target - speed
-        ahead = self.direction * static + slope * target
-        wanted = ahead + proportional * error + self._integral
-        change = integral * error * step
-        power = self.direction * wanted
-        if 0.0 <= power <= 1.0:
-            self._gather(change)
-        else:  # out of what the motor can be given: gather only what leads back
-            if (power - 1.0) * self.direction * change < 0.0:
-                self._gather(change)
-            wanted = float(self.direction) if power > 1.0 else 0.0
-        self.duty = self._slewed(wanted, step) if self._slewing else wanted
+        duty = self.gains.duty(target, error, self.integral)
+        limited = limit_duty(duty, target)
+        change = self.gains.integral * error * step
+        # out of what the motor can be given: integrate only what leads back
+        if duty == limited or (duty - limited) * change < 0.0:
+            self.integral = limit_integral(self.integral + change)
+        self.duty = self._slewed(limited, step) if self._slewing else limited
 
-    def _gather(self, change: float) -> None:
-        total = self._integral + change
-        if -MOST_INTEGRAL <= total <= MOST_INTEGRAL:
-            self._integral = total
-        else:
-            self._integral = MOST_INTEGRAL if total > 0.0 else -MOST_INTEGRAL
-
-    def _slewed(self, wanted: float, step: float) -> float:
-        """The next duty on the way to `wanted` through a reversal."""
-        limit = SLEW if step else 0.0
-        growth = self.direction * (wanted - self.duty)
+    def _slewed(self, duty: float, step: float) -> float:
+        """The next duty on the way to `duty` through a reversal."""
+        limit = SLEW_MAX if step else 0.0
+        growth = self.direction * (duty - self.duty)
         self._slewing = growth > limit
-        return self.duty + self.direction * limit if self._slewing else wanted
+        return self.duty + self.direction * limit if self._slewing else duty
+
+
+class SpeedLoopMirror(SpeedLoop):
+    """What a board's loop adds to its feed-forward, worked out again on the host.
+
+    The host hears of every target and of nearly every edge, or can tell from the counts about when
+    it was; so it knows the duty that the motor gets, though no frame carries it. Without that the
+    filter takes the loop's work for friction. Slewing and stalls are left out.
+    """
+
+    __slots__ = ("time",)
+
+    def __init__(self, gains: SpeedGains, slots: int, time: int) -> None:
+        super().__init__(gains, slots)
+        self.time = time
+
+    def update(self, time: int, steps: int, edge: int, target: float, since: int) -> float:
+        """Take one frame and return the duty. `steps` counts since the last, the last one at
+        `edge`; `target` (rad/s) in force `since`."""
+        if target != self.target and since <= edge:
+            self._run(since)
+            self.set_target(target)
+        if steps:
+            if abs(steps) > 1 and self.last_edge is not None:  # evenly, for want of better
+                self.last_edge = edge - (edge - self.last_edge) // abs(steps)
+            self._run(edge)
+            self.previous_edge, self.last_edge = self.last_edge, edge
+        if target != self.target:
+            self._run(since)
+            self.set_target(target)
+        self._run(time)
+        if target == 0.0:
+            return 0.0
+        speed = self.measured(time) if self.gains.proportional else None
+        error = 0.0 if speed is None else target - speed
+        return limit_duty(self.gains.duty(target, error, self.integral), target)
+
+    def _run(self, until: int) -> None:
+        """Run the board's loop at its ticks until then. Where its ticks lie does not matter much:
+        what one of them integrates is far below what a motor shows."""
+        if not self.target or self.previous_edge is None:
+            self.time = max(until, self.time)
+            return
+        while self.time + LOOP_PERIOD <= until:
+            self.time += LOOP_PERIOD
+            speed = self.measured(self.time)
+            if speed is not None:
+                angle = (self.target - speed) * LOOP_PERIOD_S
+                self.integral = limit_integral(self.integral + self.gains.integral * angle)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import copysign, pi
 from typing import NamedTuple, Protocol
 
-from diffbotctl.control.speed_loop_mirror import SpeedLoopMirror, SpeedLoopState
+from diffbotctl.control.speed_loop import MotorSettings, SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_hypothesis import WheelFrame
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
@@ -15,12 +15,10 @@ from diffbotctl.estimation.wheel_kalman import Priors
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; at another speed of the wheel
 
 
-class MotorConfig(Protocol):
+class MotorConfig(MotorSettings, Protocol):
     """What a side's motor must tell; times in s, speeds in rad/s."""
 
     lag: float
-    rated: float
-    loop: SpeedLoopState
 
 
 class WheelConfig(Protocol):
@@ -90,7 +88,7 @@ class WheelOdometer:
             )
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
-        self.mirror = SpeedLoopMirror(motor.loop, motor.rated, slots, time)
+        self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.travel = 0.0  # m, since the last report
         self.start_correction = 0.0  # m, by which the first stretch has turned out longer
         self.reported_travel = 0.0  # pitches
@@ -121,7 +119,7 @@ class WheelOdometer:
             edge = edge_time
             if edge is None:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
-            command = self.mirror.frame(time, steps, edge, command, command_since)
+            command = self.mirror.update(time, steps, edge, command, command_since)
         self.count = count
         drive = settled_speed(command, self.static, self.rated) * self.pitches_per_rad
         self.filter.update(WheelFrame(time, count, edge_time, drive, command_since))

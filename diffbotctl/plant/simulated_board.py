@@ -11,7 +11,7 @@ from collections import deque
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
+from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
 
@@ -96,7 +96,7 @@ class SimulatedBoard:
             BoardSide(WheelSpeedLoop(gain, slots) if kind.regulates else None) for gain in gains
         )
         self._silent = NEVER
-        self._tick = (now // TICK + 1) * TICK if kind.regulates else NEVER
+        self._tick = (now // LOOP_PERIOD + 1) * LOOP_PERIOD if kind.regulates else NEVER
         self._sent: deque[tuple[int, float, float]] = deque([(-NEVER, 0.0, 0.0)])
         self.due = self._tick
 
@@ -141,12 +141,12 @@ class SimulatedBoard:
             if loop is None:
                 continue
             if side.raw:
-                at_rest = at_rest and not loop.watch(now, side.duty)
+                at_rest = at_rest and not loop.check_stall(now, side.duty)
                 side.duty = loop.duty
             else:
                 side.duty = loop.tick(now)
-                at_rest = at_rest and loop.resting
-        self._tick = NEVER if at_rest else now + TICK
+                at_rest = at_rest and loop.is_at_rest
+        self._tick = NEVER if at_rest else now + LOOP_PERIOD
 
     def edge(self, side: BoardSide, time: int) -> None:
         """A rising edge at the pin of `side`."""
@@ -218,11 +218,13 @@ class SimulatedBoard:
             side.raw = raw
             loop.command(time, 0.0)  # another kind of command begins from rest
         if raw:
-            loop.power(time, value)
+            loop.set_duty(time, value)
         else:
             loop.command(time, value)
         if self._tick == NEVER:
-            self._tick = -(-time // TICK) * TICK  # the timer has gone on; this is its next
+            self._tick = (
+                -(-time // LOOP_PERIOD) * LOOP_PERIOD
+            )  # the timer has gone on; this is its next
         side.sign = loop.direction
         side.duty = loop.duty
 

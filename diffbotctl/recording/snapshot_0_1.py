@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from diffbotctl.control.speed_loop import SpeedGains, SpeedLoopMirror
+
 # (module, class) then and now.
 CLASSES = {
     ("blocks.footprint", "Footprint"): ("geometry.footprint", "Footprint"),
@@ -12,7 +14,7 @@ CLASSES = {
     ("blocks.known_slots", "Flanks"): ("estimation.slot_errors", "EdgeErrors"),
     ("blocks.known_slots", "KnownSlots"): ("estimation.slot_errors", "KnownSlotErrors"),
     ("blocks.disc_search", "DiscSearch"): ("estimation.disc_alignment", "DiscAlignment"),
-    ("blocks.loop_mirror", "LoopMirror"): ("control.speed_loop_mirror", "SpeedLoopMirror"),
+    ("blocks.loop_mirror", "LoopMirror"): ("control.speed_loop", "SpeedLoopMirror"),
     ("blocks.odometry_wheel", "CountedWheel"): ("estimation.wheel_odometer", "CountWheelOdometer"),
     ("blocks.odometry_wheel", "OdometryWheel"): ("estimation.wheel_odometer", "WheelOdometer"),
     ("blocks.pose_estimate", "PoseEstimate"): ("estimation.pose_filter", "PoseFilter"),
@@ -82,6 +84,14 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "slot": "edge_slot",
         "turned_back": "is_reversed",
     },
+    "SpeedLoopMirror": {
+        "before": "previous_edge",
+        "duty": None,
+        "gathered": "integral",
+        "last": "last_edge",
+        "loop": None,
+        "slope": None,
+    },
     "OdometryBlock": {"times": "timestamps"},
 }
 ATTRIBUTES["CountWheelOdometer"] = ATTRIBUTES["WheelOdometer"]
@@ -93,10 +103,11 @@ def reader_class(kind: type) -> type:
 
     def set_state(self: Any, state: Any) -> None:
         self.__class__ = kind
-        # An object's state is a dict, or with slots a pair of a dict and the slots' dict.
-        for attributes in state if isinstance(state, tuple) else (state,):
-            for name, value in present_attributes(kind, attributes or {}).items():
-                setattr(self, name, value)
+        # An object's state is its dict, or with slots a pair of a dict and the slots' dict.
+        parts = state if isinstance(state, tuple) else (state,)
+        attributes = {name: value for part in parts for name, value in (part or {}).items()}
+        for name, value in present_attributes(kind, attributes).items():
+            setattr(self, name, value)
 
     return type(kind.__name__, (kind,), {"__slots__": (), "__setstate__": set_state})
 
@@ -105,4 +116,10 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     """The attributes of an object of `kind` that version 0.1 saved, by their present names."""
     names = ATTRIBUTES.get(kind.__name__, {})
     renamed = {names.get(name, name): value for name, value in attributes.items()}
-    return {name: value for name, value in renamed.items() if name is not None}
+    present = {name: value for name, value in renamed.items() if name is not None}
+    if kind is SpeedLoopMirror:
+        loop = attributes["loop"]
+        present["gains"] = SpeedGains(
+            loop.static, attributes["slope"], loop.proportional, loop.integral
+        )
+    return present

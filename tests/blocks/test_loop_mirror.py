@@ -6,8 +6,7 @@ from random import Random
 import pytest
 
 from diffbotctl.config.robot import SpeedLoopSection as Settings
-from diffbotctl.control.speed_loop import TICK, SpeedGains, WheelSpeedLoop
-from diffbotctl.control.speed_loop_mirror import SpeedLoopMirror
+from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, SpeedLoopMirror, WheelSpeedLoop
 
 RATED = 100 * pi / 30  # rad/s
 SLOTS = 20
@@ -18,11 +17,9 @@ def run(targets, speeds, settings):
     """Both loops, frame by frame, over a wheel that turns at `speeds` (rad/s) as told: yields the
     duties of the board and of the mirror."""
     slope = (1.0 - settings.static) / RATED
-    board = WheelSpeedLoop(
-        SpeedGains(settings.static, slope, settings.proportional, settings.integral), SLOTS
-    )
-    mirror = SpeedLoopMirror(settings, RATED, SLOTS, 0)
-    pitch, angle, now, tick = 2 * pi / SLOTS, 0.3, 0, TICK
+    gains = SpeedGains(settings.static, slope, settings.proportional, settings.integral)
+    board, mirror = WheelSpeedLoop(gains, SLOTS), SpeedLoopMirror(gains, SLOTS, 0)
+    pitch, angle, now, tick = 2 * pi / SLOTS, 0.3, 0, LOOP_PERIOD
     last, count = 0, 0
     for target, speed in zip(targets, speeds, strict=True):
         begun = now
@@ -40,9 +37,9 @@ def run(targets, speeds, settings):
                 board.edge(now)
             if now >= tick:
                 board.tick(now)
-                tick += TICK
+                tick += LOOP_PERIOD
         count += steps
-        yield board.duty, mirror.frame(now, steps, last, target, since)
+        yield board.duty, mirror.update(now, steps, last, target, since)
 
 
 @pytest.mark.parametrize("seed", range(5))

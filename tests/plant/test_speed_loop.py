@@ -4,7 +4,13 @@ from math import pi
 
 import pytest
 
-from diffbotctl.control.speed_loop import MOST_INTEGRAL, SLEW, TICK, SpeedGains, WheelSpeedLoop
+from diffbotctl.control.speed_loop import (
+    INTEGRAL_MAX,
+    LOOP_PERIOD,
+    SLEW_MAX,
+    SpeedGains,
+    WheelSpeedLoop,
+)
 
 MS = 1_000_000
 # 5 rad/s: 0.1 against friction and 5 x 0.08: duty 0.5.
@@ -54,16 +60,16 @@ def test_the_integral_is_bounded():
     for k in range(20):
         made.edge(k * 100 * MS)
         made.tick(k * 100 * MS + 10 * MS)
-    assert made.duty == pytest.approx(0.2 + MOST_INTEGRAL)
+    assert made.duty == pytest.approx(0.2 + INTEGRAL_MAX)
 
 
 def test_a_reversal_is_slewed():
     made = loop()
     made.command(0, 5.0)
-    made.command(TICK, -5.0)
-    duties = [made.tick(k * TICK) for k in range(1, 23)]
+    made.command(LOOP_PERIOD, -5.0)
+    duties = [made.tick(k * LOOP_PERIOD) for k in range(1, 23)]
     # From 0.5 to -0.5 by 0.05 a tick: twenty ticks.
-    assert duties[:20] == pytest.approx([0.5 - SLEW * k for k in range(1, 21)])
+    assert duties[:20] == pytest.approx([0.5 - SLEW_MAX * k for k in range(1, 21)])
     assert duties[20:] == pytest.approx([-0.5, -0.5])
     assert made.direction == -1
 
@@ -72,9 +78,9 @@ def test_a_wheel_without_edges_is_a_stall_after_half_a_second():
     made = loop()
     made.command(0, 5.0)
     for k in range(1, 51):
-        assert made.tick(k * TICK) == pytest.approx(0.5)
-    assert made.tick(51 * TICK) == 0.0 and made.fault
-    made.command(52 * TICK, 6.0)
+        assert made.tick(k * LOOP_PERIOD) == pytest.approx(0.5)
+    assert made.tick(51 * LOOP_PERIOD) == 0.0 and made.fault
+    made.command(52 * LOOP_PERIOD, 6.0)
     assert made.duty == 0.0  # it stays off until it is told to forget
 
 
@@ -82,5 +88,5 @@ def test_little_duty_is_no_stall():
     made = loop()
     made.command(0, 2.0)  # 0.26, perhaps less than a stiff gear needs
     for k in range(1, 200):
-        made.tick(k * TICK)
+        made.tick(k * LOOP_PERIOD)
     assert not made.fault
