@@ -8,22 +8,9 @@ import tempfile
 from itertools import chain as joined
 from pathlib import Path
 
-from prove import (
-    calibration,
-    chain,
-    faults,
-    firmware,
-    first_goal,
-    link_rosserial,
-    model,
-    motion,
-    operator,
-    ports,
-    radio,
-    recordings,
-    wander,
-)
-from prove.row import printed
+from diffbotctl.testing.trials import calibration, ports, radio, rosserial, wander
+from diffbotctl.testing.trials.row import printed
+from prove import chain, faults, firmware, first_goal, model, motion, operator, recordings
 
 
 def main() -> int:
@@ -45,7 +32,7 @@ def main() -> int:
     os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
     tables = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
-        link_rosserial.rows(options.seed, options.starts),
+        rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         first_goal.rows(),

@@ -20,8 +20,8 @@ from diffbotctl.recording import writer_process
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
-from prove.row import Row, printed
 
 TICKS = 8000  # a side
 PERIOD = 0.001  # s

@@ -18,8 +18,8 @@ from diffbotctl.calibrate.runner import open_session
 from diffbotctl.calibrate.steps.squares import corners, wrap_angle
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
-from prove.chain_robots import Chained, Wiring, chained, drawn
-from prove.row import Row, printed
+from diffbotctl.testing.calibration_robots import Chained, Wiring, chained, drawn
+from diffbotctl.testing.trials.row import Row, printed
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: a nearer goal could not be reached by counting.

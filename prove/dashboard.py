@@ -11,11 +11,11 @@ from pathlib import Path
 from random import Random
 from statistics import median
 
-from prove.row import Row, printed
+from diffbotctl.testing.lost_terminal import drive, lose, ssh_server
+from diffbotctl.testing.running import PlainClient, command, moves, running, stands
+from diffbotctl.testing.terminal import Terminal
+from diffbotctl.testing.trials.row import Row, printed
 from prove.screen import Drain
-from tests.control_socket.running import Plain, command, moves, running, stands
-from tests.terminal import Terminal
-from tests.ui.test_lost_terminal import drive, lose, ssh_server
 
 SIZE = (120, 40)
 CORE = 15.0  # % of a core
@@ -43,7 +43,7 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
 
 def costs(folder: Path) -> Iterator[Row]:
     """Processor and start, with map, facts, plots, blocks and log on the screen."""
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.until(moves)
     words, environment = command(folder, "dash", "--hz", "10")
     firsts = []
@@ -83,7 +83,7 @@ def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Rando
     """Drive by `teleop` and lose the person; the robot stands, the cause says who."""
     times, good = [], 0
     words, environment = command(folder, "teleop", "--mode", mode)
-    client = Plain(folder)
+    client = PlainClient(folder)
     for _ in range(trials):
         client.until(moves)
         with (

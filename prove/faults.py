@@ -15,8 +15,8 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.recording.mcap_file import RecordingReader
-from prove.row import Row, printed
-from tests.book_board import Device, OnPort
+from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.trials.row import Row, printed
 
 PROGRAM = (
     "from diffbotctl.config import registry\n"
@@ -34,7 +34,7 @@ class Trial:
 
     def __init__(self, chance: Random, folder: Path) -> None:
         self.chance, self.folder = chance, folder
-        self.port = OnPort(Device(distance=25.0))
+        self.port = BookBoardPort(BookBoard(distance=25.0))
         self.out = ""
 
     def words(self, pipeline: str, *more: str) -> list[str]:

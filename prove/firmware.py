@@ -9,8 +9,8 @@ import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from prove import board_restarts, board_runs, board_trials, flash_trials, frame_damage
-from prove.row import Row, printed
+from diffbotctl.testing.trials import board, board_restarts, board_runs, flash, frame_damage
+from diffbotctl.testing.trials.row import Row, printed
 
 
 def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
@@ -20,15 +20,15 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         return max(least, round(count * share))
 
     parts: list[Callable[[], Iterator[Row]]] = [
-        partial(board_trials.image),
-        partial(board_trials.latency, seed, many(200, 20)),
-        partial(board_trials.telemetry, many(60, 5)),
-        partial(board_trials.edges),
-        partial(board_trials.bounce, seed, many(3, 1)),
-        partial(board_trials.refused_settings, seed, many(400, 40)),
-        partial(board_trials.eeprom_cuts, seed, many(200, 20)),
-        partial(board_trials.restarts, seed, many(15, 3)),
-        partial(board_trials.deadman, seed, many(1000, 20)),
+        partial(board.image),
+        partial(board.latency, seed, many(200, 20)),
+        partial(board.telemetry, many(60, 5)),
+        partial(board.edges),
+        partial(board.bounce, seed, many(3, 1)),
+        partial(board.refused_settings, seed, many(400, 40)),
+        partial(board.eeprom_cuts, seed, many(200, 20)),
+        partial(board.restarts, seed, many(15, 3)),
+        partial(board.deadman, seed, many(1000, 20)),
         partial(frame_damage.to_board, seed, many(1e7, 100_000)),
         partial(frame_damage.to_host, seed, many(1e7, 20_000)),
         partial(frame_damage.through_binary, seed, many(1e4, 100)),
@@ -36,7 +36,7 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board_runs.goals, seed, many(20, 3)),
         partial(board_runs.same_twice, seed),
         partial(board_restarts.rows, seed, many(30, 3)),
-        partial(flash_trials.rows),
+        partial(flash.rows),
     ]
     for part in parts:
         yield from part()

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from diffbotctl.start.guide_answers import QUESTIONS
-from prove.row import Row, printed
+from diffbotctl.testing.trials.row import Row, printed
 
 ROOT = Path(__file__).parent.parent
 TARGET = 120.0  # s on two cores

@@ -21,8 +21,8 @@ from diffbotctl.recording.black_box_store import MOST
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.testing.trials.row import Row
 from diffbotctl.time import SECOND
-from prove.row import Row
 
 PERIOD = SECOND // 10_000  # ns between two instants: so fast that the ring is full before it is old
 BATCH = 50  # instants handed on at once

@@ -15,7 +15,7 @@ from diffbotctl.config.load import load
 from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time
 from diffbotctl.messages import Goal
 from diffbotctl.runs.run import Run, RunOptions
-from prove.row import Row, printed
+from diffbotctl.testing.trials.row import Row, printed
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
 IDEAL = str(Path(__file__).with_name("ideal_robot.yaml"))

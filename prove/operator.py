@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Iterator
 from itertools import chain
 
+from diffbotctl.testing.trials.row import Row, printed
 from prove import dashboard, operator_load, operator_people
-from prove.row import Row, printed
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:

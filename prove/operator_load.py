@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
+from diffbotctl.testing.book_board import frame
+from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
-from prove.row import Row, printed
-from tests.book_board import frame
 
 RATE = 50.0  # ticks a second, as the book's robot
 SEGMENT = 3.0  # s of one load before the next one

@@ -15,8 +15,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from prove.row import Row
-from tests.control_socket.running import Plain, command, moves, running, stands
+from diffbotctl.testing.running import PlainClient, command, moves, running, stands
+from diffbotctl.testing.trials.row import Row
 
 LIMIT = 0.5  # s from the loss to the wheels commanded to zero
 LATEST = 1.0  # s of driving before something happens
@@ -65,7 +65,7 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Ro
     """Drive, lose the driver at a random time, and see the wheels stand and the goal wait."""
     times, good = [], 0
     for _ in range(trials):
-        client = Plain(folder)
+        client = PlainClient(folder)
         client.until(moves)
         driver, terminal = drive(folder)
         client.until(is_driven)
@@ -114,7 +114,7 @@ def drive(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
 def watchers(folder: Path, trials: int) -> Row:
     """Watchers killed and frozen while a goal is under way."""
     words, environment = command(folder, "topic", "echo", "*")
-    client, good = Plain(folder), 0
+    client, good = PlainClient(folder), 0
     for trial in range(trials):
         client.until(moves)
         watcher = subprocess.Popen(words, env=environment, stdout=subprocess.PIPE)
@@ -133,7 +133,7 @@ def watchers(folder: Path, trials: int) -> Row:
     )
 
 
-def is_undisturbed(client: Plain, since: int) -> bool:
+def is_undisturbed(client: PlainClient, since: int) -> bool:
     """Nothing holds the robot, the goal is in force, and since then nobody spoke of either.
 
     That the wheels turn at one moment says less: between a turn and a drive they stand.
@@ -146,12 +146,12 @@ def is_undisturbed(client: Plain, since: int) -> bool:
 
 def nonsense(folder: Path, lines: int, chance: Random) -> Row:
     """Lines drawn from what goes wrong in practice; none may be obeyed, others are served."""
-    quiet, refused = Plain(folder), 0
+    quiet, refused = PlainClient(folder), 0
     quiet.ask("stop")
     goal = quiet.until(stands)["operator.goal"]["number"]
     quiet.ask("watch", topic="gate.wheels")
     for _ in range(lines):
-        client = Plain(folder)
+        client = PlainClient(folder)
         try:
             client.send(drawn(chance) + b"\n")
             said = client.read()

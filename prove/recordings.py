@@ -23,8 +23,8 @@ from mcap.reader import make_reader
 
 from diffbotctl.recording.mcap_file import RecordingReader
 from diffbotctl.recording.recover import recover
+from diffbotctl.testing.trials.row import Row, printed
 from prove import flight_load
-from prove.row import Row, printed
 
 # SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
 PUBLISHED = {

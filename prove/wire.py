@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from prove.row import Row, printed
-from tests.book_board import Device, frame
+from diffbotctl.testing.book_board import BookBoard, frame
+from diffbotctl.testing.trials.row import Row, printed
 
 SECONDS = 12.0  # of ticks a run
 PAIR = 24  # bytes of both wheels' commands
@@ -136,7 +136,7 @@ def drain(terminal: int) -> None:
 
 def negotiate(port: int) -> None:
     """Answer the topic request as the board does."""
-    board = Device()
+    board = BookBoard()
     while not board.configured:
         board.take(os.read(port, 4096))
     for _, data, _ in board.out:

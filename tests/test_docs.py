@@ -31,7 +31,7 @@ def test_what_python_is_shown_to_answer_it_answers(page):
 
 
 def test_the_kinematics_picture_is_what_the_code_draws():
-    from prove.arc_picture import PAGE, picture
+    from diffbotctl.testing.trials.arc_picture import PAGE, picture
 
     assert PAGE.read_text() == picture(), "run `python -m prove.arc_picture`"
 

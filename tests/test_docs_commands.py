@@ -16,8 +16,8 @@ import click
 import pytest
 
 from diffbotctl.cli.main import COMMANDS, program
-from tests.terminal import Terminal
-from tests.virtual_board import LONGEST, board
+from diffbotctl.testing.terminal import Terminal
+from diffbotctl.testing.virtual_board import LONGEST, board
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

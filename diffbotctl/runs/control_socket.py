@@ -20,8 +20,8 @@ from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.render.map_scene import scene
 from diffbotctl.runs.build_graph import Assembly
 
-PATIENCE = 1.5  # s; the hub gives its clients half a second for its last words
-LOOK = 0.005  # s between two looks whether it has ended
+EXIT_TIMEOUT_S = 1.5  # s; the hub gives its clients half a second for its last words
+POLL_PERIOD_S = 0.005  # s between two looks whether it has ended
 
 
 class SocketOptions(NamedTuple):
@@ -75,13 +75,13 @@ class RunControlSocket:
     def end(self) -> None:
         """See the hub end; one that is frozen is killed, for nobody else is left to do it."""
         remove_socket(self.path)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + EXIT_TIMEOUT_S
         while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
             if time.monotonic() > deadline:
                 os.kill(self.pid, signal.SIGKILL)
                 os.waitpid(self.pid, 0)
                 return
-            time.sleep(LOOK)
+            time.sleep(POLL_PERIOD_S)
 
 
 def _drivers(port: str) -> dict[str, type]:

@@ -7,7 +7,7 @@ import pytest
 from diffbotctl.blocks.wander import Wander, free_distance, freer_side
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Odometry, Scan
-from prove.wander import START_ROOM, walks, world_of
+from diffbotctl.testing.trials.wander import START_ROOM, walks, world_of
 
 MS = 1_000_000
 ROBOT = load_robot("turtlebot3_burger").robot

@@ -10,8 +10,8 @@ from diffbotctl.bluetooth.link_stats import (
     percentile,
 )
 from diffbotctl.bluetooth.rate_advice import advise_rate, max_telemetry_rate
-from tests.radio import Radio
-from tests.virtual_board import board, diffbotctl, flat
+from diffbotctl.testing.radio_module import RadioModule
+from diffbotctl.testing.virtual_board import board, diffbotctl, flat
 
 MS = 1_000_000
 # Four frames, taken each 25 ms by a clock that is 700 ms behind; number 2 never came.
@@ -98,7 +98,9 @@ def test_every_change_has_a_reason():
 
 def test_a_link_of_known_delays_is_measured(tmp_path):
     with board() as virtual:
-        with Radio(virtual.radio, tmp_path / "radio", delay=(0.030, 0.060), loss=0.1) as radio:
+        with RadioModule(
+            virtual.radio, tmp_path / "radio", delay=(0.030, 0.060), loss=0.1
+        ) as radio:
             code, said = diffbotctl(
                 "bluetooth", "test", radio.device, "--robot", "book_2wd", "--for", 6
             )

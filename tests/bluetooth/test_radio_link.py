@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from prove import radio
-from tests.radio import Radio
-from tests.virtual_board import board, diffbotctl, flat, run, start, wait_until
+from diffbotctl.testing.radio_module import RadioModule
+from diffbotctl.testing.trials import radio
+from diffbotctl.testing.virtual_board import board, diffbotctl, flat, run, start, wait_until
 
 STILL = [0.0, 0.0]
 FRAMES = 80  # two seconds of telemetry
@@ -61,7 +61,7 @@ def test_it_drives_over_a_late_and_lossy_link(tmp_path):
     name = f"lossy{os.getpid()}"
     with (
         board() as virtual,
-        Radio(virtual.radio, tmp_path / "radio", loss=0.05) as link,
+        RadioModule(virtual.radio, tmp_path / "radio", loss=0.05) as link,
         driving(link, name) as driver,
     ):
         wait_until(lambda: goes(virtual, name, 0.2))
@@ -76,7 +76,7 @@ def test_after_an_outage_nothing_moves_until_a_person_consents(tmp_path, how):
     name = f"{how.replace(' ', '-')}{os.getpid()}"
     with (
         board() as virtual,
-        Radio(virtual.radio, tmp_path / "radio") as link,
+        RadioModule(virtual.radio, tmp_path / "radio") as link,
         driving(link, name) as driver,
     ):
         wait_until(lambda: goes(virtual, name, 0.1))

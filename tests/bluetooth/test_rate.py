@@ -12,8 +12,8 @@ import pytest
 from diffbotctl.bluetooth.hc05_at import AtModeError, AtReplyReader, BaudChange, set_baud
 from diffbotctl.config.lookup import folder
 from diffbotctl.flash.intel_hex import read_hex
-from tests.hc05 import Hc05
-from tests.virtual_board import board, diffbotctl, flat
+from diffbotctl.testing.hc05 import Hc05
+from diffbotctl.testing.virtual_board import board, diffbotctl, flat
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 

@@ -5,12 +5,12 @@ import select
 import socket
 from contextlib import suppress
 
-from tests.alongside import Alongside
-from tests.book_board import Device, OnPort
-from tests.virtual_board import run, start
+from diffbotctl.testing.background import BackgroundDevice
+from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.virtual_board import run, start
 
 
-class Relay(Alongside):
+class Relay(BackgroundDevice):
     """A radio without any delay: a socket joined to a board's port."""
 
     def __init__(self, port, path):
@@ -55,7 +55,7 @@ def drive(relay):
 
 
 def test_the_guardian_stops_a_board_whose_host_was_killed(tmp_path):
-    stock = OnPort(Device(distance=25.0))
+    stock = BookBoardPort(BookBoard(distance=25.0))
     with Relay(stock.name, tmp_path / "radio") as relay:
         driver = drive(relay)
         stock.wait_for(lambda board: board.speed["left"] > 3, 30)
@@ -66,7 +66,7 @@ def test_the_guardian_stops_a_board_whose_host_was_killed(tmp_path):
 
 
 def test_an_ended_run_hangs_up_and_the_next_one_drives(tmp_path):
-    stock = OnPort(Device(distance=25.0))
+    stock = BookBoardPort(BookBoard(distance=25.0))
     with Relay(stock.name, tmp_path / "radio") as relay:
         for _ in range(2):
             driver = drive(relay)

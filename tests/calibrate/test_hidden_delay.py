@@ -9,7 +9,7 @@ from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
-from prove.chain_robots import Quiet
+from diffbotctl.testing.calibration_robots import SilentScreen
 
 MS = 1_000_000
 
@@ -47,7 +47,7 @@ def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
     made, _ = stock(4, 60)
     answers = tmp_path / "answers.yaml"
     answers.write_text("{}")
-    outcome = run_step(MotorStep(), made, AnswersFile(answers, None), Quiet())
+    outcome = run_step(MotorStep(), made, AnswersFile(answers, None), SilentScreen())
     found = {each.field: each for each in outcome.findings}
     delay = found["link.command_delay"]
     assert delay.value == pytest.approx(0.06, abs=3.5 * delay.sd)

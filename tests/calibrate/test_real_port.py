@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.load import load_robot
-from tests import virtual_board as board
-from tests.terminal import Terminal
+from diffbotctl.testing import virtual_board as board
+from diffbotctl.testing.terminal import Terminal
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 

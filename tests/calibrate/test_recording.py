@@ -6,7 +6,7 @@ import pytest
 
 from diffbotctl.calibrate.log_reader import read_counts
 from diffbotctl.errors import UsageError
-from prove.calibration import rows
+from diffbotctl.testing.trials.calibration import rows
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -11,7 +11,7 @@ from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
-from prove.chain_robots import Quiet
+from diffbotctl.testing.calibration_robots import SilentScreen
 
 MS = 1_000_000
 FILE = load_robot("book_2wd")
@@ -89,7 +89,7 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
     made, truths = open_session(load_robot(str(robot)), port, 3)
     try:
         outcome = run_step(
-            EncoderStep(turns=5, rolls=1), made, AnswersFile(answers, truths), Quiet()
+            EncoderStep(turns=5, rolls=1), made, AnswersFile(answers, truths), SilentScreen()
         )
     finally:
         made.close()

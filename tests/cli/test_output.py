@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from tests.virtual_board import command
+from diffbotctl.testing.virtual_board import command
 
 # Each prints letters beyond ASCII to a UTF-8 terminal: boxes, braille, branches.
 PICTURES = (

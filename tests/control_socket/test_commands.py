@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli.stop import outcome
-from tests.control_socket.running import Plain, cli, moves, running, stands
+from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "2 0")
 
@@ -33,7 +33,7 @@ def hub_of(folder, pid):
 
 def test_stop_why_resume_and_goto(tmp_path):
     with running(tmp_path, *FAR):
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         code, out, _ = cli(tmp_path, "stop", "the", "cat")
         assert code == 0 and "stopped" in out
@@ -50,11 +50,11 @@ def test_stop_why_resume_and_goto(tmp_path):
 
 def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
     with running(tmp_path, *FAR):
-        Plain(tmp_path).until(moves)
+        PlainClient(tmp_path).until(moves)
         code, _, complaint = cli(tmp_path, "resume")
         assert code == 1 and "nothing is stopped" in complaint
         assert "goal 1: driving, " in complaint and "to go" in complaint
-        assert moves(Plain(tmp_path).ask("status"))  # it changes nothing
+        assert moves(PlainClient(tmp_path).ask("status"))  # it changes nothing
         assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
         code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
         assert code == 0 and "goal 1 goes on" in out
@@ -93,7 +93,7 @@ def test_without_an_engine_and_with_several(tmp_path):
         code, _, complaint = cli(tmp_path, "why", "--engine", "secnd")
         assert code == 2 and "did you mean second" in complaint
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
-        first, second = Plain(tmp_path, "first"), Plain(tmp_path, "second")
+        first, second = PlainClient(tmp_path, "first"), PlainClient(tmp_path, "second")
         assert second.ask("status")["held"] and not first.ask("status")["held"]
         code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
         assert code == 0 and "first: stopped" in out and first.ask("status")["held"]
@@ -104,7 +104,7 @@ def test_without_an_engine_and_with_several(tmp_path):
 @pytest.mark.parametrize("broken", ["hub frozen", "hub killed", "engine frozen"])
 def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
     with running(tmp_path, *FAR) as process:
-        Plain(tmp_path).until(moves)
+        PlainClient(tmp_path).until(moves)
         hub = hub_of(tmp_path, process.pid)
         if broken == "hub frozen":
             os.kill(hub, signal.SIGSTOP)
@@ -131,4 +131,4 @@ def test_a_killed_engine_leaves_no_name_behind(tmp_path):
     assert (tmp_path / "diffbotctl" / "test.socket").exists()
     assert "E-NO-ENGINE" in cli(tmp_path, "why")[2]
     with running(tmp_path, *FAR):
-        assert Plain(tmp_path).ask("status")["ok"]
+        assert PlainClient(tmp_path).ask("status")["ok"]

@@ -12,7 +12,7 @@ import pytest
 
 from diffbotctl.control_socket.address import group_folder
 from diffbotctl.control_socket.protocol import LONGEST_LINE
-from tests.control_socket.running import PATIENCE, Plain, cli, running
+from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 
 NOBODY = 65534  # a user that every Debian has, with no rights at all
 ROOT_ONLY = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def others_are_unaffected(folder):
     """Beside each test a quiet client is served, and nothing reaches the motors."""
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.ask("watch", topic="gate.wheels")
     yield
     client.send('{"id": "last", "do": "status"}')
@@ -40,7 +40,7 @@ def others_are_unaffected(folder):
 
 
 def refusal_to(folder, data):
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.send(data)
     said = client.read()
     client.close()
@@ -92,7 +92,7 @@ def test_nonsense_gets_a_clear_refusal(folder, data, words):
     ],
 )
 def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
-    client = Plain(folder, hello=None)
+    client = PlainClient(folder, hello=None)
     client.send(hello)
     assert words in client.read()["cause"]
     assert client.read() is None
@@ -100,10 +100,10 @@ def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
 
 
 def test_half_a_line_waits_and_is_forgotten_with_its_client(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.send(b'{"do": "goto", "x": 1, ')
     client.close()
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.send(b'{"id": 1, "do": ')
     client.send(b'"topics"}\n')
     assert client.read()["id"] == 1
@@ -111,7 +111,7 @@ def test_half_a_line_waits_and_is_forgotten_with_its_client(folder):
 
 
 def test_a_line_of_100_megabytes_is_cut_off(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     sent, piece = 0, b"x" * (1 << 20)
     try:
         while sent < 100 << 20:
@@ -124,7 +124,7 @@ def test_a_line_of_100_megabytes_is_cut_off(folder):
 
 
 def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.send(
         b"".join(b'{"id": %d, "do": "rate", "topic": "gate.wheels"}\n' % i for i in range(1000))
     )
@@ -133,11 +133,11 @@ def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
 
 
 def test_who_never_reads_loses_the_oldest_and_is_told(folder):
-    deaf = Plain(folder)
+    deaf = PlainClient(folder)
     deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     for _ in range(3):
         deaf.send('{"do": "watch", "topic": "*"}')
-    quick = Plain(folder)
+    quick = PlainClient(folder)
     began = quick.ask("status")["time"]
     quick.until(lambda status: status["time"] > began + 4_000_000_000)
     lost = 0
@@ -153,7 +153,7 @@ def test_more_connections_than_there_is_room_for(folder):
     for _ in range(300):
         strangers.append(socket.socket(socket.AF_UNIX))
         strangers[-1].connect(str(folder / "diffbotctl" / "test.socket"))
-    client = Plain(folder)
+    client = PlainClient(folder)
     assert client.ask("status")["ok"]  # who has greeted goes before who has not
     for stranger in strangers:
         stranger.close()
@@ -161,7 +161,7 @@ def test_more_connections_than_there_is_room_for(folder):
 
 
 def test_connecting_again_and_again_leaves_nothing_behind(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     pid = client.ask("status")["pid"]
     hub = hub_of(pid)
     before = len(os.listdir(f"/proc/{hub}/fd"))
@@ -185,7 +185,7 @@ def hub_of(pid):
 
 
 def test_a_client_that_half_closes_still_gets_its_answers_and_its_stream(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     client.send('{"id": 1, "do": "watch", "topic": "robot.encoders"}')
     client.socket.shutdown(socket.SHUT_WR)
     assert client.read()["id"] == 1
@@ -210,7 +210,7 @@ except PermissionError as error:
 def as_nobody(path, *groups):
     """What user `nobody`, in these groups besides its own, gets from the socket."""
     words = [sys.executable, "-c", AS_NOBODY, str(path), *map(str, groups)]
-    return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE).stdout
+    return subprocess.run(words, capture_output=True, text=True, timeout=REPLY_TIMEOUT_S).stdout
 
 
 @ROOT_ONLY

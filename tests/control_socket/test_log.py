@@ -7,7 +7,15 @@ import time
 
 import pytest
 
-from tests.control_socket.running import PATIENCE, Plain, cli, command, moves, running, stands
+from diffbotctl.testing.running import (
+    REPLY_TIMEOUT_S,
+    PlainClient,
+    cli,
+    command,
+    moves,
+    running,
+    stands,
+)
 
 FAR = ["goal", "--goal", "4 0"]
 
@@ -16,7 +24,7 @@ FAR = ["goal", "--goal", "4 0"]
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("log")
     with running(made, "goal", "--stay", "--goal", "0 0"):
-        Plain(made).until(lambda status: status["time"] > 200_000_000)  # ns
+        PlainClient(made).until(lambda status: status["time"] > 200_000_000)  # ns
         yield made
 
 
@@ -27,8 +35,8 @@ def follow(folder, *words):
 
 
 def until(ask, seen):
-    """Ask again and again until `seen(answer)`, which it must become in PATIENCE."""
-    deadline = time.monotonic() + PATIENCE
+    """Ask again and again until `seen(answer)`, which it must become in REPLY_TIMEOUT_S."""
+    deadline = time.monotonic() + REPLY_TIMEOUT_S
     while not seen(answer := ask()):
         assert time.monotonic() < deadline, answer
     return answer
@@ -54,7 +62,7 @@ def test_what_was_said_before_and_only_that(folder):
 
 
 def test_by_level_and_by_block(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     assert client.ask("stop", why="someone tests")["ok"]
     client.until(lambda status: status["held"] is not None)
     errors = client.ask("log", level="error")["lines"]
@@ -73,7 +81,7 @@ def test_following_shows_an_event_as_it_happens(folder):
     try:
         read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
         # What was said before is printed when the stream is on, so the next comes by it.
-        assert Plain(folder).ask("set", parameter="guard.margin", value="6 cm")["ok"]
+        assert PlainClient(folder).ask("set", parameter="guard.margin", value="6 cm")["ok"]
         line = read_until(process.stdout, lambda line: "guard.margin" in line["text"])
         assert line["text"] == "guard.margin = 0.06" and line["source"] == "operator"
     finally:
@@ -82,7 +90,7 @@ def test_following_shows_an_event_as_it_happens(folder):
 
 
 def test_whoever_drives_is_named_when_they_come_and_go(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
     assert client.ask("release")["ok"]
     client.until(stands)
@@ -127,13 +135,13 @@ def test_what_is_not_there_is_said(folder, words, complaint):
     ],
 )
 def test_nonsense_is_refused(folder, asked, complaint):
-    said = Plain(folder).ask(**asked)
+    said = PlainClient(folder).ask(**asked)
     assert said["ok"] is False and complaint in said["cause"]
 
 
 def test_a_level_changes_while_running(tmp_path):
     with running(tmp_path, *FAR):
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
         assert set(levels.values()) == {"info"}
@@ -157,7 +165,7 @@ def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
 
     path = tmp_path / "levels.mcap"
     with running(tmp_path, *FAR, "--record", str(path)) as process:
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         assert client.ask("log_level", block="mux", level="debug")["ok"]
         assert client.ask("drive", linear=0.1, angular=0.0)["ok"]
@@ -173,7 +181,7 @@ def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
 
 
 def test_blocks_are_measured_while_someone_asks(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     rows = until(
         lambda: {row["block"]: row for row in client.ask("blocks")["blocks"]},
         lambda rows: rows["odometry"]["busy"] is not None,
@@ -193,7 +201,7 @@ def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
     process = subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
     try:
         process.stdout.readline(), process.stdout.readline()
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
 
         def overruns():
             return client.ask("blocks")["blocks"][0]["overruns"]
@@ -217,7 +225,7 @@ def test_whoever_follows_hears_how_the_run_ended(tmp_path):
             engine.send_signal(signal.SIGINT)
             line = read_until(process.stdout, lambda line: line["source"] == "engine")
             assert line["level"] == "warning" and "final stop confirmed" in line["text"]
-            assert process.wait(timeout=PATIENCE) == 0
+            assert process.wait(timeout=REPLY_TIMEOUT_S) == 0
         finally:
             process.kill()
             process.communicate()
@@ -228,7 +236,7 @@ def test_whoever_follows_hears_how_the_run_ended(tmp_path):
 )
 def test_levels_from_the_start(tmp_path, option, source):
     with running(tmp_path, *FAR, "--log-level", option):
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
         lines = until(

@@ -10,7 +10,7 @@ import pytest
 
 from diffbotctl.messages import Stop, Twist, Wheels
 from diffbotctl.recording.mcap_file import RecordingReader
-from tests.control_socket.running import Plain, cli, command, moves, running, stands
+from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 
 LIMIT = 500_000_000  # ns within which the wheels are commanded to zero
 
@@ -26,7 +26,7 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
     path = tmp_path / "lost.mcap"
     line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0", "--record", str(path)) as process:
-        watcher = Plain(tmp_path)
+        watcher = PlainClient(tmp_path)
         watcher.until(moves)
         driver = subprocess.Popen(line, env=environment)
         watcher.until(drives)
@@ -58,7 +58,7 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
 def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
     line, environment = command(tmp_path, "topic", "echo", "*")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         watchers = [
             subprocess.Popen(line, env=environment, stdout=subprocess.PIPE) for _ in range(3)
         ]
@@ -79,7 +79,7 @@ def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
 def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
     line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         ours, theirs = os.openpty()
         driver = subprocess.Popen(

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.control_socket.dispatch import REQUESTS
-from tests.control_socket.running import Plain, running, stands
+from diffbotctl.testing.running import PlainClient, running, stands
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 CARRIERS = {"nc": 'nc -N -U "$1"', "socat": 'socat - "UNIX-CONNECT:$1"'}
@@ -47,5 +47,5 @@ def test_the_client_of_the_page_drives_and_lets_go(folder, tmp_path, carrier):
     places = [each["message"]["x"] for each in said if "message" in each]
     assert len(places) > 20
     assert abs(places[-1] - places[0]) > 0.02  # a second at 0.1 m/s, less the ramp
-    client = Plain(folder)
+    client = PlainClient(folder)
     assert client.until(stands)["held"] is None

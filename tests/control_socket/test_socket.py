@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from diffbotctl.replay.replay import replay
-from tests.control_socket.running import Plain, moves, running, stands
+from diffbotctl.testing.running import PlainClient, moves, running, stands
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def run(tmp_path_factory):
 
 
 def test_the_greeting_says_version_and_engine_and_others_may_not_open_the_socket(run):
-    client = Plain(run)
+    client = PlainClient(run)
     assert client.greeting["hello"] == 1 and client.greeting["engine"] == "test"
     folder = run / "diffbotctl"
     assert stat.S_IMODE((folder / "test.socket").stat().st_mode) == 0o600
@@ -30,7 +30,7 @@ def test_the_greeting_says_version_and_engine_and_others_may_not_open_the_socket
 
 
 def test_stop_holds_the_robot_until_resume(run):
-    client = Plain(run)
+    client = PlainClient(run)
     assert client.ask("goto", x=1.5, y=0.0)["ok"]
     client.until(moves)
     assert client.ask("stop", why="a cat")["ok"]
@@ -48,7 +48,7 @@ def test_stop_holds_the_robot_until_resume(run):
 
 
 def test_driving_goes_before_the_goal_which_then_waits_for_resume(run):
-    client, other = Plain(run), Plain(run)
+    client, other = PlainClient(run), PlainClient(run)
     client.ask("goto", x=1.0, y=0.5)
     assert client.ask("drive", linear=-0.1, angular=0.0)["ok"]
     assert other.ask("drive", linear=0.1)["error"] == "E-BUSY"
@@ -69,7 +69,7 @@ def test_driving_goes_before_the_goal_which_then_waits_for_resume(run):
 def test_commands_are_inputs_of_the_recording_and_replay_is_the_same(tmp_path):
     path = tmp_path / "commanded.mcap"
     with running(tmp_path, "goal", "--stay", "--goal", "1 0", "--record", str(path)) as process:
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(moves)
         client.ask("stop")
         client.until(stands)

@@ -6,14 +6,14 @@ from math import radians
 import pytest
 
 from diffbotctl.cli.ros_aliases import answer
-from tests.control_socket.running import Plain, cli, moves, running, stands
+from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     made = tmp_path_factory.mktemp("tools")
     with running(made, "goal", "--stay", "--goal", "0 0"):  # it is there already
-        client = Plain(made)
+        client = PlainClient(made)
         client.until(lambda status: status["time"] > 200_000_000)  # ns: rates need some frames
         yield made
 
@@ -70,11 +70,11 @@ def test_what_others_say_cannot_be_published(folder, topic, words):
     message = '{"left": 5, "right": 5}'
     code, _, complaint = cli(folder, "topic", "pub", topic, message)
     assert code == 1 and words in " ".join(complaint.split())
-    assert stands(Plain(folder).ask("status"))
+    assert stands(PlainClient(folder).ask("status"))
 
 
 def test_a_goal_can_be_published(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     before = client.ask("status")["operator.goal"]["number"]
     code, _, complaint = cli(folder, "topic", "pub", "/goal", '{"x": 0.0, "y": 0.0}')
     assert code == 0, complaint
@@ -82,7 +82,7 @@ def test_a_goal_can_be_published(folder):
 
 
 def test_a_velocity_said_once_moves_the_robot_and_holds_nothing(folder):
-    client = Plain(folder)
+    client = PlainClient(folder)
     before = client.ask("look")["messages"]["odometry.odometry"]["x"]
     code, _, complaint = cli(folder, "topic", "pub", "operator.twist", '{"linear": 0.2}')
     assert code == 0, complaint
@@ -92,7 +92,7 @@ def test_a_velocity_said_once_moves_the_robot_and_holds_nothing(folder):
 
 def test_live_parameters_are_set_and_the_others_are_not(folder):
     assert cli(folder, "param", "set", "guard.margin", "8 cm")[0] == 0
-    Plain(folder).ask("status")
+    PlainClient(folder).ask("status")
     assert json.loads(cli(folder, "param", "get", "guard.margin")[1])["value"] == 0.08
     for parameter, value, words in (
         ("guard.margin", "-1", "at least 0 m"),
@@ -154,14 +154,14 @@ def test_drive_for_a_distance_a_time_and_an_angle(folder, words, seen):
     assert code == 0, complaint
     _, driven, _, _, turned, _ = out.replace(",", "").split()
     assert seen(float(driven), radians(float(turned)))
-    status = Plain(folder).until(stands)
+    status = PlainClient(folder).until(stands)
     assert status["held"] is None  # letting go in good order holds nothing
 
 
 def test_drive_beyond_the_limits_is_refused(folder):
     code, _, complaint = cli(folder, "drive", "--v", "3", "--for", "1s")
     assert code == 1 and "limit of 0.3 m/s" in complaint
-    assert not moves(Plain(folder).ask("status"))
+    assert not moves(PlainClient(folder).ask("status"))
 
 
 def test_blocks_and_graph_show_rates(folder):

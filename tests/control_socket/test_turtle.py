@@ -6,7 +6,7 @@ from math import pi
 
 import pytest
 
-from tests.control_socket.running import PATIENCE, cli, running
+from diffbotctl.testing.running import REPLY_TIMEOUT_S, cli, running
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def last(folder, topic):
 
 def becomes(folder, topic, holds):
     """Wait until the newest message of `topic` is as `holds` says: at its next frame, at most."""
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + REPLY_TIMEOUT_S
     while not holds(found := last(folder, topic)):
         assert time.monotonic() < until, f"{topic} stays {found}"
     return found

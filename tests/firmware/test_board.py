@@ -7,8 +7,8 @@ import pytest
 
 from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, build
 from diffbotctl.links import diffbot_frames as frames
-from prove import board_restarts, board_runs, board_trials, frame_damage
-from prove.board_bench import BOOK, MS, RADIO, USB, Bench, speed
+from diffbotctl.testing.board_bench import BOOK, MS, RADIO, USB, BoardBench, speed
+from diffbotctl.testing.trials import board, board_restarts, board_runs, frame_damage
 
 
 def mode(bench):
@@ -20,14 +20,14 @@ def mode(bench):
 @pytest.mark.parametrize(
     "rows",
     [
-        lambda: board_trials.latency(3, 20),
-        lambda: board_trials.telemetry(10),
-        lambda: board_trials.edges(seconds=0.2),
-        lambda: board_trials.bounce(3, 1),
-        lambda: board_trials.refused_settings(3, 25),
-        lambda: board_trials.eeprom_cuts(3, 1),
-        lambda: board_trials.restarts(3, 3),
-        lambda: board_trials.deadman(3, 18),
+        lambda: board.latency(3, 20),
+        lambda: board.telemetry(10),
+        lambda: board.edges(seconds=0.2),
+        lambda: board.bounce(3, 1),
+        lambda: board.refused_settings(3, 25),
+        lambda: board.eeprom_cuts(3, 1),
+        lambda: board.restarts(3, 3),
+        lambda: board.deadman(3, 18),
         lambda: frame_damage.through_binary(3, 60),
         lambda: board_runs.agreement(3, 2),
         lambda: board_runs.same_twice(3),
@@ -60,7 +60,7 @@ def test_a_goal_is_reached():
 
 
 def test_nothing_moves_before_settings():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.wait(30)
         assert bench.ask().settings == 0
         bench.claim()
@@ -70,7 +70,7 @@ def test_nothing_moves_before_settings():
 
 
 def test_settings_survive_a_reset():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.wait(400)
         bench.emulator.reset(LINE)
@@ -81,7 +81,7 @@ def test_settings_survive_a_reset():
 
 
 def test_settings_are_not_taken_in_motion():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.turn(2)
         bench.send(RADIO, speed(1, 5, 5))
@@ -98,7 +98,7 @@ def test_settings_are_not_taken_in_motion():
 
 
 def test_a_command_drives_as_the_feed_forward_says():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.turn(1)
         bench.send(RADIO, speed(1, 5.0, -2.5))
@@ -109,7 +109,7 @@ def test_a_command_drives_as_the_feed_forward_says():
 
 @pytest.mark.parametrize(("brake", "expected"), [(False, False), (True, True)])
 def test_at_rest_it_coasts_or_brakes(brake, expected):
-    with Bench(settings=replace(BOOK, brake=brake)) as bench:
+    with BoardBench(settings=replace(BOOK, brake=brake)) as bench:
         bench.ready()
         bench.turn(1)
         bench.send(RADIO, speed(1, 5, 5))
@@ -121,7 +121,7 @@ def test_at_rest_it_coasts_or_brakes(brake, expected):
 
 
 def test_raw_duty():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.turn(1)
         bench.send(RADIO, frames.DutyFrame(1, 16384, -DUTY_ONE))
@@ -133,7 +133,7 @@ def test_raw_duty():
 
 def test_a_wheel_with_power_and_without_edges_is_a_fault():
     """0.3 of duty for 500 ms; then a clear and a new claim are needed."""
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         for number in range(12):
             bench.send(RADIO, speed(number, 5, 0))
@@ -152,7 +152,7 @@ def test_a_wheel_with_power_and_without_edges_is_a_fault():
 
 @pytest.mark.parametrize("owner", [RADIO, USB])
 def test_any_link_may_stop_and_the_owner_must_agree_before_it_goes_on(owner):
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready(owner)
         bench.turn(3)
         bench.send(owner, speed(1, 5, 5))
@@ -172,7 +172,7 @@ def test_any_link_may_stop_and_the_owner_must_agree_before_it_goes_on(owner):
 
 
 def test_the_stop_button():
-    with Bench(settings=replace(BOOK, button=30)) as bench:
+    with BoardBench(settings=replace(BOOK, button=30)) as bench:
         bench.pins.append(bench.pins[0]._replace(pin=30, level=1))
         bench.ready()
         bench.turn(2)
@@ -193,7 +193,7 @@ def test_the_stop_button():
 
 @pytest.mark.parametrize("limit", [100, 300, 500])
 def test_the_deadman_time_is_a_setting(limit):
-    with Bench(settings=replace(BOOK, deadman=limit * MS)) as bench:
+    with BoardBench(settings=replace(BOOK, deadman=limit * MS)) as bench:
         bench.ready()
         bench.turn(2)
         start = bench.now + 10_400_000
@@ -207,7 +207,7 @@ def test_the_deadman_time_is_a_setting(limit):
 
 
 def test_range_is_the_mean_of_the_readings():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         for millivolts in (0, 1000, 2500, 4990):
             bench.run(bench.now + 120 * MS, {0: millivolts})
@@ -216,7 +216,7 @@ def test_range_is_the_mean_of_the_readings():
 
 
 def test_counts_frames_at_50_hz():
-    with Bench(settings=replace(BOOK, edge_times=False, telemetry=50)) as bench:
+    with BoardBench(settings=replace(BOOK, edge_times=False, telemetry=50)) as bench:
         bench.ready()
         bench.turn(5)
         heard = [h for _ in range(40) for h in bench.wait(50)]
@@ -227,7 +227,7 @@ def test_counts_frames_at_50_hz():
 
 
 def test_capture_tells_every_flank():
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.send(RADIO, frames.ActionFrame(2, 1))
         bench.wait(50)
@@ -255,8 +255,8 @@ def test_capture_tells_every_flank():
 def test_a_quadrature_encoder_knows_its_direction():
     """Channel B 90 degrees behind A: forward; ahead of it: backward."""
     settings = replace(BOOK, left=replace(BOOK.left, encoder_b=22))
-    with Bench(settings=settings) as bench:
-        bench.pins.append(board_trials.PinTransition(0, 22, 0))
+    with BoardBench(settings=settings) as bench:
+        bench.pins.append(board.PinTransition(0, 22, 0))
         bench.ready()
         for lag, expected in ((5 * MS, 10), (-5 * MS, -10)):
             before = bench.state().left
@@ -265,8 +265,8 @@ def test_a_quadrature_encoder_knows_its_direction():
                 for pin, shift in ((2, 0), (22, lag)):
                     rise = start + index * 20 * MS + shift
                     bench.pins += [
-                        board_trials.PinTransition(rise, pin, 1),
-                        board_trials.PinTransition(rise + 10 * MS, pin, 0),
+                        board.PinTransition(rise, pin, 1),
+                        board.PinTransition(rise + 10 * MS, pin, 0),
                     ]
             for _ in range(6):
                 bench.wait(50)

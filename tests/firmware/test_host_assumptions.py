@@ -11,7 +11,7 @@ from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, S
 from diffbotctl.links import bandwidth
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import BAUDS
-from prove import pure_parts
+from diffbotctl.testing import firmware_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 TIMERS = (0, 2, 3, 4, 5)  # of three PWM outputs each, in the order of the firmware's numbers
@@ -24,7 +24,7 @@ ROBOT = "diffbotctl/config/robot.py"
 @pytest.fixture(scope="module")
 def table():
     """(PWM output, interrupt) of each pin, as the firmware's own table has them."""
-    return [tuple(map(int, line.split())) for line in pure_parts.run("pins")]
+    return [tuple(map(int, line.split())) for line in firmware_parts.run("pins")]
 
 
 def differ(what, host, firmware, place):

@@ -8,7 +8,7 @@ import pytest
 
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.flash.intel_hex import read_hex
-from prove import board_trials
+from diffbotctl.testing.trials import board
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PACKAGES = "sudo apt-get install gcc-avr avr-libc make"
@@ -46,5 +46,5 @@ def test_the_shipped_image_is_what_the_source_gives(rebuilt):
 
 
 def test_it_fits():
-    for row in board_trials.image():
+    for row in board.image():
         assert row.met, row.line()

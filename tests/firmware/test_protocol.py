@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, checksum, decode, encode
-from prove import frame_damage, pure_parts
+from diffbotctl.testing import firmware_parts
+from diffbotctl.testing.trials import frame_damage
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 spec = importlib.util.spec_from_file_location("generate", FIRMWARE / "generate.py")
@@ -124,7 +125,7 @@ def test_a_flood_without_delimiters_takes_no_memory():
 @settings(deadline=None, max_examples=40)  # each starts a process, the first one a compiler
 @given(any_frame())
 def test_the_board_reads_what_the_host_writes(frame):
-    lines = pure_parts.run("codec", lines=[encode(frame).hex()])
+    lines = firmware_parts.run("codec", lines=[encode(frame).hex()])
     assert lines == [f"frame {frame.pack().hex()}"]
 
 
@@ -140,7 +141,7 @@ def test_the_board_reads_what_the_host_writes(frame):
 )
 def test_malformed_frames_are_refused_on_both_sides(wire):
     assert FrameDecoder().feed(bytes.fromhex(wire)) == []
-    assert not any(line.startswith("frame") for line in pure_parts.run("codec", lines=[wire]))
+    assert not any(line.startswith("frame") for line in firmware_parts.run("codec", lines=[wire]))
 
 
 def test_a_type_that_does_not_exist_is_refused():

@@ -12,9 +12,9 @@ from diffbotctl.links.diffbot_frames import (
     REFUSAL,
     SettingsFrame,
 )
-from prove import pure_parts
-from prove.board_bench import BOOK
-from prove.board_trials import spoil
+from diffbotctl.testing import firmware_parts
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.trials.board import spoil
 
 GOOD = BOOK.frame()
 UNKNOWN = 0xFFFFFF  # ticks: no period to go by
@@ -28,7 +28,7 @@ LINKS = {0, 1, 18, 19}
 
 def verdicts(wanted):
     """(refusal, field) of each settings frame."""
-    lines = pure_parts.run("settings", lines=[each.pack().hex() for each in wanted])
+    lines = firmware_parts.run("settings", lines=[each.pack().hex() for each in wanted])
     return [
         (REFUSAL[int(refusal)], FIELDS[int(field)])
         for refusal, field in (line.split() for line in lines)
@@ -105,7 +105,7 @@ def test_spoilt_settings_are_spoilt():
 def test_noise_through_everything():
     """Sanitizers, and the rules that the driver checks: no power against the target, no obedience
     to a link that does not own the commands, no driving for a silent owner."""
-    assert pure_parts.run("fuzz", 7, 300_000) == ["fuzzed 300000"]
+    assert firmware_parts.run("fuzz", 7, 300_000) == ["fuzzed 300000"]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -137,7 +137,7 @@ def test_the_plant_models_the_speed_loop(seed):
         if model.fault:
             break
         wanted.append(model.duty)
-    got = [int(line) / 32768 for line in pure_parts.run("speed", lines=lines)]
+    got = [int(line) / 32768 for line in firmware_parts.run("speed", lines=lines)]
     # Rounding of gains (1/65536 each, times 12 rad/s) and of a whole run's integrator steps.
     assert got[: len(wanted)] == pytest.approx(wanted, abs=2e-3)
 

@@ -21,8 +21,8 @@ from diffbotctl.flash import stk500
 from diffbotctl.flash.flasher import Bootloader, FlashMessage, flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex
 from diffbotctl.flash.stk500 import BootloaderRequest, FlashProgress, ReplyParser, message
-from prove import flash_trials
-from prove.board_bench import BOOK
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.trials import flash as flash_module
 
 
 @pytest.fixture
@@ -32,10 +32,10 @@ def blank():
         yield board
 
 
-@pytest.mark.parametrize("programmer", flash_trials.PROGRAMMERS)
-@pytest.mark.parametrize("case", flash_trials.CASES)
+@pytest.mark.parametrize("programmer", flash_module.PROGRAMMERS)
+@pytest.mark.parametrize("case", flash_module.CASES)
 def test_it_is_written_verified_and_answers(programmer, case):
-    row = flash_trials.row(programmer, case)
+    row = flash_module.row(programmer, case)
     assert row.figure.endswith("equal, dirty 0, answers"), row.line()
 
 

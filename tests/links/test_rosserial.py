@@ -9,10 +9,10 @@ from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.links.rosserial_topics import TopicNames
 from diffbotctl.messages import Duty, Text, Volts, Wheels
+from diffbotctl.testing.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, RosserialDevice
+from diffbotctl.testing.rosserial_session import MS, RosserialSession, pair_in
+from diffbotctl.testing.trials.rosserial import RECORDINGS, recorded, rows
 from diffbotctl.time import SECOND
-from prove.link_rosserial import RECORDINGS, recorded, rows
-from prove.rosserial_session import MS, Session, pair_in
-from tests.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, Device
 
 
 def forward(now):
@@ -22,7 +22,7 @@ def forward(now):
 @pytest.fixture
 def driving():
     """Three seconds into a clean run that drives a gentle curve."""
-    session = Session(Device(1)).run(3 * SECOND, forward)
+    session = RosserialSession(RosserialDevice(1)).run(3 * SECOND, forward)
     assert session.host.state == "up"
     return session
 
@@ -84,7 +84,7 @@ def test_rad_per_s_is_refused(driving):
 
 
 def test_command_in_force_is_the_one_sent_100_ms_ago():
-    session = Session(Device(1)).run(3 * SECOND)
+    session = RosserialSession(RosserialDevice(1)).run(3 * SECOND)
     begin = session.now
     session.host.command(begin, Duty(begin, 1.0, 1.0))
     session.run(begin + SECOND)
@@ -143,7 +143,7 @@ def test_restart_of_the_board_is_told_and_never_a_jump(driving):
 
 
 def test_counts_pass_the_end_of_sixteen_bits():
-    session = Session(Device(1))
+    session = RosserialSession(RosserialDevice(1))
     session.device.counts = [32750.0, -32750.0]
     session.run(5 * SECOND, lambda now: Duty(now, 1.0, -1.0))
     last = session.encoders[-1]
@@ -193,7 +193,7 @@ def test_time_is_answered_within_a_tenth_of_a_second(driving):
 
 def test_wrong_type_in_the_sketch_is_said():
     wrong = (("set_left_speed", "Int16"), *SUBSCRIBERS[1:])
-    session = Session(Device(1, subscribers=wrong)).run(3 * SECOND)
+    session = RosserialSession(RosserialDevice(1, subscribers=wrong)).run(3 * SECOND)
     assert session.host.state == "negotiating"
     assert "declares set_left_speed as std_msgs/Int16" in session.links[-1].cause
     assert session.host.farewell() == b""
@@ -202,8 +202,8 @@ def test_wrong_type_in_the_sketch_is_said():
 
 def test_other_names_and_slashes():
     publishers = (("/wheel_l", "Int32"), PUBLISHERS[1], PUBLISHERS[2])
-    session = Session(
-        Device(1, publishers=publishers),
+    session = RosserialSession(
+        RosserialDevice(1, publishers=publishers),
         RosserialHost(RATED, names=TopicNames(left_ticks="wheel_l")),
     ).run(2 * SECOND)
     assert "wheel_l" in session.host.topics.numbers

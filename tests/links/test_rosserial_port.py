@@ -12,7 +12,7 @@ from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders
-from tests.rosserial_device import RATED, Device, OnTerminal
+from diffbotctl.testing.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
 
 PATIENCE = 20.0  # s; the test fails when nothing has come of it by then
 
@@ -43,7 +43,7 @@ def until(robot, enough, drive=None):
 
 def test_negotiates_drives_and_stops(terminal):
     board, name = terminal
-    with OnTerminal(Device(1), board) as device:
+    with RosserialDevicePort(RosserialDevice(1), board) as device:
         host = RosserialHost(RATED)
         robot = SerialRobot(host, lambda: SerialPortDevice(name, 9600))
         far = Duty(0, 0.8, 0.6)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from prove.port_answers import ANSWERS, is_right
+from diffbotctl.testing.trials.port_answers import ANSWERS, is_right
 
 
 @pytest.mark.parametrize("answer", ANSWERS, ids=lambda each: each.name)

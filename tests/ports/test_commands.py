@@ -17,8 +17,8 @@ from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import survey_ports
-from tests.book_board import OnPort
-from tests.fake_machine import CH340, MEGA, FakeMachine
+from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.fake_machine import CH340, MEGA, FakeMachine
 
 MAIN = "from diffbotctl.cli.main import main; main()"
 NOBODY = 65534
@@ -218,7 +218,7 @@ def test_the_state_of_the_radio(machine, files, code):
 
 
 def test_ask_tells_who_answers(tmp_path):
-    stock = OnPort()
+    stock = BookBoardPort()
     port = tmp_path / "rfcomm0"
     port.symlink_to(stock.name)
     code, said = run("ports", str(port), "--ask", "--robot", "book_2wd")

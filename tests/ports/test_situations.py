@@ -2,7 +2,7 @@
 
 import pytest
 
-from prove.ports import SITUATIONS, right, said
+from diffbotctl.testing.trials.ports import SITUATIONS, right, said
 
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each.name)

@@ -17,8 +17,8 @@ from diffbotctl.recording.recorder import LENGTH
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient
 from diffbotctl.time import SECOND
-from tests.control_socket.running import PATIENCE, Plain
 
 ABOUT = {"epoch": "0"}
 WIRES = {"robot.encoders": Encoders}
@@ -38,7 +38,7 @@ def packed(item):
 def keeper(tmp_path):
     """A keeper, and the engine's end of its channel."""
     ours, theirs = socket.socketpair()
-    ours.settimeout(PATIENCE)
+    ours.settimeout(REPLY_TIMEOUT_S)
     yield BlackBoxStore(theirs, RunMetadata(tmp_path, "test", WIRES, ABOUT)), ours
     ours.close()
     theirs.close()
@@ -118,8 +118,8 @@ def hub(tmp_path, monkeypatch):
 
 def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
     flight, _, told = hub
-    client = Plain(tmp_path)
-    flight.outlet.channel.settimeout(PATIENCE)
+    client = PlainClient(tmp_path)
+    flight.outlet.channel.settimeout(REPLY_TIMEOUT_S)
     flight.outlet.channel.sendall(LENGTH.pack(7) + b"garbage")
     flight.outlet.channel.recv(1)  # its end: the hub has given the recorder up
     assert client.ask("status")["ok"]
@@ -132,7 +132,7 @@ def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
 
 def test_a_hub_that_fails_keeps_the_flight(hub, tmp_path):
     flight, station, told = hub
-    client = Plain(tmp_path)
+    client = PlainClient(tmp_path)
     station.channel.channel.send(b"garbage")
     assert client.read() is None  # it has let its clients go
     flight.finish({**DONE, "code": "1", "cause": "gave up"})

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
-from tests.virtual_board import LONGEST, command, diffbotctl, flat, run
+from diffbotctl.testing.virtual_board import LONGEST, command, diffbotctl, flat, run
 
 
 @contextmanager

@@ -18,8 +18,16 @@ from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
-from prove.board_bench import BOOK
-from tests.virtual_board import LONGEST, board, command, diffbotctl, flash, flat, wait_until
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.virtual_board import (
+    LONGEST,
+    board,
+    command,
+    diffbotctl,
+    flash,
+    flat,
+    wait_until,
+)
 
 HANGS = bytes.fromhex("ffcf")  # rjmp to itself
 MEGA, CLONE = (0x2341, 0x0042), (0x1A86, 0x7523)

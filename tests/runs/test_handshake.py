@@ -22,10 +22,10 @@ from diffbotctl.errors import RunError
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.links.diffbot_host import DiffbotHost
-from prove.board_bench import BOOK
-from tests.book_board import OnPort
-from tests.virtual_board import board, diffbotctl, flash, flat, run
-from tests.wire import Wire
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.serial_wire import SerialWire
+from diffbotctl.testing.virtual_board import board, diffbotctl, flash, flat, run
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 
@@ -82,7 +82,7 @@ def test_a_silent_port(tmp_path, name, tried):
 
 
 def test_the_book_s_firmware(tmp_path):
-    stock = OnPort()
+    stock = BookBoardPort()
     try:
         port = tmp_path / "rfcomm0"
         port.symlink_to(stock.name)
@@ -113,7 +113,7 @@ def test_a_firmware_that_prints_lines(tmp_path):
 
 def test_a_radio_at_another_rate(tmp_path):
     """The same image behind a radio that runs at another rate than board and robot file."""
-    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0", rate=38400) as wire:
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=38400) as wire:
         virtual.board.emulator.reset()  # it speaks at its start
         code, said = meet(wire.name)
     assert code == 1
@@ -177,7 +177,7 @@ def test_a_setting_that_the_board_cannot_use_is_named():
 
 def test_the_first_contact_is_made_at_9600_and_then_the_file_s_rate_is_used(tmp_path):
     """A new board speaks at 9600; its settings say 19200, and it changes with its answer."""
-    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0", rate=9600) as wire:
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=9600) as wire:
         wire.follow(19200)
         code, said = diffbotctl(
             *run(wire.name, "--goal", "0.1 0", "--set", "robot.link.baud=19200")
@@ -198,7 +198,7 @@ def test_a_port_of_an_unknown_name_may_lead_to_usb(tmp_path):
 
 def test_a_stop_is_the_first_frame_on_every_new_link(tmp_path):
     """So that whatever drove the board before drives it no longer."""
-    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0") as wire:
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
         code, said = diffbotctl(*run(wire.name, "--goal", "0.1 0"))
         assert code == 0, said
         sent = FrameDecoder().feed(wire.to_board)

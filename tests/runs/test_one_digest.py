@@ -10,8 +10,8 @@ from random import Random
 
 import pytest
 
-from tests.alongside import Alongside
-from tests.book_board import OnPort
+from diffbotctl.testing.background import BackgroundDevice
+from diffbotctl.testing.book_board import BookBoardPort
 
 MAIN = "from diffbotctl.cli.main import main; main()"
 LONGEST = 60  # s
@@ -47,7 +47,7 @@ def test_hash_seeds_paced_unpaced_and_replayed(tmp_path):
     assert len(seen) == 1
 
 
-class Shaken(Alongside):
+class Shaken(BackgroundDevice):
     """A second pseudo-terminal in front of a board's: bytes pass in pieces, with random pauses."""
 
     def __init__(self, board, seed):
@@ -79,7 +79,7 @@ class Shaken(Alongside):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp_path, seed):
     log = tmp_path / "live.mcap"
-    board = OnPort()
+    board = BookBoardPort()
     line = Shaken(board, seed)
     try:
         live, said = digest(

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.book_board import OnPort
+from diffbotctl.testing.book_board import BookBoardPort
 
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand"]
@@ -16,7 +16,7 @@ STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand"]
 
 @pytest.fixture
 def port():
-    made = OnPort()
+    made = BookBoardPort()
     yield made
     made.close()
 

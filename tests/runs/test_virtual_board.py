@@ -7,8 +7,17 @@ import pytest
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
-from tests.virtual_board import board, diffbotctl, flash, flat, moving, run, start, wait_until
-from tests.wire import Wire
+from diffbotctl.testing.serial_wire import SerialWire
+from diffbotctl.testing.virtual_board import (
+    board,
+    diffbotctl,
+    flash,
+    flat,
+    moving,
+    run,
+    start,
+    wait_until,
+)
 
 FAR = ("--goal", "3 0")  # further than any test lets the robot come
 STILL = [0.0, 0.0]
@@ -74,7 +83,7 @@ def test_a_driver_that_is_killed_leaves_the_stop_to_the_board():
 
 
 def test_after_a_pulled_link_a_stop_comes_first_and_a_person_must_consent(tmp_path):
-    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0") as wire:
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
         driver = start(*run(wire.name, *FAR, "--for", "10s"))
         wait_until(lambda: moving(virtual))
         wire.pull()
@@ -92,7 +101,7 @@ def test_after_a_pulled_link_a_stop_comes_first_and_a_person_must_consent(tmp_pa
 
 
 def test_a_link_that_stays_pulled_is_no_success(tmp_path):
-    with board() as virtual, Wire(virtual.radio, tmp_path / "rfcomm0") as wire:
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
         driver = start(*run(wire.name, *FAR, "--for", "2s"))
         wait_until(lambda: moving(virtual))
         wire.pull()

@@ -10,8 +10,8 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.process import IMAGE
-from tests.terminal import Terminal
-from tests.virtual_board import LONGEST, board, command
+from diffbotctl.testing.terminal import Terminal
+from diffbotctl.testing.virtual_board import LONGEST, board, command
 
 ROOT = Path(__file__).parents[2]
 ALL = """\

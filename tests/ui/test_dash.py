@@ -8,8 +8,8 @@ import termios
 
 import pytest
 
-from tests.control_socket.running import Plain, command, moves, running
-from tests.terminal import Terminal
+from diffbotctl.testing.running import PlainClient, command, moves, running
+from diffbotctl.testing.terminal import Terminal
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -18,7 +18,7 @@ SIZES = [(80, 24), (120, 40), (200, 60)]
 def engine(tmp_path):
     """A robot that drives nowhere until it is told."""
     with running(tmp_path, "goal", "--stay", "--goal", "0.3 0") as process:
-        client = Plain(tmp_path)
+        client = PlainClient(tmp_path)
         client.until(lambda status: state(client) == "reached")
         yield client, process
 
@@ -247,11 +247,11 @@ def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
     line, environment = command(tmp_path, "run", "teleop", "--dash")
     with Terminal(line, environment) as terminal:
         terminal.until(lambda text: "pose" in text, "the first picture")
-        before = Plain(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"]
+        before = PlainClient(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"]
         terminal.type("i")
         terminal.until(lambda text: "DRIVING" in text, "driving")
         terminal.until(lambda text: "DRIVING" not in text, "standing")
-        assert Plain(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"] > before
+        assert PlainClient(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"] > before
         terminal.type("\x03")
         assert terminal.ended() == 130
         assert "interrupted" in terminal.text
@@ -262,7 +262,7 @@ def test_a_run_whose_own_dashboard_is_killed_goes_on_and_gives_the_terminal_back
     with Terminal(line, environment) as terminal:
         terminal.until(lambda text: "driving" in text, "the way")
         children = os.popen(f"ps --ppid {terminal.process.pid} -o pid=,args=").read()
-        client = Plain(tmp_path, "goal")
+        client = PlainClient(tmp_path, "goal")
         client.until(moves)
         os.kill(child_with_terminal(terminal.process.pid), signal.SIGKILL)
         terminal.until(lambda text: "the run goes on" in text, f"the word of {children}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -13,10 +14,19 @@ from statistics import median
 from diffbotctl.emulator.process import BROWNOUT, LINE, PinTransition
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
-from prove.board_bench import BOOK, ENCODERS, MS, RADIO, USB, Bench, speed, wire_ns
-from prove.row import Row
+from diffbotctl.testing.board_bench import (
+    BOOK,
+    ENCODERS,
+    MS,
+    RADIO,
+    USB,
+    BoardBench,
+    speed,
+    wire_ns,
+)
+from diffbotctl.testing.trials.row import Row
 
-FIRMWARE = Path(__file__).resolve().parent.parent / "firmware"
+FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 DEADMAN_TARGET = 320 * MS
 COMMAND_BYTES = 10
 SPARE_STACK = 1024  # bytes; more than any interrupt on top of any function takes
@@ -38,7 +48,7 @@ def latency(seed: int, count: int) -> Iterator[Row]:
     """From the first bit of a command on the wire to the change of the PWM, at 9600 baud."""
     chance = Random(seed)
     taken = []
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.turn(count * 0.05)
         for number in range(count):
@@ -61,7 +71,7 @@ def latency(seed: int, count: int) -> Iterator[Row]:
 
 def telemetry(seconds: int) -> Iterator[Row]:
     """State frames with edge ages at 9600 baud while driving."""
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.turn(seconds + 1)
         bench.heard.clear()
@@ -96,9 +106,7 @@ def telemetry(seconds: int) -> Iterator[Row]:
 
 def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
     """Edges on both channels at once, without a glitch filter."""
-    from dataclasses import replace
-
-    with Bench(settings=replace(BOOK, glitch=0)) as bench:
+    with BoardBench(settings=replace(BOOK, glitch=0)) as bench:
         bench.ready()
         before = bench.state()
         period, count = 1_000_000_000 // rate, int(rate * seconds)
@@ -131,7 +139,7 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
     )
 
 
-def _in_pieces(bench: Bench, seconds: float) -> int:
+def _in_pieces(bench: BoardBench, seconds: float) -> int:
     """Let time pass in steps whose edges fit one request; how many state frames came."""
     heard = 0
     for _ in range(round(seconds * 20)):
@@ -142,7 +150,7 @@ def _in_pieces(bench: Bench, seconds: float) -> int:
 def bounce(seed: int, seconds: int) -> Iterator[Row]:
     """A hundred edges a second; both flanks bounce for up to 1.5 ms, the glitch time is 2 ms."""
     chance = Random(seed)
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         before = bench.state()
         count = 100 * seconds
@@ -176,7 +184,7 @@ def refused_settings(seed: int, count: int) -> Iterator[Row]:
     """Settings with one field spoilt at random: refused with a code, and the old ones kept."""
     chance = Random(seed)
     wrong = kept = refused = 0
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         mark = BOOK.mark()
         for _ in range(count):
@@ -245,12 +253,10 @@ def spoil(chance: Random) -> frames.SettingsFrame:
 
 def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
     """Power fails while settings are written, at every byte; that byte is left at random."""
-    from dataclasses import replace
-
     chance = Random(seed)
     new = replace(BOOK, slots=21)
     shots: list[tuple[bytes, bytes]] = []
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         bench.wait(500)
         before = bench.emulator.eeprom()
@@ -267,7 +273,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
     for old, written in cuts:
         place = next(i for i in range(len(old)) if old[i] != written[i])
         torn = old[:place] + bytes([chance.randrange(256)]) + old[place + 1 :]
-        with Bench(eeprom=torn) as bench:
+        with BoardBench(eeprom=torn) as bench:
             bench.wait(30)
             valid += bench.ask().settings in marks
     yield Row(
@@ -284,7 +290,7 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
     worst = still = told = 0
     for number in range(count):
         kind = ("line", "brownout", "watchdog")[number % 3]
-        with Bench() as bench:
+        with BoardBench() as bench:
             bench.ready()
             bench.wait(400)
             boot = bench.state().boot
@@ -331,7 +337,7 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
     bench = None
     for number in range(count):
         if bench is None:
-            bench = Bench()
+            bench = BoardBench()
             bench.ready(RADIO)
         kind = CUTS[number % len(CUTS)]
         silence, again = _trial(bench, chance, kind)
@@ -354,7 +360,7 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
     )
 
 
-def _trial(bench: Bench, chance: Random, kind: str) -> tuple[int, bool]:
+def _trial(bench: BoardBench, chance: Random, kind: str) -> tuple[int, bool]:
     """One cut: ns from the last valid command to PWM 0, and whether anything moved after that."""
     owner = chance.choice((RADIO, USB))
     bench.wait(600)
@@ -381,7 +387,7 @@ def _trial(bench: Bench, chance: Random, kind: str) -> tuple[int, bool]:
 
 
 def _intrude(
-    bench: Bench,
+    bench: BoardBench,
     chance: Random,
     kind: str,
     owner: int,

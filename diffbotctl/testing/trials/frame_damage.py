@@ -8,16 +8,16 @@ from random import Random
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
-from prove import pure_parts
-from prove.board_bench import RADIO, Bench, speed
-from prove.row import Row
+from diffbotctl.testing import firmware_parts
+from diffbotctl.testing.board_bench import RADIO, BoardBench, speed
+from diffbotctl.testing.trials.row import Row
 
 LEAST, MOST = 1e-4, 1e-2
 
 
 def to_board(seed: int, count: int) -> Iterator[Row]:
     """Command frames through the board's own codec, compiled for this machine."""
-    (said,) = pure_parts.run("damage", seed, count, sanitized=False)
+    (said,) = firmware_parts.run("damage", seed, count, sanitized=False)
     words = said.split()
     wrong, lost = int(words[1]), int(words[3])
     yield Row(
@@ -70,7 +70,7 @@ def through_binary(seed: int, count: int) -> Iterator[Row]:
     """Damaged commands to the running board: the motors only ever do what was truly commanded."""
     chance = Random(seed)
     wrong = lost = 0
-    with Bench() as bench:
+    with BoardBench() as bench:
         bench.ready()
         before = wanted = speed(0, 5, 5)
         for number in range(count):

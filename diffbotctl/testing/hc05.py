@@ -8,10 +8,10 @@ import os
 import select
 import tty
 
-from tests.alongside import Alongside
+from diffbotctl.testing.background import BackgroundDevice
 
 
-class Hc05(Alongside):
+class Hc05(BackgroundDevice):
     """`at_mode` is what the button does; `rate` what the module would use in data mode."""
 
     def __init__(self, port, rate=9600, at_mode=True, first_errors=0, deaf_to=()):

@@ -74,7 +74,7 @@ def framed(topic: int, payload: bytes) -> bytes:
     return bytes(out)
 
 
-class Device:
+class RosserialDevice:
     """The board. `hear` what the host writes, `advance` to a time and get what has arrived."""
 
     def __init__(
@@ -275,15 +275,15 @@ def _int16(value: int) -> int:
     return (value + 32768) % 65536 - 32768
 
 
-class OnTerminal:
+class RosserialDevicePort:
     """The device on one end of a pseudo-terminal, in real time; `with OnTerminal(device, fd):`."""
 
-    def __init__(self, device: Device, fd: int) -> None:
+    def __init__(self, device: RosserialDevice, fd: int) -> None:
         self.device, self.fd = device, fd
         self.over = threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> Device:
+    def __enter__(self) -> RosserialDevice:
         self.thread.start()
         return self.device
 

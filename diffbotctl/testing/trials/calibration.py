@@ -21,7 +21,7 @@ from diffbotctl.calibrate.log_reader import OptiodomSession, is_session, read_se
 from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
 from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
 from diffbotctl.plant.sharp_ir import CURVE
-from prove.row import NoData, Row, printed
+from diffbotctl.testing.trials.row import NoData, Row, printed
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
 FIT_LEAST = 6.0  # times better by E_max,syst

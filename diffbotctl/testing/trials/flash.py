@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import write_hex
-from prove.board_bench import BOOK
-from prove.row import Row
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.trials.row import Row
 
 OLDER_SIZE = 40_000  # bytes of a program that was there before: the book's is 13,500
 

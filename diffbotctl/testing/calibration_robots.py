@@ -107,7 +107,7 @@ def drawn(chance: Random) -> Wiring:
     return made
 
 
-class Quiet:
+class SilentScreen:
     """A screen that shows nothing."""
 
     def say(self, text: str) -> None: ...
@@ -183,7 +183,7 @@ class Chained(NamedTuple):
 
     def run(self, name: str) -> None:
         """Run one more step."""
-        self.outcomes[name] = run_step(make_step(name), self.rig, self.attendant, Quiet())
+        self.outcomes[name] = run_step(make_step(name), self.rig, self.attendant, SilentScreen())
         self.rig.recording.clear()
 
     def switch_off_and_on(self, chance: Random) -> None:

@@ -1,7 +1,7 @@
 """An emulated board at the far end of a radio that is late, lossy and sometimes away.
 
 In virtual time, so that how busy this machine is changes nothing. The radio is the one of the tests
-(`tests.radio.Way`): 10 to 50 ms late, in order, a frame lost now and then, and a module that keeps
+(`RadioDirection`): 10 to 50 ms late, in order, a frame lost now and then, and a module that keeps
 what fits its buffer while the radio is away.
 """
 
@@ -13,15 +13,15 @@ from random import Random
 from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.testing.radio_module import BUFFER, DeliveredFrame, RadioDirection
 from diffbotctl.time import SECOND
-from tests.radio import BUFFER, Passed, Way
 
 DELAY = (0.010, 0.050)  # s
 LOSS = 0.01
 TURNS = 0.1  # duty beyond which a motor has begun to turn
 
 
-class FarBoard(EmulatedRobotDriver):
+class RemoteBoard(EmulatedRobotDriver):
     """A robot driver. `outage` is (kind, seconds after the first motion, seconds long); its kinds:
     `away`, the connection stays and bytes come late; `hung up`, it breaks, and is made again."""
 
@@ -30,11 +30,11 @@ class FarBoard(EmulatedRobotDriver):
     ) -> None:
         super().__init__(board, host)
         chance = Random(seed)
-        self.up, self.down = (Way(chance, DELAY, LOSS) for _ in range(2))
+        self.up, self.down = (RadioDirection(chance, DELAY, LOSS) for _ in range(2))
         self.kind, self.after, self.long = outage
         self.begins = self.ends = float("inf")  # s, of the outage
         self.broken = False
-        self.passed: list[Passed] = []
+        self.passed: list[DeliveredFrame] = []
         self.person: Callable[[int], None] = lambda now: None
         """asked at each step whether the robot should be let go on"""
 
@@ -53,7 +53,7 @@ class FarBoard(EmulatedRobotDriver):
             self.down.take(now / SECOND, data, self._is_full(now))
         if not self._away(now):
             for frame in self.down.due(now / SECOND):
-                self.passed.append(Passed(now / SECOND, False, frame))
+                self.passed.append(DeliveredFrame(now / SECOND, False, frame))
                 self.board.send(now, self.uart, frame)
 
     def _receive(self, now: int) -> list[Delivery]:
@@ -65,7 +65,7 @@ class FarBoard(EmulatedRobotDriver):
                 self.up.take(time / SECOND, data, self._is_full(now))
         if not self._away(now):
             for frame in self.up.due(now / SECOND):
-                self.passed.append(Passed(now / SECOND, True, frame))
+                self.passed.append(DeliveredFrame(now / SECOND, True, frame))
                 messages += self.host.receive(now, frame)
         messages += self.host.timed(now)
         return [Delivery(f"robot.{port}", message) for port, message in messages]

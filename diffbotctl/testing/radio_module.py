@@ -17,14 +17,14 @@ from itertools import pairwise
 from random import Random
 from typing import NamedTuple
 
-from tests.alongside import Alongside
+from diffbotctl.testing.background import BackgroundDevice
 
 BUFFER = 1024  # bytes that the module keeps of each direction; it has no flow control
-LOOK = 0.002  # s between two looks at both ends
+POLL_PERIOD_S = 0.002  # s between two looks at both ends
 END = b"\0"  # of a frame
 
 
-class Passed(NamedTuple):
+class DeliveredFrame(NamedTuple):
     """A frame that was delivered."""
 
     at: float  # s, time.monotonic
@@ -32,7 +32,7 @@ class Passed(NamedTuple):
     data: bytes
 
 
-class Way:
+class RadioDirection:
     """One direction: what is on its way, in order."""
 
     def __init__(self, chance, delay, loss):
@@ -68,7 +68,7 @@ class Way:
             yield heapq.heappop(self.queue)[2]
 
 
-class Radio(Alongside):
+class RadioModule(BackgroundDevice):
     """`device` is its name for --port. Listens until closed."""
 
     def __init__(self, port, path, seed=1, delay=(0.010, 0.050), loss=0.01):
@@ -81,7 +81,7 @@ class Radio(Alongside):
         self.server.listen(1)
         self.server.setblocking(False)
         self.host = None
-        self.up, self.down = (Way(chance, delay, loss) for _ in range(2))
+        self.up, self.down = (RadioDirection(chance, delay, loss) for _ in range(2))
         self.away_until = 0.0
         self.refusing = False
         self.passed = []
@@ -116,7 +116,7 @@ class Radio(Alongside):
     def live(self):
         while not self.over.is_set():
             files = [self.board, self.server, *([self.host] if self.host else [])]
-            select.select(files, [], [], LOOK)
+            select.select(files, [], [], POLL_PERIOD_S)
             if self.refusing:
                 self._drop()
             else:
@@ -177,7 +177,7 @@ class Radio(Alongside):
                 self.host.send(frame)
             else:
                 return
-            self.passed.append(Passed(now, to_host, frame))
+            self.passed.append(DeliveredFrame(now, to_host, frame))
 
 
 def _read(file):

@@ -15,7 +15,7 @@ from diffbotctl.graph import Sink
 from diffbotctl.links.diffbot_frames import RESET_MEANING
 from diffbotctl.messages import Goal, Odometry, Text
 from diffbotctl.runs.run import Run, RunOptions
-from prove.row import Row
+from diffbotctl.testing.trials.row import Row
 
 MS = 1_000_000
 LONGEST = 60.0  # s of virtual time for the goal, the wait included

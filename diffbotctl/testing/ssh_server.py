@@ -1,4 +1,4 @@
-"""An ssh server on this machine for tests: `python -m tests.ssh_server FILE COMMAND...`.
+"""An ssh server for tests: `python -m diffbotctl.testing.ssh_server FILE COMMAND...`.
 
 Whoever connects gets COMMAND in a pseudo-terminal of its own. The port is written to FILE.
 """

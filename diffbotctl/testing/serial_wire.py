@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
-from tests.alongside import Alongside
+from diffbotctl.testing.background import BackgroundDevice
 
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
 BITS = 10  # start, eight data, stop
@@ -41,7 +41,7 @@ def read_at(rate, data, sent_at):
     return bytes(got)
 
 
-class Wire(Alongside):
+class SerialWire(BackgroundDevice):
     """`name` is the port for the host. `rate` is what the board's end runs at, None for any.
 
     `to_board` has all that the host has sent since it was plugged in last.

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 OPEN_FIELD = ["--set", "world.walls=[]"]
 LONGEST_WAIT = 60  # s that a test waits for a state of the run
-PATIENCE = 10  # s that a test waits for what must come; it fails by itself afterwards
+REPLY_TIMEOUT_S = 10  # s that a test waits for what must come; it fails by itself afterwards
 
 
 def command(folder, *words):
@@ -45,13 +45,13 @@ def running(folder, *words, name="test"):
         process.communicate()
 
 
-class Plain:
+class PlainClient:
     """A client as any language would write it: a socket and lines of JSON."""
 
     def __init__(self, folder, name="test", hello='{"hello": 1, "name": "plain"}'):
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.connect(str(folder / "diffbotctl" / f"{name}.socket"))
-        self.socket.settimeout(PATIENCE)
+        self.socket.settimeout(REPLY_TIMEOUT_S)
         self.lines = self.socket.makefile("rb")
         self.greeting = self.read()
         if hello:

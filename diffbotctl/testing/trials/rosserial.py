@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Message
+from diffbotctl.testing.rosserial_device import RATED, RosserialDevice
+from diffbotctl.testing.rosserial_session import MS, RosserialSession
+from diffbotctl.testing.trials.row import Row, printed
 from diffbotctl.time import SECOND
-from prove.rosserial_session import MS, Session
-from prove.row import Row, printed
-from tests.rosserial_device import RATED, Device
 
 # The first is a session of an emulated board, kept beside the checkout; the second is our own.
 RECORDINGS = (
@@ -81,15 +81,15 @@ def drive_by(seed: int) -> Callable[[int], Duty]:
     return lambda now: Duty(now, *pairs[min(60, now // SECOND)])
 
 
-def start(seed: int, length: int = MINUTE, straddle: bool = False) -> Session:
+def start(seed: int, length: int = MINUTE, straddle: bool = False) -> RosserialSession:
     """One start of a minute, bits flipped both ways."""
-    device = Device(seed, flips_up=NOISE, flips_down=NOISE, straddle=straddle)
-    return Session(device).run(length, drive_by(seed))
+    device = RosserialDevice(seed, flips_up=NOISE, flips_down=NOISE, straddle=straddle)
+    return RosserialSession(device).run(length, drive_by(seed))
 
 
 def gap_after(header: bytes) -> tuple[float, int]:
     """Longest pause between two Encoders, s, and frames lost, when `header` comes 20 times."""
-    session = Session(Device(1)).run(3 * SECOND)
+    session = RosserialSession(RosserialDevice(1)).run(3 * SECOND)
     for _ in range(20):
         session.device.inject(session.now, header)
         session.run(session.now + 500 * MS)
@@ -175,7 +175,7 @@ def rows(seed: int, starts: int) -> Iterator[Row]:
 
 def record(path: Path) -> None:
     """Write ten seconds of a session with our own board half, as the tests' recording."""
-    session = Session(Device(1))
+    session = RosserialSession(RosserialDevice(1))
     events: list[tuple[float, str, str]] = []
     drive = drive_by(1)
     while session.now < 10 * SECOND:

@@ -9,16 +9,16 @@ from struct import unpack_from
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Link, Message
-from tests.rosserial_device import RATED, Device
+from diffbotctl.testing.rosserial_device import RATED, RosserialDevice
 
 MS = 1_000_000
 STEP = 4 * MS  # ns between two looks at the wire, about as often as a port wakes its reader
 
 
-class Session:
+class RosserialSession:
     """One start of the host against `device`; everything said is kept, with its time."""
 
-    def __init__(self, device: Device, host: RosserialHost | None = None) -> None:
+    def __init__(self, device: RosserialDevice, host: RosserialHost | None = None) -> None:
         self.device = device
         self.host = host or RosserialHost(RATED)
         # Fed the same bytes under the same rule, so that what the host's own decoder delivers
@@ -32,7 +32,7 @@ class Session:
         self.host.opened(0)
         self.host.stop(0)
 
-    def run(self, until: int, drive: Callable[[int], Duty] | None = None) -> Session:
+    def run(self, until: int, drive: Callable[[int], Duty] | None = None) -> RosserialSession:
         """Go on until `until`; `drive` answers each telemetry message with a command."""
         while self.now < until:
             self.now += STEP

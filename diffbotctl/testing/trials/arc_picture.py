@@ -13,7 +13,7 @@ from diffbotctl.geometry.footprint import placed
 from diffbotctl.render.robot_svg import svg
 from diffbotctl.render.robot_views import Dimension, DrawingOutline, DrawingView, top
 
-PAGE = Path(__file__).parent.parent / "docs" / "kinematics.svg"
+PAGE = Path(__file__).parents[3] / "docs" / "kinematics.svg"
 RADIUS = 0.3  # m
 STEPS = 45  # of the drawn paths
 SHOWN = (0.0, 1.0)  # shares of the way at which the robot is drawn

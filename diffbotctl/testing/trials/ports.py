@@ -15,9 +15,9 @@ from typing import NamedTuple
 from diffbotctl.errors import Problem
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import PortReport, diagnose_name, survey_ports
-from prove import port_answers
-from prove.row import Row, printed
-from tests.fake_machine import CH340, MEGA, FakeMachine
+from diffbotctl.testing.fake_machine import CH340, MEGA, FakeMachine
+from diffbotctl.testing.trials import port_answers
+from diffbotctl.testing.trials.row import Row, printed
 
 ANA = "ana"
 USER = os.getuid() + 4000  # somebody who owns nothing here

@@ -19,7 +19,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.links import bootloader
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
-from tests.book_board import Device
+from diffbotctl.testing.book_board import BookBoard
 
 Say = Callable[[bytes], bytes]  # what was heard in, what is said out
 
@@ -55,11 +55,11 @@ HELLO_ANSWER = bytes([bootloader.SIGN_ON, 0, len(bootloader.NAME)]) + bootloader
 
 def book() -> Say:
     """The book's firmware."""
-    device = Device()
+    device = BookBoard()
 
     def say(heard: bytes) -> bytes:
         device.take(heard)
-        device.run(device.now + LOOK)
+        device.run(device.now + POLL_PERIOD_S)
         sent = b"".join(data for at, data, _ in device.out if at <= device.now)
         device.out = [each for each in device.out if each[0] > device.now]
         return sent
@@ -75,7 +75,7 @@ def newer() -> Say:
     return lambda heard: encode(hello) if heard else b""
 
 
-LOOK = 0.02  # s between two answers
+POLL_PERIOD_S = 0.02  # s between two answers
 ANSWERS = [
     Answer("silent board", "ttyUSB0", silent, "E-PORT-SILENT", "reset button"),
     Answer("silent module", "rfcomm0", silent, "E-PORT-SILENT", "RX wired to the board's TX"),
@@ -112,7 +112,7 @@ def problem_of(answer: Answer) -> tuple[str, str]:
 
 def _talk(end: int, say: Say, over: threading.Event) -> None:
     os.set_blocking(end, False)
-    while not over.wait(LOOK):
+    while not over.wait(POLL_PERIOD_S):
         ready = select.select([end], [], [], 0)[0]
         heard = os.read(end, 4096) if ready else b""
         answer = say(heard)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import cos, degrees, hypot, pi, sin
 from random import Random
 from statistics import median
@@ -13,8 +14,16 @@ from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoo
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Goal
 from diffbotctl.runs.run import Run, RunOptions, RunResult
-from prove.board_bench import BOOK, ENCODERS, MS, RADIO, Bench, PinTransition, speed
-from prove.row import Row
+from diffbotctl.testing.board_bench import (
+    BOOK,
+    ENCODERS,
+    MS,
+    RADIO,
+    BoardBench,
+    PinTransition,
+    speed,
+)
+from diffbotctl.testing.trials.row import Row
 
 LONGEST = 60.0  # s of virtual time for one goal
 QUANTUM = 1 / 255  # of duty: eight bits of PWM
@@ -108,14 +117,12 @@ def agreement(seed: int, count: int) -> Iterator[Row]:
 
 def _compare(chance: Random) -> list[float]:
     """One wheel, commands and edges at random; differences of duty, sampled away from changes."""
-    from dataclasses import replace
-
     side = replace(BOOK.left, start=0.10, gain=0.086)
     settings = replace(BOOK, left=side, proportional=0.01, integral=chance.uniform(0.01, 0.05))
     gains = SpeedGains(0.10, 0.086, 0.01, settings.integral)
     model = WheelSpeedLoop(gains, settings.slots)
     differences = []
-    with Bench(settings=settings) as bench:
+    with BoardBench(settings=settings) as bench:
         bench.ready()
         bench.wait(400)
         target, rate, edge = 0.0, 10.0, bench.now

@@ -24,7 +24,7 @@ REAL_BAUDS = (117647, 9615)
 RADIO, USB = 1, 0
 
 
-class Heard(NamedTuple):
+class BenchFrame(NamedTuple):
     """A frame from the board, at the end of its last byte."""
 
     time: int
@@ -32,7 +32,7 @@ class Heard(NamedTuple):
     frame: frames.Frame
 
 
-class Bench:
+class BoardBench:
     """One board. `duty` is what the motors get now, forward positive as the settings have it."""
 
     def __init__(self, eeprom: bytes | None = None, settings: BoardSettings = BOOK) -> None:
@@ -42,14 +42,14 @@ class Bench:
             self.emulator.reset(1)
         self.settings = settings
         self.decoders = [FrameDecoder(), FrameDecoder()]
-        self.heard: list[Heard] = []
+        self.heard: list[BenchFrame] = []
         self.changes: list[MotorChange] = []
         self.duty = [0.0, 0.0]
         self.pending = [b"", b""]
         self.pins = [PinTransition(0, pin, 0) for pin in ENCODERS]
         self.was_reset = False
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> BoardBench:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -64,7 +64,7 @@ class Bench:
         for each in messages:
             self.pending[uart] += each if isinstance(each, bytes) else encode(each)
 
-    def run(self, until: int, millivolts: dict[int, int] | None = None) -> list[Heard]:
+    def run(self, until: int, millivolts: dict[int, int] | None = None) -> list[BenchFrame]:
         """Let time pass until `until` (ns); what came in the meantime."""
         due = sorted(change for change in self.pins if change.time <= until)
         self.pins = [change for change in self.pins if change.time > until]
@@ -73,11 +73,11 @@ class Bench:
         result = self.emulator.step(until, due, millivolts, out)
         return self._take(result)
 
-    def wait(self, ms: float) -> list[Heard]:
+    def wait(self, ms: float) -> list[BenchFrame]:
         """Let `ms` milliseconds pass."""
         return self.run(self.now + round(ms * MS))
 
-    def _take(self, result: StepResult) -> list[Heard]:
+    def _take(self, result: StepResult) -> list[BenchFrame]:
         self.was_reset |= result.was_reset
         for change in result.changes:
             side = (self.settings.left, self.settings.right)[change.motor]
@@ -86,7 +86,7 @@ class Bench:
         new = []
         for sent in result.sent:
             for frame in self.decoders[sent.uart].feed(bytes((sent.byte,))):
-                new.append(Heard(sent.time, sent.uart, frame))
+                new.append(BenchFrame(sent.time, sent.uart, frame))
         self.heard += new
         return new
 

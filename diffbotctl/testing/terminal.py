@@ -10,10 +10,10 @@ from termios import TIOCSCTTY, TIOCSWINSZ
 
 import pyte
 
-PATIENCE = 60  # s that a test waits for what must come; it fails by itself afterwards
+SCREEN_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itself afterwards
 
 
-class Answering(pyte.Screen):
+class AnsweringScreen(pyte.Screen):
     """A screen whose reports go back to the program, as a terminal's do."""
 
     def __init__(self, columns, lines, answer):
@@ -55,7 +55,7 @@ class Terminal:
             preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
         )
         self.slave = slave  # kept open, so that its settings can be read when the program is gone
-        self.screen = Answering(columns, lines, self._write)
+        self.screen = AnsweringScreen(columns, lines, self._write)
         self.stream = pyte.ByteStream(self.screen)
         self.answers = True
 
@@ -99,7 +99,7 @@ class Terminal:
 
     def until(self, seen, what="what the test waits for"):
         """Look until `seen(text)`; fails with the screen."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + SCREEN_TIMEOUT_S
         while not seen(self.text):
             self.look()
             if time.monotonic() > deadline:
@@ -108,7 +108,7 @@ class Terminal:
 
     def ended(self):
         """Look until the program has ended; its exit code."""
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + SCREEN_TIMEOUT_S
         while self.process.poll() is None:
             self.look()
             assert time.monotonic() < deadline, f"it goes on; the screen:\n{self.text}"

@@ -22,9 +22,9 @@ from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.messages import Goal, Stop
 from diffbotctl.recording.mcap_file import RecordingReader
 from diffbotctl.runs.run import Run, RunOptions
-from prove.far_board import FarBoard
-from prove.row import Row, printed
-from tests.radio import Passed
+from diffbotctl.testing.radio_module import DeliveredFrame
+from diffbotctl.testing.remote_board import RemoteBoard
+from diffbotctl.testing.trials.row import Row, printed
 
 OUTAGE = 5.0  # s
 SILENCE = 0.100  # s; less must not stop the robot
@@ -61,7 +61,7 @@ class Drive(Run):
 
     def _robot(self) -> RobotDriver:
         near = emulated_robot_driver(self.configuration, self.options.seed)
-        self.far = FarBoard(near.board, near.host, self.seed, self.outage)
+        self.far = RemoteBoard(near.board, near.host, self.seed, self.outage)
         return self.far
 
     def look(self, now: int) -> None:
@@ -122,7 +122,7 @@ def _of_silence(stop: Stop) -> bool:
     return stop.code in OF_SILENCE or (stop.code == "link_lost" and LOST_SILENTLY in stop.cause)
 
 
-def expiries(passed: list[Passed]) -> list[tuple[float, str]]:
+def expiries(passed: list[DeliveredFrame]) -> list[tuple[float, str]]:
     """Longest silence of the host, in s, just before each stop by the board's dead-man."""
     found, mode, decoder = [], None, FrameDecoder()
     to_board = [each.at for each in passed if not each.to_host]

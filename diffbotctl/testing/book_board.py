@@ -12,7 +12,7 @@ import threading
 import time
 import tty
 
-from tests.alongside import Alongside
+from diffbotctl.testing.background import BackgroundDevice
 
 BYTE = 1 / 960.0  # s
 TYPES = {
@@ -39,7 +39,7 @@ def text(words):
     return struct.pack("<I", len(words)) + words.encode()
 
 
-class Device:
+class BookBoard:
     """A board, its two wheels and its half of the line."""
 
     def __init__(self, distance=20.0, lag=0.1):
@@ -149,11 +149,11 @@ class Device:
         return ready
 
 
-class OnPort(Alongside):
+class BookBoardPort(BackgroundDevice):
     """The device on a pseudo-terminal, in real time. `device` is its name for the host."""
 
     def __init__(self, device=None):
-        self.board = device or Device()
+        self.board = device or BookBoard()
         self.master, slave = os.openpty()
         tty.setraw(slave)
         self.name = os.ttyname(slave)

@@ -17,7 +17,7 @@ from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.collision import BodyOutline, clearance, to_segment
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.runs.run import Run, RunOptions
-from prove.row import Row, printed
+from diffbotctl.testing.trials.row import Row, printed
 
 WORLDS = 3
 MINUTES = 10.0
@@ -29,7 +29,7 @@ PARTITIONS = (0, 4)
 PARTITION = (0.3, 1.2)  # m, lengths
 
 
-class Walk(NamedTuple):
+class WanderRun(NamedTuple):
     """One run: least distance to anything (m), contacts, way driven (m), turning (rad)."""
 
     least: float
@@ -73,7 +73,7 @@ def sets_of(world: World) -> list[str]:
     return [f"world.walls=[{walls}]", f"world.obstacles=[{rounds}]"]
 
 
-def walk(world: World, seed: int, minutes: float) -> Walk:
+def walk(world: World, seed: int, minutes: float) -> WanderRun:
     """Let the robot that `seed` draws wander through `world`."""
     setup = load("wander", sets=sets_of(world))
     assert setup.robot is not None
@@ -93,10 +93,10 @@ def walk(world: World, seed: int, minutes: float) -> Walk:
 
     run.engine.idle = look
     result = run.go()
-    return Walk(least, contacts, result.truth.travel, result.truth.turned)
+    return WanderRun(least, contacts, result.truth.travel, result.truth.turned)
 
 
-def walks(seed: int, seeds: int, minutes: float) -> Iterator[Walk]:
+def walks(seed: int, seeds: int, minutes: float) -> Iterator[WanderRun]:
     """Every robot in its three worlds."""
     for robot in range(seeds):
         chance = Random(f"{seed} wander {robot}")

@@ -1,0 +1,39 @@
+"""Base of the fakes that work in a thread of their own beside a test, until they are closed."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from typing import Self
+
+
+class BackgroundDevice(ABC):
+    """A fake device with its own thread. A constructor calls `begin` as its last step."""
+
+    over: threading.Event
+
+    @abstractmethod
+    def live(self) -> None:
+        """The thread's work; returns soon after `over` is set."""
+
+    @abstractmethod
+    def let_go(self) -> None:
+        """Release files and sockets, after the thread has ended."""
+
+    def begin(self) -> None:
+        """Start the thread."""
+        self.over = threading.Event()
+        self._thread = threading.Thread(target=self.live, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, and release what it used."""
+        self.over.set()
+        self._thread.join()
+        self.let_go()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

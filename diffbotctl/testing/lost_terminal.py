@@ -1,0 +1,62 @@
+"""A person who drives through a terminal and is lost: killed, frozen, cut off, behind ssh."""
+
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+from diffbotctl.testing.running import command, moves
+from diffbotctl.testing.terminal import SCREEN_TIMEOUT_S
+
+SSH = [
+    "-o",
+    "StrictHostKeyChecking=no",
+    "-o",
+    "UserKnownHostsFile=/dev/null",
+    "-o",
+    "LogLevel=ERROR",
+]
+REPEAT = 0.03  # s between two repeats of a key that is held
+
+
+@contextmanager
+def ssh_server(folder, *words):
+    """An ssh server that gives `diffbotctl words` to whoever connects: the client's command."""
+    line, environment = command(folder, *words)
+    place = folder / "port"
+    server = subprocess.Popen(
+        [sys.executable, "-m", "diffbotctl.testing.ssh_server", str(place), *line], env=environment
+    )
+    try:
+        deadline = time.monotonic() + SCREEN_TIMEOUT_S
+        while not place.exists():
+            assert server.poll() is None and time.monotonic() < deadline, "no ssh server"
+        yield ["ssh", "-tt", *SSH, "-p", place.read_text(), "127.0.0.1"]
+    finally:
+        server.kill()
+        server.wait()
+
+
+def drive(terminal, watcher, mode):
+    """Hold or press the key for forward until the robot drives."""
+    if mode == "latched":
+        terminal.until(lambda text: "ms" in text.split("terminal ")[-1][:7], "the first answer")
+        terminal.type("i")
+        terminal.until(lambda text: "DRIVING" in text, "driving")
+    status = watcher.ask("status")
+    while not (moves(status) and status["operator.goal"]["number"] == 0):
+        if mode == "hold":
+            terminal.type("i")
+        terminal.look(REPEAT)
+        status = watcher.ask("status")
+
+
+def lose(terminal, how):
+    """Lose the person; the logical time is that of the last word before."""
+    if how == "SIGKILL":
+        terminal.process.kill()
+    elif how == "SIGSTOP":
+        terminal.process.send_signal(signal.SIGSTOP)
+    elif how == "closed":
+        terminal.hang_up()
