@@ -10,7 +10,7 @@ import operator
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast, get_args
 
 T = TypeVar("T")
 
@@ -143,6 +143,19 @@ def Param(  # noqa: N802 - reads as a declaration
         shared=shared,
     )
     return cast(T, declaration)
+
+
+def Choice(  # noqa: N802 - reads as a declaration
+    options: Any, *, help: str, default: Any = REQUIRED, none: bool = False, live: bool = False
+) -> Any:
+    """Declare a setting that is one of the words of the Literal type `options`.
+
+    Annotate the attribute with the same type, so that mypy finds a misspelt word wherever it is
+    compared: `idle: IdleMode = Choice(IdleMode, default="coast", help="...")`.
+    """
+    choices = get_args(options)
+    kind = type(choices[0])
+    return Param(kind, choices=choices, default=default, none=none, live=live, help=help)
 
 
 class Pin(str):

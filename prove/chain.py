@@ -286,7 +286,7 @@ def _true(found: Chained, places: list[autonomous_drive.Waypoint]) -> tuple[floa
 def _toured_before(seed: int, folder: Path) -> float:
     """The tour of a robot nobody calibrated, which takes each count for a slot's pitch."""
     robot = folder / "before.yaml"
-    robot.write_text(Wiring().text() + "drive: {polarity: by_hand}\n")
+    robot.write_text(Wiring().text() + "drive: {polarity: checked_by_hand}\n")
     made, truths = open_session(load_robot(str(robot)), "sim", seed)
     made.meet()
     try:

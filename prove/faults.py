@@ -50,7 +50,7 @@ class Trial:
             "--robot",
             "book_2wd_stock",
             "--set",
-            "robot.drive.polarity=by_hand",
+            "robot.drive.polarity=checked_by_hand",
             "--goal",
             "9 0",
             "--record",

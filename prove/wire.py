@@ -37,7 +37,7 @@ def command(port: str, recording: Path) -> list[str]:
         "--robot",
         "book_2wd_stock",
         "--set",
-        "robot.drive.polarity=by_hand",
+        "robot.drive.polarity=checked_by_hand",
         "--set",
         "robot.link.baud=115200",
         "--goal",

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any
+from typing import Any, Literal
 
 from diffbotctl.config.simulation import Simulation
-from diffbotctl.params import Param, Pin, Section
+from diffbotctl.params import Choice, Param, Pin, Section
 
 RPM = 2 * pi / 60  # rad/s
 SIDES = ("left", "right")
+
+BoardType = Literal["mega2560", "atmega328p", "simulated"]
+BoardSupply = Literal["vin", "regulator", "usb"]
+Protocol = Literal["diffbot", "rosserial"]
+BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
+Radio = Literal["hc05", "cable"]
+LevelShift = Literal["divider", "direct"]
+MotorDriver = Literal["l298n", "none"]
+IdleMode = Literal["coast", "brake"]
+CountedEdge = Literal["rising", "falling"]
+Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
+SensorType = Literal["sharp_gp2y0a41sk0f", "lds01", "overhead_camera"]
 
 
 class BoardSection(Section):
     """The microcontroller board and how it speaks."""
 
-    type = Param(
-        str,
-        choices=("mega2560", "atmega328p", "simulated"),
+    type: BoardType = Choice(
+        BoardType,
         default="mega2560",
         help="Kind of board: its pins decide what can be connected where. simulated: none, the "
         "robot lives in the simulator alone and its pins are `none`.",
@@ -45,9 +56,8 @@ class BoardSection(Section):
     stop_button = Param(
         Pin, none=True, default=None, help="Pin of an emergency stop button, or none."
     )
-    supply = Param(
-        str,
-        choices=("vin", "regulator", "usb"),
+    supply: BoardSupply = Choice(
+        BoardSupply,
         default="vin",
         help="What feeds it: the battery at VIN, the motor driver's 5 V regulator, or USB alone.",
     )
@@ -56,31 +66,23 @@ class BoardSection(Section):
 class LinkSection(Section):
     """The serial line between host and board."""
 
-    protocol = Param(
-        str,
-        choices=("diffbot", "rosserial"),
-        default="diffbot",
-        help="diffbot: our firmware. rosserial: the book's firmware.",
+    protocol: Protocol = Choice(
+        Protocol, default="diffbot", help="diffbot: our firmware. rosserial: the book's firmware."
     )
     uart = Param(
         int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB."
     )
-    baud = Param(
-        int,
-        default=9600,
-        choices=(9600, 19200, 38400, 57600, 115200),
-        help="Baud rate of that port. A USB port always means 115200.",
+    baud: BaudRate = Choice(
+        BaudRate, default=9600, help="Baud rate of that port. A USB port always means 115200."
     )
-    radio = Param(
-        str,
-        choices=("hc05", "cable"),
+    radio: Radio | None = Choice(
+        Radio,
         none=True,
         default=None,
         help="What is on that port; left out: an HC-05, or on port 0 the USB cable.",
     )
-    level = Param(
-        str,
-        choices=("divider", "direct"),
+    level: LevelShift = Choice(
+        LevelShift,
         default="divider",
         help="How the board's 5 V signal reaches the module's 3.3 V input.",
     )
@@ -107,13 +109,6 @@ class LinkSection(Section):
         minimum=0.0,
         maximum=0.1,
         help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
-    )
-    range_formula = Param(
-        str,
-        none=True,
-        default=None,
-        choices=("13/V",),
-        help="Formula by which a rosserial board turns volts into centimetres, to turn them back.",
     )
 
 
@@ -157,9 +152,8 @@ class SpeedLoopSection(Section):
 class MotorSection(Section):
     """One motor and its half of the driver chip."""
 
-    driver = Param(
-        str,
-        choices=("l298n", "none"),
+    driver: MotorDriver = Choice(
+        MotorDriver,
         default="l298n",
         help="Motor driver chip; none: of a robot that is simulated only.",
     )
@@ -170,9 +164,8 @@ class MotorSection(Section):
         default=100 * RPM,
         help="Speed of the wheel at full duty and full battery.",
     )
-    idle = Param(
-        str,
-        choices=("coast", "brake"),
+    idle: IdleMode = Choice(
+        IdleMode,
         default="coast",
         help="What a motor at rest does: turn freely, or short its windings.",
     )
@@ -190,22 +183,6 @@ class MotorSection(Section):
         below=2.0,
         help="Time constant from duty to speed.",
     )
-    start_duty = Param(
-        float,
-        unit="1",
-        default=0.12,
-        minimum=0.0,
-        below=1.0,
-        help="Duty at which a wheel at rest begins to turn.",
-    )
-    keep_duty = Param(
-        float,
-        unit="1",
-        default=0.096,
-        minimum=0.0,
-        below=1.0,
-        help="Duty below which a turning wheel stops.",
-    )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="The wheel's speed loop.")
 
 
@@ -218,9 +195,7 @@ class EncoderSection(Section):
     slots = Param(
         int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
     )
-    edge = Param(
-        str, choices=("rising", "falling"), default="rising", help="Which flank of a slot counts."
-    )
+    edge: CountedEdge = Choice(CountedEdge, default="rising", help="Which flank of a slot counts.")
     glitch = Param(
         float,
         unit="s",
@@ -279,9 +254,8 @@ class DriveSection(Section):
         below=2.0,
         help="Distance between the middles of the tyres.",
     )
-    polarity = Param(
-        str,
-        choices=("unproven", "by_hand", "calibrated"),
+    polarity: Polarity = Choice(
+        Polarity,
         default="unproven",
         help="Who has seen that each motor turns its own wheel the right way.",
     )
@@ -314,10 +288,8 @@ class CurveSection(Section):
 class SensorSection(Section):
     """One sensor. Laser scanner and overhead camera exist in the simulator alone."""
 
-    type = Param(
-        str,
-        choices=("sharp_gp2y0a41sk0f", "lds01", "overhead_camera"),
-        help="Part name of the sensor. overhead_camera: sees the true pose from above.",
+    type: SensorType = Choice(
+        SensorType, help="Part name of the sensor. overhead_camera: sees the true pose from above."
     )
     pin = Param(
         Pin, none=True, help="Analog pin that reads its voltage; none: it is read otherwise."

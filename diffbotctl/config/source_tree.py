@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 
-from diffbotctl.config import lookup, yaml_reader
+from diffbotctl.config import lookup, renamed_keys, yaml_reader
 from diffbotctl.config.yaml_tree import ScalarError, Value, resolve
 from diffbotctl.errors import (
     ConfigurationError,
@@ -77,7 +77,8 @@ def read_robot(
     for override in overrides:
         if override.steps[0] == "robot":
             tree = tree.with_entry(override.steps[1:], override.value)
-    return _substitute(tree, problems), paths
+    tree = _substitute(tree, problems)
+    return renamed_keys.update_tree(tree, renamed_keys.ROBOT_CHANGES, problems), paths
 
 
 def read_pipeline(
@@ -99,7 +100,8 @@ def read_pipeline(
             fix = f"did you mean {near}?" if near else f"it has {has}"
             cause = f"the pipeline has no block '{first}'"
             problems.append(Problem("E-SET", override.place, cause, fix))
-    return _substitute(tree, problems), paths
+    tree = _substitute(tree, problems)
+    return renamed_keys.update_tree(tree, renamed_keys.PIPELINE_CHANGES, problems), paths
 
 
 def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:

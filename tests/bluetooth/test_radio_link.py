@@ -22,7 +22,7 @@ FRAMES = 80  # two seconds of telemetry
 def driving(link, name):
     """A run over the radio, as fast as the robot goes, that ends with the block. It is not the
     follower's to say that the robot is stuck: a busy machine lets it stand now and then."""
-    sets = ("--set", "robot.drive.polarity=by_hand", "--set", "follower.stuck_after=60 s")
+    sets = ("--set", "robot.drive.polarity=checked_by_hand", "--set", "follower.stuck_after=60 s")
     driver = start(*run(link.device, *sets, "--goal", "3 0", "--name", name))
     try:
         yield driver

@@ -50,7 +50,7 @@ class Relay(BackgroundDevice):
 
 
 def drive(relay):
-    words = run(relay.device, "--goal", "9 0", "--set", "robot.drive.polarity=by_hand")
+    words = run(relay.device, "--goal", "9 0", "--set", "robot.drive.polarity=checked_by_hand")
     return start(*(word if word != "book_2wd" else "book_2wd_stock" for word in words))
 
 

@@ -30,7 +30,7 @@ def prepared(tmp_path):
         robot, answers = tmp_path / "mine.yaml", tmp_path / "answers.yaml"
         robot.write_text(
             f"format: 1\nkind: robot\ninclude: {base}\nsimulation: {{{WRONG}}}\n"
-            "drive: {polarity: by_hand}\n"
+            "drive: {polarity: checked_by_hand}\n"
         )
         answers.write_text(ANSWERS)
         made, truths = open_session(load_robot(str(robot)), "sim", seed)

@@ -54,7 +54,7 @@ drive:
 """,
     "encoders where another robot's radio sits": """
 board: {edge_times: false, telemetry: 16 Hz}
-link: {protocol: rosserial, uart: 2, range_formula: 13/V, command_delay: 100 ms}
+link: {protocol: rosserial, uart: 2, command_delay: 100 ms}
 drive: {left: {encoder: {pin: 18}}, right: {encoder: {pin: 19}}}
 limits: {speed: 0.25 m/s, acceleration: 0.4 m/s2, braking: 0.4 m/s2}
 """,

@@ -92,7 +92,7 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
             "--goal",
             "0.15 0.05",
             "--set",
-            "robot.drive.polarity=by_hand",
+            "robot.drive.polarity=checked_by_hand",
             "--for",
             "9s",
             "--record",

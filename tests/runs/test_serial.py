@@ -11,7 +11,7 @@ import pytest
 from diffbotctl.testing.book_board import BookBoardPort
 
 PROGRAM = "from diffbotctl.cli.main import main; main()"
-STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=by_hand"]
+STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand"]
 
 
 @pytest.fixture

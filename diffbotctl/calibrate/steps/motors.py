@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from diffbotctl.calibrate import motor_experiments, motor_fit
 from diffbotctl.calibrate.motor_experiments import (
-    BREAKAWAY_DUTY_RESOLUTION,
     DUTY_LEVELS,
     MEASURING_TIME_S,
     SETTLING_TIME_S,
@@ -61,11 +60,8 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     for side, motor in motors.items():
         line, path = motor.line, f"drive.{side}.motor"
         static = min(max(line.static, 0.0), 0.75)
-        start = max(sum(motor.start.values()) / len(motor.start), static)
         made += [
             Finding(f"{path}.rated", line.rated, line.rated * line.slope_sd / line.slope),
-            Finding(f"{path}.start_duty", start, BREAKAWAY_DUTY_RESOLUTION),
-            Finding(f"{path}.keep_duty", static, line.static_sd),
             Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.parted)),
             Finding(f"{path}.loop.static", static, line.static_sd),
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),

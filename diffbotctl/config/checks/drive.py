@@ -82,7 +82,10 @@ def check_polarity(context: CheckContext) -> None:
         "nobody has seen yet that both motors turn the right way, and one-channel encoders "
         "cannot tell: the robot is held to 0.1 m/s"
     )
-    fix = "run `diffbotctl calibrate encoders`, or set drive: {polarity: by_hand} when you have"
+    fix = (
+        "run `diffbotctl calibrate encoders`, or set drive: {polarity: checked_by_hand} when you "
+        "have"
+    )
     context.warn("W-POLARITY", context.robot_place("drive", "polarity"), cause, fix)
 
 
