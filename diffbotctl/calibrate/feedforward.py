@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from math import copysign
-
-from diffbotctl.config.robot import Robot, SideSection
-from diffbotctl.control.speed_loop import speed_gains
+from diffbotctl.config.robot import MotorSection, Robot
+from diffbotctl.control.speed_loop import limit_duty, speed_gains
 from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.messages import Duty, Wheels
 
@@ -17,11 +15,9 @@ def wheels(robot: Robot, left: float, right: float) -> Wheels | Duty:
     """
     if not is_duty_board(robot):
         return Wheels(0, left, right)
-    return Duty(0, _duty(robot.drive.left, left), _duty(robot.drive.right, right))
+    drive = robot.drive
+    return Duty(0, _duty(drive.left.motor, left), _duty(drive.right.motor, right))
 
 
-def _duty(side: SideSection, speed: float) -> float:
-    if not speed:
-        return 0.0
-    ahead = speed_gains(side.motor)
-    return copysign(min(ahead.static + ahead.slope * abs(speed), 1.0), speed)
+def _duty(motor: MotorSection, speed: float) -> float:
+    return limit_duty(speed_gains(motor).duty(speed), speed)
