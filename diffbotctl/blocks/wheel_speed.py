@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from collections import deque
-from math import copysign, pi
+from math import pi
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.control.speed_loop import (
+    MotorSettings,
+    SpeedGains,
+    limit_duty,
+    limit_integral,
+    speed_gains,
+)
+from diffbotctl.estimation.wheel_odometer import SideConfig
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.params import FromRobot, Param
 
-MOST_INTEGRAL = 0.2  # duty; more than the spread of cold motors is never needed
+INTEGRAL_MAX = 0.2  # duty; more than the spread of cold motors is never needed
+LEARNING_STEP_MAX_S = 0.1
+SPEED_CHANGE_MAX = 0.5  # rad/s; a greater change of a target begins a new window
 
 
 class WheelSpeed(Block):
@@ -22,9 +32,8 @@ class WheelSpeed(Block):
         float, default=0.6, unit="s", above=0.0, help="Time over which counts are taken."
     )
     integral = Param(float, default=0.01, minimum=0.0, help="Duty per rad of missing angle.")
-    static: float = FromRobot("drive.left.motor.loop.static")
-    rated: float = FromRobot("drive.left.motor.rated")
-    slots: int = FromRobot("drive.left.encoder.slots")
+    left_side: SideConfig = FromRobot("drive.left")
+    right_side: SideConfig = FromRobot("drive.right")
 
     wheels = In(Wheels, fresh_for=0.3)
     encoders = In(Encoders, trigger=False)
@@ -32,7 +41,7 @@ class WheelSpeed(Block):
 
     def reset(self) -> None:
         self.history: deque[tuple[int, int, int]] = deque()
-        self.sums = [0.0, 0.0]
+        self.integrals = [0.0, 0.0]  # duty, in the direction of the target
         self.targets = (0.0, 0.0)
         self.time = 0
 
@@ -41,41 +50,53 @@ class WheelSpeed(Block):
             return Duty(now, 0.0, 0.0)
         step, self.time = (now - self.time) * 1e-9, now
         targets = (wheels.left, wheels.right)
-        if not _alike(targets, self.targets):
+        if not _is_steady(targets, self.targets):
             self.history.clear()
         self.targets = targets
         if encoders is not None:
-            self._learn(encoders, targets, min(step, 0.1))
-        left, right = (
-            duty(target, total, self.static, self.rated)
-            for target, total in zip(targets, self.sums, strict=True)
+            self._learn(encoders, targets, min(step, LEARNING_STEP_MAX_S))
+        left, right = self.integrals
+        return Duty(
+            now,
+            duty(wheels.left, left, self.left_side.motor),
+            duty(wheels.right, right, self.right_side.motor),
         )
-        return Duty(now, left, right)
 
     def _learn(self, encoders: Encoders, targets: tuple[float, float], step: float) -> None:
         """Integrate the speed that is missing, once the window is full of steady driving."""
         self.history.append((encoders.time, encoders.left, encoders.right))
-        first = self.history[0]
-        span = (encoders.time - first[0]) * 1e-9
+        first_time, *first_counts = self.history[0]
+        span = (encoders.time - first_time) * 1e-9
         if span < self.window:
             return
         self.history.popleft()
-        pitch = 2 * pi / self.slots
+        counts = (encoders.left - first_counts[0], encoders.right - first_counts[1])
+        slots = (self.left_side.encoder.slots, self.right_side.encoder.slots)
         for side, target in enumerate(targets):
-            counts = (encoders.left, encoders.right)[side] - first[1 + side]
-            missing = abs(target) - abs(counts) * pitch / span
-            total = self.sums[side] + self.integral * missing * step
-            self.sums[side] = min(max(total, -MOST_INTEGRAL), MOST_INTEGRAL)
+            pitch = 2 * pi / slots[side]
+            missing = abs(target) - abs(counts[side]) * pitch / span
+            integral = self.integrals[side] + self.integral * missing * step
+            self.integrals[side] = limit_integral(integral, INTEGRAL_MAX)
 
 
-def _alike(these: tuple[float, float], those: tuple[float, float]) -> bool:
-    """True when both wheels keep their direction and their speed within a tenth of a rad/s."""
-    return all(a * b > 0 and abs(a - b) < 0.5 for a, b in zip(these, those, strict=True))
+def _is_steady(targets: tuple[float, float], before: tuple[float, float]) -> bool:
+    """True when both wheels keep their direction and nearly their speed."""
+    return all(
+        a * b > 0 and abs(a - b) < SPEED_CHANGE_MAX for a, b in zip(targets, before, strict=True)
+    )
 
 
-def duty(target: float, extra: float, static: float, rated: float) -> float:
-    """Duty for `target` rad/s: dead band, slope to full duty at `rated`, and `extra`; 0 for 0."""
-    if target == 0.0:
-        return 0.0
-    wanted = static + abs(target) / rated * (1.0 - static) + extra
-    return copysign(min(max(wanted, 0.0), 1.0), target)
+def duty(target: float, integral: float, motor: MotorSettings) -> float:
+    """Duty for `target` rad/s: feed-forward of the motor, and `integral` in the target's direction;
+    0 for 0."""
+    signed_integral = integral if target > 0.0 else -integral
+    relative = target / motor.rated
+    return limit_duty(_relative_gains(motor).duty(relative, integral=signed_integral), target)
+
+
+def _relative_gains(motor: MotorSettings) -> SpeedGains:
+    """Gains with the rated speed as the unit of speed: rounded so, duties are bit for bit those of
+    recordings of version 0.1."""
+    gains, loop = speed_gains(motor), motor.loop
+    slope = 1.0 - loop.static if loop.speed is None else loop.speed * motor.rated
+    return gains._replace(slope=slope)

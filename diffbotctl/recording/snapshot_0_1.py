@@ -93,6 +93,7 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "slope": None,
     },
     "OdometryBlock": {"times": "timestamps"},
+    "WheelSpeed": {"rated": None, "slots": None, "static": None, "sums": "integrals"},
 }
 ATTRIBUTES["CountWheelOdometer"] = ATTRIBUTES["WheelOdometer"]
 

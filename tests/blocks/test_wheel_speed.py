@@ -1,14 +1,22 @@
 """Duty on the host: feed-forward by hand, and the slow integral on counts."""
 
 from math import pi
+from types import SimpleNamespace
 
 import pytest
 
-from diffbotctl.blocks.wheel_speed import MOST_INTEGRAL, WheelSpeed, duty
+from diffbotctl.blocks.wheel_speed import INTEGRAL_MAX, WheelSpeed, duty
 from diffbotctl.messages import Duty, Encoders, Wheels
 
 STEP = 25_000_000  # ns between two instants
-STATIC, RATED = 0.1, 10.0
+
+
+def side(static=0.1, rated=10.0, slots=20, speed=None):
+    """One side of the drive, as the robot file states it."""
+    loop = SimpleNamespace(static=static, speed=speed, proportional=0.0, integral=0.02)
+    return SimpleNamespace(
+        motor=SimpleNamespace(rated=rated, loop=loop), encoder=SimpleNamespace(slots=slots)
+    )
 
 
 @pytest.mark.parametrize(
@@ -25,11 +33,34 @@ STATIC, RATED = 0.1, 10.0
     ],
 )
 def test_feed_forward(target, extra, wanted):
-    assert duty(target, extra, STATIC, RATED) == pytest.approx(wanted)
+    assert duty(target, extra, side().motor) == pytest.approx(wanted)
 
 
-def block():
-    return WheelSpeed(static=STATIC, rated=RATED, slots=20)
+def block(left=None, right=None):
+    return WheelSpeed(left_side=left or side(), right_side=right or side())
+
+
+def test_each_side_gets_the_duty_of_its_own_motor():
+    made = block(side(rated=10.472), side(static=0.2, rated=8.0))
+    # 0.1 + 5 / 10.472 x 0.9 and 0.2 + 5 / 8 x 0.8: as the calibration's feed-forward has it
+    assert made.react(9, Wheels(9, 5.0, 5.0), None)[1:] == pytest.approx((0.5297, 0.7), abs=1e-4)
+
+
+def test_a_measured_slope_goes_before_the_rated_speed():
+    made = block(side(speed=0.06), side(static=0.2, rated=8.0, speed=0.09))
+    # 0.1 + 5 x 0.06 and 0.2 + 5 x 0.09
+    assert made.react(9, Wheels(9, 5.0, -5.0), None)[1:] == pytest.approx((0.4, -0.65))
+
+
+def test_each_side_counts_the_slots_of_its_own_disc():
+    made = block(side(slots=20), side(slots=40))
+    target = 10 * (2 * pi / 20) / 0.6  # ten of 20 slots in each window of 0.6 s, 24 steps
+    for i in range(100):
+        now = i * STEP
+        encoders = Encoders(now, 10 * i // 24, 20 * i // 24)
+        out = made.react(now, Wheels(now, target, target), encoders)
+    assert made.integrals == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert out.left == out.right
 
 
 def steady(counts, instants, target):
@@ -63,7 +94,7 @@ def test_a_wheel_too_fast_gets_less():
 
 def test_what_is_learnt_is_bounded():
     out = steady(lambda i: 0, 1000, 5.0)
-    assert out[-1].left == pytest.approx(0.55 + MOST_INTEGRAL)
+    assert out[-1].left == pytest.approx(0.55 + INTEGRAL_MAX)
 
 
 def test_a_change_of_speed_starts_a_new_window():
@@ -71,7 +102,7 @@ def test_a_change_of_speed_starts_a_new_window():
     for i in range(40):
         target = 5.0 if i < 20 else 8.0
         made.react(i * STEP, Wheels(i * STEP, target, target), Encoders(i * STEP, 0, 0))
-    assert made.sums == [0.0, 0.0]  # neither speed was held for 0.6 s
+    assert made.integrals == [0.0, 0.0]  # neither speed was held for 0.6 s
 
 
 def test_without_a_command_the_motors_get_nothing():
