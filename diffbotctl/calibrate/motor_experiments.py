@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, NamedTuple
 
-from diffbotctl.calibrate import feedforward, motor_fit
+from diffbotctl.calibrate import motor_fit
 from diffbotctl.calibrate.session import Received, RobotSession
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.robot import SIDES, Robot
-from diffbotctl.drivers.robot_link import is_duty_board
+from diffbotctl.drivers.robot_link import is_duty_board, wheel_command
 from diffbotctl.messages import Duty
 
 DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # duty; above every usual dead band, below full
@@ -141,7 +141,7 @@ def check_creep(rig: RobotSession) -> Generator[Event, Any, list[str]]:
     drive = {"left": robot.drive.left, "right": robot.drive.right}
     wanted = {side: 2 * CREEP_SPEED_M_S / drive[side].wheel.diameter for side in SIDES}
     yield Message(f"The loops as found must start both wheels at {CREEP_SPEED_M_S * CM:g} cm/s.")
-    command = feedforward.wheels(robot, wanted["left"], wanted["right"])
+    command = wheel_command(robot, wanted["left"], wanted["right"])
     rig.hold(command, CREEP_TIME_S / 2)
     heard = rig.hold(command, CREEP_TIME_S / 2).encoders
     rig.rest()

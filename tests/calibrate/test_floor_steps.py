@@ -2,10 +2,10 @@
 
 import pytest
 
-from diffbotctl.calibrate import feedforward
 from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
+from diffbotctl.drivers.robot_link import wheel_command
 from diffbotctl.messages import Duty, Wheels
 
 ANSWERS = """\
@@ -89,6 +89,6 @@ def test_squares_on_a_board_with_the_books_firmware(prepared):
     ],
 )
 def test_speeds_go_out_as_the_board_takes_them(base, command):
-    made = feedforward.wheels(load_robot(base).robot, 5.0, -5.0)
+    made = wheel_command(load_robot(base).robot, 5.0, -5.0)
     assert type(made) is type(command)
     assert (made.left, made.right) == pytest.approx((command.left, command.right), rel=1e-4)

@@ -8,12 +8,12 @@ from math import pi
 from typing import Any
 
 from diffbotctl.blocks.odometry import OdometryBlock
-from diffbotctl.calibrate import feedforward
 from diffbotctl.calibrate.confidence import robust_mean
 from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, MarkFloor, MotionNotice, Outcome, Running, StepProgress
 from diffbotctl.config.robot import Robot
+from diffbotctl.drivers.robot_link import wheel_command
 from diffbotctl.messages import Encoders, Odometry
 from diffbotctl.prompts.question import FACING
 from diffbotctl.runs.build_graph import build_block
@@ -63,7 +63,7 @@ class SpinStep:
         robot = rig.file.robot
         rim = way * TURN_RATE_RAD_S * robot.drive.track
         drive = robot.drive
-        command = feedforward.wheels(
+        command = wheel_command(
             robot, -rim / drive.left.wheel.diameter, rim / drive.right.wheel.diameter
         )
         frames = rig.listen(0.1).encoders
