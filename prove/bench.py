@@ -16,7 +16,7 @@ from typing import Any
 from diffbotctl.block import Block
 from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders, Goal
-from diffbotctl.recording import writer_process
+from diffbotctl.recording import writer
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.run import Run, RunOptions
@@ -62,7 +62,7 @@ def overhead() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         about = {"epoch": "0"}
         path = Path(folder) / "bench.mcap"
-        channel, _ = writer_process.start_recorder(path, graph.kinds, len(graph.sources), about)
+        channel, _ = writer.start_recorder(path, graph.kinds, len(graph.sources), about)
         recorder = Recorder(channel, waits=False, tell=print)
         left: list[Any] = []
         compiled = graph.compile({"gate.wheels": lambda now, m: left.append(m)}, recorder.record)

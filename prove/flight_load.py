@@ -17,7 +17,7 @@ from unittest.mock import patch
 from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.black_box import BlackBox, StopEvent
-from diffbotctl.recording.black_box_store import MOST
+from diffbotctl.recording.black_box_store import SIZE_MAX_BYTES
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
@@ -56,7 +56,7 @@ def fill(flight: BlackBox, assembly: Assembly) -> None:
     """Hand the recorder what hardly compresses until its ring is full; then a stop."""
     place = assembly.graph.sources.index("robot.encoders")
     chance, now, size = Random(1), 0, 0
-    flight.outlet.channel.setblocking(True)
+    flight.sender.channel.setblocking(True)
 
     def instant() -> tuple[Any, ...]:
         values: list[Any] = [None] * len(assembly.graph.sources)
@@ -64,16 +64,16 @@ def fill(flight: BlackBox, assembly: Assembly) -> None:
         values[place] = Encoders(now, drawn[0], drawn[1], drawn[2], drawn[3], 9.0, 9.0)
         return (now, *values)
 
-    while size < MOST:
+    while size < SIZE_MAX_BYTES:
         batch = []
         for _ in range(BATCH):
             now += PERIOD
             batch.append(instant())
-        flight.outlet.send(batch)
+        flight.sender.send(batch)
         size += BATCH * DRAWN
-    flight.outlet.send(StopEvent(now, "load", "a measurement"))
+    flight.sender.send(StopEvent(now, "load", "a measurement"))
     now += 2 * SECOND  # what comes after a stop belongs to its file
-    flight.outlet.send([instant()])
+    flight.sender.send([instant()])
 
 
 def answers(path: Path) -> Iterator[float]:
@@ -95,7 +95,7 @@ def row() -> Row:
     with tempfile.TemporaryDirectory() as name, hub(Path(name)) as (flight, station, assembly):
         fill(flight, assembly)
         waited = [next(asked := answers(station.path))]
-        while flight.outlet.hear() is None and (answer := next(asked, None)) is not None:
+        while flight.sender.receive() is None and (answer := next(asked, None)) is not None:
             waited.append(answer)
     longest = max(waited)
     return Row(

@@ -21,7 +21,7 @@ from random import Random
 from jsonschema import Draft7Validator
 from mcap.reader import make_reader
 
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.recover import recover
 from diffbotctl.testing.trials.row import Row, printed
 from prove import flight_load

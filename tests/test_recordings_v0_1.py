@@ -21,10 +21,9 @@ from diffbotctl.block import Block, Every, FromRobot, In, Out, action
 from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Stop, Text, Twist
 from diffbotctl.params import Param
 from diffbotctl.recording.json_codec import message_encoder
-from diffbotctl.recording.mcap_file import RecordingReader
-from diffbotctl.recording.replay_driver import Recorded
-from diffbotctl.replay.replay import ReplayOptions, replay, replay_as
-from diffbotctl.replay.source import read_run
+from diffbotctl.recording.reader import RecordedMessage, RecordingReader
+from diffbotctl.replay.recorded_run import read_run
+from diffbotctl.replay.replay import ReplayOptions, replay, replay_run
 from diffbotctl.time import SECOND
 
 BLOCKS = "diffbotctl.blocks"  # the entry point by which packages offer their blocks
@@ -204,7 +203,7 @@ def translated(message: Message) -> Message:
 RECORDED = RecordingReader.messages
 
 
-def translated_messages(reader: RecordingReader) -> Iterator[Recorded]:
+def translated_messages(reader: RecordingReader) -> Iterator[RecordedMessage]:
     for item in RECORDED(reader):
         message = translated(item.message)
         if message != item.message:
@@ -218,15 +217,15 @@ def in_present_words(monkeypatch):
     monkeypatch.setattr(RecordingReader, "messages", translated_messages)
 
 
-def digest(items: Iterable[Recorded]) -> str:
-    """What diffbotctl.recording.digest makes of these messages."""
+def digest(items: Iterable[RecordedMessage]) -> str:
+    """What diffbotctl.recording.comparison makes of these messages."""
     result = sha256()
     for item in items:
         result.update(item.wire.encode() + b" %d " % item.time + item.data)
     return result.hexdigest()
 
 
-def without_texts(item: Recorded) -> Recorded:
+def without_texts(item: RecordedMessage) -> RecordedMessage:
     message = item.message._replace(**dict.fromkeys(texts_of(item.message), ""))
     return item._replace(message=message, data=message_encoder(type(message))(message))
 
@@ -244,7 +243,7 @@ def test_every_message_is_made_anew_bit_for_bit(name, in_present_words):
 @pytest.mark.parametrize("name", UNCHECKED)
 def test_what_cannot_be_checked_is_replayed_to_its_end(name, in_present_words, tmp_path):
     run = read_run(FOLDER / name)
-    done = replay_as(run, ReplayOptions(record=tmp_path / name))
+    done = replay_run(run, ReplayOptions(record=tmp_path / name))
     assert done.ending.code == 0 and done.ending.time > run.last
     items = list(RECORDED(RecordingReader(tmp_path / name)))
     assert digest(items) == done.digest
@@ -277,5 +276,5 @@ def test_each_changed_text_is_in_a_recording(row):
 
 def test_a_flight_begins_in_the_state_that_was_saved():
     run = read_run(FOLDER / "flight.mcap")
-    assert run.is_flight and run.begins == "state"
+    assert run.is_black_box and run.begins == "state"
     assert run.state is not None and run.state[0] > 30 * SECOND

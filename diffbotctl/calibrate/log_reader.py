@@ -158,7 +158,7 @@ def unusable_log(path: Path, cause: str) -> UsageError:
 
 def _from_recording(path: Path) -> tuple[Floats, None]:
     from diffbotctl.messages import Encoders
-    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.recording.reader import RecordingReader
 
     try:
         messages = [each.message for each in RecordingReader(path).messages() if each.from_driver]

@@ -22,7 +22,7 @@ def command() -> None:
 @recording
 def info(file: Path) -> int:
     """What is in the recording FILE, why its run ended, and whether it is complete."""
-    from diffbotctl.recording.info import recording_info
+    from diffbotctl.recording.reader import recording_info
     from diffbotctl.ui import recording_text
 
     for line in recording_text.info_lines(recording_info(file)):
@@ -115,12 +115,12 @@ def plot(
     A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
     """
     from diffbotctl.cli.engine_client import quantity_of
-    from diffbotctl.recording.fields import series
+    from diffbotctl.recording.fields import read_series
     from diffbotctl.time import NEVER
 
     first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
     last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)
-    drawn = series(file, fields, first, last)
+    drawn = read_series(file, fields, first, last)
     if output is None:
         _on_terminal(drawn, plain)
         return 0
@@ -159,7 +159,7 @@ def diff(one: Path, other: Path) -> int:
 
     Exit code: 0 the same, 1 different.
     """
-    from diffbotctl.recording.diff import recording_differences
+    from diffbotctl.recording.comparison import recording_differences
     from diffbotctl.recording.metrics import recorded_metrics
     from diffbotctl.ui import recording_text
 

@@ -10,8 +10,8 @@ import click
 from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
+    from diffbotctl.replay.recorded_run import RecordedRun
     from diffbotctl.replay.replay import ReplayOptions, ReplayResult, Show
-    from diffbotctl.replay.source import RecordedRun
 
 
 @click.command()
@@ -55,15 +55,15 @@ def command(
 
     Exit code: 0 the same, 1 different or unreadable.
     """
-    from diffbotctl.replay import source
-    from diffbotctl.replay.replay import ReplayOptions, replay_as
+    from diffbotctl.replay import recorded_run
+    from diffbotctl.replay.replay import ReplayOptions, replay_run
     from diffbotctl.time import NEVER
 
     if check and (sets or begin or until):
         raise click.UsageError("--check compares the whole recording as it is: nothing else fits")
     if record is not None and record.exists() and record.samefile(file):
         raise click.UsageError("--record must not write over the recording that is replayed")
-    run = source.read_run(file)
+    run = recorded_run.read_run(file)
     if dash:
         from diffbotctl.cli.run_dash import check_terminal
 
@@ -81,13 +81,13 @@ def command(
     )
     _say_where_it_begins(run)
     if not sets:
-        done = replay_as(run, wanted)
+        done = replay_run(run, wanted)
         return _told(done) or _measured(run, wanted, done)
     return _measured(run, wanted, _changed(run, wanted, same_motion))
 
 
 def _changed(run: RecordedRun, wanted: ReplayOptions, same_motion: bool) -> ReplayResult:
-    from diffbotctl.replay.replay import replay_as
+    from diffbotctl.replay.replay import replay_run
     from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
 
     reason = "asked for" if same_motion else why_not_resimulable(run)
@@ -96,7 +96,7 @@ def _changed(run: RecordedRun, wanted: ReplayOptions, same_motion: bool) -> Repl
         done = resimulate(run, wanted)
     else:
         click.echo(f"the recorded motion ({reason})")
-        done = replay_as(run, wanted)
+        done = replay_run(run, wanted)
     _told(done)
     return done
 
@@ -130,14 +130,14 @@ def _told(done: ReplayResult) -> int:
 def _measured(run: RecordedRun, wanted: ReplayOptions, done: ReplayResult) -> int:
     """The metrics of the replay beside those of the recording, where they can differ."""
     from diffbotctl.recording.metrics import recorded_metrics
-    from diffbotctl.replay.replay import replay_as
+    from diffbotctl.replay.replay import replay_run
     from diffbotctl.time import NEVER
     from diffbotctl.ui import recording_text
 
     if not wanted.sets and not wanted.begin and wanted.until == NEVER:
         return 0
-    if run.is_flight:  # it holds no poses: they are made anew, without the changes
-        before = replay_as(
+    if run.is_black_box:  # it holds no poses: they are made anew, without the changes
+        before = replay_run(
             run, wanted._replace(sets=(), record=None, speed=None, show=None)
         ).metrics
     else:
@@ -170,7 +170,7 @@ def _view(run: RecordedRun, dash: bool) -> Show:
 
         return show
     from diffbotctl.cli.run import screen
-    from diffbotctl.replay import source
+    from diffbotctl.replay import recorded_run
 
-    with source.recorded_configuration(run) as configuration:
+    with recorded_run.recorded_configuration(run) as configuration:
         return screen(configuration, run.about["port"])

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diffbotctl.control_socket.address import remove_socket
-from diffbotctl.processes.fork import close_inherited_files, fork
+from diffbotctl.processes.child_process import close_inherited_files, fork
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.run_state import RunInfo
@@ -65,7 +65,7 @@ def _fork(kept: set[socket.socket], serve: Callable[[], int], keeper: BlackBoxSt
         code = serve()
         if keeper is not None:  # also when the hub has failed, or the engine was killed
             close_inherited_files({keeper.fileno()}, 0)
-            keeper.rest()
+            keeper.read_to_end()
         return code
 
     pid = fork(live)

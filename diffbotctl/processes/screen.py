@@ -17,7 +17,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from diffbotctl.messages import LogLine, Message
-from diffbotctl.processes.fork import fork_with_channel
+from diffbotctl.processes.child_process import fork_with_channel
 
 MOST_LINES = 200  # of the log that wait for a screen; one that is stopped gets the newest
 PERIOD = 100_000_000  # ns of logical time between two pictures
@@ -102,7 +102,7 @@ NICENESS = 2  # the control path goes first; a lost word of whoever drives would
 LARGEST = 1 << 18  # bytes of one picture
 
 
-def start(
+def start_screen(
     show: Callable[[Iterator[RunSnapshot]], None], drives: bool = False
 ) -> tuple[socket.socket, int]:
     """Fork a process that runs `show` over the pictures sent to the returned channel.

@@ -1,7 +1,8 @@
-"""The engine's end of the flight recorder: what the drivers delivered, kept for the day it stops.
+"""Black box, engine side: the source messages of the last 3 minutes, and states between them.
 
-The hub holds the last minutes in memory and has them written at a stop. The blocks' messages are
-not sent: a replay makes them anew, from a state taken now and then.
+The blocks' messages are not sent: a replay makes them anew, from a state that is taken every
+SNAPSHOT_PERIOD. The child side, in diffbotctl.recording.black_box_store, keeps them in memory and
+writes them to a file when the robot is stopped.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diffbotctl.messages import Stop
-from diffbotctl.recording.recorder import ChildSender, drain_batch
+from diffbotctl.processes.child_process import ChildSender
+from diffbotctl.recording.recorder import spans_batch
 from diffbotctl.time import SECOND
 
-PATIENCE = 1.0  # s that the end of a run waits for a hub which takes nothing
-SNAPSHOT = 30 * SECOND  # between two states; each costs a third of a millisecond of idle time
+FINISH_TIMEOUT_S = 1.0  # that the end of a run waits for a server process that reads nothing
+SNAPSHOT_PERIOD = 30 * SECOND  # each takes a third of a millisecond of idle time
 
 
 class StopEvent(NamedTuple):
-    """Something stopped the robot at `time` (ns)."""
+    """A block or driver stopped the robot at `time` (ns)."""
 
     time: int
     code: str
@@ -27,7 +29,7 @@ class StopEvent(NamedTuple):
 
 
 class EngineState(NamedTuple):
-    """The state of all blocks after the instant `time` (ns), with all inputs up to then sent."""
+    """The state of all blocks after the instant `time` (ns); all inputs up to it were sent."""
 
     time: int
     data: bytes
@@ -36,8 +38,9 @@ class EngineState(NamedTuple):
 class BlackBox:
     """Gathers what drivers deliver: the first `sources` messages of each instant.
 
-    `snapshot` returns the state between two instants, or None when it has no bytes. `announce` is
-    called with each file that was written, `tell` once, with the reason, when this has failed.
+    `snapshot` returns the state between two instants, or None when a block's state cannot be saved.
+    `announce` is called with a line about each file that was written, `on_loss` once, with the
+    reason, when recording has failed.
     """
 
     def __init__(
@@ -46,16 +49,16 @@ class BlackBox:
         sources: int,
         snapshot: Callable[[], bytes | None],
         announce: Callable[[str], None],
-        tell: Callable[[str], None],
+        on_loss: Callable[[str], None],
     ) -> None:
-        self.outlet = ChildSender(channel, False, tell)
+        self.sender = ChildSender(channel, False, on_loss)
         self.end = sources + 1
         self.snapshot = snapshot
         self.announce = announce
         self.pending: list[tuple[Any, ...]] = []
         self.stops: list[StopEvent] = []
         self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
-        self.next = SNAPSHOT
+        self.snapshot_due = SNAPSHOT_PERIOD
         self.last = 0
 
     def stop(self, now: int, stop: Stop) -> None:
@@ -64,42 +67,42 @@ class BlackBox:
             self.stops.append(StopEvent(now, stop.code, stop.cause))
 
     def drain(self) -> None:
-        """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
-        if not self.pending or not (self.stops or drain_batch(self.pending)):
+        """Send what has gathered. Called in the loop's idle time, after commands have left."""
+        if not self.pending or not (self.stops or spans_batch(self.pending)):
             return
         self._send()
-        if self.last >= self.next:
-            self.next = self.last + SNAPSHOT
+        if self.last >= self.snapshot_due:
+            self.snapshot_due = self.last + SNAPSHOT_PERIOD
             data = self.snapshot()
             if data is not None:
-                self.outlet.send(EngineState(self.last, data))
-        said = self.outlet.hear()
-        if said is not None:
-            self._announce(said)
+                self.sender.send(EngineState(self.last, data))
+        self._announce(self.sender.receive() or "")
 
     def finish(self, summary: dict[str, str]) -> None:
-        """Hand on the rest with how the run ended. A hub that hangs is given up."""
-        self.outlet.channel.settimeout(PATIENCE)
+        """Send the rest, and `summary`: how the run ended. A process that hangs is given up."""
+        self.sender.channel.settimeout(FINISH_TIMEOUT_S)
         self._send()
-        self.outlet.send(summary)
-        self.outlet.finish()
+        self.sender.send(summary)
+        self.sender.finish()
 
     def close(self) -> None:
-        """Announce what was written because of the end, once it has been: the hub has gone."""
-        self._announce(self.outlet.close())
+        """Wait until the other process has ended, and announce what it wrote because of the end."""
+        self._announce(self.sender.close())
 
     def _send(self) -> None:
         if self.pending:
             self.last = self.pending[-1][0]
-        heard = [instant[: self.end] for instant in self.pending]
-        inputs = [each for each in heard if any(part is not None for part in each[1:])]
+        delivered = (instant[: self.end] for instant in self.pending)
+        inputs = [
+            instant for instant in delivered if any(message is not None for message in instant[1:])
+        ]
         self.pending.clear()
         if inputs:
-            self.outlet.send(inputs)
+            self.sender.send(inputs)
         for stop in self.stops:
-            self.outlet.send(stop)
+            self.sender.send(stop)
         self.stops.clear()
 
-    def _announce(self, said: str) -> None:
-        for line in said.splitlines():
+    def _announce(self, text: str) -> None:
+        for line in text.splitlines():
             self.announce(line)

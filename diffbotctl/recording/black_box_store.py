@@ -1,13 +1,9 @@
-"""The file of one flight: where it lies, what stands in it, and how many are kept.
+"""Black box, child side: keeps the last minutes of a run's inputs in memory, writes them at a stop.
 
-The last minutes of a run's inputs, in memory: from the run's start or from a known state.
-
-The flight recorder: keeps the last minutes in the hub's memory, and has them written at a stop.
-
-Each file is written by a process that is forked for it and holds the ring as it was: neither a slow
-disk nor the size of the file delays the hub. The hub outlives a killed engine, so that what led to
-it is written too. A power cut loses the ring: who must know what came before records with
-`--record`.
+It lives in the process of the control socket. Each file is written by a process that is forked for
+it and holds the inputs as they were: neither a slow disk nor the size of the file delays the
+control socket. The process outlives a killed engine, so that what led to that is written too. A
+power cut loses the memory: a run that must not be lost is recorded with `--record`.
 """
 
 from __future__ import annotations
@@ -22,21 +18,30 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
-from diffbotctl.processes.fork import close_inherited_files, fork
+from diffbotctl.processes.child_process import (
+    close_inherited_files,
+    fork,
+    report,
+    split_frames,
+)
 from diffbotctl.recording.black_box import EngineState, StopEvent
-from diffbotctl.recording.writer_process import report, split_frames
+from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.time import SECOND
 
-if TYPE_CHECKING:
-    pass
-
-KEPT = 10  # files in the folder; older ones go
+FILES_MAX = 10  # in the folder; older ones are deleted
+SPAN_MIN = 180 * SECOND  # that is kept, once the run is that old
+SIZE_MAX_BYTES = 24 << 20  # three minutes of a 50 Hz board take half a megabyte
+PACKET_BYTES = 32 << 10  # that are compressed at once: every few seconds, in a millisecond
+AFTER_STOP = SECOND  # ns that are recorded after a stop: how the robot came to rest
+FILE_PERIOD_MIN = 10 * SECOND  # between two files, however often the robot is stopped
+WRITER_NICENESS = 10  # writing a file takes a tenth of a second on a small machine
+READ_BYTES = 1 << 16  # at once, between two polls of the clients
 
 
 class RunMetadata(NamedTuple):
-    """What the files must know of the run. `wires` are those of the drivers alone."""
+    """What the files contain about the run. `wires` are those of the drivers alone."""
 
     folder: Path
     name: str
@@ -45,56 +50,53 @@ class RunMetadata(NamedTuple):
 
 
 def black_box_folder() -> Path:
-    """Where this user's flights lie."""
+    """The folder of this user's black box files."""
     state = os.environ.get("XDG_STATE_HOME")
-    home = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return home / "diffbotctl" / "flights"
+    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
+    return base / "diffbotctl" / "flights"
 
 
-def outcome(subject: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> str:
-    """Write flight `number` of this run, and return the line that tells of it."""
+def write_black_box(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> str:
+    """Write file `number` of this run. Returns the line to print about it, or about the failure."""
     try:
-        path = _save(subject, number, ring, summary)
+        path = _save(run, number, ring, summary)
     except OSError as error:
-        return write_failed_message(subject, error)
-    whole = ring.known and ring.begin is None
-    words = "The whole run so far is" if whole else "The last 3 minutes are"
+        return write_failed_message(run, error)
+    is_whole = ring.known and ring.begin is None
+    words = "The whole run so far is" if is_whole else "The last 3 minutes are"
     return f"{words} in {path}; diffbotctl replay {path}\n"
 
 
-def write_failed_message(subject: RunMetadata, error: OSError) -> str:
-    """The line that tells why there is no file."""
-    where = f"{subject.folder}: {os.strerror(error.errno or 0)}"
-    return f"The last minutes could not be kept: {where}\n"
+def write_failed_message(run: RunMetadata, error: OSError) -> str:
+    """The line to print when there is no file."""
+    return f"The last minutes could not be kept: {run.folder}: {os.strerror(error.errno or 0)}\n"
 
 
 def delete_oldest(folder: Path) -> None:
-    """Keep the newest KEPT flights of the folder."""
-    flights = sorted(folder.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
-    for path in flights[:-KEPT]:
+    """Keep the newest FILES_MAX files of the folder."""
+    files = sorted(folder.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    for path in files[:-FILES_MAX]:
         path.unlink(missing_ok=True)
 
 
-def _save(subject: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> Path:
-    subject.folder.mkdir(parents=True, exist_ok=True)
-    path = subject.folder / f"{subject.name}-{number}.mcap"
+def _save(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> Path:
+    run.folder.mkdir(parents=True, exist_ok=True)
+    path = run.folder / f"{run.name}-{number}.mcap"
     draft = path.with_suffix(".part")
     try:
         with draft.open("wb") as file:
-            _record(file, subject, ring, summary)
+            _write(file, run, ring, summary)
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
-    delete_oldest(subject.folder)
+    delete_oldest(run.folder)
     return path
 
 
-def _record(file: Any, subject: RunMetadata, ring: InputRing, summary: dict[str, str]) -> None:
-    from diffbotctl.recording.mcap_file import Recording  # the writer alone pays for it
-
+def _write(file: IO[bytes], run: RunMetadata, ring: InputRing, summary: dict[str, str]) -> None:
     begins = "run" if ring.known and ring.begin is None else "state" if ring.begin else "unknown"
-    about = {**subject.about, "flight": begins}
-    recording = Recording(file, subject.wires, len(subject.wires), about)
+    header = RecordingHeader(run.wires, len(run.wires), {**run.about, "flight": begins})
+    recording = RecordingWriter(file, header)
     if ring.begin is not None:
         recording.attach_state(*ring.begin)
     for instant in ring.instants():
@@ -102,76 +104,77 @@ def _record(file: Any, subject: RunMetadata, ring: InputRing, summary: dict[str,
     recording.finish({**summary, "instants": str(recording.instants)})
 
 
-SPAN = 180 * SECOND  # ns that are kept at the least, once the run is that old
-MOST = 24 << 20  # bytes; three minutes of a 50 Hz board take half a megabyte
-LOOSE = 32 << 10  # bytes that are compressed in one go: each few seconds, in a millisecond
-
-
 class InputRing:
-    """Batches of instants as they came, pickled and then compressed, and the states between them.
+    """Batches of instants, pickled and then compressed, and the states between them.
 
-    It forgets from one state to the next, so that what is left can be replayed exactly. Without
-    states, when a block cannot give one, it forgets as it goes: `known` is then False.
+    The oldest part, up to a state, is dropped, so that the rest can be replayed exactly: `begin` is
+    that state, None while nothing was dropped. Without states, when a block's state cannot be
+    saved, it drops what is too old, and `known` is then False. Times are in ns, sizes in bytes.
     """
 
-    def __init__(self, span: int = SPAN, most: int = MOST, packet: int = LOOSE) -> None:
-        self.span, self.most, self.packet = span, most, packet
-        self.blocks: deque[tuple[int, bytes]] = deque()  # (time of the last instant, compressed)
-        self.loose: list[bytes] = []
+    def __init__(
+        self,
+        span_min: int = SPAN_MIN,
+        size_max: int = SIZE_MAX_BYTES,
+        packet_size: int = PACKET_BYTES,
+    ) -> None:
+        self.span_min, self.size_max, self.packet_size = span_min, size_max, packet_size
+        self.packets: deque[tuple[int, bytes]] = deque()  # (time of the last instant, compressed)
+        self.uncompressed: list[bytes] = []
         self.states: deque[EngineState] = deque()
         self.begin: EngineState | None = None
         self.known = True
         self.size = 0
         self.last = 0
 
-    def keep(self, time: int, data: bytes) -> None:
-        """Keep a pickled list of instants, the last of which was at `time`."""
-        self.loose.append(data)
+    def add_batch(self, time: int, data: bytes) -> None:
+        """Add a pickled list of instants, the last of which was at `time`."""
+        self.uncompressed.append(data)
         self.size += len(data)
         self.last = time
-        if sum(map(len, self.loose)) >= self.packet:
-            self._pack()
-        self._forget()
+        if sum(map(len, self.uncompressed)) >= self.packet_size:
+            self._compress()
+        self._drop_oldest()
 
-    def mark(self, state: EngineState) -> None:
-        """Keep a state: what comes after it can be replayed from here."""
-        self._pack()  # a block never reaches from before a state to behind it
+    def add_state(self, state: EngineState) -> None:
+        """Add a state: what comes after it can be replayed from here."""
+        self._compress()  # no packet contains instants from before and after a state
         self.states.append(state)
         self.size += len(state.data)
-        self._forget()
+        self._drop_oldest()
 
     def instants(self) -> Iterator[tuple[Any, ...]]:
-        """All that is kept, in order."""
-        for _, block in self.blocks:
-            yield from _unpickled(zlib.decompress(block))
-        yield from _unpickled(b"".join(self.loose))
+        """All instants that are kept, in order."""
+        for _, packet in self.packets:
+            yield from _unpickled(zlib.decompress(packet))
+        yield from _unpickled(b"".join(self.uncompressed))
 
-    def _pack(self) -> None:
-        if not self.loose:
+    def _compress(self) -> None:
+        if not self.uncompressed:
             return
-        block = zlib.compress(b"".join(self.loose), 1)
-        self.size += len(block) - sum(map(len, self.loose))
-        self.blocks.append((self.last, block))
-        self.loose.clear()
+        packet = zlib.compress(b"".join(self.uncompressed), 1)
+        self.size += len(packet) - sum(map(len, self.uncompressed))
+        self.packets.append((self.last, packet))
+        self.uncompressed.clear()
 
-    def _forget(self) -> None:
-        old = self.last - self.span
-        while self.states and (self.states[0].time <= old or self.size > self.most):
+    def _drop_oldest(self) -> None:
+        oldest = self.last - self.span_min
+        while self.states and (self.states[0].time <= oldest or self.size > self.size_max):
             self.begin = self.states.popleft()
             self.known = True
-            self._drop(self.begin.time)
+            self._drop_until(self.begin.time)
             self.size -= len(self.begin.data)
-        if self.blocks and (self.size > self.most or self._is_late(old)):
-            self._drop(max(old, self.blocks[0][0]))
+        if self.packets and (self.size > self.size_max or self._has_no_states(oldest)):
+            self._drop_until(max(oldest, self.packets[0][0]))
             self.begin, self.known = None, False
 
-    def _is_late(self, old: int) -> bool:
-        """No state has come for as long again as the span: none will."""
-        return not self.states and self.blocks[0][0] < old - self.span
+    def _has_no_states(self, oldest: int) -> bool:
+        """Whether no state has come for twice the span: then none will."""
+        return not self.states and self.packets[0][0] < oldest - self.span_min
 
-    def _drop(self, until: int) -> None:
-        while self.blocks and self.blocks[0][0] <= until:
-            self.size -= len(self.blocks.popleft()[1])
+    def _drop_until(self, time: int) -> None:
+        while self.packets and self.packets[0][0] <= time:
+            self.size -= len(self.packets.popleft()[1])
 
 
 def _unpickled(data: bytes) -> Iterator[tuple[Any, ...]]:
@@ -181,35 +184,29 @@ def _unpickled(data: bytes) -> Iterator[tuple[Any, ...]]:
         yield from pickle.load(file)
 
 
-AFTER = SECOND  # ns; how the robot came to rest belongs to the story of a stop
-APART = 10 * SECOND  # ns between two files, however often something stops the robot
-NICENESS = 10  # writing a file takes a tenth of a second of a small machine's time
-LARGEST = 1 << 16  # bytes taken between two looks at the hub's clients
-
-
 class BlackBoxStore:
-    """Takes what comes over `channel`, and decides when to write."""
+    """Receives the engine's items over `channel`, and decides when to write a file."""
 
-    def __init__(self, channel: socket.socket, subject: RunMetadata) -> None:
+    def __init__(self, channel: socket.socket, run: RunMetadata) -> None:
         self.channel = channel
-        self.subject = subject
+        self.run = run
         self.buffer = bytearray()
         self.ring = InputRing()
         self.stop: StopEvent | None = None
-        self.free = 0  # ns; no file before
+        self.next_file = 0  # ns; no file before
         self.files = 0
-        self.writer = 0  # pid of the latest one
+        self.writer = 0  # pid of the newest writing process
         self.end: dict[str, str] | None = None
-        self.is_orphan = False
+        self.engine_was_killed = False
 
     def fileno(self) -> int:
-        """The file that becomes readable when something comes."""
+        """The file descriptor that becomes readable when an item comes."""
         return self.channel.fileno()
 
     def read(self) -> bool:
-        """Take what has come, without waiting. False once the engine has ended or died."""
+        """Receive what has come, without waiting. False once the engine has ended or died."""
         try:
-            data = self.channel.recv(LARGEST, socket.MSG_DONTWAIT)
+            data = self.channel.recv(READ_BYTES, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return True
         except ConnectionResetError:
@@ -219,36 +216,37 @@ class BlackBoxStore:
             self.take(item)
         return bool(data)
 
-    def rest(self) -> None:
-        """Take what still comes, until the engine has ended; then write, if that is a reason."""
-        goes_on = True
-        while goes_on:
+    def read_to_end(self) -> None:
+        """Receive everything until the engine has ended; then write a file if there is a reason."""
+        is_running = True
+        while is_running:
             select.select([self.channel], [], [])
-            goes_on = self.read()
-        self.over()
+            is_running = self.read()
+        self.finish()
 
     def give_up(self) -> None:
-        """Keep nothing any longer; the engine sees it by the channel's end."""
+        """Keep nothing from here on; the engine notices the end of the channel."""
         self.ring = InputRing()
         self.channel.shutdown(socket.SHUT_RDWR)
 
     def take(self, data: bytes) -> None:
         """Take one pickled item from the engine."""
         item: Any = pickle.loads(data)
-        if isinstance(item, list):
-            self.ring.keep(item[-1][0], data)
-        elif isinstance(item, EngineState):
-            self.ring.mark(item)
-        elif isinstance(item, StopEvent):
-            self.stop = self.stop or item
-        else:
-            self.end = item
-        if self.stop and self.ring.last >= max(self.stop.time + AFTER, self.free):
+        match item:
+            case list():
+                self.ring.add_batch(item[-1][0], data)
+            case EngineState():
+                self.ring.add_state(item)
+            case StopEvent():
+                self.stop = self.stop or item
+            case _:
+                self.end = item
+        if self.stop and self.ring.last >= max(self.stop.time + AFTER_STOP, self.next_file):
             self._write(f"{self.stop.code}: {self.stop.cause}")
 
-    def over(self) -> None:
-        """The engine has ended, with its last word or without."""
-        self.is_orphan = self.end is None
+    def finish(self) -> None:
+        """Write a file if the engine was killed, failed, or had stopped the robot."""
+        self.engine_was_killed = self.end is None
         if self.end is None:
             self._write("the engine was killed")
         elif self.end["code"] != "0":
@@ -257,28 +255,28 @@ class BlackBoxStore:
             self._write(f"{self.stop.code}: {self.stop.cause}")
 
     def _write(self, cause: str) -> None:
-        """Fork the writer of a flight. Whoever has forked the hub need not wait for it."""
+        """Fork a writing process, which nobody needs to wait for."""
         self.stop = None
-        self.free = self.ring.last + APART
+        self.next_file = self.ring.last + FILE_PERIOD_MIN
         if not self.ring.last:
             return
         self.files += 1
-        before = self.writer
+        previous_writer = self.writer
         try:
-            self.writer = fork(lambda: self._finish(cause, before))
+            self.writer = fork(lambda: self._write_file(cause, previous_writer))
         except OSError as error:
-            self._say(write_failed_message(self.subject, error))
+            self._announce(write_failed_message(self.run, error))
 
-    def _finish(self, cause: str, before: int) -> int:
-        """In a process of its own, after the writer `before` it has ended."""
-        close_inherited_files({self.channel.fileno()}, NICENESS)
-        _see_end(before)
-        self._say(outcome(self.subject, self.files, self.ring, self._summary(cause)))
+    def _write_file(self, cause: str, previous_writer: int) -> int:
+        """Runs in a process of its own, after `previous_writer` has ended."""
+        close_inherited_files({self.channel.fileno()}, WRITER_NICENESS)
+        _wait_for(previous_writer)
+        self._announce(write_black_box(self.run, self.files, self.ring, self._summary(cause)))
         return 0
 
-    def _say(self, line: str) -> None:
-        if self.is_orphan:
-            os.write(2, line.encode())  # nobody else can say it
+    def _announce(self, line: str) -> None:
+        if self.engine_was_killed:
+            os.write(2, line.encode())  # nobody else can print it
         else:
             report(self.channel, line)
 
@@ -289,8 +287,8 @@ class BlackBoxStore:
         return {"code": code, "cause": cause, "last": str(last), "truth": truth}
 
 
-def _see_end(writer: int) -> None:
-    """Wait until an earlier writer has ended, so that files and lines come in order."""
+def _wait_for(writer: int) -> None:
+    """Wait until a writing process has ended, so that files and lines come in order."""
     with suppress(OSError):  # it has ended
         if writer:
             select.select([os.pidfd_open(writer)], [], [])

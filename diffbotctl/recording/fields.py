@@ -1,20 +1,16 @@
-"""Fields of recorded messages by the name a person types: `odometry.odometry.x`.
-
-Recorded fields as curves over time.
-"""
+"""Fields of recorded messages by name, such as `odometry.odometry.x`: as table rows or curves."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from math import inf, isfinite, nan
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 from diffbotctl.errors import Problem, UsageError, closest_match, join_words
 from diffbotctl.messages import BUILT_IN, fields
-from diffbotctl.recording.info import readable_recording, recorded_messages, require_complete
-from diffbotctl.recording.mcap_file import RecordingReader
-from diffbotctl.recording.replay_driver import Recorded
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import NEVER, SECOND
 
 
@@ -38,34 +34,29 @@ class Column(NamedTuple):
 
 
 def column_wires(path: Path) -> dict[str, type]:
-    """Every topic of the run that spoke in the recording at `path`, with its message class.
+    """Every topic of the run with a message in the recording at `path`, with its message class.
 
     Raises RunError for a file that is no recording.
     """
     reader = RecordingReader(path)
-    with readable_recording(path):
-        spoke = {channel.topic for channel, _ in reader.records()}
-    require_complete(reader)
-    return {wire: BUILT_IN[kind] for wire, (kind, _) in reader.wires.items() if wire in spoke}
+    topics = {channel.topic for channel, _ in reader.records()}
+    return {wire: BUILT_IN[kind] for wire, (kind, _) in reader.wires.items() if wire in topics}
 
 
-def choose_columns(names: Sequence[str], known: dict[str, type]) -> list[Column]:
+def choose_columns(names: Sequence[str], wires: dict[str, type]) -> list[Column]:
     """The columns called `names`; a topic alone means all its fields.
 
-    Raises UsageError with the nearest name for one that is not there.
+    Raises UsageError with the closest name for one that does not exist.
     """
-    found: list[Column] = []
+    columns: list[Column] = []
     for name in names:
-        if name in known:
-            found += _all_of(name, known[name])
-        else:
-            found.append(_column(name, known))
-    return found
+        columns += _topic_columns(name, wires[name]) if name in wires else [_column(name, wires)]
+    return columns
 
 
-def all_columns(known: dict[str, type]) -> list[Column]:
+def all_columns(wires: dict[str, type]) -> list[Column]:
     """All fields of all topics."""
-    return [column for wire, kind in known.items() for column in _all_of(wire, kind)]
+    return [column for wire, kind in wires.items() for column in _topic_columns(wire, kind)]
 
 
 def table_rows(path: Path, columns: Sequence[Column]) -> Iterator[tuple[int, list[Any]]]:
@@ -73,7 +64,8 @@ def table_rows(path: Path, columns: Sequence[Column]) -> Iterator[tuple[int, lis
     by_wire: dict[str, list[tuple[int, Column]]] = {}
     for place, column in enumerate(columns):
         by_wire.setdefault(column.wire, []).append((place, column))
-    for time, items in _instants(item for item in recorded_messages(path) if item.wire in by_wire):
+    messages = (item for item in RecordingReader(path).messages() if item.wire in by_wire)
+    for (_, time), items in groupby(messages, key=lambda item: (item.instant, item.time)):
         row: list[Any] = [None] * len(columns)
         for item in items:
             for place, column in by_wire[item.wire]:
@@ -81,69 +73,58 @@ def table_rows(path: Path, columns: Sequence[Column]) -> Iterator[tuple[int, lis
         yield time, row
 
 
-def _instants(recorded: Iterable[Recorded]) -> Iterator[tuple[int, list[Recorded]]]:
-    waiting: list[Recorded] = []
-    for item in recorded:
-        if waiting and waiting[0].instant != item.instant:
-            yield waiting[0].time, waiting
-            waiting = []
-        waiting.append(item)
-    if waiting:
-        yield waiting[0].time, waiting
-
-
-def _all_of(wire: str, kind: type) -> list[Column]:
-    found: list[Column] = []
-    for name, (hint, about) in fields(kind).items():
+def _topic_columns(wire: str, kind: type) -> list[Column]:
+    columns: list[Column] = []
+    for name, (hint, declaration) in fields(kind).items():
         if name == "time":
             continue
-        ends: list[tuple[str, ...]] = [()]
+        indices: list[tuple[str, ...]] = [()]
         if get_origin(hint) is tuple:
-            inside = get_args(hint)
-            if inside[0] is not float or inside[-1] is ...:
-                continue  # a list of any length makes no columns; name its items one by one
-            ends = [(str(place),) for place in range(len(inside))]
-        for end in ends:
-            steps = (name, *end)
-            found.append(Column(".".join((wire, *steps)), wire, steps, about.unit))
-    return found
+            item_types = get_args(hint)
+            if item_types[0] is not float or item_types[-1] is ...:
+                continue  # a list of any length makes no columns; its items can be named
+            indices = [(str(place),) for place in range(len(item_types))]
+        for index in indices:
+            steps = (name, *index)
+            columns.append(Column(".".join((wire, *steps)), wire, steps, declaration.unit))
+    return columns
 
 
-def _column(name: str, known: dict[str, type]) -> Column:
-    wire = next((each for each in known if name.startswith(f"{each}.")), "")
-    parts = [wire, *name.removeprefix(f"{wire}.").split(".")]
+def _column(name: str, wires: dict[str, type]) -> Column:
+    wire = next((wire for wire in wires if name.startswith(f"{wire}.")), "")
     if not wire:
-        near = closest_match(name, [column.name for column in all_columns(known)])
-        near = near or closest_match(".".join(name.split(".")[:2]), known)
-        cause = f"the recording has no field '{name}'; it has the topics {join_words(known, 'and')}"
-        raise _unknown(name, cause, near)
-    own = fields(known[wire])
-    if parts[1] not in own:
-        near = closest_match(parts[1], own)
-        cause = f"{wire} carries {known[wire].__name__} with {join_words(own, 'and')}"
-        raise _unknown(name, cause, None if near is None else f"{wire}.{near}")
-    column = Column(name, wire, tuple(parts[1:]), own[parts[1]][1].unit)
-    if not _leads_somewhere(own[parts[1]][0], parts[2:]):
-        cause = f"'{'.'.join(parts[2:])}' leads nowhere in the field '{parts[1]}'"
-        raise _unknown(name, cause, ".".join(parts[:2]))
-    return column
+        near = closest_match(name, [column.name for column in all_columns(wires)])
+        near = near or closest_match(".".join(name.split(".")[:2]), wires)
+        cause = f"the recording has no field '{name}'; it has the topics {join_words(wires, 'and')}"
+        raise _unknown_field(name, cause, near)
+    field, *rest = name.removeprefix(f"{wire}.").split(".")
+    declared = fields(wires[wire])
+    if field not in declared:
+        near = closest_match(field, declared)
+        cause = f"{wire} carries {wires[wire].__name__} with {join_words(declared, 'and')}"
+        raise _unknown_field(name, cause, None if near is None else f"{wire}.{near}")
+    hint, declaration = declared[field]
+    if not _is_path_in(hint, rest):
+        cause = f"'{'.'.join(rest)}' leads nowhere in the field '{field}'"
+        raise _unknown_field(name, cause, f"{wire}.{field}")
+    return Column(name, wire, (field, *rest), declaration.unit)
 
 
-def _leads_somewhere(hint: Any, steps: Sequence[str]) -> bool:
+def _is_path_in(hint: Any, steps: Sequence[str]) -> bool:
+    """Whether `steps`, an index and a field name at most, lead to a value in a `hint`."""
     if not steps:
         return True
     if get_origin(hint) is not tuple or not steps[0].isdigit():
         return False
-    inside = get_args(hint)
-    if inside[-1] is not ... and int(steps[0]) >= len(inside):
+    item_types = get_args(hint)
+    if item_types[-1] is not ... and int(steps[0]) >= len(item_types):
         return False
-    kind = inside[0]
-    if len(steps) == 1:
-        return True
-    return hasattr(kind, "_fields") and len(steps) == 2 and steps[1] in kind._fields
+    return len(steps) == 1 or (
+        len(steps) == 2 and steps[1] in getattr(item_types[0], "_fields", ())
+    )
 
 
-def _unknown(name: str, cause: str, near: str | None) -> UsageError:
+def _unknown_field(name: str, cause: str, near: str | None) -> UsageError:
     fix = "" if near is None else f"did you mean {near}?"
     return UsageError(Problem("E-FIELD", name, cause, fix))
 
@@ -157,51 +138,35 @@ class Series(NamedTuple):
     values: list[float]
 
     def bounds(self) -> tuple[float, float]:
-        """Least and greatest value; (0, 0) when it has none."""
-        least, most = inf, -inf
-        for value in self.values:
-            if isfinite(value):
-                least, most = min(least, value), max(most, value)
-        return (least, most) if least <= most else (0.0, 0.0)
+        """Minimum and maximum; (0, 0) when there is no value."""
+        values = [value for value in self.values if isfinite(value)]
+        return (min(values), max(values)) if values else (0.0, 0.0)
 
 
-def series(path: Path, names: Sequence[str], begin: int = 0, until: int = NEVER) -> list[Series]:
+def read_series(
+    path: Path, names: Sequence[str], begin: int = 0, until: int = NEVER
+) -> list[Series]:
     """The fields called `names` of the recording at `path`, from `begin` to before `until` (ns).
 
-    A topic alone stands for all its fields that are numbers. Raises UsageError for a field that is
-    not there or holds no numbers, RunError for a file that is no recording.
+    A topic alone stands for all its fields that are numbers. Raises UsageError for a field that
+    does not exist or holds no numbers, RunError for a file that is no recording.
     """
-    known = column_wires(path)
-    columns = choose_columns(names, known)
-    found = [Series(column.name, column.unit, [], []) for column in columns]
-    words: set[int] = set()
+    columns = choose_columns(names, column_wires(path))
+    curves = [Series(column.name, column.unit, [], []) for column in columns]
     for time, row in table_rows(path, columns):
         if not begin <= time < until:
             continue
-        for place, value in enumerate(row):
-            if value is None:
-                continue
-            if isinstance(value, (str, tuple)):
-                words.add(place)
-                continue
-            found[place].times.append(time / SECOND)
-            found[place].values.append(_number(value))
-    _refuse([column for place, column in enumerate(columns) if place in words], names)
-    drawn = [each for each in found if each.times]
+        for column, curve, value in zip(columns, curves, row, strict=True):
+            if isinstance(value, str | tuple):
+                if column.name in names:  # asked for by its own name, not as part of a topic
+                    cause = f"{column.name} holds words or lists; a curve needs numbers"
+                    fix = "see them with bag export"
+                    raise UsageError(Problem("E-FIELD", column.name, cause, fix))
+            elif value is not None:
+                curve.times.append(time / SECOND)
+                curve.values.append(float(value) if isfinite(value) else nan)
+    drawn = [curve for curve in curves if curve.times]
     if not drawn:
         cause = f"none of {join_words(names)} has a number in that time"
         raise UsageError(Problem("E-FIELD", str(path), cause, "see diffbotctl bag info"))
     return drawn
-
-
-def _refuse(columns: list[Column], names: Sequence[str]) -> None:
-    """A field that was asked for by its own name must be a number; one of a topic is left out."""
-    for column in columns:
-        if column.name in names:
-            cause = f"{column.name} holds words or lists; a curve needs numbers"
-            raise UsageError(Problem("E-FIELD", column.name, cause, "see them with bag export"))
-
-
-def _number(value: Any) -> float:
-    number = float(value)
-    return number if isfinite(number) else nan

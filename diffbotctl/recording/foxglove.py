@@ -1,18 +1,15 @@
-"""Messages as the viewers Foxglove, Lichtblick and PlotJuggler draw them: `foxglove.*` in JSON.
+"""Messages for the viewers Foxglove, Lichtblick and PlotJuggler: `foxglove.*` in JSON.
 
-Frames are `odom`, `base_link` (REP-105) and a sensor's name; times are ns since 1970, because
-viewers show the time of day. What is not finite is not drawn: JSON has no word for it.
-
-What a recording carries for viewers beside the run's own topics.
-
-Made by the recorder's process from the messages that pass through it; no part of the run, so that
-neither a replay nor a digest ever sees them.
+The recording's process makes them from the messages of the run; they are no part of the run, so a
+replay and a digest ignore them. Frames are `odom`, `base_link` (REP-105) and a sensor's name; times
+are ns since 1970, because viewers show the time of day. Values that are not finite are left out:
+JSON cannot represent them.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from math import cos, isfinite, sin
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,9 +20,11 @@ from diffbotctl.time import SECOND
 
 SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log")
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}  # foxglove.LogLevel
-# Half the width of a Sharp sensor's beam, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F); and with
-# three rays no viewer divides by zero to find the angle between them.
-BEAM, RAYS = 0.05, 3
+# Half the beam width of a Sharp sensor, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F). With three
+# rays no viewer divides by zero to find the angle between them.
+BEAM_HALF_WIDTH_RAD, RAYS = 0.05, 3
+TRANSFORMS = "tf"  # topic, as ROS tools call it
+MOUNT_PERIOD = 5 * SECOND  # viewers that start in the middle learn where the sensors are
 
 _TIME = '{"sec": %d, "nsec": %d}'
 _VECTOR = '{"x": %r, "y": %r, "z": 0.0}'
@@ -38,76 +37,18 @@ _TRANSFORM = (
 _POSE_IN_FRAME = f'{{"timestamp": {_TIME}, "frame_id": "odom", "pose": {_POSE}}}'
 _SCAN = (
     f'{{"timestamp": {_TIME}, "frame_id": "%s", "pose": {_POSE % (0.0, 0.0, 0.0, 1.0)}, '
-    f'"start_angle": {-BEAM}, "end_angle": {BEAM}, "ranges": [%s], "intensities": []}}'
+    f'"start_angle": {-BEAM_HALF_WIDTH_RAD}, "end_angle": {BEAM_HALF_WIDTH_RAD}, '
+    f'"ranges": [%s], "intensities": []}}'
 )
 
 
 class SensorMount(NamedTuple):
-    """Where a sensor sits in base_link: x, y in m, heading in rad; `frame` is its name."""
+    """Pose of a sensor in base_link: x, y in m, heading in rad; `frame` is its name."""
 
     frame: str
     x: float
     y: float
     heading: float
-
-
-def odometry_transform(epoch: int, pose: Odometry) -> bytes | None:
-    """foxglove.FrameTransform of base_link in odom."""
-    return transform(
-        epoch + pose.time, "odom", SensorMount("base_link", pose.x, pose.y, pose.heading)
-    )
-
-
-def transform(time: int, parent: str, child: SensorMount) -> bytes | None:
-    """foxglove.FrameTransform of the frame `child.frame` in `parent`."""
-    if not _finite(child.x, child.y, child.heading):
-        return None
-    place = (child.x, child.y, *_turn(child.heading))
-    return (_TRANSFORM % (*divmod(time, SECOND), parent, child.frame, *place)).encode()
-
-
-def pose_in_frame(epoch: int, pose: Odometry) -> bytes | None:
-    """foxglove.PoseInFrame of base_link in odom."""
-    if not _finite(pose.x, pose.y, pose.heading):
-        return None
-    place = (pose.x, pose.y, *_turn(pose.heading))
-    return (_POSE_IN_FRAME % (*divmod(epoch + pose.time, SECOND), *place)).encode()
-
-
-def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
-    """foxglove.LaserScan of a sensor that measures one distance; empty when it measured none."""
-    seen = reading.state == "measured" and isfinite(reading.distance)
-    ranges = ", ".join([repr(reading.distance)] * RAYS) if seen else ""
-    return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, ranges)).encode()
-
-
-def log(time: int, level: str, name: str, text: str) -> bytes:
-    """foxglove.Log of one line; a level it does not know becomes UNKNOWN."""
-    said = {
-        "timestamp": {"sec": time // SECOND, "nsec": time % SECOND},
-        "level": LEVELS.get(level, 0),
-        "message": text,
-        "name": name,
-        "file": "",
-        "line": 0,
-    }
-    return json.dumps(said).encode()
-
-
-def _finite(*values: float) -> bool:
-    return all(map(isfinite, values))
-
-
-def _turn(heading: float) -> tuple[float, float]:
-    """z and w of the unit quaternion that turns by `heading` about the upward axis."""
-    return sin(heading / 2), cos(heading / 2)
-
-
-TRANSFORMS = "tf"  # topic, as ROS tools call it
-MOUNTS_AGAIN = 5_000_000_000  # ns; viewers that begin in the middle learn where sensors sit
-
-Made = tuple[str, bytes]  # topic and message
-Maker = Callable[[int, Any], Iterator[Made]]
 
 
 def schema(name: str) -> bytes:
@@ -116,66 +57,111 @@ def schema(name: str) -> bytes:
     return path.read_bytes()
 
 
-class Viewers:
-    """Makes viewers' messages from a run's. `mounts` maps a range's wire to its sensor's place."""
+def odometry_transform(epoch: int, pose: Odometry) -> bytes | None:
+    """foxglove.FrameTransform of base_link in odom; None when it is not finite."""
+    base_link = SensorMount("base_link", pose.x, pose.y, pose.heading)
+    return frame_transform(epoch + pose.time, "odom", base_link)
+
+
+def frame_transform(time: int, parent: str, child: SensorMount) -> bytes | None:
+    """foxglove.FrameTransform of `child.frame` in the frame `parent`; None when not finite."""
+    if not _is_finite(child):
+        return None
+    pose = (child.x, child.y, *_quaternion(child.heading))
+    return (_TRANSFORM % (*divmod(time, SECOND), parent, child.frame, *pose)).encode()
+
+
+def pose_in_frame(epoch: int, pose: Odometry) -> bytes | None:
+    """foxglove.PoseInFrame of base_link in odom; None when it is not finite."""
+    if not _is_finite(pose):
+        return None
+    values = (pose.x, pose.y, *_quaternion(pose.heading))
+    return (_POSE_IN_FRAME % (*divmod(epoch + pose.time, SECOND), *values)).encode()
+
+
+def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
+    """foxglove.LaserScan of a sensor that measures one distance; empty when it measured none."""
+    is_measured = reading.state == "measured" and isfinite(reading.distance)
+    ranges = ", ".join([repr(reading.distance)] * RAYS) if is_measured else ""
+    return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, ranges)).encode()
+
+
+def log(epoch: int, line: LogLine) -> bytes:
+    """foxglove.Log of one line; an unknown level becomes UNKNOWN."""
+    seconds, nanoseconds = divmod(epoch + line.time, SECOND)
+    fields = {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "level": LEVELS.get(line.level, 0),
+        "message": line.text,
+        "name": line.source,
+        "file": "",
+        "line": 0,
+    }
+    return json.dumps(fields).encode()
+
+
+def _is_finite(pose: Odometry | SensorMount) -> bool:
+    return isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.heading)
+
+
+def _quaternion(heading: float) -> tuple[float, float]:
+    """z and w of the unit quaternion of a rotation by `heading` about the vertical axis."""
+    return sin(heading / 2), cos(heading / 2)
+
+
+TopicMessage = tuple[str, bytes | None]  # topic and message; None: not finite
+Builder = Callable[[Any], Iterable[TopicMessage]]
+
+
+class ViewerMessages:
+    """Makes viewers' messages from a run's.
+
+    `epoch`: ns since 1970 at logical time 0. `mounts` maps the wire of a range to its sensor's
+    pose, `topics` each topic to its schema.
+    """
 
     def __init__(self, epoch: int, wires: dict[str, type], mounts: dict[str, SensorMount]) -> None:
         self.epoch = epoch
         self.mounts = {wire: mount for wire, mount in mounts.items() if wire in wires}
         self.topics: dict[str, str] = {}
-        self.makers: list[tuple[int, Maker]] = []
+        self.builders: list[tuple[int, Builder]] = []
         self.mounts_due = 0
         for place, (wire, kind) in enumerate(wires.items(), 1):
-            maker = self._maker(wire, kind)
-            if maker is not None:
-                self.makers.append((place, maker))
+            builder = self._builder(wire, kind)
+            if builder is not None:
+                self.builders.append((place, builder))
 
-    def made(self, instant: tuple[Any, ...]) -> Iterator[Made]:
-        """What to write beside an instant: (time, message or None for each wire)."""
+    def messages(self, instant: tuple[Any, ...]) -> Iterator[tuple[str, bytes]]:
+        """(topic, message) to write with an instant: (time, message or None for each wire)."""
+        messages: list[TopicMessage] = []
         time = instant[0]
         if self.mounts and time >= self.mounts_due:
-            self.mounts_due = time + MOUNTS_AGAIN
-            yield from self._sensors(time)
-        for place, maker in self.makers:
-            message = instant[place]
-            if message is not None:
-                yield from maker(time, message)
+            self.mounts_due = time + MOUNT_PERIOD
+            for mount in set(self.mounts.values()):
+                transform = frame_transform(self.epoch + time, "base_link", mount)
+                messages.append((TRANSFORMS, transform))
+        for place, builder in self.builders:
+            if instant[place] is not None:
+                messages += builder(instant[place])
+        return ((topic, data) for topic, data in messages if data is not None)
 
-    def _maker(self, wire: str, kind: type) -> Maker | None:
+    def _builder(self, wire: str, kind: type) -> Builder | None:
+        epoch = self.epoch
         if kind is Odometry:
-            moves = TRANSFORMS not in self.topics  # a second one would fight with the first
-            self.topics[TRANSFORMS] = "FrameTransform"
-            self.topics[f"{wire}.pose"] = "PoseInFrame"
-            return lambda time, message: self._pose(wire, moves, message)
-        if kind is Range:
-            if wire not in self.mounts:
-                return None
-            self.topics[TRANSFORMS] = "FrameTransform"
-            self.topics[f"{wire}.scan"] = "LaserScan"
-            return lambda time, message: self._scan(wire, message)
+            has_transform = TRANSFORMS not in self.topics  # two would contradict each other
+            topic = f"{wire}.pose"
+            self.topics |= {TRANSFORMS: "FrameTransform", topic: "PoseInFrame"}
+            if has_transform:
+                return lambda pose: (
+                    (TRANSFORMS, odometry_transform(epoch, pose)),
+                    (topic, pose_in_frame(epoch, pose)),
+                )
+            return lambda pose: ((topic, pose_in_frame(epoch, pose)),)
+        if kind is Range and wire in self.mounts:
+            frame = self.mounts[wire].frame
+            self.topics |= {TRANSFORMS: "FrameTransform", f"{wire}.scan": "LaserScan"}
+            return lambda reading: ((f"{wire}.scan", laser_scan(epoch, reading, frame)),)
         if kind is LogLine:
             self.topics[f"{wire}.lines"] = "Log"
-            return lambda time, message: self._line(wire, message)
+            return lambda line: ((f"{wire}.lines", log(epoch, line)),)
         return None
-
-    def _sensors(self, time: int) -> Iterator[Made]:
-        for mount in set(self.mounts.values()):
-            placed = transform(self.epoch + time, "base_link", mount)
-            if placed is not None:
-                yield TRANSFORMS, placed
-
-    def _pose(self, wire: str, moves: bool, message: Odometry) -> Iterator[Made]:
-        moved = odometry_transform(self.epoch, message) if moves else None
-        posed = pose_in_frame(self.epoch, message)
-        if moved is not None:
-            yield TRANSFORMS, moved
-        if posed is not None:
-            yield f"{wire}.pose", posed
-
-    def _scan(self, wire: str, message: Range) -> Iterator[Made]:
-        frame = self.mounts[wire].frame
-        yield f"{wire}.scan", laser_scan(self.epoch, message, frame)
-
-    def _line(self, wire: str, line: LogLine) -> Iterator[Made]:
-        time = self.epoch + line.time
-        yield f"{wire}.lines", log(time, line.level, line.source, line.text)

@@ -1,7 +1,4 @@
-"""What a run came to, in a few numbers: the same ones for a recording and for its replay.
-
-The metrics of a recording.
-"""
+"""Metrics of a run: goals, cross-track error, path, stops and final error."""
 
 from __future__ import annotations
 
@@ -11,19 +8,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop
-from diffbotctl.recording.info import readable_recording, require_complete
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import SECOND
 
-DRIVERS = ("operator.", "robot.")  # the gate tells their stops again; each counts once
+DRIVER_PREFIXES = ("operator.", "robot.")  # the gate repeats their stops; each counts once
 
 
 class Metrics(NamedTuple):
-    """Figures of one run; None where it says nothing of the kind.
+    """Metrics of one run; None where the run has no such value.
 
-    `cross_track` is the distance from the straight line between the pose at which a goal was given
-    and that goal, as odometry saw it. `final_error` is the last odometry's distance to the last
-    goal, `true_error` the same for the simulated robot's true pose.
+    `cross_track` is the distance, by odometry, from the straight line between the goal and the pose
+    at which it was given. `final_error` is the distance of the last odometry pose to the last goal,
+    `true_error` the same for the true pose of the simulated robot.
     """
 
     goals_reached: int
@@ -37,63 +33,63 @@ class Metrics(NamedTuple):
 
 
 class MetricsAccumulator:
-    """Takes the messages of a run in order; `metrics` says what they came to."""
+    """Accumulates the messages of a run, in order, into Metrics."""
 
     def __init__(self) -> None:
         self.goal: Goal | None = None
-        self.given = self.reached_at = -1
+        self.first_goal_at = self.reached_at = -1  # ns
         self.reached: set[int] = set()
         self.pose: Odometry | None = None
         self.start: tuple[float, float] = (0.0, 0.0)
-        self.path = self.squares = self.most = self.measured = 0.0
-        self.held: dict[str, str] = {}
-        self.stops = 0
-
-    def take(self, time: int, wire: str, message: Any) -> None:
-        """Take one message, in ns of logical time."""
-        if isinstance(message, Odometry):
-            self._move(message)
-        elif isinstance(message, Goal) and wire == "operator.goal":
-            self._aim(time, message)
-        elif isinstance(message, GoalState) and message.state == "reached":
-            if message.number not in self.reached:
-                self.reached.add(message.number)
-                self.reached_at = time
-        elif isinstance(message, Stop) and not wire.startswith(DRIVERS):
-            if message.code and self.held.get(wire) != message.code:
-                self.stops += 1
-            self.held[wire] = message.code
+        self.stop_codes: dict[str, str] = {}
+        self.forget()
 
     def forget(self) -> None:
-        """Measure from here on: keep the pose, the goal and what holds, and drop the figures."""
-        self.path = self.squares = self.most = self.measured = 0.0
+        """Measure from here on: keep the pose, the goal and the stops in force."""
+        self.path = 0.0  # m
+        self.cross_track_max = 0.0  # m
+        self.cross_track_integral = 0.0  # m^3: square of the cross-track error over the path
+        self.tracked_path = 0.0  # m, driven towards goals
         self.stops = 0
         self.reached.clear()
 
+    def take(self, time: int, wire: str, message: Any) -> None:
+        """Add one message, in ns of logical time."""
+        match message:
+            case Odometry():
+                self._add_pose(message)
+            case Goal() if wire == "operator.goal" and message.number:
+                self._add_goal(time, message)
+            case GoalState(state="reached") if message.number not in self.reached:
+                self.reached.add(message.number)
+                self.reached_at = time
+            case Stop() if not wire.startswith(DRIVER_PREFIXES):
+                if message.code and self.stop_codes.get(wire) != message.code:
+                    self.stops += 1
+                self.stop_codes[wire] = message.code
+
     def metrics(self, truth: tuple[float, float] | None = None) -> Metrics:
-        """The figures so far. `truth` is the true final place (x, y) in m where it is known."""
-        pose, goal = self.pose, self.goal
+        """The metrics so far. `truth` is the true final position (x, y) in m where it is known."""
+        pose, goal, tracked = self.pose, self.goal, self.tracked_path
         return Metrics(
             goals_reached=len(self.reached),
-            time_to_goal=(self.reached_at - self.given) / SECOND if self.reached else None,
-            cross_track_max=self.most if self.measured > 0.0 else None,
-            cross_track_rms=sqrt(self.squares / self.measured) if self.measured > 0.0 else None,
+            time_to_goal=(self.reached_at - self.first_goal_at) / SECOND if self.reached else None,
+            cross_track_max=self.cross_track_max if tracked > 0.0 else None,
+            cross_track_rms=sqrt(self.cross_track_integral / tracked) if tracked > 0.0 else None,
             path=self.path if pose is not None else None,
             stops=self.stops,
-            final_error=_away(goal, (pose.x, pose.y)) if pose is not None else None,
-            true_error=_away(goal, truth),
+            final_error=_distance(goal, (pose.x, pose.y)) if pose is not None else None,
+            true_error=_distance(goal, truth),
         )
 
-    def _aim(self, time: int, goal: Goal) -> None:
-        if not goal.number:
-            return
-        if self.given < 0:
-            self.given = time
+    def _add_goal(self, time: int, goal: Goal) -> None:
+        if self.first_goal_at < 0:
+            self.first_goal_at = time
         if self.goal is None or goal.number != self.goal.number:
             self.start = (0.0, 0.0) if self.pose is None else (self.pose.x, self.pose.y)
         self.goal = goal
 
-    def _move(self, pose: Odometry) -> None:
+    def _add_pose(self, pose: Odometry) -> None:
         last, self.pose = self.pose, pose
         if last is None:
             return
@@ -101,13 +97,13 @@ class MetricsAccumulator:
         self.path += step
         if self.goal is None or self.goal.number in self.reached:
             return
-        away = _beside(pose, self.start, self.goal)
-        self.most = max(self.most, away)
-        self.squares += away * away * step
-        self.measured += step
+        cross_track = _cross_track(pose, self.start, self.goal)
+        self.cross_track_max = max(self.cross_track_max, cross_track)
+        self.cross_track_integral += cross_track * cross_track * step
+        self.tracked_path += step
 
 
-def _beside(pose: Odometry, start: tuple[float, float], goal: Goal) -> float:
+def _cross_track(pose: Odometry, start: tuple[float, float], goal: Goal) -> float:
     """Distance in m from the line through `start` and `goal`; from `start` when they coincide."""
     along_x, along_y = goal.x - start[0], goal.y - start[1]
     length = hypot(along_x, along_y)
@@ -115,35 +111,33 @@ def _beside(pose: Odometry, start: tuple[float, float], goal: Goal) -> float:
     return abs(along_x * y - along_y * x) / length if length > 0.0 else hypot(x, y)
 
 
-def _away(goal: Goal | None, place: tuple[float, float] | None) -> float | None:
-    if goal is None or place is None:
+def _distance(goal: Goal | None, position: tuple[float, float] | None) -> float | None:
+    if goal is None or position is None:
         return None
-    return hypot(goal.x - place[0], goal.y - place[1])
+    return hypot(goal.x - position[0], goal.y - position[1])
 
 
 def recorded_metrics(path: Path, begin: int = 0, until: int | None = None) -> Metrics:
     """The metrics of the recording at `path`, from `begin` to before `until` (ns).
 
-    What was said before `begin` still counts as known: the pose, the goal, what held the robot.
-    Raises RunError for a file that is no recording.
+    The pose, the goal and the stops in force at `begin` are taken from what came before it. Raises
+    RunError for a file that is no recording.
     """
     reader = RecordingReader(path)
-    measure = MetricsAccumulator()
-    with readable_recording(path):
-        for item in reader.messages():
-            if until is not None and item.time >= until:
-                break
-            measure.take(item.time, item.wire, item.message)
-            if item.time < begin:
-                measure.forget()
-    require_complete(reader)
-    return measure.metrics(recorded_truth(reader.end) if until is None else None)
+    accumulator = MetricsAccumulator()
+    for item in reader.messages():
+        if until is not None and item.time >= until:
+            break
+        accumulator.take(item.time, item.wire, item.message)
+        if item.time < begin:
+            accumulator.forget()
+    return accumulator.metrics(final_true_position(reader.end) if until is None else None)
 
 
-def recorded_truth(end: dict[str, str] | None) -> tuple[float, float] | None:
-    """The true final place (x, y) in m of a simulated robot, where the recording tells it."""
-    told = (end or {}).get("truth")
-    if not told:
+def final_true_position(end: dict[str, str] | None) -> tuple[float, float] | None:
+    """The true final position (x, y) in m of a simulated robot, from a recording's end."""
+    truth = (end or {}).get("truth")
+    if not truth:
         return None
-    x, y = json.loads(told)[:2]
+    x, y = json.loads(truth)[:2]
     return float(x), float(y)

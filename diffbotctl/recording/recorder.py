@@ -1,157 +1,131 @@
-"""The engine's end of a channel to a child process that must lose nothing.
+"""Engine side of recordings and log files: sends compact records to a child, without waiting.
 
-The engine's end of a recording, or of a log's file: compact records, handed on without waiting.
-
-The other end lives in a child process. Nothing here formats text or touches a disk.
+The child side is in diffbotctl.recording.writer. Nothing here formats text or touches a disk.
 """
 
 from __future__ import annotations
 
-import pickle
 import socket
-import struct
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-BACKLOG = 16 << 20  # bytes that may wait for the child; then it is given up
-LENGTH = struct.Struct("<I")
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.engine.loop import INTERRUPTED, RunOutcome
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.graph import Sink
+from diffbotctl.messages import LogLevel, LogLine
+from diffbotctl.processes.child_process import ChildSender
+from diffbotctl.recording.writer import start_log_writer
+from diffbotctl.time import MILLISECOND
 
-
-class ChildSender:
-    """Sends length-prefixed pickles, and hears what the child says.
-
-    `waits`: sending waits for the child; else what does not fit waits here, up to BACKLOG. `tell`
-    is called once, with the reason, when something was lost; from then on nothing is sent.
-    """
-
-    def __init__(self, channel: socket.socket, waits: bool, tell: Callable[[str], None]) -> None:
-        self.channel = channel
-        self.tell = tell
-        self.backlog = bytearray()
-        self.lost: str | None = None
-        channel.setblocking(waits)
-
-    def send(self, item: Any) -> None:
-        """Send `item` as far as it goes."""
-        if self.lost is not None:
-            return
-        body = pickle.dumps(item, pickle.HIGHEST_PROTOCOL)
-        self.backlog += LENGTH.pack(len(body)) + body
-        try:
-            while self.backlog:
-                del self.backlog[: self.channel.send(self.backlog)]
-        except BlockingIOError:
-            if len(self.backlog) > BACKLOG:
-                self.give_up("the recorder could not keep up")
-        except TimeoutError:
-            self.give_up("the recorder does not answer")
-        except (BrokenPipeError, ConnectionResetError):
-            self.give_up("the recorder has ended")
-
-    def hear(self) -> str | None:
-        """What the child has said since; None when it said nothing. Its end is a loss."""
-        if self.lost is not None:
-            return None
-        try:
-            said = self._receive(socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return None
-        if not said and self.lost is None:
-            self.give_up("the recorder has ended")
-        return said.decode() or None
-
-    def finish(self) -> None:
-        """Say that this was all."""
-        self.channel.shutdown(socket.SHUT_WR)
-
-    def close(self) -> str:
-        """Wait until the child has nothing more to say; return its last words."""
-        said = b""
-        self.channel.setblocking(True)
-        while self.lost is None and (part := self._receive()):
-            said += part
-        self.channel.close()
-        return said.decode()
-
-    def _receive(self, flags: int = 0) -> bytes:
-        """What comes; a child that died with something unread has lost it."""
-        try:
-            return self.channel.recv(1 << 10, flags)
-        except ConnectionResetError:
-            self.give_up("the recorder has ended")
-            return b""
-
-    def give_up(self, cause: str) -> None:
-        """Note that something was lost."""
-        self.lost = cause
-        self.backlog.clear()
-        self.tell(cause)
-
-
-BATCH = 256  # instants an unpaced run gathers before it hands them on
-GATHERED = 100_000_000  # ns that a paced run gathers: waking the child costs more than what it does
+BATCH_INSTANTS = 256  # that an unpaced run gathers before it sends them
+BATCH_PERIOD = 100 * MILLISECOND  # of a paced run: waking the child costs more than its work
 
 
 class Recorder:
-    """Gathers instants, or lines, and sends them as lists of tuples.
+    """Gathers instants, or log lines, and sends them in batches.
 
     `waits`: an unpaced run waits for the child; a paced one never does, and on overflow the
-    recording is given up while the run goes on. `tell` is called once, with the reason, when the
-    recording has become incomplete. `at_once`: what a person follows is not gathered.
+    recording is given up while the run goes on. `on_loss` is called once, with the reason, when the
+    recording has become incomplete. `immediate`: a paced run sends without gathering.
     """
 
     def __init__(
         self,
         channel: socket.socket,
         waits: bool,
-        tell: Callable[[str], None],
-        at_once: bool = False,
+        on_loss: Callable[[str], None],
+        immediate: bool = False,
     ) -> None:
-        self.outlet = ChildSender(channel, waits, tell)
+        self.sender = ChildSender(channel, waits, on_loss)
         self.waits = waits
-        self.at_once = at_once and not waits
+        self.immediate = immediate and not waits
         self.pending: list[tuple[Any, ...]] = []
         self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
 
     @property
     def lost(self) -> str | None:
-        """Why the recording is incomplete; None while it is not."""
-        return self.outlet.lost
+        """Why the recording is incomplete; None while it is complete."""
+        return self.sender.lost
 
     def drain(self) -> None:
-        """Hand on what has gathered. Called in the loop's idle time, after commands have left."""
+        """Send a full batch. Called in the loop's idle time, after commands have left."""
         pending = self.pending
-        if not pending or not (self.at_once or self._is_enough(pending)):
+        if not pending or not (self.immediate or self._is_batch(pending)):
             return
-        self.outlet.send(self.pending)
-        self.pending.clear()
-        self._listen()
+        self.sender.send(pending)
+        pending.clear()
+        self._check_child()
 
-    def _is_enough(self, pending: list[tuple[Any, ...]]) -> bool:
-        return len(pending) >= BATCH or (not self.waits and drain_batch(pending))
+    def _is_batch(self, pending: list[tuple[Any, ...]]) -> bool:
+        return len(pending) >= BATCH_INSTANTS or (not self.waits and spans_batch(pending))
 
     def close(self, summary: dict[str, str] | None = None) -> None:
-        """Hand on the rest, waiting for the child; then say that this was all.
+        """Send the rest, wait for the child and end it.
 
         Without loss a recording ends complete, with `summary` in it.
         """
-        self.outlet.channel.setblocking(True)
-        self._listen()
-        self.outlet.send(self.pending)
+        self.sender.channel.setblocking(True)
+        self._check_child()
+        self.sender.send(self.pending)
         if summary is not None:
-            self.outlet.send(summary)
-        self.outlet.finish()
-        trouble = self.outlet.close()
+            self.sender.send(summary)
+        self.sender.finish()
+        trouble = self.sender.close()
         if trouble:
-            self.outlet.give_up(trouble)
+            self.sender.give_up(trouble)
 
-    def _listen(self) -> None:
-        """Hear whether the child is in trouble: it speaks of nothing else."""
-        trouble = self.outlet.hear()
+    def _check_child(self) -> None:
+        trouble = self.sender.receive()  # the child reports nothing else
         if trouble is not None:
-            self.outlet.give_up(trouble)
+            self.sender.give_up(trouble)
 
 
-def drain_batch(instants: list[tuple[Any, ...]]) -> bool:
-    """Whether they are worth waking a child for."""
-    return bool(instants[-1][0] - instants[0][0] >= GATHERED)
+def spans_batch(instants: list[tuple[Any, ...]]) -> bool:
+    """Whether the gathered instants cover BATCH_PERIOD."""
+    return bool(instants[-1][0] - instants[0][0] >= BATCH_PERIOD)
+
+
+END_LEVELS: dict[int, LogLevel] = {0: "info", INTERRUPTED: "warning"}  # by exit code
+FINAL_STOP = {None: "", True: "; final stop confirmed", False: "; final stop NOT CONFIRMED"}
+
+
+def open_log(
+    configuration: Configuration, path: Path, waits: bool, warn: Callable[[str], None]
+) -> tuple[Recorder, int]:
+    """Start the log file of `run --log`, with its first line. Returns its recorder and writer pid.
+
+    `waits` is the Recorder's; `warn` is called once, when no more can be written. Raises RunError.
+    """
+    try:
+        channel, pid = start_log_writer(path, time.time_ns())
+    except OSError as error:
+        cause = f"cannot write there: {error.strerror}"
+        raise RunError(Problem("E-LOG", str(path), cause, "give another file")) from error
+
+    def on_loss(cause: str) -> None:
+        warn(f"LOG STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+
+    recorder = Recorder(channel, waits, on_loss, immediate=True)
+    robot = configuration.robot_file
+    on_robot = "" if robot is None else f" on robot {robot}"
+    recorder.record(LogLine(0, "info", "engine", f"started: {configuration.file}{on_robot}"))
+    return recorder, pid
+
+
+def log_sink(log: Recorder) -> Sink:
+    """A sink that records log lines."""
+    record = log.record
+
+    def sink(now: int, line: Any) -> None:
+        record(line)
+
+    return sink
+
+
+def last_line(outcome: RunOutcome) -> LogLine:
+    """The log line about the end of the run."""
+    text = f"ended: {outcome.cause}{FINAL_STOP[outcome.stopped]}"
+    return LogLine(outcome.time, END_LEVELS.get(outcome.code, "error"), "engine", text)

@@ -1,4 +1,4 @@
-"""From a recording that was cut to a file that every reader opens."""
+"""Recovering a recording that was cut or damaged: every record that can be read, in a new file."""
 
 from __future__ import annotations
 
@@ -8,21 +8,24 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.recording.info import readable_recording
+from diffbotctl.recording.reader import open_recording
 
-LARGEST = 256 << 20  # bytes of one record; a damaged length asks for more
+RECORD_MAX_BYTES = 256 << 20  # a damaged length may ask for more
 
 
-class Recovered(NamedTuple):
-    """What was saved. `damaged` counts the chunks that could not be read; `cut` says why the
-    reading ended before the file's proper end, or is None."""
+class RecoveryResult(NamedTuple):
+    """What was recovered.
+
+    `damaged` counts the chunks that could not be read; `cut` is why the reading ended before the
+    file's proper end, or None.
+    """
 
     messages: int
     damaged: int
     cut: str | None
 
 
-class _Salvage:
+class _DamagedFile:
     """Every record of a damaged file that can still be read."""
 
     def __init__(self) -> None:
@@ -30,45 +33,45 @@ class _Salvage:
         self.cut: str | None = None
 
     def records(self, file: Any) -> Iterator[Any]:
-        from mcap.records import Chunk
+        from mcap.records import Chunk  # heavy
         from mcap.stream_reader import StreamReader, breakup_chunk
 
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST)
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX_BYTES)
         records = iter(reader.records)
         while True:
             try:
                 record = next(records)
             except StopIteration:
                 return
-            except Exception as error:  # a cut file ends wherever it ends
+            except Exception as error:  # the reader raises anything where a file is cut
                 self.cut = f"{type(error).__name__}: {error}".rstrip(": ")
                 return
             if not isinstance(record, Chunk):
                 yield record
                 continue
             try:
-                inside = breakup_chunk(record, validate_crc=True)
-            except Exception:  # the decompressor raises what it likes
+                chunk_records = breakup_chunk(record, validate_crc=True)
+            except Exception:  # the decompressor raises anything
                 self.damaged += 1
                 continue
-            yield from inside
+            yield from chunk_records
 
 
 class _Copy:
-    """Writes records to a new file, with identifiers of its own."""
+    """Writes records to a new file, with new identifiers."""
 
     def __init__(self, file: Any) -> None:
-        from mcap.writer import Writer
+        from mcap.writer import Writer  # heavy
 
         self.writer: Any = Writer(file)
         self.writer.start(library="diffbotctl")
         self.schemas: dict[int, int] = {0: 0}  # 0 means no schema
         self.channels: dict[int, int] = {}
         self.messages = 0
-        self.begun = False
+        self.is_recording = False
 
-    def take(self, record: Any) -> None:
-        from mcap.records import Attachment, Channel, Message, Metadata, Schema
+    def add(self, record: Any) -> None:
+        from mcap.records import Attachment, Channel, Message, Metadata, Schema  # heavy
 
         match record:
             case Schema() if record.id not in self.schemas:
@@ -97,39 +100,42 @@ class _Copy:
                     record.data,
                 )
             case Metadata():
-                self.begun = self.begun or record.name == "run"
+                self.is_recording = self.is_recording or record.name == "run"
                 self.writer.add_metadata(record.name, record.metadata)
 
 
-def recover(source: Path, target: Path) -> Recovered:
+def recover(source: Path, target: Path) -> RecoveryResult:
     """Write every message of `source` that can be read to the new file `target`.
 
-    A recording that had no end gets none: nobody knows what is missing, and `replay --check` says
-    so. Raises RunError when `source` is no recording, or `target` exists or cannot be written.
+    A recording without an end stays without one: nobody knows what is missing, and `replay --check`
+    says so. Raises RunError when `source` is no recording, or `target` exists or cannot be written.
     """
     if target.exists():
         cause = "the file is there already"
         raise RunError(Problem("E-RECORD", str(target), cause, "give another with --output"))
     draft = target.with_name(target.name + ".part")
-    salvage = _Salvage()
+    damaged_file = _DamagedFile()
     try:
-        with readable_recording(source), source.open("rb") as file:
-            copied = _copy(file, draft, salvage)
-        if not copied.begun:
+        with open_recording(source) as file:
+            copy = _copy(file, draft, damaged_file)
+        if not copy.is_recording:
             cause = "nothing in it can be read as the beginning of a recording of diffbotctl"
             raise RunError(Problem("E-RECORDING", str(source), cause))
         os.replace(draft, target)
+    except OSError as error:
+        cause = f"cannot write it: {error.strerror}"
+        raise RunError(Problem("E-RECORD", str(target), cause)) from error
     finally:
         draft.unlink(missing_ok=True)
-    return Recovered(copied.messages, salvage.damaged, salvage.cut)
+    return RecoveryResult(copy.messages, damaged_file.damaged, damaged_file.cut)
 
 
-def _copy(file: Any, draft: Path, salvage: _Salvage) -> _Copy:
-    with draft.open("wb") as made:
-        copy = _Copy(made)
-        for record in salvage.records(file):
-            copy.take(record)
-        lost = {"damaged_chunks": str(salvage.damaged), "cut": salvage.cut or ""}
-        copy.writer.add_metadata("recovered", lost)
+def _copy(file: Any, draft: Path, damaged_file: _DamagedFile) -> _Copy:
+    with draft.open("wb") as output:
+        copy = _Copy(output)
+        for record in damaged_file.records(file):
+            copy.add(record)
+        loss = {"damaged_chunks": str(damaged_file.damaged), "cut": damaged_file.cut or ""}
+        copy.writer.add_metadata("recovered", loss)
         copy.writer.finish()
     return copy

@@ -1,7 +1,8 @@
-"""Running a recording again, from nothing but the file: configuration, version and inputs."""
+"""Replaying a recording: the configuration and the inputs come from it, the blocks react anew."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -18,28 +19,32 @@ from diffbotctl.params import declared
 from diffbotctl.processes import screen
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
 from diffbotctl.recording import snapshot
-from diffbotctl.recording.digest import Digest
-from diffbotctl.recording.mcap_file import RecordingReader
-from diffbotctl.recording.metrics import Metrics, MetricsAccumulator, recorded_truth
-from diffbotctl.recording.replay_driver import Checker, Difference, Replay
-from diffbotctl.replay import source
-from diffbotctl.replay.source import RecordedRun
+from diffbotctl.recording.comparison import Difference, ReplayChecker, RunDigest
+from diffbotctl.recording.metrics import Metrics, MetricsAccumulator, final_true_position
+from diffbotctl.recording.reader import RecordedMessage, RecordingReader
+from diffbotctl.recording.recorder import Recorder
+from diffbotctl.replay.recorded_run import (
+    RecordedRun,
+    ReplayDriver,
+    read_run,
+    recorded_configuration,
+)
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
 from diffbotctl.time import NEVER
 
 Show = Callable[[Iterator[RunSnapshot]], None]
-Record = Callable[[tuple[Any, ...]], object]
 
 
 class ReplayOptions(NamedTuple):
     """How to replay. Times are ns of the recorded run.
 
-    `speed` is times real time, None as fast as it goes. Before `begin` it always goes as fast as it
-    can, so that all is known that was known then; the metrics count from there. `sets` change the
-    recorded configuration. `record` writes the replay out as a recording. `show` draws it; with
-    `dash` it is the dashboard, at a control socket of the replay's own.
+    `speed` is a multiple of real time, None as fast as possible. Before `begin` the replay always
+    runs as fast as possible, so that the blocks are in the recorded state at `begin`; the metrics
+    count from there. `sets` change the recorded configuration. `record` is the file to which the
+    replay is recorded. `show` draws it; with `dash` it is the dashboard, connected to a control
+    socket of the replay.
     """
 
     check: bool = False
@@ -53,10 +58,11 @@ class ReplayOptions(NamedTuple):
 
 
 class ReplayResult(NamedTuple):
-    """What a replay came to. `compared` counts messages; `difference` is the first one, or None.
+    """Result of a replay.
 
-    `left_out` counts the messages on wires that the recording does not have, `text_differences`
-    those in which another version worded a log line or a cause differently.
+    `compared` counts messages; `difference` is the first one, or None. `left_out` counts the
+    messages on wires that the recording does not have, `text_differences` those in which another
+    version worded a log line or a cause differently. `version` is the recording's.
     """
 
     ending: RunOutcome
@@ -75,180 +81,188 @@ def replay(path: Path, check: bool = False) -> ReplayResult:
 
     Raises RunError for a file that is no recording, or one that is incomplete and to be checked.
     """
-    return replay_as(source.read_run(path), ReplayOptions(check=check))
+    return replay_run(read_run(path), ReplayOptions(check=check))
 
 
-def replay_as(run: RecordedRun, wanted: ReplayOptions) -> ReplayResult:
+def replay_run(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
     """Replay with the recorded motion: the drivers deliver what they did, the blocks react anew.
 
     Raises RunError when it cannot be checked or begun, ConfigurationError for a wrong `sets`.
     """
-    if wanted.check:
-        _refuse_check(run)
-    with source.recorded_configuration(run, wanted.sets) as configuration:
-        return _ReplayRun(run, wanted, configuration).go()
+    if options.check:
+        _require_checkable(run)
+    with recorded_configuration(run, options.sets) as configuration:
+        return _ReplayRun(run, options, configuration).go()
 
 
 class _ReplayRun:
-    """One replay, wired."""
+    """One replay with its engine, recorder, screen and control socket."""
 
     def __init__(
-        self, run: RecordedRun, wanted: ReplayOptions, configuration: Configuration
+        self, run: RecordedRun, options: ReplayOptions, configuration: Configuration
     ) -> None:
-        self.run, self.wanted = run, wanted
+        self.run, self.options = run, options
         self.assembly: Assembly = assemble(configuration, run.real)
-        graph = self.graph = self.assembly.graph
-        self.digest = Digest(graph.kinds)
-        self.checker = Checker(
+        graph = self.assembly.graph
+        self.graph: Graph = graph
+        self.start = 0 if run.state is None else run.state[0]
+        self.digest = RunDigest(graph.kinds)
+        self.checker = ReplayChecker(
             graph.kinds,
             run.wires,
             RecordingReader(run.path).messages(),
             texts_may_differ=run.about.get("version") != __version__,
         )
-        self.measure = MetricsAccumulator()
-        self.latest: ScreenFeed | None = None
+        self.metrics = MetricsAccumulator()
         self.children: list[int] = []
-        if wanted.show is not None:
-            channel, pid = screen.start(wanted.show, wanted.dash)
-            self.children.append(pid)
-            self.latest = ScreenFeed(channel, lambda: (len(self.measure.reached), len(run.goals())))
-        self.recorder = None
-        if wanted.record is not None:
-            facts = {**run.about, "replayed": str(run.path), **_sets(configuration)}
-            facts.pop("flight", None)  # what is written now holds the blocks' messages too
-            self.recorder, pid = recording.start_run_recorder(
-                wanted.record, configuration, self.assembly, facts, True, _loud
-            )
-            self.children.append(pid)
-        self.station: RunControlSocket | None = None
-        if wanted.dash:
-            port = run.about["port"]
-            self.station = RunControlSocket(
-                SocketOptions(), configuration, self.assembly, port, is_replay=True
+        self.screen = self._start_screen()
+        self.recorder = self._start_recorder(configuration)
+        self.control_socket: RunControlSocket | None = None
+        if options.dash:
+            self.control_socket = RunControlSocket(
+                SocketOptions(), configuration, self.assembly, run.about["port"], is_replay=True
             )
         self.engine = Engine(
             graph,
-            [Replay(_after(run))],
+            [ReplayDriver(self._inputs())],
             self._clock(),
             sinks=self._sinks(),
             record=self._record,
             idle=self._idle,
         )
         if run.state is not None:
-            _begin_in(run, self.engine, wanted.sets)
+            _restore_state(run.path, run.state, self.engine, options.sets)
 
     def go(self) -> ReplayResult:
         """Replay to the end."""
-        until = min(self.run.last + 1, self.wanted.until, NEVER)
-        ending = self.engine.run(until)
-        if self.wanted.check:
+        outcome = self.engine.run(min(self.run.last + 1, self.options.until, NEVER))
+        if self.options.check:
             self.checker.finish()
-        self._close(ending)
-        whole = self.wanted.until > self.run.last
+        self._close(outcome)
+        is_complete = self.options.until > self.run.last
         return ReplayResult(
-            ending,
+            outcome,
             self.digest.text(),
             self.checker.compared,
             self.checker.difference,
             self.run.about.get("version", ""),
-            self.measure.metrics(recorded_truth(self.run.end) if whole else None),
+            self.metrics.metrics(final_true_position(self.run.end) if is_complete else None),
             self.run.begins,
             self.checker.left_out,
             self.checker.text_differences,
         )
 
-    def _clock(self) -> Clock:
-        if self.wanted.speed is None:
-            return VirtualClock()
-        return ScaledClock(self.wanted.speed, max(self.wanted.begin, self._first()))
+    def _start_screen(self) -> ScreenFeed | None:
+        if self.options.show is None:
+            return None
+        channel, pid = screen.start_screen(self.options.show, self.options.dash)
+        self.children.append(pid)
+        goals = len(self.run.goals())
+        return ScreenFeed(channel, lambda: (len(self.metrics.reached), goals))
 
-    def _first(self) -> int:
-        return 0 if self.run.state is None else self.run.state[0]
+    def _start_recorder(self, configuration: Configuration) -> Recorder | None:
+        if self.options.record is None:
+            return None
+        sets = json.dumps(configuration.settings)
+        facts = {**self.run.about, "replayed": str(self.run.path), "sets": sets}
+        facts.pop("flight", None)  # this recording has the blocks' messages too
+        recorder, pid = recording.start_run_recorder(
+            self.options.record, configuration, self.assembly, facts, True, _raise_loss
+        )
+        self.children.append(pid)
+        return recorder
+
+    def _inputs(self) -> Iterator[RecordedMessage]:
+        """The recorded messages after the state in which the replay begins."""
+        first = -1 if self.run.state is None else self.start
+        messages = RecordingReader(self.run.path).messages()
+        return (message for message in messages if message.time > first)
+
+    def _clock(self) -> Clock:
+        if self.options.speed is None:
+            return VirtualClock()
+        return ScaledClock(self.options.speed, max(self.options.begin, self.start))
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = {wire: [sink] for wire, sink in LiveChanges(self.graph, {}).sinks().items()}
-        if self.latest is not None:
+        if self.screen is not None:
             for wire in self.graph.wires:
-                sinks.setdefault(wire, []).append(self.latest.sink(wire))
+                sinks.setdefault(wire, []).append(self.screen.sink(wire))
         return sinks
 
     def _record(self, instant: tuple[Any, ...]) -> None:
         self.digest.record(instant)
-        if self.wanted.check:
+        if self.options.check:
             self.checker.record(instant)
         if self.recorder is not None:
             self.recorder.record(instant)
-        if self.station is not None:
-            self.station.channel.record(instant)
+        if self.control_socket is not None:
+            self.control_socket.channel.record(instant)
         for wire, message in zip(self.graph.wires, instant[1:], strict=True):
             if message is not None:
-                self.measure.take(instant[0], wire, message)
-        if instant[0] < self.wanted.begin:
-            self.measure.forget()
+                self.metrics.take(instant[0], wire, message)
+        if instant[0] < self.options.begin:
+            self.metrics.forget()
 
     def _idle(self) -> None:
         if self.recorder is not None:
             self.recorder.drain()
-        if self.station is not None:
-            self.station.channel.flush()
-        if self.latest is not None and self.engine.last >= self.wanted.begin:
-            self.latest.idle(self.engine.last)
+        if self.control_socket is not None:
+            self.control_socket.channel.flush()
+        if self.screen is not None and self.engine.last >= self.options.begin:
+            self.screen.idle(self.engine.last)
 
-    def _close(self, ending: RunOutcome) -> None:
-        if self.latest is not None:
-            self.latest.finish(max(self.engine.last, 0))
+    def _close(self, outcome: RunOutcome) -> None:
+        if self.screen is not None:
+            self.screen.finish(max(self.engine.last, 0))
         if self.recorder is not None:
             end = {**(self.run.end or {}), "last": str(self.engine.last)}
-            end.update({"code": str(ending.code), "digest": self.digest.text()})
+            end.update({"code": str(outcome.code), "digest": self.digest.text()})
             self.recorder.close(end)
         self.engine.clock.close()
-        if self.station is not None:
-            self.station.channel.close()
-            self.station.end()
+        if self.control_socket is not None:
+            self.control_socket.channel.close()
+            self.control_socket.end()
         for pid in self.children:
             os.waitpid(pid, 0)
 
 
-def _after(run: RecordedRun) -> Iterator[Any]:
-    """What was recorded after the state in which the replay begins."""
-    first = -1 if run.state is None else run.state[0]
-    return (item for item in RecordingReader(run.path).messages() if item.time > first)
-
-
-def _begin_in(run: RecordedRun, engine: Engine, sets: tuple[str, ...]) -> None:
-    """Begin with the state in the recording; what was set stays set."""
-    assert run.state is not None
-    chosen = _chosen(engine.graph, sets)
+def _restore_state(
+    path: Path, state: tuple[int, bytes], engine: Engine, sets: tuple[str, ...]
+) -> None:
+    """Begin with the state in the recording; the parameters in `sets` keep their new values."""
+    overrides = _block_parameters(engine.graph, sets)
+    time, data = state
     try:
-        snapshot.restore_snapshot(run.state[1], engine)
+        snapshot.restore_snapshot(data, engine)
     except snapshot.StateError as error:
         cause = f"the state in which it begins cannot be read: {error}"
-        raise RunError(Problem("E-RECORDING", str(run.path), cause)) from error
-    for block, name, value in chosen:
+        raise RunError(Problem("E-RECORDING", str(path), cause)) from error
+    for block, name, value in overrides:
         if not declared(type(block))[name].live:
             cause = f"{name} of {type(block).__name__} shapes a run from its start, and this "
             cause += "recording begins in the midst of one"
-            raise RunError(Problem("E-RECORDING", str(run.path), cause, "set a live parameter"))
+            raise RunError(Problem("E-RECORDING", str(path), cause, "set a live parameter"))
         setattr(block, name, value)
         block.changed(name)
-    engine.last = run.state[0]
+    engine.last = time
 
 
-def _chosen(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, str, Any]]:
-    """(block, parameter, value) for each of `sets` that names a block's."""
+def _block_parameters(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, str, Any]]:
+    """(block, attribute, value) for each of `sets` that names a block's parameter."""
     blocks = {node.name: node.block for node in graph.nodes}
-    found = []
+    parameters = []
     for text in sets:
-        first, _, rest = text.partition("=")[0].strip().partition(".")
-        block = blocks.get(first)
-        for name, about in declared(type(block)).items() if block is not None else ():
-            if rest == (about.key or name):
-                found.append((block, name, getattr(block, name)))
-    return found
+        block_name, _, key = text.partition("=")[0].strip().partition(".")
+        block = blocks.get(block_name)
+        for name, declaration in declared(type(block)).items() if block is not None else ():
+            if key == (declaration.key or name):
+                parameters.append((block, name, getattr(block, name)))
+    return parameters
 
 
-def _refuse_check(run: RecordedRun) -> None:
-    if run.is_flight:
+def _require_checkable(run: RecordedRun) -> None:
+    if run.is_black_box:
         cause = "a flight holds what came in, and nothing that the blocks made of it to compare"
         raise RunError(Problem("E-RECORDING", str(run.path), cause, "replay it without --check"))
     if run.end is None:
@@ -257,12 +271,6 @@ def _refuse_check(run: RecordedRun) -> None:
         raise RunError(Problem("E-RECORDING-CUT", str(run.path), cause, fix))
 
 
-def _sets(configuration: Configuration) -> dict[str, str]:
-    import json
-
-    return {"sets": json.dumps(configuration.settings)}
-
-
-def _loud(text: str) -> None:
-    """A recorder that fails ends the replay: nothing drives that would have to go on."""
+def _raise_loss(text: str) -> None:
+    """A recorder that fails ends the replay: no robot depends on it."""
     raise RunError(Problem("E-RECORD", "replay", text))

@@ -1,4 +1,4 @@
-"""Driving a recorded simulated run once more with something changed: the robot answers anew."""
+"""Simulating a recorded run again with something changed: the robot reacts to the change."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ import tempfile
 from pathlib import Path
 
 from diffbotctl.recording.metrics import recorded_metrics
-from diffbotctl.replay import source
+from diffbotctl.replay.recorded_run import RecordedRun, recorded_configuration
 from diffbotctl.replay.replay import ReplayOptions, ReplayResult
-from diffbotctl.replay.source import RecordedRun
 from diffbotctl.runs.control_socket import SocketOptions
 from diffbotctl.runs.run import Run, RunOptions
 from diffbotctl.time import NEVER, SECOND
 
-PATIENCE = 10  # times the recorded run's length; one that never comes to an end is ended then
+DURATION_MAX_RATIO = 10  # to the recorded run; one that does not end by itself is ended then
 
 
 def why_not_resimulable(run: RecordedRun) -> str | None:
-    """Why the robot of this recording cannot drive once more, in words; None when it can."""
+    """Why this run cannot be simulated again; None when it can."""
     if run.about["port"] != "sim":
         return "a real or emulated robot drove, and its motion is as recorded"
     if run.begins != "run":
@@ -30,34 +29,35 @@ def why_not_resimulable(run: RecordedRun) -> str | None:
     return None
 
 
-def resimulate(run: RecordedRun, wanted: ReplayOptions) -> ReplayResult:
-    """Simulate the run again with `wanted.sets`: same robot, same seed, same goals, other motion.
+def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
+    """Simulate the run again with `options.sets`: same robot, same seed, same goals, other motion.
 
-    Raises ConfigurationError for wrong `sets`, RunError when `wanted.record` cannot be written.
+    Raises ConfigurationError for wrong `sets`, RunError when `options.record` cannot be written.
     """
     with tempfile.TemporaryDirectory() as folder:
-        path = wanted.record or Path(folder) / "once_more.mcap"
-        with source.recorded_configuration(run, wanted.sets) as configuration:
-            options = RunOptions(
-                goals=source.goals_given(run),
+        path = options.record or Path(folder) / "resimulated.mcap"
+        with recorded_configuration(run, options.sets) as configuration:
+            run_options = RunOptions(
+                goals=run.initial_goals,
                 seed=int(run.about["seed"]),
-                fast=wanted.speed is None,
-                duration=_limit(run, wanted),
+                fast=options.speed is None,
+                duration=_duration(run, options),
                 record=path,
                 digest=True,
-                socket=SocketOptions() if wanted.dash else None,
-                dash=wanted.dash,
+                socket=SocketOptions() if options.dash else None,
+                dash=options.dash,
             )
-            result = Run(configuration, options, wanted.show).go()
+            result = Run(configuration, run_options, options.show).go()
         if result.failure is not None:
             raise result.failure
-        until = wanted.until if wanted.until < NEVER else None
-        metrics = recorded_metrics(path, wanted.begin, until)
+        until = options.until if options.until < NEVER else None
+        metrics = recorded_metrics(path, options.begin, until)
     version = run.about.get("version", "")
     return ReplayResult(result.ending, result.digest or "", 0, None, version, metrics, "run")
 
 
-def _limit(run: RecordedRun, wanted: ReplayOptions) -> float:
-    told = json.loads(run.about.get("duration", "null"))
-    longest = told if told is not None else PATIENCE * run.last / SECOND
-    return float(min(longest, wanted.until / SECOND))
+def _duration(run: RecordedRun, options: ReplayOptions) -> float:
+    """Time limit of the simulation in s."""
+    recorded = json.loads(run.about.get("duration", "null"))
+    limit = DURATION_MAX_RATIO * run.last / SECOND if recorded is None else recorded
+    return float(min(limit, options.until / SECOND))

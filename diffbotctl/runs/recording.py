@@ -14,11 +14,11 @@ from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Goal
-from diffbotctl.processes import fork
-from diffbotctl.recording import writer_process
+from diffbotctl.processes import child_process
 from diffbotctl.recording.black_box import BlackBox
 from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
 from diffbotctl.recording.recorder import Recorder
+from diffbotctl.recording.writer import RecordingHeader, start_recorder
 from diffbotctl.runs.build_graph import Assembly, mounts
 
 Tell = Callable[[str], None]
@@ -58,9 +58,8 @@ def start_run_recorder(
     """Start recording to `path`. Returns the engine's end and the child's pid. Raises RunError."""
     graph = assembly.graph
     try:
-        channel, pid = writer_process.start_recorder(
-            path, graph.kinds, len(graph.sources), facts, mounts(configuration)
-        )
+        header = RecordingHeader(graph.kinds, len(graph.sources), facts, mounts(configuration))
+        channel, pid = start_recorder(path, header)
     except OSError as error:
         cause = f"cannot record there: {error.strerror}"
         raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
@@ -68,7 +67,7 @@ def start_run_recorder(
     def lost(cause: str) -> None:
         tell(f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
 
-    return Recorder(channel, waits=waits, tell=lost), pid
+    return Recorder(channel, waits, lost), pid
 
 
 def start_black_box(
@@ -88,7 +87,7 @@ def start_black_box(
     wires = {wire: graph.kinds[wire] for wire in graph.sources}
     name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
     ours, theirs = socket.socketpair()
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, fork.BUFFER)
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, child_process.BUFFER_BYTES)
     keeper = BlackBoxStore(theirs, RunMetadata(folder, name, wires, facts))
 
     def lost(cause: str) -> None:

@@ -23,9 +23,10 @@ from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Stop
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.processes import screen
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
-from diffbotctl.recording import log_process, snapshot
+from diffbotctl.recording import recorder as recorder_module
+from diffbotctl.recording import snapshot
 from diffbotctl.recording.black_box import BlackBox
-from diffbotctl.recording.digest import Digest
+from diffbotctl.recording.comparison import RunDigest
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs import recording as recording_module
 from diffbotctl.runs.build_graph import Assembly, assemble, sources, wires_of
@@ -98,13 +99,13 @@ class Run:
         gc.collect()
         gc.freeze()
         if show is not None:
-            channel, pid = screen.start(show, options.dash)
+            channel, pid = screen.start_screen(show, options.dash)
             self.children.append(pid)
             self.latest = ScreenFeed(channel, self._progress, gone)
         self.log: Recorder | None = None
         self.flight: BlackBox | None = None
         keeper = self._write_down()
-        self.digest = Digest(graph.kinds) if options.digest else None
+        self.digest = RunDigest(graph.kinds) if options.digest else None
         self.station = self._hub(keeper)
         self.robot = self._robot()
         self.changes = LiveChanges(graph, {"robot": self.robot} if self.robot else {})
@@ -232,7 +233,7 @@ class Run:
             for wire in self.assembly.graph.wires:
                 add(wire, self.latest.sink(wire) if wire != LOG else self.latest.hear)
         if self.log is not None:
-            add(LOG, log_process.log_sink(self.log))
+            add(LOG, recorder_module.log_sink(self.log))
 
     def _command(self, robot: RobotDriver) -> Sink:
         duty = self.configuration.robot is not None and is_duty_board(self.configuration.robot)
@@ -319,7 +320,7 @@ class Run:
                 tell,
             )
         if options.log is not None:
-            self.log, pid = log_process.open_log(
+            self.log, pid = recorder_module.open_log(
                 self.configuration, options.log, options.fast, tell
             )
             self.children.append(pid)
@@ -353,7 +354,7 @@ class Run:
 
     def _say_the_end(self, ending: RunOutcome) -> None:
         """The last line: for files and watchers; a recording has its own record of the end."""
-        line = log_process.last_line(ending)
+        line = recorder_module.last_line(ending)
         if self.log is not None:
             self.log.record(line)
         if self.latest is not None:

@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
-from diffbotctl.recording.diff import TopicDifference
-from diffbotctl.recording.info import RecordingInfo
+from diffbotctl.recording.comparison import TopicDifference
 from diffbotctl.recording.metrics import Metrics
+from diffbotctl.recording.reader import RecordingInfo
 from diffbotctl.time import SECOND
 
 LONGEST = 60  # characters shown of a message that differs

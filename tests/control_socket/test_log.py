@@ -161,7 +161,7 @@ def test_a_level_changes_while_running(tmp_path):
 
 
 def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
-    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.recording.reader import RecordingReader
 
     path = tmp_path / "levels.mcap"
     with running(tmp_path, *FAR, "--record", str(path)) as process:

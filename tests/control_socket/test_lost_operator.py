@@ -9,7 +9,7 @@ from termios import TIOCSCTTY
 import pytest
 
 from diffbotctl.messages import Stop, Twist, Wheels
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 
 LIMIT = 500_000_000  # ns within which the wheels are commanded to zero

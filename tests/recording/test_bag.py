@@ -8,10 +8,9 @@ from click.testing import CliRunner
 
 from diffbotctl.cli.main import program
 from diffbotctl.errors import RunError, UsageError
-from diffbotctl.recording.diff import recording_differences
+from diffbotctl.recording.comparison import recording_differences
 from diffbotctl.recording.fields import all_columns, choose_columns, column_wires, table_rows
-from diffbotctl.recording.info import recording_info
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader, recording_info
 
 
 def said(*words):

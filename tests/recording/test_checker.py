@@ -3,8 +3,9 @@
 import pytest
 
 from diffbotctl.messages import LogLine, Stop, Twist
+from diffbotctl.recording.comparison import ReplayChecker
 from diffbotctl.recording.json_codec import message_encoder
-from diffbotctl.recording.replay_driver import Checker, Recorded
+from diffbotctl.recording.reader import RecordedMessage
 
 WIRES = {"mux.twist": Twist, "gate.stop": Stop, "log": LogLine}
 RECORDED = (
@@ -17,10 +18,10 @@ RECORDED = (
 
 def checked(replayed, texts_may_differ):
     items = [
-        Recorded(0, wire, False, message, message_encoder(WIRES[wire])(message), 0)
+        RecordedMessage(0, wire, False, message, message_encoder(WIRES[wire])(message), 0)
         for wire, message in zip(WIRES, RECORDED[1:], strict=True)
     ]
-    checker = Checker(WIRES, set(WIRES), items, texts_may_differ)
+    checker = ReplayChecker(WIRES, set(WIRES), items, texts_may_differ)
     checker.record(replayed)
     checker.finish()
     return checker

@@ -9,11 +9,11 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders
+from diffbotctl.processes.child_process import LENGTH
 from diffbotctl.recording import black_box as engine_flight
 from diffbotctl.recording.black_box import StopEvent
-from diffbotctl.recording.black_box_store import AFTER, BlackBoxStore, RunMetadata
-from diffbotctl.recording.info import recording_info
-from diffbotctl.recording.recorder import LENGTH
+from diffbotctl.recording.black_box_store import AFTER_STOP, BlackBoxStore, RunMetadata
+from diffbotctl.recording.reader import recording_info
 from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
@@ -65,7 +65,7 @@ def test_a_disk_that_hangs_keeps_nobody_waiting(tmp_path, keeper):
     [
         ([[instant(1)], DONE], None),  # it ended well
         ([[instant(1)], {**DONE, "code": "1", "cause": "gave up"}], "gave up"),
-        # It ended well, but something had stopped it less than AFTER before its end.
+        # It ended well, but something had stopped it less than AFTER_STOP before its end.
         ([[instant(1)], StopEvent(SECOND, "obstacle", "a wall"), DONE], "obstacle: a wall"),
         ([[instant(1)]], "the engine was killed"),
         ([], None),  # killed before anything came: there is nothing to write
@@ -75,7 +75,7 @@ def test_what_is_written_when_the_engine_has_ended(tmp_path, keeper, capfd, item
     keeper, engine = keeper
     engine.sendall(b"".join(map(packed, items)))
     engine.shutdown(socket.SHUT_WR)
-    keeper.rest()
+    keeper.read_to_end()
     keeper.channel.close()
     said = engine.recv(1 << 10)  # the writer holds the other end until it has ended
     found = [recording_info(path).end["cause"] for path in tmp_path.glob("*.mcap")]
@@ -87,11 +87,11 @@ def test_what_is_written_when_the_engine_has_ended(tmp_path, keeper, capfd, item
 
 def test_several_stops_in_a_row_make_one_file(keeper):
     keeper, engine = keeper
-    for second in range(1, 9):  # APART is 10 s
+    for second in range(1, 9):  # FILE_PERIOD_MIN is 10 s
         engine.sendall(packed(StopEvent(second * SECOND, "obstacle", "a wall")))
         engine.sendall(packed([instant(second)]))
         keeper.read()
-    assert AFTER == SECOND and keeper.files == 1
+    assert AFTER_STOP == SECOND and keeper.files == 1
     engine.recv(1 << 10)
 
 
@@ -119,9 +119,9 @@ def hub(tmp_path, monkeypatch):
 def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
     flight, _, told = hub
     client = PlainClient(tmp_path)
-    flight.outlet.channel.settimeout(REPLY_TIMEOUT_S)
-    flight.outlet.channel.sendall(LENGTH.pack(7) + b"garbage")
-    flight.outlet.channel.recv(1)  # its end: the hub has given the recorder up
+    flight.sender.channel.settimeout(REPLY_TIMEOUT_S)
+    flight.sender.channel.sendall(LENGTH.pack(7) + b"garbage")
+    flight.sender.channel.recv(1)  # its end: the hub has given the recorder up
     assert client.ask("status")["ok"]
     assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
     flight.finish(DONE)
@@ -143,12 +143,12 @@ def test_a_hub_that_fails_keeps_the_flight(hub, tmp_path):
 
 
 def test_a_hub_that_takes_nothing_is_given_up_at_the_end(monkeypatch):
-    monkeypatch.setattr(engine_flight, "PATIENCE", 0.05)
+    monkeypatch.setattr(engine_flight, "FINISH_TIMEOUT_S", 0.05)
     ours, theirs = socket.socketpair()
     told = []
     flight = engine_flight.BlackBox(ours, 1, lambda: None, told.append, told.append)
-    while not flight.outlet.backlog:
-        flight.outlet.send(bytes(1 << 16))
+    while not flight.sender.backlog:
+        flight.sender.send(bytes(1 << 16))
     flight.finish(DONE)
     assert told == ["the recorder does not answer"]
     theirs.close()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
-from diffbotctl.recording.fields import Series, series
+from diffbotctl.recording.fields import Series, read_series
 from diffbotctl.ui.plot import image as image_module
 from diffbotctl.ui.plot import plots
 from diffbotctl.ui.plot.axes import make_axis
@@ -105,7 +105,7 @@ def test_a_gap_stays_a_gap():
 
 
 def test_fields_of_one_unit_share_a_panel(goal):
-    picture = make_figure(series(goal, ["gate.wheels", "robot.front"]), "goal & <run>")
+    picture = make_figure(read_series(goal, ["gate.wheels", "robot.front"]), "goal & <run>")
     root = ElementTree.fromstring(encode_svg(picture))
     name = "{http://www.w3.org/2000/svg}"
     texts = [each.text for each in root.iter(f"{name}text")]
@@ -154,17 +154,17 @@ def test_without_pillow_a_png_says_what_to_install(tmp_path, monkeypatch):
 
 def test_words_make_no_curve(goal):
     with pytest.raises(UsageError, match="words or lists"):
-        series(goal, ["range.range.state"])
-    assert [each.name for each in series(goal, ["range.range"])] == ["range.range.distance"]
+        read_series(goal, ["range.range.state"])
+    assert [each.name for each in read_series(goal, ["range.range"])] == ["range.range.distance"]
 
 
 def test_a_stretch_of_time(goal):
-    (part,) = series(goal, ["odometry.odometry.x"], 1_000_000_000, 2_000_000_000)
-    (whole,) = series(goal, ["odometry.odometry.x"])
+    (part,) = read_series(goal, ["odometry.odometry.x"], 1_000_000_000, 2_000_000_000)
+    (whole,) = read_series(goal, ["odometry.odometry.x"])
     inside = [(t, v) for t, v in zip(whole.times, whole.values, strict=True) if 1.0 <= t < 2.0]
     assert list(zip(part.times, part.values, strict=True)) == inside
     with pytest.raises(UsageError, match="has a number in that time"):
-        series(goal, ["odometry.odometry.x"], 10**15)
+        read_series(goal, ["odometry.odometry.x"], 10**15)
 
 
 def plotted(*words, charset="utf-8"):

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 
 from diffbotctl.errors import RunError
 from diffbotctl.messages import Twist, Volts
-from diffbotctl.recording.info import recording_info
-from diffbotctl.recording.mcap_file import Recording, RecordingReader
+from diffbotctl.recording.reader import RecordingReader, recording_info
 from diffbotctl.recording.recover import recover
+from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 
 WIRES = {"robot.front": Volts, "mux.twist": Twist}
 ABOUT = {"epoch": "1000", "version": "1", "files": "{}", "sets": "[]", "port": "sim"}
@@ -23,7 +23,7 @@ A_SECOND = 50  # instants between two flushes
 def written(seconds):
     """The bytes of an unfinished recording, flushed each second of the run."""
     with tempfile.NamedTemporaryFile() as file:
-        recording = Recording(file, WIRES, 1, ABOUT)
+        recording = RecordingWriter(file, RecordingHeader(WIRES, 1, ABOUT))
         for second in range(seconds):
             for place in range(A_SECOND):
                 now = (second * A_SECOND + place) * 20_000_000

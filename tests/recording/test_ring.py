@@ -12,12 +12,12 @@ from diffbotctl.recording.black_box_store import InputRing
 
 def filled(span, most, said):
     """A ring that has heard `said`: a number is a batch of one instant, ("state", t) a state."""
-    ring = InputRing(span, most, packet=1)  # each batch is a block of its own
+    ring = InputRing(span, most, packet_size=1)  # each batch is a packet
     for each in said:
         if isinstance(each, tuple):
-            ring.mark(EngineState(each[1], b"state"))
+            ring.add_state(EngineState(each[1], b"state"))
         else:
-            ring.keep(each, pickle.dumps([(each, "input")]))
+            ring.add_batch(each, pickle.dumps([(each, "input")]))
     return ring
 
 
@@ -62,7 +62,7 @@ def test_its_size_is_bounded_and_its_times_rise(events, most):
     ring = filled(50, most, said)
     kept = [instant[0] for instant in ring.instants()]
     assert kept == sorted(kept) and kept == [each for each in said if each in kept]
-    parts = [data for _, data in ring.blocks] + [state.data for state in ring.states]
+    parts = [data for _, data in ring.packets] + [state.data for state in ring.states]
     assert ring.size == sum(map(len, parts))
     assert ring.size <= most + 100  # the newest batch always fits
     if ring.begin is not None and kept:
@@ -73,8 +73,8 @@ def test_its_size_is_bounded_and_its_times_rise(events, most):
 def test_what_is_packed_comes_back_in_order(states, packet):
     ring = InputRing(10_000, 1 << 20, packet)
     for time, state in enumerate(states):
-        ring.keep(time, pickle.dumps([(time, "a"), (time, "b")]))
+        ring.add_batch(time, pickle.dumps([(time, "a"), (time, "b")]))
         if state:
-            ring.mark(EngineState(time, b"state"))
+            ring.add_state(EngineState(time, b"state"))
     expected = [(time, word) for time in range(len(states)) for word in "ab"]
     assert list(ring.instants()) == expected

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from diffbotctl.config.load import load
 from diffbotctl.messages import LogLine, Odometry, Range, Twist
 from diffbotctl.recording import foxglove
-from diffbotctl.recording.foxglove import SensorMount, Viewers, schema
+from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
 from diffbotctl.runs.run import Run, RunOptions
 
 EPOCH = 1_700_000_000_000_000_000
@@ -118,9 +118,9 @@ def test_only_a_measured_distance_is_drawn(state, drawn):
     "level, number", [("debug", 1), ("info", 2), ("warning", 3), ("error", 4), ("loud", 0)]
 )
 def test_a_line_of_the_log(level, number):
-    viewers = Viewers(EPOCH, {"mux.twist": Twist, "log": LogLine}, {})
+    viewers = ViewerMessages(EPOCH, {"mux.twist": Twist, "log": LogLine}, {})
     line = LogLine(2_000_000_001, level, "guard", 'the "wall" is near')
-    ((topic, data),) = viewers.made((2_000_000_001, None, line))
+    ((topic, data),) = viewers.messages((2_000_000_001, None, line))
     assert topic == "log.lines"
     assert json.loads(data) == {
         "timestamp": {"sec": 1_700_000_002, "nsec": 1},
@@ -134,13 +134,13 @@ def test_a_line_of_the_log(level, number):
 
 def test_two_odometries_do_not_fight_over_one_transform():
     wires = {"raw.odometry": Odometry, "odometry.odometry": Odometry}
-    viewers = Viewers(EPOCH, wires, {})
-    made = list(viewers.made((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
+    viewers = ViewerMessages(EPOCH, wires, {})
+    made = list(viewers.messages((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
     assert [topic for topic, _ in made] == ["tf", "raw.odometry.pose", "odometry.odometry.pose"]
 
 
 def test_where_sensors_sit_is_said_again():
     mount = {"range.range": SensorMount("front", 0.08, 0.0, 0.0)}
-    viewers = Viewers(EPOCH, {"range.range": Range}, mount)
-    said = [list(viewers.made((t * 1_000_000_000, None))) for t in range(11)]
+    viewers = ViewerMessages(EPOCH, {"range.range": Range}, mount)
+    said = [list(viewers.messages((t * 1_000_000_000, None))) for t in range(11)]
     assert [len(each) for each in said] == [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]

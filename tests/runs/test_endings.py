@@ -102,7 +102,7 @@ def test_a_full_disk_is_told_at_once_and_the_run_goes_on():
 
 def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):
     from diffbotctl.errors import RunError
-    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.recording.reader import RecordingReader
     from diffbotctl.replay.replay import replay
 
     path = tmp_path / "killed.mcap"

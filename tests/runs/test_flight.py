@@ -14,15 +14,14 @@ from diffbotctl.engine.clock import VirtualClock
 from diffbotctl.engine.loop import Engine
 from diffbotctl.errors import RunError
 from diffbotctl.messages import Goal
+from diffbotctl.processes.child_process import ChildSender
 from diffbotctl.recording import snapshot
-from diffbotctl.recording.black_box_store import KEPT, black_box_folder, delete_oldest
-from diffbotctl.recording.digest import Digest
-from diffbotctl.recording.info import recording_info
-from diffbotctl.recording.mcap_file import RecordingReader
-from diffbotctl.recording.recorder import ChildSender
-from diffbotctl.recording.replay_driver import Replay
-from diffbotctl.replay import source
-from diffbotctl.replay.replay import ReplayOptions, replay_as
+from diffbotctl.recording.black_box_store import FILES_MAX, black_box_folder, delete_oldest
+from diffbotctl.recording.comparison import RunDigest
+from diffbotctl.recording.reader import RecordingReader, recording_info
+from diffbotctl.replay import recorded_run
+from diffbotctl.replay.recorded_run import ReplayDriver
+from diffbotctl.replay.replay import ReplayOptions, replay_run
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.run import Run, RunOptions
 from tests.runs.test_endings import FAR, read_until, start
@@ -77,7 +76,7 @@ def test_a_replay_makes_all_that_was_said_anew(tmp_path):
     full, again = tmp_path / "full.mcap", tmp_path / "again.mcap"
     sets = load("goal", None, WALL)
     Run(sets, RunOptions(fast=True, record=full, goals=ONE)).go()
-    done = replay_as(source.read_run(flights[-1]), ReplayOptions(record=again))
+    done = replay_run(recorded_run.read_run(flights[-1]), ReplayOptions(record=again))
     assert done.begins == "run"
     assert said_by_blocks(again) == said_by_blocks(full)
 
@@ -98,25 +97,25 @@ def long(tmp_path_factory):
 def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
     told, flights, full = long
     assert "The last 3 minutes are in" in told[-1]
-    run = source.read_run(flights[-1])
+    run = recorded_run.read_run(flights[-1])
     assert run.begins == "state"
     begin = run.state[0]
     assert 180e9 <= run.last - begin <= 245e9  # the span, and up to a state or two before it
     again = tmp_path / "again.mcap"
-    replay_as(run, ReplayOptions(record=again))
+    replay_run(run, ReplayOptions(record=again))
     assert said_by_blocks(again) == said_by_blocks(full, after=begin)
     assert len(said_by_blocks(again)) > 10_000
 
 
 def test_what_is_live_can_be_changed_in_the_midst_of_a_run_and_nothing_else(long):
-    run = source.read_run(long[1][-1])
-    plain = replay_as(run, ReplayOptions())
+    run = recorded_run.read_run(long[1][-1])
+    plain = replay_run(run, ReplayOptions())
     live, fixed = ("guard.margin=0.2 m", "guard.resume=wait"), ("follower.tolerance=25 mm",)
-    changed = replay_as(run, ReplayOptions(sets=live))
+    changed = replay_run(run, ReplayOptions(sets=live))
     assert changed.digest != plain.digest
-    assert replay_as(run, ReplayOptions(sets=live)).digest == changed.digest
+    assert replay_run(run, ReplayOptions(sets=live)).digest == changed.digest
     with pytest.raises(RunError, match="midst of one"):
-        replay_as(run, ReplayOptions(sets=fixed))
+        replay_run(run, ReplayOptions(sets=fixed))
 
 
 def test_the_command_says_where_a_replay_begins(long, tmp_path):
@@ -131,7 +130,7 @@ def test_the_command_says_where_a_replay_begins(long, tmp_path):
 
 def test_a_check_of_a_flight_is_refused(long):
     with pytest.raises(RunError, match="nothing that the blocks made"):
-        replay_as(source.read_run(long[1][-1]), ReplayOptions(check=True))
+        replay_run(recorded_run.read_run(long[1][-1]), ReplayOptions(check=True))
 
 
 def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
@@ -145,7 +144,7 @@ def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
     assert path.parent == tmp_path / "diffbotctl" / "flights"
     assert recording_info(path).end["cause"] == "the engine was killed"
     assert f"diffbotctl replay {path}" in rest
-    assert replay_as(source.read_run(path), ReplayOptions()).ending.code == 0
+    assert replay_run(recorded_run.read_run(path), ReplayOptions()).ending.code == 0
 
 
 def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
@@ -156,14 +155,14 @@ def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
 
 
 def test_only_the_newest_flights_are_kept(tmp_path):
-    for number in range(KEPT + 5):
+    for number in range(FILES_MAX + 5):
         path = tmp_path / f"{99 - number}.mcap"
         path.write_text("")
         os.utime(path, ns=(number, number))
     (tmp_path / "notes.txt").write_text("mine")
     delete_oldest(tmp_path)
     left = {path.name for path in tmp_path.iterdir()}
-    assert left == {f"{99 - number}.mcap" for number in range(5, KEPT + 5)} | {"notes.txt"}
+    assert left == {f"{99 - number}.mcap" for number in range(5, FILES_MAX + 5)} | {"notes.txt"}
 
 
 @pytest.mark.parametrize(
@@ -231,7 +230,7 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     def engine(after, said):
         inputs = (each for each in RecordingReader(full).messages() if each.time > after)
         graph = assemble(setup, real=False).graph
-        return Engine(graph, [Replay(inputs)], VirtualClock(), record=said.append)
+        return Engine(graph, [ReplayDriver(inputs)], VirtualClock(), record=said.append)
 
     first, rest = [], []
     before, behind = engine(-1, first), engine(half, rest)
@@ -240,10 +239,11 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     snapshot.restore_snapshot(data, behind)
     behind.last = half
     behind.run(4_000_000_000)
-    digest = Digest(before.graph.kinds)
+    digest = RunDigest(before.graph.kinds)
     for instant in first + rest:
         digest.record(instant)
     assert (
-        digest.text() == replay_as(source.read_run(full), ReplayOptions(until=4_000_000_000)).digest
+        digest.text()
+        == replay_run(recorded_run.read_run(full), ReplayOptions(until=4_000_000_000)).digest
     )
     assert len(first) > 10 < len(rest)

@@ -66,7 +66,7 @@ def test_a_file_that_cannot_be_opened_is_refused_before_anything_starts(tmp_path
 
 @pytest.mark.parametrize("sets", [[], WALL], ids=["open", "wall"])
 def test_a_replay_has_the_same_log_line_by_line(tmp_path, sets):
-    from diffbotctl.recording.mcap_file import RecordingReader
+    from diffbotctl.recording.reader import RecordingReader
     from diffbotctl.replay.replay import replay
 
     path = tmp_path / "run.mcap"

@@ -10,12 +10,12 @@ from click.testing import CliRunner
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
 from diffbotctl.messages import BUILT_IN
-from diffbotctl.recording.diff import recording_differences
-from diffbotctl.recording.info import recording_info
-from diffbotctl.recording.mcap_file import Recording, RecordingReader
+from diffbotctl.recording.comparison import recording_differences
 from diffbotctl.recording.metrics import recorded_metrics
-from diffbotctl.replay import source
-from diffbotctl.replay.replay import ReplayOptions, replay_as
+from diffbotctl.recording.reader import RecordingReader, recording_info
+from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
+from diffbotctl.replay import recorded_run
+from diffbotctl.replay.replay import ReplayOptions, replay_run
 from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
 from diffbotctl.runs.run import Run, RunOptions
 from diffbotctl.time import SECOND
@@ -28,7 +28,7 @@ SLOWER = ("robot.limits.speed=0.15 m/s",)
 def goal(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "goal.mcap"
     Run(load("goal"), RunOptions(fast=True, record=path, digest=True, seed=3)).go()
-    return source.read_run(path)
+    return recorded_run.read_run(path)
 
 
 def said(*words):
@@ -45,7 +45,7 @@ def test_driving_once_more_unchanged_is_the_run_itself(goal):
     assert again.metrics.true_error is not None
 
 
-@pytest.mark.parametrize("replayed", [resimulate, replay_as])
+@pytest.mark.parametrize("replayed", [resimulate, replay_run])
 def test_the_same_change_twice_is_the_same_run(goal, replayed):
     first, again = (replayed(goal, ReplayOptions(sets=SLOWER)) for _ in range(2))
     assert first.digest == again.digest != goal.end["digest"]
@@ -63,20 +63,20 @@ def test_a_slower_robot_arrives_later(goal):
 
 def test_with_the_recorded_motion_only_what_the_blocks_say_changes(goal, tmp_path):
     path = tmp_path / "changed.mcap"
-    replay_as(goal, ReplayOptions(sets=SLOWER, record=path))
+    replay_run(goal, ReplayOptions(sets=SLOWER, record=path))
     topics = {topic.name: topic.place for topic in recording_differences(goal.path, path)}
     assert topics["robot.encoders"] is None and topics["odometry.odometry"] is None
     assert topics["follower.twist"] is not None
-    assert json.loads(source.read_run(path).about["sets"]) == list(SLOWER)
+    assert json.loads(recorded_run.read_run(path).about["sets"]) == list(SLOWER)
 
 
 def test_a_replay_written_out_equals_its_recording(goal, tmp_path):
     path = tmp_path / "again.mcap"
-    done = replay_as(goal, ReplayOptions(record=path))
+    done = replay_run(goal, ReplayOptions(record=path))
     assert done.digest == goal.end["digest"]
     assert all(topic.place is None for topic in recording_differences(goal.path, path))
     assert recording_info(path).complete
-    assert replay_as(source.read_run(path), ReplayOptions(check=True)).difference is None
+    assert replay_run(recorded_run.read_run(path), ReplayOptions(check=True)).difference is None
 
 
 def rewritten(goal, path, wires, kept=lambda item: True):
@@ -87,21 +87,21 @@ def rewritten(goal, path, wires, kept=lambda item: True):
     kinds = {wire: BUILT_IN[kind] for wire, (kind, _) in reader.wires.items() if wire in wires}
     sources = sum(reader.wires[wire][1] == "driver" for wire in kinds)
     with path.open("wb") as file:
-        recording = Recording(file, kinds, sources, reader.about)
+        recording = RecordingWriter(file, RecordingHeader(kinds, sources, reader.about))
         for _, group in groupby(items, key=lambda item: item.instant):
             instant = list(group)
             said = {item.wire: item.message for item in instant}
             recording.write((instant[0].time, *(said.get(wire) for wire in kinds)))
         recording.finish(reader.end)
-    return source.read_run(path)
+    return recorded_run.read_run(path)
 
 
 @pytest.mark.parametrize("missing", ["log", "follower.state"])
 def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path, missing):
-    whole = replay_as(goal, ReplayOptions(check=True))
+    whole = replay_run(goal, ReplayOptions(check=True))
     assert missing in goal.wires and not whole.left_out
     old = rewritten(goal, tmp_path / "old.mcap", set(goal.wires) - {missing})
-    done = replay_as(old, ReplayOptions(check=True))
+    done = replay_run(old, ReplayOptions(check=True))
     assert done.difference is None and set(done.left_out) == {missing}
     assert done.compared + done.left_out[missing] == whole.compared
     code, text = said(old.path, "--check")
@@ -110,7 +110,7 @@ def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path
 
 def test_a_wire_that_the_recording_has_is_compared_to_its_last_message(goal, tmp_path):
     silent = rewritten(goal, tmp_path / "silent.mcap", goal.wires, lambda item: item.wire != "log")
-    done = replay_as(silent, ReplayOptions(check=True))
+    done = replay_run(silent, ReplayOptions(check=True))
     assert done.difference.wire in ("log", "(time)") and not done.left_out
     assert said(silent.path, "--check")[0] == 1
 
@@ -122,14 +122,14 @@ def test_beside_a_wire_that_is_left_out_a_single_lost_message_shows(goal, tmp_pa
     holed = rewritten(
         goal, tmp_path / "holed.mcap", wires, lambda item: (item.wire, item.time) != (WHEELS, lost)
     )
-    first = replay_as(holed, ReplayOptions(check=True)).difference
+    first = replay_run(holed, ReplayOptions(check=True)).difference
     assert (first.wire, first.time, first.recorded) == (WHEELS, lost, "nothing")
 
 
 @pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])
 def test_a_part_is_measured_as_in_the_recording(goal, begin, until):
     begin, until = round(begin * SECOND), round(until * SECOND)
-    done = replay_as(goal, ReplayOptions(begin=begin, until=until))
+    done = replay_run(goal, ReplayOptions(begin=begin, until=until))
     expected = recorded_metrics(goal.path, begin, until)
     assert done.metrics._replace(true_error=None) == expected
     assert done.ending.time <= until
@@ -139,7 +139,7 @@ def test_speed_changes_nothing_but_the_time_it_takes(goal):
     def show(pictures):
         assert list(pictures)[-1].messages  # in a child
 
-    fast = replay_as(goal, ReplayOptions(speed=1000.0, begin=SECOND, show=show))
+    fast = replay_run(goal, ReplayOptions(speed=1000.0, begin=SECOND, show=show))
     assert fast.digest == goal.end["digest"]
 
 

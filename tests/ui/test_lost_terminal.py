@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.lost_terminal import drive, lose, ssh_server
 from diffbotctl.testing.running import PlainClient, command, moves, running, stands
 from diffbotctl.testing.terminal import SCREEN_TIMEOUT_S, Terminal

@@ -20,7 +20,7 @@ from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.messages import Goal, Stop
-from diffbotctl.recording.mcap_file import RecordingReader
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.run import Run, RunOptions
 from diffbotctl.testing.radio_module import DeliveredFrame
 from diffbotctl.testing.remote_board import RemoteBoard

@@ -1,66 +1,48 @@
-"""Running a recording again: the drivers' messages come from it, the blocks make the rest anew."""
+"""Comparing runs: a digest of one, a replay with its recording, and two recordings by topic."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from itertools import groupby
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable
+from itertools import groupby, zip_longest
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffbotctl.engine.driver import Delivery
-from diffbotctl.messages import GoalState, LogLine, Message, Stop
+from diffbotctl.messages import GoalState, LogLine, Stop
 from diffbotctl.recording.json_codec import message_encoder
+from diffbotctl.recording.reader import RecordedMessage, RecordingReader
 from diffbotctl.time import NEVER
 
 
-class Recorded(NamedTuple):
-    """One recorded message: when, on which wire, from a driver or a block, and its exact text."""
+class RunDigest:
+    """A hash over every message of a run, with its wire and time.
 
-    time: int
-    wire: str
-    from_driver: bool
-    message: Message
-    data: bytes
-    instant: int
+    Two runs are equal exactly when their digests are.
+    """
 
+    def __init__(self, wires: dict[str, type]) -> None:
+        from hashlib import sha256  # heavy: it loads OpenSSL
 
-class Replay:
-    """A driver that delivers what the drivers of a recorded run delivered, when they did."""
+        self.encoders = [(wire.encode(), message_encoder(kind)) for wire, kind in wires.items()]
+        self.hash = sha256()
+        self.messages = 0
 
-    def __init__(self, recorded: Iterable[Recorded]) -> None:
-        self.instants = _deliveries(recorded)
-        self.next = next(self.instants, None)
+    def record(self, instant: tuple[Any, ...]) -> None:
+        """Add one instant: (time, message or None for each wire)."""
+        time = b" %d " % instant[0]
+        for (wire, encode), message in zip(self.encoders, instant[1:], strict=True):
+            if message is not None:
+                self.hash.update(wire + time + encode(message))
+                self.messages += 1
 
-    def due(self) -> int:
-        """When the next recorded delivery came."""
-        return NEVER if self.next is None else self.next[0]
-
-    def files(self) -> list[int]:
-        """None."""
-        return []
-
-    def deliver(self, now: int) -> list[Delivery]:
-        """What came at that time."""
-        deliveries: list[Delivery] = []
-        while self.next is not None and self.next[0] <= now:
-            deliveries += self.next[1]
-            self.next = next(self.instants, None)
-        return deliveries
-
-    def close(self) -> None:
-        """Nothing is held open."""
-
-
-def _deliveries(recorded: Iterable[Recorded]) -> Iterator[tuple[int, list[Delivery]]]:
-    for _, group in groupby(recorded, key=lambda item: item.instant):
-        items = [item for item in group if item.from_driver]
-        if items:
-            yield items[0].time, [Delivery(item.wire, item.message) for item in items]
+    def text(self) -> str:
+        """The digest so far, in hexadecimal."""
+        return self.hash.hexdigest()
 
 
 class Difference(NamedTuple):
-    """The first place where a replay left its recording."""
+    """The first difference of a replay from its recording. `time` is in ns."""
 
     time: int
     wire: str
@@ -71,7 +53,7 @@ class Difference(NamedTuple):
 TEXT_FIELDS: dict[type, str] = {LogLine: "text", Stop: "cause", GoalState: "cause"}
 
 
-class Checker:
+class ReplayChecker:
     """Compares each instant of a replay with the recorded one, bit for bit.
 
     `held` are the wires that the recording has, whether or not they carried a message. Messages on
@@ -84,7 +66,7 @@ class Checker:
         self,
         wires: dict[str, type],
         held: Collection[str],
-        recorded: Iterable[Recorded],
+        recorded: Iterable[RecordedMessage],
         texts_may_differ: bool,
     ) -> None:
         self.texts_may_differ = texts_may_differ
@@ -148,3 +130,49 @@ class Checker:
 
     def _differ(self, time: int, wire: str, recorded: str, replayed: str) -> None:
         self.difference = Difference(time, wire, recorded, replayed)
+
+
+class TopicDifference(NamedTuple):
+    """One topic of two recordings: how many messages each has, and their first difference.
+
+    `place` counts messages of the topic from 0, None where there is no difference; `one` and
+    `other` are (time in ns, text), or None where that recording has no message at that place.
+    """
+
+    name: str
+    counts: tuple[int, int]
+    place: int | None
+    one: tuple[int, str] | None
+    other: tuple[int, str] | None
+
+    @property
+    def time(self) -> int:
+        """When they first differ, in ns; 0 where they do not."""
+        return min((message[0] for message in (self.one, self.other) if message), default=0)
+
+
+def recording_differences(one: Path, other: Path) -> list[TopicDifference]:
+    """All topics of both recordings: those that differ first, by the time of the difference.
+
+    Raises RunError for a file that is no recording.
+    """
+    ours, theirs = _texts_by_topic(one), _texts_by_topic(other)
+    topics = [_compare(name, ours[name], theirs[name]) for name in sorted({*ours, *theirs})]
+    return sorted(topics, key=lambda topic: (topic.place is None, topic.time, topic.name))
+
+
+def _compare(
+    name: str, one: list[tuple[int, str]], other: list[tuple[int, str]]
+) -> TopicDifference:
+    counts = (len(one), len(other))
+    for place, (ours, theirs) in enumerate(zip_longest(one, other)):
+        if ours != theirs:
+            return TopicDifference(name, counts, place, ours, theirs)
+    return TopicDifference(name, counts, None, None, None)
+
+
+def _texts_by_topic(path: Path) -> defaultdict[str, list[tuple[int, str]]]:
+    texts = defaultdict(list)
+    for item in RecordingReader(path).messages():
+        texts[item.wire].append((item.time, item.data.decode()))
+    return texts

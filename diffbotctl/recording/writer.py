@@ -1,0 +1,184 @@
+"""Child side of recordings and log files: the processes that write them, and the MCAP writer.
+
+A child outlives a killed engine until it has written what had reached it. When it cannot write, it
+reports that once over its channel, and after that only drains the channel.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from diffbotctl.messages import LogLine
+from diffbotctl.processes.child_process import (
+    SILENCE_PERIOD_S,
+    drain,
+    fork_with_channel,
+    read_items,
+    report,
+)
+from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
+from diffbotctl.recording.json_codec import json_schema, message_encoder
+from diffbotctl.time import SECOND
+
+VIEWER = "viewer"  # origin of messages that are written for viewers and are no part of the run
+STATE = "state"  # name of the attachment with the state from which a replay begins
+CHUNK_BYTES = 256 << 10  # an unpaced run fills it in a few ms, a paced one flushes each second
+
+
+class RecordingHeader(NamedTuple):
+    """What a recording must know of its run before the first instant.
+
+    `wires` are all wires with their message classes, the first `sources` of them the drivers';
+    `about` is the metadata of the run; `mounts` maps the wire of a range to its sensor's place.
+    """
+
+    wires: dict[str, type]
+    sources: int
+    about: dict[str, str]
+    mounts: dict[str, SensorMount] = {}
+
+
+class RecordingWriter:
+    """Writes instants to an MCAP file, with one JSON channel a wire and some for viewers.
+
+    A file that was completed carries the metadata record `end`; without it the file was cut, and is
+    readable up to its last flush. All methods may raise OSError, for example when the disk is full.
+    """
+
+    def __init__(self, file: IO[bytes], header: RecordingHeader) -> None:
+        from mcap.writer import CompressionType, Writer  # heavy: only the writing process loads it
+
+        self.file = file
+        self.writer: Any = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self.writer.start(library="diffbotctl")
+        self.writer.add_metadata("run", header.about)
+        self.epoch = int(header.about["epoch"])
+        self.instants = 0
+        self.channels: list[tuple[int, Any]] = []
+        schemas: dict[type, int] = {}
+        for place, (wire, kind) in enumerate(header.wires.items()):
+            if kind not in schemas:
+                schemas[kind] = self._schema(kind.__name__, json.dumps(json_schema(kind)).encode())
+            origin = "driver" if place < header.sources else "block"
+            channel = self._channel(wire, schemas[kind], origin, kind.__name__)
+            self.channels.append((channel, message_encoder(kind)))
+        self.viewers = ViewerMessages(self.epoch, header.wires, header.mounts)
+        self.viewer_channels = {
+            topic: self._channel(topic, self._schema(name, schema(kind)), VIEWER, name)
+            for topic, kind in self.viewers.topics.items()
+            for name in (f"foxglove.{kind}",)
+        }
+        self.flush()  # killed within the first second, the file still has the run's metadata
+
+    def _schema(self, name: str, text: bytes) -> int:
+        return int(self.writer.register_schema(name, "jsonschema", text))
+
+    def _channel(self, topic: str, schema: int, origin: str, kind: str) -> int:
+        metadata = {"from": origin, "kind": kind}
+        return int(self.writer.register_channel(topic, "json", schema, metadata))
+
+    def write(self, instant: tuple[Any, ...]) -> None:
+        """Write the messages of one instant: (time, message or None for each wire)."""
+        time = self.epoch + instant[0]
+        for (channel, encode), message in zip(self.channels, instant[1:], strict=True):
+            if message is not None:
+                self.writer.add_message(channel, time, encode(message), time, self.instants)
+        for topic, data in self.viewers.messages(instant):
+            channel = self.viewer_channels[topic]
+            self.writer.add_message(channel, time, data, time, self.instants)
+        self.instants += 1
+
+    def attach_state(self, time: int, state: bytes) -> None:
+        """Attach the state of the blocks after the instant `time` (ns): a replay begins there."""
+        wall_time = self.epoch + time
+        self.writer.add_attachment(wall_time, wall_time, STATE, "application/octet-stream", state)
+
+    def flush(self) -> None:
+        """Write everything to the disk, as a chunk that a reader can open."""
+        self.writer.flush()
+        self.file.flush()
+        os.fsync(self.file.fileno())
+
+    def finish(self, summary: dict[str, str]) -> None:
+        """Complete the file; without this it counts as cut."""
+        self.writer.add_metadata("end", summary)
+        self.writer.finish()
+        self.file.flush()
+
+
+def start_recorder(path: Path, header: RecordingHeader) -> tuple[socket.socket, int]:
+    """Open `path` and fork the process that writes it. Returns the engine's end and the pid.
+
+    Raises OSError when the file cannot be opened: in the engine, before anything has started.
+    """
+    file = open(path, "wb")  # noqa: SIM115 - the child closes it
+    channel, pid = fork_with_channel(
+        lambda channel: _until_it_fails(channel, lambda: _write_recording(channel, file, header))
+    )
+    file.close()
+    return channel, pid
+
+
+def start_log_writer(path: Path, epoch: int) -> tuple[socket.socket, int]:
+    """Open `path` to append to it, and fork the process that writes log lines as JSON.
+
+    `epoch`: ns since 1970 at logical time 0. Returns the engine's end and the pid. Raises OSError
+    when the file cannot be opened: in the engine, before anything has started.
+    """
+    file = open(path, "a", encoding="utf-8")  # noqa: SIM115 - the child closes it
+    channel, pid = fork_with_channel(
+        lambda channel: _until_it_fails(channel, lambda: _write_log(channel, file, epoch)),
+        buffer=None,
+    )
+    file.close()
+    return channel, pid
+
+
+def _until_it_fails(channel: socket.socket, write: Callable[[], None]) -> int:
+    try:
+        write()
+    except OSError as error:
+        report(channel, os.strerror(error.errno or 0))
+        drain(channel)
+        return 1
+    return 0
+
+
+def _write_recording(channel: socket.socket, file: IO[bytes], header: RecordingHeader) -> None:
+    recording = RecordingWriter(file, header)
+    flushed = time.monotonic()
+    summary: dict[str, str] | None = None
+    for item in read_items(channel):
+        if isinstance(item, list):
+            for instant in item:
+                recording.write(instant)
+        elif isinstance(item, dict):
+            summary = item
+        if time.monotonic() - flushed >= SILENCE_PERIOD_S:
+            recording.flush()
+            flushed = time.monotonic()
+    recording.flush()
+    if summary is not None:
+        recording.finish({**summary, "instants": str(recording.instants)})
+
+
+def _write_log(channel: socket.socket, file: IO[str], epoch: int) -> None:
+    for lines in read_items(channel):
+        for line in lines or ():
+            file.write(log_text(line, epoch))
+        file.flush()  # a program that follows the file gets each line at once
+
+
+def log_text(line: LogLine, epoch: int) -> str:
+    """One line of the file: `at` is the time of day in UTC, `time` the run's, in ns."""
+    seconds, rest = divmod(epoch + line.time, SECOND)
+    at = datetime.fromtimestamp(seconds, UTC).replace(microsecond=rest // 1000)
+    fields: dict[str, Any] = {"at": at.isoformat(timespec="microseconds"), **line._asdict()}
+    return json.dumps(fields) + "\n"

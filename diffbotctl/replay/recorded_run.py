@@ -1,0 +1,169 @@
+"""A recorded run: its files, options and inputs, enough to build and drive the same pipeline."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.load import load
+from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.messages import Goal, Message
+from diffbotctl.messages import Path as Waypoints
+from diffbotctl.recording.reader import RecordedMessage, RecordingReader
+from diffbotctl.time import NEVER
+
+CLIENT_WIRES = {  # with messages that only a client of the control socket causes
+    "operator.twist",
+    "operator.halt",
+    "operator.resume",
+    "operator.setting",
+    "operator.call",
+}
+
+
+class RecordedRun(NamedTuple):
+    """What a recording says about its run.
+
+    `last` is the time in ns of its last instant; `state` is the state, as (time in ns, bytes), from
+    which a black box file starts when the beginning of the run is lost; `operator_messages` are
+    (wire, message); `wires` are all wires of the run, also those without a message.
+    """
+
+    path: Path
+    about: dict[str, str]
+    end: dict[str, str] | None
+    last: int
+    state: tuple[int, bytes] | None
+    operator_messages: tuple[tuple[str, Message], ...]
+    wires: tuple[str, ...]
+
+    @property
+    def begins(self) -> str:
+        """`run`: at its start; `state`: later, in a known state; `unknown`: later, in none."""
+        return self.about.get("flight", "run")
+
+    @property
+    def is_black_box(self) -> bool:
+        """Whether it holds what drivers delivered and nothing else."""
+        return "flight" in self.about
+
+    @property
+    def real(self) -> bool:
+        """Whether a real robot drove."""
+        return self.about["port"] not in VIRTUAL_PORTS
+
+    @property
+    def initial_goals(self) -> tuple[Goal, ...]:
+        """The goals with which the run began."""
+        return tuple(Goal(*values) for values in json.loads(self.about.get("goals", "[]")))
+
+    def goals(self) -> list[Goal]:
+        """All goals of the run, in order."""
+        goals = [m for _, m in self.operator_messages if isinstance(m, Goal) and m.number]
+        return list({goal.number: goal for goal in goals}.values())
+
+    def is_driven(self) -> bool:
+        """Whether a client commanded anything, so that the run cannot be simulated again.
+
+        Goals that are not in the files come from a client, unless a block gave a path.
+        """
+        if any(wire in CLIENT_WIRES for wire, _ in self.operator_messages):
+            return True
+        paths = any(isinstance(message, Waypoints) for _, message in self.operator_messages)
+        return not paths and len(self.goals()) > len(self.initial_goals)
+
+
+def read_run(path: Path) -> RecordedRun:
+    """Read the recording at `path`. Raises RunError for a file that is none."""
+    reader = RecordingReader(path)
+    operator_messages: list[tuple[str, Message]] = []
+    last = 0
+    for item in reader.messages():
+        last = max(last, item.time)
+        if item.wire.startswith("operator."):
+            operator_messages.append((item.wire, item.message))
+    if reader.end is not None:
+        last = int(reader.end["last"])
+    return RecordedRun(
+        path,
+        reader.about,
+        reader.end,
+        last,
+        reader.state,
+        tuple(operator_messages),
+        tuple(reader.wires),
+    )
+
+
+class ReplayDriver:
+    """A driver that delivers what the drivers of a recorded run delivered, at the same times."""
+
+    def __init__(self, recorded: Iterable[RecordedMessage]) -> None:
+        self.instants = _deliveries(recorded)
+        self.next = next(self.instants, None)
+
+    def due(self) -> int:
+        """The time of the next recorded delivery, in ns."""
+        return NEVER if self.next is None else self.next[0]
+
+    def files(self) -> list[int]:
+        """None: nothing wakes the loop."""
+        return []
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """All deliveries up to `now`."""
+        deliveries: list[Delivery] = []
+        while self.next is not None and self.next[0] <= now:
+            deliveries += self.next[1]
+            self.next = next(self.instants, None)
+        return deliveries
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def _deliveries(recorded: Iterable[RecordedMessage]) -> Iterator[tuple[int, list[Delivery]]]:
+    for _, group in groupby(recorded, key=lambda item: item.instant):
+        items = [item for item in group if item.from_driver]
+        if items:
+            yield items[0].time, [Delivery(item.wire, item.message) for item in items]
+
+
+@contextmanager
+def recorded_configuration(run: RecordedRun, sets: tuple[str, ...] = ()) -> Iterator[Configuration]:
+    """The configuration that the recording carries, with `sets` on top of its own.
+
+    Its files stand in a folder that is gone afterwards. Raises ConfigurationError.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        places = _written(json.loads(run.about["files"]), Path(folder))
+        robot = places.get(run.about["robot"])
+        yield load(
+            str(places[run.about["pipeline"]]),
+            None if robot is None else str(robot),
+            [*json.loads(run.about["sets"]), *sets],
+            real=False,
+        )
+
+
+def _written(files: dict[str, str], folder: Path) -> dict[str, Path]:
+    """Each file in a folder of its own, with all the others beside it: one may include another."""
+    places: dict[str, Path] = {}
+    for number, (name, text) in enumerate(files.items()):
+        parent = folder / str(number)
+        parent.mkdir()
+        places[name] = parent / Path(name).name
+        places[name].write_text(text)
+    for place in places.values():
+        for other in places.values():
+            beside = place.parent / other.name
+            if not beside.exists():
+                beside.write_text(other.read_text())
+    return places
