@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from diffbotctl.log import QUIET, Log
 from diffbotctl.params import Declaration, FromRobot, RobotField, declared, members
@@ -87,10 +87,27 @@ class Out(Port):
         self.name = self.explicit_name or name
 
 
-def action(method: Method) -> Method:
-    """Mark a method `name(self, now, **arguments)` that an operator may call on a running block."""
-    method.is_action = True  # type: ignore[attr-defined]
-    return method
+@overload
+def action(method: Method, /) -> Method: ...
+
+
+@overload
+def action(**units: str) -> Callable[[Method], Method]: ...
+
+
+def action(method: Method | None = None, /, **units: str) -> Any:
+    """Mark a method `name(self, now, **arguments)` that an operator may call on a running block.
+
+    `units`: the SI unit of each argument, as in `@action(x="m", heading="rad")`. An argument
+    without a declared unit takes a number in any unit.
+    """
+
+    def mark(marked: Method) -> Method:
+        marked.is_action = True  # type: ignore[attr-defined]
+        marked.units = units  # type: ignore[attr-defined]
+        return marked
+
+    return mark if method is None else mark(method)
 
 
 class Block:

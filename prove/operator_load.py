@@ -133,7 +133,7 @@ def rows() -> Iterator[Row]:
                 ),
                 Load(
                     "ten `topic echo`",
-                    [sys.executable, "-c", ECHO, "topic", "echo", "/odom"],
+                    [sys.executable, "-c", ECHO, "topic", "echo", "/odom", "--json"],
                     10,
                     environment,
                 ),

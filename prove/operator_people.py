@@ -113,7 +113,7 @@ def drive(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
 
 def watchers(folder: Path, trials: int) -> Row:
     """Watchers killed and frozen while a goal is under way."""
-    words, environment = command(folder, "topic", "echo", "*")
+    words, environment = command(folder, "topic", "echo", "*", "--json")
     client, good = PlainClient(folder), 0
     for trial in range(trials):
         client.until(moves)

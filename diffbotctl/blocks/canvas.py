@@ -52,7 +52,7 @@ class TurtleCanvas(Block):
         """Wipe the line off; turtles stay where they are."""
         self.sheet += 1
 
-    @action
+    @action(x="m", y="m", heading="rad")
     def spawn(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Put another turtle there: x and y in m, heading in rad. They are numbered from 2 on."""
         if len(self.turtles) >= MOST_TURTLES:
@@ -60,12 +60,12 @@ class TurtleCanvas(Block):
         self.number += 1
         self.turtles[self.number] = (x, y, heading)
 
-    @action
+    @action(number="1")
     def kill(self, now: int, number: float) -> None:
         """Take the turtle with this number off the sheet."""
         self.turtles.pop(self._known(number))
 
-    @action
+    @action(number="1", x="m", y="m", heading="rad")
     def teleport(
         self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
     ) -> None:

@@ -59,7 +59,7 @@ class OdometryBlock(Block):
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[WheelOdometer, WheelOdometer] | None = None
 
-    @action
+    @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Say where the robot is: x and y in m, heading in rad; the origin when left out."""
         self.pose.set_pose(x, y, heading)

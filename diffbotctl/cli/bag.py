@@ -1,90 +1,116 @@
-"""`diffbotctl bag`: look into recordings."""
+"""`diffbotctl bag`: inspect recordings."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.time import SECOND
+from diffbotctl.cli.options import Quantity, json_option, output_option
+from diffbotctl.cli.output import check_output, check_overwrite, print_json
+from diffbotctl.time import NEVER, SECOND
 
-recording = click.argument("file", type=click.Path(path_type=Path))
+if TYPE_CHECKING:
+    from diffbotctl.recording.fields import Series
+    from diffbotctl.recording.reader import RecordingInfo
+
+recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 
 @click.group()
 def command() -> None:
-    """Look into recordings: what is in them, as pictures and tables, side by side, mended."""
+    """Inspect recordings: content, plots, tables, differences, recovery."""
 
 
 @command.command()
-@recording
-def info(file: Path) -> int:
-    """What is in the recording FILE, why its run ended, and whether it is complete."""
+@recording_argument
+@json_option
+def info(file: Path, as_json: bool) -> int:
+    """Show what is in the recording FILE, why its run ended, and whether it is complete."""
     from diffbotctl.recording.reader import recording_info
     from diffbotctl.ui import recording_text
 
-    for line in recording_text.info_lines(recording_info(file)):
+    record = recording_info(file)
+    if as_json:
+        print_json(_info_record(record))
+        return 0
+    for line in recording_text.info_lines(record):
         click.echo(line)
     return 0
 
 
-@command.command()
-@recording
-@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="The mended file.")
-def recover(file: Path, output: Path | None) -> int:
-    """Write what can be read of the damaged or unfinished recording FILE as a whole file.
+def _info_record(info: RecordingInfo) -> dict[str, Any]:
+    return {
+        "file": str(info.path),
+        "bytes": info.size,
+        "complete": info.complete,
+        "cut": info.cut,
+        "duration": (info.ends - info.begins) / SECOND,
+        "run": info.about,
+        "end": info.end,
+        "topics": [topic._asdict() for topic in info.topics],
+    }
 
-    Without --output it stands beside FILE, named FILE-recovered.
-    """
+
+@command.command()
+@recording_argument
+@output_option("The recovered file; default: FILE-recovered beside FILE.")
+def recover(file: Path, output: Path | None, force: bool) -> int:
+    """Write what can be read of the damaged or unfinished recording FILE as a complete file."""
     from diffbotctl.recording.recover import recover
 
     target = output or file.with_stem(f"{file.stem}-recovered")
-    done = recover(file, target)
-    click.echo(f"{target}: {done.messages} messages")
-    if done.damaged:
-        click.echo(f"{done.damaged} damaged chunks could not be read; what was in them is missing")
-    if done.cut is not None:
-        click.echo(f"the recording was cut ({done.cut})")
+    check_overwrite(target, force)
+    result = recover(file, target)
+    click.echo(f"{target}: {result.messages} messages")
+    if result.damaged:
+        click.echo(f"{result.damaged} damaged chunks could not be read; their messages are missing")
+    if result.cut is not None:
+        click.echo(f"the recording was cut ({result.cut})")
     return 0
 
 
 @command.command()
-@recording
+@recording_argument
 @click.argument("fields", nargs=-1, metavar="[FIELD]...")
-@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="A CSV file.")
-def export(file: Path, fields: tuple[str, ...], output: Path | None) -> int:
-    """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a topic for all of it.
+@output_option("Write FILE.csv instead of standard output.")
+def export(file: Path, fields: tuple[str, ...], output: Path | None, force: bool) -> int:
+    """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a whole topic.
 
-    One line an instant at which one of them spoke; a field that was silent then is left empty.
-    Times are seconds since the start of the run. Without FIELD everything is written.
+    One row for each instant with a value; a field without a value then is empty. Times are seconds
+    since the start of the run. Without FIELD everything is written.
     """
-    from diffbotctl.recording import fields as fields_module
+    from diffbotctl.errors import Problem, RunError
+    from diffbotctl.recording import fields as recording_fields
 
-    known = fields_module.column_wires(file)
-    wanted = (
-        fields_module.choose_columns(fields, known) if fields else fields_module.all_columns(known)
-    )
+    wires = recording_fields.column_wires(file)
+    if fields:
+        columns = recording_fields.choose_columns(fields, wires)
+    else:
+        columns = recording_fields.all_columns(wires)
     if output is None:
-        _table(sys.stdout, file, wanted)
+        _write_table(sys.stdout, file, columns)
         return 0
+    check_output(output, [".csv"], force)
     try:
         with output.open("w", newline="") as target:
-            _table(target, file, wanted)
+            _write_table(target, file, columns)
     except OSError as error:
-        raise click.UsageError(f"--output {output}: {error.strerror}") from error
+        cause = f"cannot write the file: {error.strerror}"
+        raise RunError(Problem("E-OUTPUT", str(output), cause, "choose another file")) from error
     return 0
 
 
-def _table(target: Any, file: Path, wanted: list[Any]) -> None:
+def _write_table(target: Any, file: Path, columns: list[Any]) -> None:
     import csv
 
     from diffbotctl.recording.fields import table_rows
 
     writer = csv.writer(target, lineterminator="\n")
-    writer.writerow(["time", *(column.name for column in wanted)])
-    for time, row in table_rows(file, wanted):
+    writer.writerow(["time", *(column.name for column in columns)])
+    for time, row in table_rows(file, columns):
         seconds = f"{time // SECOND}.{time % SECOND:09d}"
         writer.writerow([seconds, *(_cell(value) for value in row)])
 
@@ -97,53 +123,53 @@ def _cell(value: object) -> object:
 
 @command.command()
 @click.argument("fields", nargs=-1, required=True, metavar="FIELD...")
-@recording
-@click.option("--from", "begin", metavar="TIME", help="Begin there, such as 3s.")
-@click.option("--until", metavar="TIME", help="End there.")
-@click.option("--output", type=click.Path(dir_okay=False, path_type=Path), help="x.svg or x.png.")
-@click.option("--ascii", "plain", is_flag=True, help="Draw with plain characters only.")
+@recording_argument
+@click.option("--from", "begin", metavar="TIME", type=Quantity("s"), help="Start, such as 3s.")
+@click.option("--until", metavar="TIME", type=Quantity("s"), help="End.")
+@output_option("Write a picture: FILE.svg or FILE.png.")
+@click.option("--ascii", "ascii_only", is_flag=True, help="Draw with ASCII characters only.")
 def plot(
     fields: tuple[str, ...],
     file: Path,
-    begin: str | None,
-    until: str | None,
+    begin: float | None,
+    until: float | None,
     output: Path | None,
-    plain: bool,
+    force: bool,
+    ascii_only: bool,
 ) -> int:
-    """Draw the FIELDs of the recording FILE over time, in the terminal or into --output.
+    """Plot the FIELDs of the recording FILE over time, in the terminal or into --output.
 
-    A field is named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
+    Fields are named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
     """
-    from diffbotctl.cli.engine_client import quantity_of
     from diffbotctl.recording.fields import read_series
-    from diffbotctl.time import NEVER
 
-    first = 0 if begin is None else round(quantity_of(begin, "s", "--from") * SECOND)
-    last = NEVER if until is None else round(quantity_of(until, "s", "--until") * SECOND)
-    drawn = read_series(file, fields, first, last)
+    first = 0 if begin is None else round(begin * SECOND)
+    last = NEVER if until is None else round(until * SECOND)
+    curves = read_series(file, fields, first, last)
     if output is None:
-        _on_terminal(drawn, plain)
+        _plot_on_terminal(curves, ascii_only)
         return 0
     from diffbotctl.ui.plot.image import make_figure, save_figure
 
-    save_figure(make_figure(drawn, file.name), output)
-    click.echo(f"{output}")
+    check_overwrite(output, force)
+    save_figure(make_figure(curves, file.name), output)
+    click.echo(f"written: {output}")
     return 0
 
 
-def _on_terminal(drawn: list[Any], plain: bool) -> None:
+def _plot_on_terminal(curves: list[Series], ascii_only: bool) -> None:
     from shutil import get_terminal_size
 
     from diffbotctl.ui.plot import plots
     from diffbotctl.ui.plot.canvas import ASCII, BRAILLE
 
     size = get_terminal_size((80, 24))
-    font = ASCII if plain or not _speaks_braille() else BRAILLE
-    for line in plots.render_plots(drawn, size.columns, size.lines - 1, font):
+    font = ASCII if ascii_only or not _can_print_braille() else BRAILLE
+    for line in plots.render_plots(curves, size.columns, size.lines - 1, font):
         click.echo(line)
 
 
-def _speaks_braille() -> bool:
+def _can_print_braille() -> bool:
     try:
         "\N{BRAILLE PATTERN DOTS-1}".encode(sys.stdout.encoding or "ascii")
     except UnicodeEncodeError:
@@ -154,8 +180,9 @@ def _speaks_braille() -> bool:
 @command.command()
 @click.argument("one", type=click.Path(path_type=Path))
 @click.argument("other", type=click.Path(path_type=Path))
-def diff(one: Path, other: Path) -> int:
-    """Where the recordings ONE and OTHER first differ, topic by topic, and how their metrics do.
+@json_option
+def diff(one: Path, other: Path, as_json: bool) -> int:
+    """Show where the recordings ONE and OTHER first differ, by topic, and how their metrics do.
 
     Exit code: 0 the same, 1 different.
     """
@@ -164,11 +191,16 @@ def diff(one: Path, other: Path) -> int:
     from diffbotctl.ui import recording_text
 
     topics = recording_differences(one, other)
+    is_different = any(topic.place is not None for topic in topics)
+    if as_json:
+        for topic in topics:
+            print_json(topic._asdict())
+        return int(is_different)
     for line in recording_text.difference_lines(topics, ("A", "B")):
         click.echo(line)
-    both = recorded_metrics(one), recorded_metrics(other)
-    if both[0] != both[1]:
+    metrics = recorded_metrics(one), recorded_metrics(other)
+    if metrics[0] != metrics[1]:
         click.echo()
-        for line in recording_text.metrics_table(*both, ("A", "B")):
+        for line in recording_text.metrics_table(*metrics, ("A", "B")):
             click.echo(line)
-    return int(any(topic.place is not None for topic in topics))
+    return int(is_different)

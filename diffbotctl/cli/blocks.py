@@ -1,33 +1,43 @@
-"""`diffbotctl blocks`: the blocks there are, and what each takes and gives."""
+"""`diffbotctl blocks`: the available blocks, their ports and parameters."""
 
 from __future__ import annotations
 
-import json
-import sys
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import engine_option
+from diffbotctl.cli.engine_client import attached, rate_text
+from diffbotctl.cli.options import engine_option, json_option
+from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
     from diffbotctl.block import Block
     from diffbotctl.control_socket.client import ControlClient
     from diffbotctl.params import Declaration
 
+MEASURING_TIMEOUT_S = 3.0  # a load is measured over 1 s
+POLL_PERIOD_S = 0.1
+
 
 @click.group(invoke_without_command=True)
-@click.option("--live", is_flag=True, help="Those of a running engine: rate, cost, last error.")
+@click.option(
+    "--running", "--live", is_flag=True, help="The blocks of a running engine: rate, load, errors."
+)
+@json_option
 @engine_option
 @click.pass_context
-def command(ctx: click.Context, live: bool, engine: str | None) -> int:
-    """List the blocks there are; `blocks show NAME` tells all about one."""
+def command(ctx: click.Context, running: bool, as_json: bool, engine: str | None) -> int:
+    """List the available blocks; `blocks show NAME` describes one."""
     if ctx.invoked_subcommand is not None:
         return 0
-    if live or engine is not None:
-        return _live(engine)
+    if running or engine is not None:
+        return _list_running(engine, as_json)
+    return _list_available(as_json)
+
+
+def _list_available(as_json: bool) -> int:
     from diffbotctl.config import registry
     from diffbotctl.ui.text import fold_text
 
@@ -36,58 +46,54 @@ def command(ctx: click.Context, live: bool, engine: str | None) -> int:
             sentence = first_sentence(registry.block(name))
         except registry.RegistryError as error:
             sentence = f"cannot be used: {error}"
-        click.echo(fold_text(f"{name:15} {sentence}", hang=16))
+        if as_json:
+            print_json({"block": name, "help": sentence})
+        else:
+            click.echo(fold_text(f"{name:15} {sentence}", hang=16))
     clashes = registry.clashes()
     for clash in clashes:
         click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
     return 2 if clashes else 0
 
 
-def _live(engine: str | None) -> int:
-    from diffbotctl.cli.engine_client import attached
-
-    with attached(engine, "blocks") as caller:
-        rows = _measured(caller)
-    if not sys.stdout.isatty():
+def _list_running(engine: str | None, as_json: bool) -> int:
+    with attached(engine, "blocks") as client:
+        rows = _measured_rows(client)
+    if as_json:
         for row in rows:
-            click.echo(json.dumps(row))
+            print_json(row)
         return 0
     click.echo(f"{'block':15} {'class':16} {'rate':>16} {'busy':>8} {'overruns':>9}  last error")
     for row in rows:
-        click.echo(_row(row))
+        click.echo(_row_text(row))
     return 0
 
 
-def _measured(caller: ControlClient) -> list[dict[str, Any]]:
-    """The rows once the engine has measured them; as they are when it does not in time."""
-    deadline = time.monotonic() + MEASURING
+def _measured_rows(client: ControlClient) -> list[dict[str, Any]]:
+    """The rows when the engine has measured the load of every block, or at the time limit."""
+    deadline = time.monotonic() + MEASURING_TIMEOUT_S
     while True:
-        rows: list[dict[str, Any]] = caller.ask("blocks")["blocks"]
+        rows: list[dict[str, Any]] = client.ask("blocks")["blocks"]
         if all(row["busy"] is not None for row in rows) or time.monotonic() > deadline:
             return rows
-        time.sleep(LOOK)
+        time.sleep(POLL_PERIOD_S)
 
 
-MEASURING = 3.0  # s; a share is taken over one, and a robot that is away wakes nobody
-LOOK = 0.1  # s between two looks
-
-
-def _row(row: dict[str, Any]) -> str:
-    from diffbotctl.cli.engine_client import paced
-
+def _row_text(row: dict[str, Any]) -> str:
     busy = "-" if row["busy"] is None else f"{100 * row['busy']:.2f} %"
     overruns = "-" if row["overruns"] is None else row["overruns"]
     error = row["last_error"]
-    said = "" if error is None else f"at {error['time'] / 1e9:.1f} s: {error['text']}"
+    error_text = "" if error is None else f"at {error['time'] / 1e9:.1f} s: {error['text']}"
     return (
-        f"{row['block']:15} {row['class']:16} {paced(row).strip():>16} {busy:>8} {overruns:>9}"
-        f"  {said}"
+        f"{row['block']:15} {row['class']:16} {rate_text(row).strip():>16} {busy:>8}"
+        f" {overruns:>9}  {error_text}"
     ).rstrip()
 
 
 @command.command()
 @click.argument("name")
-def show(name: str) -> int:
+@json_option
+def show(name: str, as_json: bool) -> int:
     """Show the ports and parameters of the block NAME."""
     from diffbotctl.config import registry
     from diffbotctl.errors import Problem, UsageError
@@ -97,18 +103,48 @@ def show(name: str) -> int:
         kind = registry.block(name)
     except registry.RegistryError as error:
         raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
-    for line in described(name, kind):
+    if as_json:
+        print_json(block_record(name, kind))
+        return 0
+    for line in block_lines(name, kind):
         click.echo(fold_text(line, hang=4))
     return 0
 
 
 def first_sentence(kind: type[Block]) -> str:
-    """What a block is for, in one line."""
+    """The first sentence of a block's docstring."""
     return " ".join((kind.__doc__ or "").strip().split("\n\n")[0].split())
 
 
-def described(name: str, kind: type[Block]) -> Iterator[str]:
-    """All that is declared about a block, as lines."""
+def block_record(name: str, kind: type[Block]) -> dict[str, Any]:
+    """The declarations of a block as JSON."""
+    from diffbotctl.block import In, actions, inputs, outputs, robot_fields
+    from diffbotctl.params import declared
+
+    ports = {port: entry for port, entry in inputs(kind).items() if isinstance(entry, In)}
+    return {
+        "block": name,
+        "help": first_sentence(kind),
+        "inputs": {port: entry.kind.__name__ for port, entry in ports.items()},
+        "outputs": {port: entry.kind.__name__ for port, entry in outputs(kind).items()},
+        "parameters": {
+            setting.key: {
+                "type": getattr(setting.kind, "__name__", str(setting.kind)),
+                "unit": setting.unit,
+                "default": None if setting.is_required else setting.default,
+                "required": setting.is_required,
+                "live": setting.live,
+                "help": setting.help,
+            }
+            for setting in declared(kind).values()
+        },
+        "robot_fields": list(robot_fields(kind).values()),
+        "actions": list(actions(kind)),
+    }
+
+
+def block_lines(name: str, kind: type[Block]) -> Iterator[str]:
+    """The declarations of a block as lines."""
     from inspect import cleandoc
 
     from diffbotctl.block import actions, inputs, outputs, robot_fields
@@ -116,21 +152,22 @@ def described(name: str, kind: type[Block]) -> Iterator[str]:
 
     yield f"{name}\n"
     yield cleandoc(kind.__doc__ or "")
-    yield from _titled("inputs", [_input(port, each) for port, each in inputs(kind).items()])
-    yield from _titled(
+    yield from _section("inputs", [_input_row(port, entry) for port, entry in inputs(kind).items()])
+    yield from _section(
         "outputs",
-        [(port, f"{each.kind.__name__}  {each.help}") for port, each in outputs(kind).items()],
+        [(port, f"{entry.kind.__name__}  {entry.help}") for port, entry in outputs(kind).items()],
     )
-    yield from _titled(
-        "parameters", [(each.key, _parameter(each)) for each in declared(kind).values()]
+    yield from _section(
+        "parameters", [(entry.key, _parameter_text(entry)) for entry in declared(kind).values()]
     )
-    yield from _titled("from the robot file", [(path, "") for path in robot_fields(kind).values()])
-    yield from _titled(
-        "actions", [(each, (doing.__doc__ or "").strip()) for each, doing in actions(kind).items()]
+    yield from _section("from the robot file", [(path, "") for path in robot_fields(kind).values()])
+    yield from _section(
+        "actions",
+        [(action, (method.__doc__ or "").strip()) for action, method in actions(kind).items()],
     )
 
 
-def _titled(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:
+def _section(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:
     if rows:
         yield f"\n{title}"
         width = max(len(name) for name, _ in rows)
@@ -138,34 +175,34 @@ def _titled(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:
             yield f"  {name:{width}}  {text}".rstrip()
 
 
-def _input(name: str, port: Any) -> tuple[str, str]:
+def _input_row(name: str, port: Any) -> tuple[str, str]:
     from diffbotctl.block import In
 
     if not isinstance(port, In):
-        return name, f"timer, every {_seconds(port.period)}"
+        return name, f"timer, every {_period_text(port.period)}"
     notes = [
         "optional" if port.optional else "",
-        "" if port.trigger else "only looked at",
-        f"fresh for {_seconds(port.fresh_for)}" if port.fresh_for is not None else "",
+        "" if port.trigger else "sampled",
+        f"fresh for {_period_text(port.fresh_for)}" if port.fresh_for is not None else "",
     ]
-    noted = ", ".join(note for note in notes if note)
-    return name, f"{port.kind.__name__}{f' ({noted})' if noted else ''}  {port.help}"
+    note = ", ".join(filter(None, notes))
+    return name, f"{port.kind.__name__}{f' ({note})' if note else ''}  {port.help}"
 
 
-def _seconds(period: float | str) -> str:
+def _period_text(period: float | str) -> str:
     return f"{period:g} s" if isinstance(period, float | int) else f"the parameter {period}"
 
 
-def _parameter(setting: Declaration) -> str:
+def _parameter_text(setting: Declaration) -> str:
     unit = setting.unit if setting.unit not in ("", "1") else getattr(setting.kind, "__name__", "")
-    default = "must be given" if setting.is_required else f"default {_written(setting)}"
+    default = "required" if setting.is_required else f"default {_default_text(setting)}"
     choices = [f"one of {', '.join(map(str, setting.choices))}"] if setting.choices else []
     live = ["may change while running"] if setting.live else []
     notes = ", ".join([default, *setting.bound_phrases(), *choices, *live])
     return f"{unit}, {notes}.  {setting.help}"
 
 
-def _written(setting: Declaration) -> str:
+def _default_text(setting: Declaration) -> str:
     from diffbotctl.params import with_unit
 
     if isinstance(setting.default, float):

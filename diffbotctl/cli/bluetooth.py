@@ -7,6 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import (
+    Quantity,
+    json_option,
+    port_option,
+    robot_option,
+    yes_option,
+)
+from diffbotctl.cli.output import print_json
+
 if TYPE_CHECKING:
     from diffbotctl.bluetooth.bluez import NearbyModule
     from diffbotctl.bluetooth.link_stats import LinkFigures
@@ -14,7 +23,15 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.config.robot import Robot
 
-SCAN = 10.0  # s; a module answers within one or two rounds of 5.12 s each
+search_time_option = click.option(
+    "--for",
+    "seconds",
+    default="10s",  # a module answers within one or two inquiries of 5.12 s each
+    show_default=True,
+    metavar="TIME",
+    type=Quantity("s", positive=True),
+    help="How long to search.",
+)
 LINKED = """\
 To drive over it:
     diffbotctl run goal --port {port}"""
@@ -26,19 +43,24 @@ def command() -> None:
 
 
 @command.command()
-@click.option("--for", "seconds", default=SCAN, show_default=True, type=click.FloatRange(1, 120))
-@click.option("--all", "everything", is_flag=True, help="Phones, headphones and the like too.")
-def scan(seconds: float, everything: bool) -> int:
-    """List the modules in reach. Exit code: 1 when there is none."""
+@search_time_option
+@click.option("--all", "everything", is_flag=True, help="List other devices too, such as phones.")
+@json_option
+def scan(seconds: float, everything: bool, as_json: bool) -> int:
+    """List the serial modules in range. Exit code: 1 when there is none."""
     from diffbotctl.bluetooth.bluez import BluezService
 
     count = others = 0
     with BluezService() as service:
-        click.echo(f"Looking for {seconds:g} s. A module that waits blinks fast.")
+        if not as_json:
+            click.echo(f"Searching for {seconds:g} s. A module that is not connected blinks fast.")
         for found in service.scan(seconds):
             if everything or found.serial or not found.name:
                 count += 1
-                click.echo(_line(found))
+                if as_json:
+                    print_json(found._asdict())
+                else:
+                    click.echo(_line(found))
             else:
                 others += 1
     if not count:
@@ -56,11 +78,11 @@ def _line(found: NearbyModule) -> str:
 
 @command.command()
 @click.argument("address")
-@click.option("--pin", default="1234", show_default=True, help="The module's number.")
-@click.option("--again", is_flag=True, help="Forget an old pairing first.")
-@click.option("--for", "seconds", default=SCAN, show_default=True, help="s to look for it.")
+@click.option("--pin", default="1234", show_default=True, help="The module's PIN.")
+@click.option("--again", is_flag=True, help="Remove an existing pairing first.")
+@search_time_option
 def pair(address: str, pin: str, again: bool, seconds: float) -> None:
-    """Pair with the module of ADDRESS, once and for all."""
+    """Pair with the module of ADDRESS; needed once."""
     from diffbotctl.bluetooth.bluez import BluezService, parse_port
 
     wanted = parse_port(address)
@@ -80,8 +102,16 @@ def pair(address: str, pin: str, again: bool, seconds: float) -> None:
 
 @command.command()
 @click.argument("port")
-@click.option("--robot", help="Robot file; the rules of `run` for none.")
-@click.option("--for", "seconds", default=20.0, show_default=True, type=click.FloatRange(2, 600))
+@robot_option
+@click.option(
+    "--for",
+    "seconds",
+    default="20s",
+    show_default=True,
+    metavar="TIME",
+    type=Quantity("s", positive=True),
+    help="How long to measure.",
+)
 def test(port: str, robot: str | None, seconds: float) -> None:
     """Measure latency, jitter and loss of the link on PORT: an address, or any serial port.
 
@@ -161,13 +191,9 @@ BY_HAND = """\
 
 @command.command()
 @click.argument("rate", type=click.Choice(["9600", "19200", "38400", "57600", "115200"]))
-@click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
-@click.option("--robot", help="Robot file whose settings the board gets; the rules of `run`.")
-@click.option(
-    "--yes",
-    is_flag=True,
-    help="Ask nothing: wheels lifted, module in AT mode, the robot file to be written.",
-)
+@port_option("auto", only_board=True)
+@robot_option
+@yes_option
 def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     """Set an HC-05, wired to the board as the book has it, to RATE, the board and its file too.
 

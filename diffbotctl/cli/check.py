@@ -1,7 +1,4 @@
-"""`diffbotctl check`: every problem of robot and pipeline files, with its place.
-
-`diffbotctl explain`: an error code at length.
-"""
+"""`diffbotctl check` and `explain`: the problems of files, and what an error code means."""
 
 from __future__ import annotations
 
@@ -9,75 +6,100 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import json_option, robot_option, set_option
+from diffbotctl.cli.output import print_json, problem_record
+
 if TYPE_CHECKING:
     from diffbotctl.errors import Problem
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-@click.option("--robot", help="Robot for the pipelines; wins over their own.")
-@click.option("--set", "sets", multiple=True, metavar="BLOCK.PARAM=VALUE", help="Change one value.")
-@click.option("--real", is_flag=True, help="Warn also of what matters only on a real robot.")
-def check(files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool) -> int:
+@robot_option
+@set_option
+@click.option("--real", is_flag=True, help="Also warn about what matters on a real robot only.")
+@json_option
+def check(
+    files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool, as_json: bool
+) -> int:
     """Check robot and pipeline files, or names. Nothing is started.
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
     problems: list[Problem] = []
     for file in files:
-        found = _problems(file, robot, sets, real)
-        errors = sum(problem.severity == "error" for problem in found)
-        verdict = f"{_counted(errors, 'error')}" if errors else "fine"
-        warnings = len(found) - errors
-        if warnings:
-            verdict += f", {_counted(warnings, 'warning')}"
-        for problem in found:
-            if problem not in problems:
+        file_problems = _problems(file, robot, sets, real)
+        new_problems = [problem for problem in file_problems if problem not in problems]
+        problems += new_problems
+        for problem in new_problems:
+            if as_json:
+                print_json(problem_record(problem))
+            else:
                 click.echo(f"{problem.render()}\n")
-        problems += found
-        click.echo(f"{file}: {verdict}")
-    if problems:
-        click.echo(f"`diffbotctl explain {problems[0].code}` tells more.")
+        if not as_json:
+            click.echo(f"{file}: {_verdict(file_problems)}")
+    if problems and not as_json:
+        click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
 
 
+def _verdict(problems: list[Problem]) -> str:
+    errors = sum(problem.severity == "error" for problem in problems)
+    warnings = len(problems) - errors
+    verdict = _count_text(errors, "error") if errors else "no errors"
+    return f"{verdict}, {_count_text(warnings, 'warning')}" if warnings else verdict
+
+
 def _problems(file: str, robot: str | None, sets: tuple[str, ...], real: bool) -> list[Problem]:
-    from diffbotctl.config.load import check
+    from diffbotctl.config.load import check as check_files
     from diffbotctl.config.registry import clashes
     from diffbotctl.errors import Problem
 
-    found = [
+    clash_problems = [
         Problem(clash.code, "installation", str(clash), clash.fix)
         for group in ("diffbotctl.blocks", "diffbotctl.drivers")
         for clash in clashes(group)
     ]
-    return [*found, *check(file, robot, sets, real=real)]
+    return [*clash_problems, *check_files(file, robot, sets, real=real)]
 
 
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _count_text(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 @click.command()
 @click.argument("code", required=False)
-def explain(code: str | None) -> int:
-    """Explain CODE, such as E-PIN-PWM; without one, list all codes."""
+@json_option
+def explain(code: str | None, as_json: bool) -> int:
+    """Explain the error CODE, such as E-PIN-PWM; without CODE, list all codes."""
     from diffbotctl.codes import code_texts
-    from diffbotctl.errors import Problem, UsageError, closest_match
     from diffbotctl.ui.text import render_columns
 
-    codes = code_texts()
-    if code is None:
-        for line in render_columns([(name, entry.title) for name, entry in codes.items()]):
-            click.echo(line)
+    if code is not None:
+        return _explain_one(code, as_json)
+    if as_json:
+        for name, entry in code_texts().items():
+            print_json({"code": name, "title": entry.title})
         return 0
-    by_name = {name.upper(): name for name in codes}
-    name = by_name.get(code.upper(), "")
-    entry = codes.get(name)
-    if entry is None:
+    for line in render_columns([(name, entry.title) for name, entry in code_texts().items()]):
+        click.echo(line)
+    return 0
+
+
+def _explain_one(code: str, as_json: bool) -> int:
+    from diffbotctl.codes import code_texts
+    from diffbotctl.errors import Problem, UsageError, closest_match
+
+    by_name = {name.upper(): name for name in code_texts()}
+    name = by_name.get(code.upper())
+    if name is None:
         near = by_name.get(closest_match(code.upper(), by_name) or "")
-        fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists them all"
+        fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists all codes"
         raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
+    entry = code_texts()[name]
+    if as_json:
+        print_json({"code": name, "title": entry.title, "text": entry.text})
+        return 0
     click.echo(f"{name}: {entry.title}\n")
     click.echo(click.wrap_text(entry.text, 78, preserve_paragraphs=True))
     return 0

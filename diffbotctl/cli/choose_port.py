@@ -1,4 +1,4 @@
-"""What `--port auto` means: the one board there is, or the one of several that a person picks."""
+"""The meaning of `--port auto`: the only board connected, or the one the user picks."""
 
 from __future__ import annotations
 
@@ -12,50 +12,52 @@ def choose_port(radio: bool = False) -> str:
     """The device of the board; with `radio`, bound Bluetooth ports count too.
 
     Raises NoBoardError, with `radio` one that names the modules that are paired but not bound;
-    SeveralBoardsError where nobody is there to ask.
+    SeveralBoardsError without a terminal to ask at.
     """
     from diffbotctl.drivers.board_candidates import candidates, choose
     from diffbotctl.drivers.board_errors import NoBoardError, SeveralBoardsError
 
-    found = candidates(radio)
+    boards = candidates(radio)
     try:
-        return choose(found).device
+        return choose(boards).device
     except SeveralBoardsError:
         if not sys.stdin.isatty():
             raise
     except NoBoardError:
         if radio:
-            _name_modules()
+            _refuse_unbound_modules()
         raise
-    for number, each in enumerate(found, 1):
-        click.echo(f"{number}  {each.device}  {each.title}  {each.stable}".rstrip())
-    number = click.prompt("Which board", type=click.IntRange(1, len(found)))
-    return found[number - 1].device
+    for number, board in enumerate(boards, 1):
+        click.echo(f"{number}  {board.device}  {board.title}  {board.stable}".rstrip())
+    number = click.prompt("Which board", type=click.IntRange(1, len(boards)))
+    return boards[number - 1].device
 
 
-def _name_modules() -> None:
-    """Raises OnlyRadioError when a module is paired. It is not chosen by itself: whether the robot
-    at hand is the one behind it, only a person can tell."""
+def _refuse_unbound_modules() -> None:
+    """Raises OnlyRadioError when a module is paired.
+
+    It is not chosen automatically: only the user knows whether it belongs to this robot.
+    """
     from diffbotctl.bluetooth.bluez import RfcommPort, paired_modules
     from diffbotctl.drivers.board_errors import OnlyRadioError
 
     modules = paired_modules()
     if modules:
         raise OnlyRadioError(
-            [f"{each.name} {each.address}".lstrip() for each in modules],
-            [over(sys.argv[1:], str(RfcommPort(each.address))) for each in modules],
+            [f"{module.name} {module.address}".lstrip() for module in modules],
+            [command_over(sys.argv[1:], str(RfcommPort(module.address))) for module in modules],
         )
 
 
-def over(words: Sequence[str], port: str) -> str:
-    """The command line of `words`, with `port` in place of the `auto` that it says or means."""
+def command_over(words: Sequence[str], port: str) -> str:
+    """The command line of `words` with `port` instead of `auto`."""
     from shlex import join
 
-    said = list(words)
-    if "--port" in said[:-1]:
-        said[said.index("--port") + 1] = port
-    elif "--port=auto" in said:
-        said[said.index("--port=auto")] = f"--port={port}"
+    arguments = list(words)
+    if "--port" in arguments[:-1]:
+        arguments[arguments.index("--port") + 1] = port
+    elif "--port=auto" in arguments:
+        arguments[arguments.index("--port=auto")] = f"--port={port}"
     else:
-        said += ["--port", port]
-    return f"diffbotctl {join(said)}"
+        arguments += ["--port", port]
+    return f"diffbotctl {join(arguments)}"

@@ -89,6 +89,7 @@ def _both() -> list[str]:
 DEV = Path("/dev")
 KNOWN: dict[str, Callable[[], Iterable[str]]] = {
     "robot": _files("robots"),
+    "robot_argument": _files("robots"),
     "pipeline": _files("pipelines"),
     "world": _files("pipelines"),
     "files": _both,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import FILE, robot_object, seed_option
+
 if TYPE_CHECKING:
     from diffbotctl.config.robot import Robot
     from diffbotctl.plant.world import World
@@ -20,21 +22,21 @@ Ctrl-C ends the board."""
 
 
 @click.command()
-@click.argument("robot", required=False)
-@click.option("--blank", is_flag=True, help="With the stock bootloader alone, to be flashed.")
+@click.option("--blank", is_flag=True, help="Start with the stock bootloader only.")
 @click.option(
-    "--hex", "image", type=click.Path(dir_okay=False, path_type=Path), help="Another program on it."
+    "--hex", "image", metavar="FILE", type=FILE, help="Run this program instead of the firmware."
 )
-@click.option("--world", metavar="PIPELINE", help="Put that pipeline's walls around the robot.")
-@click.option("--seed", default=0, show_default=True, help="Draws the simulated robot.")
+@click.option("--world", metavar="PIPELINE", help="Use the walls of this pipeline.")
+@seed_option
+@robot_object
 def command(
     robot: str | None, blank: bool, image: Path | None, world: str | None, seed: int
 ) -> None:
     """Start a virtual Mega 2560 that runs the real firmware, wired to the simulated ROBOT.
 
-    Prints its two ports, and keeps pace with real time until Ctrl-C. Use them from another
-    terminal as those of a real board: flash, run --port, blink. What you would see of the wheels
-    it tells here.
+    Prints the board's two ports and runs in real time until Ctrl-C. Use the ports from another
+    terminal as those of a real board: flash, run --port, blink. The motion of the wheels is printed
+    here.
     """
     from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
     from diffbotctl.config.load import load_robot

@@ -11,39 +11,41 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import FILE, port_option, robot_option, yes_option
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from diffbotctl.board.progress import Event
 
 FLOATS = """\
-After each reset the board's pins float for 0.83 s, and a motor driver whose
-inputs float may turn the wheels. Lift them off the ground, or switch the
-motors' supply off."""
+After each reset the board's pins float for 0.83 s, and a motor driver with
+floating inputs may turn the wheels. Lift the wheels off the ground, or switch
+the motors' power off."""
 STILL_ROSSERIAL = """\
-Note: {file} says link: {{protocol: rosserial}}, which this board no longer speaks. Say
-link: {{protocol: diffbot}} there before the next run."""
-INTERRUPTED = "\nInterrupted. The bootloader is untouched: flash again whenever you like."
+Note: {file} has link: {{protocol: rosserial}}, which this board no longer uses. Change it
+to link: {{protocol: diffbot}} before the next run."""
+INTERRUPTED = "\nInterrupted. The bootloader is intact: run `flash firmware` again at any time."
 
 
 @click.command()
 @click.argument("what", type=click.Choice(["firmware"]))
-@click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
-@click.option("--robot", help="Robot file whose settings are sent; the rules of `run` for none.")
+@port_option("auto", only_board=True)
+@robot_option
 @click.option(
     "--programmer",
     type=click.Choice(["built-in", "avrdude"]),
     default="built-in",
     show_default=True,
-    help="Who speaks to the bootloader.",
+    help="The program that speaks to the bootloader.",
 )
 @click.option(
-    "--backup", type=click.Path(dir_okay=False, path_type=Path), help="First save what is on it."
+    "--backup", metavar="FILE", type=FILE, help="First save the board's present program to FILE."
 )
 @click.option(
-    "--hex", "image", type=click.Path(dir_okay=False, path_type=Path), help="Another program."
+    "--hex", "image", metavar="FILE", type=FILE, help="Write this program instead of the firmware."
 )
-@click.option("--yes", is_flag=True, help="Ask nothing: the wheels are lifted.")
+@yes_option
 def flash(
     what: str,
     port: str,
@@ -53,9 +55,9 @@ def flash(
     image: Path | None,
     yes: bool,
 ) -> None:
-    """Write the FIRMWARE through the board's bootloader, verify it, and send the settings.
+    """Write the firmware through the board's bootloader, verify it, and send the settings.
 
-    An interrupted flash leaves a board that can be flashed again.
+    The board can be flashed again after an interruption.
     """
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
@@ -82,8 +84,8 @@ def flash(
 
 def _agreed() -> bool:
     if not sys.stdin.isatty():
-        raise click.UsageError("Nobody is there to say that the wheels are lifted: add --yes.")
-    return click.confirm("Are the wheels in the air, or the motors without supply?")
+        raise click.UsageError("no terminal to confirm that the wheels are lifted: add --yes")
+    return click.confirm("Are the wheels off the ground, or the motors without power?")
 
 
 def _show(events: Iterable[Event]) -> None:
@@ -97,11 +99,17 @@ def _show(events: Iterable[Event]) -> None:
 
 
 @click.command()
-@click.option("--port", default="auto", show_default=True, help="The board's port, or auto.")
-@click.option("--robot", help="Robot file; the rules of `run` for none.")
-@click.option("--times", default=10, show_default=True, type=click.IntRange(1, 1000))
+@port_option("auto", only_board=True)
+@robot_option
+@click.option(
+    "--times",
+    default=10,
+    show_default=True,
+    type=click.IntRange(1, 1000),
+    help="How often the light blinks.",
+)
 def blink(port: str, robot: str | None, times: int) -> None:
-    """Check a board in a minute: make the link, and blink its light. No motor moves."""
+    """Connect to the board and blink its light: board, cable and port work. No motor moves."""
     from diffbotctl.board.blink import blink
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot

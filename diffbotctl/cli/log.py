@@ -1,39 +1,46 @@
-"""`diffbotctl log`: what happens in a running engine, one line an event."""
+"""`diffbotctl log`: the events of a running engine, one line each."""
 
 from __future__ import annotations
 
-import json
 import os
-import sys
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached
+from diffbotctl.cli.options import engine_option, for_option, json_option
+from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
 
-WATCHING = 10  # niceness: whoever looks on leaves a small machine to the control path
+WATCHER_NICENESS = 10  # the control path goes first on a small machine
 COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 
 
 @click.group(invoke_without_command=True)
-@click.option("--level", type=click.Choice(LOG_LEVELS), default="debug", help="Only from it on.")
-@click.option("--block", help="Only what this block says; also robot, operator or engine.")
+@click.option(
+    "--level",
+    type=click.Choice(LOG_LEVELS),
+    default="debug",
+    show_default=True,
+    help="Lowest level shown.",
+)
+@click.option("--block", help="Only lines of this block; also robot, operator or engine.")
 @click.option(
     "--last",
     metavar="N",
     type=click.IntRange(0, 500),
     default=50,
     show_default=True,
-    help="Begin with so many lines that were said before.",
+    help="Number of earlier lines printed first.",
 )
-@click.option("--once", is_flag=True, help="Only what was said before; do not wait for more.")
-@click.option("--for", "duration", metavar="TIME", help="Only so long, such as 10s.")
+@click.option("--once", is_flag=True, help="Print the earlier lines and end.")
+@for_option
+@json_option
 @engine_option
 @click.pass_context
 def command(
@@ -42,54 +49,55 @@ def command(
     block: str | None,
     last: int,
     once: bool,
-    duration: str | None,
+    duration: float | None,
+    as_json: bool,
     engine: str | None,
 ) -> int:
-    """Follow the log of a running engine: words on a terminal, JSON lines when piped.
+    """Follow the log of a running engine.
 
-    A block speaks from the level info on; `log level guard debug` lets one say more.
+    Blocks log from level info; `log level guard debug` lowers that of one block.
     """
     if ctx.invoked_subcommand is not None:
         return 0
-    until = None if duration is None else time.monotonic() + quantity_of(duration, "s", "--for")
-    os.nice(WATCHING)
-    wanted = {"level": level, **({} if block is None else {"block": block})}
-    with attached(engine, "log") as caller:
-        for line in _lines(caller, last, once, until, wanted):
-            _print(line)
+    until = None if duration is None else time.monotonic() + duration
+    os.nice(WATCHER_NICENESS)
+    selection = {"level": level, **({} if block is None else {"block": block})}
+    with attached(engine, "log") as client:
+        for line in _lines(client, last, once, until, selection):
+            if as_json:
+                print_json(line)
+            else:
+                _print_line(line)
     return 0
 
 
 def _lines(
-    caller: ControlClient, last: int, once: bool, until: float | None, wanted: dict[str, str]
+    client: ControlClient, last: int, once: bool, until: float | None, selection: dict[str, str]
 ) -> Iterator[dict[str, Any]]:
-    """Lines said before, then those that come."""
+    """The earlier lines, then those that arrive."""
     if not once:
-        caller.ask("watch", topic="log")
-    yield from caller.ask("log", last=last, **wanted)["lines"]
+        client.ask("watch", topic="log")
+    yield from client.ask("log", last=last, **selection)["lines"]
     if once:
         return
-    caller.streamed.clear()  # what came between the two answers stood in the second one
-    levels = LOG_LEVELS[LOG_LEVELS.index(wanted["level"]) :]
-    for said in caller.stream(until):
-        if "lost" in said:
-            click.echo(f"({said['lost']} lines were lost: this client reads too slowly)", err=True)
-        line = said.get("message")
+    client.streamed.clear()  # lines between the two replies are in the second one
+    levels = LOG_LEVELS[LOG_LEVELS.index(selection["level"]) :]
+    for event in client.stream(until):
+        if "lost" in event:
+            click.echo(f"({event['lost']} lines lost: this client reads too slowly)", err=True)
+        line = event.get("message")
         if (
             line
             and line["level"] in levels
-            and wanted.get("block", line["source"]) == line["source"]
+            and selection.get("block", line["source"]) == line["source"]
         ):
             yield line
 
 
-def _print(line: dict[str, Any]) -> None:
-    if not sys.stdout.isatty():
-        print(json.dumps(line), flush=True)
-        return
-    from diffbotctl.ui.run_text import log_line_text as words
+def _print_line(line: dict[str, Any]) -> None:
+    from diffbotctl.ui.run_text import log_line_text
 
-    click.secho(words(LogLine(**line)), fg=COLOURS.get(line["level"]))
+    click.secho(log_line_text(LogLine(**line)), fg=COLOURS.get(line["level"]))
 
 
 @command.command()
@@ -97,12 +105,11 @@ def _print(line: dict[str, Any]) -> None:
 @click.argument("level", type=click.Choice(LOG_LEVELS))
 @engine_option
 def level(block: str, level: str, engine: str | None) -> int:
-    """Hear BLOCK from LEVEL on, while it runs; '*' is every block.
+    """Set a block's log level while it runs; '*' is every block.
 
     The change is recorded, so that a replay has the same log.
     """
-    with attached(engine, "log level") as caller:
-        caller.ask("log_level", block=block, level=level)
-    who = "every block" if block == "*" else block
-    click.echo(f"{who} is heard from level {level} on")
+    with attached(engine, "log level") as client:
+        client.ask("log_level", block=block, level=level)
+    click.echo(f"{'every block' if block == '*' else block} logs from level {level}")
     return 0

@@ -1,13 +1,14 @@
-"""`diffbotctl`: finds the command that was named and imports nothing else."""
+"""The program `diffbotctl`: finds the command that was named and imports nothing else."""
 
 from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -16,62 +17,115 @@ from diffbotctl.cli import COMPLETING
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-# One line a command: its help stands here too, so that --help need not import it.
+    from diffbotctl.errors import UserError
+
+INTERRUPTED = 130  # exit code, as shells use it
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+class Entry(NamedTuple):
+    """Where a command is, and its help, which stands here so that --help need not import it."""
+
+    module: str
+    help: str
+
+
 COMMANDS = {
-    "start": "Be guided from nothing to the first goal: simulated at once, then your robot.",
-    "run": "Run a pipeline on the simulated robot, or on a real one with --port.",
-    "show": "Draw a robot from above and from the side.",
-    "frames": "Print the frames of a robot as a tree.",
-    "export": "Write a robot as URDF, for other programs.",
-    "check": "Check robot and pipeline files; print every problem with its place.",
-    "explain": "Explain an error code at length.",
-    "graph": "Draw a pipeline's blocks and wires.",
-    "new": "Write a new robot, pipeline or block to start from.",
-    "wiring": "Show every wire of a robot: a picture, a table, and what to mind.",
-    "blocks": "List the blocks there are, or show one.",
-    "stop": "Stop the robot of a running engine, whatever else is broken.",
-    "resume": "Let a stopped robot move again.",
-    "goto": "Send the robot of a running engine to a place.",
-    "why": "Tell why the robot stopped, from the sensor to the motors.",
-    "dash": "Show a running engine on one screen; click on the map to send the robot there.",
-    "teleop": "Drive the robot of a running engine with the keys.",
-    "drive": "Drive the robot of a running engine by hand, for a time, a distance or an angle.",
-    "topic": "List, print and measure the messages of a running engine.",
-    "param": "List and change the parameters of running blocks.",
-    "call": "Call an action of a running block.",
-    "log": "Follow the log of a running engine, or change what a block says.",
-    "replay": "Run a recording again, as it was or with something changed.",
-    "bag": "Look into recordings: info, plot, export, diff, recover.",
-    "calibrate": "Find out what the robot's dimensions really are.",
-    "flash": "Write our firmware onto a Mega 2560 and send it the robot's settings.",
-    "blink": "Check board, cable and port: blink the board's light.",
-    "ports": "List the serial ports: board, rights, who holds them, and what to do.",
-    "doctor": "Check this machine: versions, rights, ports, Bluetooth, optional packages.",
-    "bluetooth": "Find and pair a Bluetooth module, test its link, change its rate.",
-    "service": "Print a systemd unit that starts the robot's engine with the machine.",
-    "completion": "Print what bash, zsh or fish needs to complete these words.",
-    "emulate": "Start a virtual board that runs the real firmware, on two ports.",
+    "start": Entry("start", "Guided setup, simulated robot first."),
+    "flash": Entry("flash", "Write the firmware to a Mega 2560 and send the robot's settings."),
+    "blink": Entry("flash", "Blink the board's light to check board, cable and port."),
+    "ports": Entry("ports", "List the serial ports: board, access rights, users, problems."),
+    "doctor": Entry("ports", "Check this machine: versions, access rights, ports, packages."),
+    "bluetooth": Entry("bluetooth", "Find, pair and test a Bluetooth module; set its rate."),
+    "service": Entry("service", "Print a systemd unit that starts a run with the machine."),
+    "completion": Entry("completion", "Print the completion script for bash, zsh or fish."),
+    "run": Entry("run", "Run a pipeline on the simulated robot, or on a real one with --port."),
+    "emulate": Entry("emulate", "Start a virtual board that runs the real firmware."),
+    "dash": Entry("screens", "Show a running engine on one screen."),
+    "why": Entry("stop", "Explain why the robot stopped, from the sensor to the motors."),
+    "topic": Entry("topic", "List, print, measure and publish messages of a running engine."),
+    "log": Entry("log", "Follow the log of a running engine; set the log level of a block."),
+    "blocks": Entry("blocks", "List the available blocks, or show one."),
+    "graph": Entry("graph", "Draw the blocks and wires of a pipeline."),
+    "param": Entry("param", "List, change and save the parameters of running blocks."),
+    "call": Entry("param", "Call an action of a running block."),
+    "stop": Entry("stop", "Stop the robot of a running engine."),
+    "resume": Entry("stop", "Allow a stopped robot to move again."),
+    "goto": Entry("drive", "Drive the robot of a running engine to a pose."),
+    "drive": Entry("drive", "Drive by hand for a time, a distance or an angle."),
+    "teleop": Entry("screens", "Drive with the keys."),
+    "calibrate": Entry("calibrate", "Measure wheels, track, motors and sensors of the robot."),
+    "replay": Entry("replay", "Replay a recording, unchanged or with other parameters."),
+    "bag": Entry("bag", "Inspect recordings: info, plot, export, diff, recover."),
+    "new": Entry("new", "Write a new robot, pipeline or block to start from."),
+    "check": Entry("check", "Check robot and pipeline files; print every problem."),
+    "explain": Entry("check", "Explain an error code."),
+    "wiring": Entry("wiring", "Show every wire of a robot as a picture and a table."),
+    "show": Entry("robot_model", "Draw a robot from above and from the side."),
+    "frames": Entry("robot_model", "Print the coordinate frames of a robot as a tree."),
+    "export": Entry("robot_model", "Write a robot as URDF."),
+    "help": Entry("main", "Show the help of a command."),
 }
+# The rows of --help: group, commands, what they do. `help COMMAND` shows one in full.
+GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+    (
+        "Set up",
+        (
+            ("start", "Guided setup, simulated robot first"),
+            ("flash, blink", "Write the firmware to the board; blink its light"),
+            ("ports, doctor", "List the serial ports; check this machine"),
+            ("bluetooth", "Find, pair and test a Bluetooth module"),
+            ("service", "Print a systemd unit that starts a run with the machine"),
+            ("completion", "Print the completion script of a shell"),
+        ),
+    ),
+    (
+        "Run",
+        (
+            ("run", "Run a pipeline; simulated unless --port names a board"),
+            ("emulate", "Start a virtual board that runs the real firmware"),
+        ),
+    ),
+    (
+        "Look",
+        (
+            ("dash", "Show a running engine on one screen"),
+            ("why", "Explain why the robot stopped"),
+            ("topic, log", "Print messages; follow the log"),
+            ("blocks, graph", "List blocks; draw a pipeline"),
+            ("param, call", "Change parameters; call an action of a block"),
+        ),
+    ),
+    (
+        "Drive",
+        (
+            ("stop, resume", "Stop the robot; allow it to move again"),
+            ("goto, drive", "Drive to a pose; drive for a time, distance or angle"),
+            ("teleop", "Drive with the keys"),
+        ),
+    ),
+    ("Calibrate", (("calibrate", "Measure wheels, track, motors and sensors"),)),
+    (
+        "Record",
+        (
+            ("replay", "Replay a recording, unchanged or with other parameters"),
+            ("bag", "Inspect recordings: info, plot, export, diff, recover"),
+        ),
+    ),
+    (
+        "Files",
+        (
+            ("new", "Write a new robot, pipeline or block"),
+            ("check, explain", "Check files; explain an error code"),
+            ("wiring, show", "Draw the wiring of a robot; draw the robot"),
+            ("frames, export", "Print a robot's coordinate frames; write it as URDF"),
+        ),
+    ),
+)
 
-# The module of a command, where it has another name than the command.
-MODULES = {
-    "blink": "flash",
-    "call": "param",
-    "dash": "screens",
-    "doctor": "ports",
-    "explain": "check",
-    "export": "robot_model",
-    "frames": "robot_model",
-    "goto": "drive",
-    "resume": "stop",
-    "show": "robot_model",
-    "teleop": "screens",
-    "why": "stop",
-}
 
-
-class Lazy(click.Group):
-    """A group whose commands are modules of diffbotctl.cli."""
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All commands, in the order of the table."""
@@ -79,9 +133,11 @@ class Lazy(click.Group):
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Import the module of the command."""
+        if name == "help":
+            return help_command
         if name not in COMMANDS:
             return None
-        module = import_module(f"diffbotctl.cli.{MODULES.get(name, name)}")
+        module = import_module(f"diffbotctl.cli.{COMMANDS[name].module}")
         command: click.Command = getattr(module, name, None) or module.command
         if COMPLETING in os.environ:
             from diffbotctl.cli.completion import teach
@@ -90,101 +146,150 @@ class Lazy(click.Group):
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """The commands that begin so, without importing any."""
+        """The commands that start with `incomplete`; imports none of them."""
         from click.shell_completion import CompletionItem
 
         options = click.Command.shell_complete(self, ctx, incomplete)
-        named = COMMANDS.items()
         return options + [
-            CompletionItem(name, help=about) for name, about in named if name.startswith(incomplete)
+            CompletionItem(name, help=entry.help)
+            for name, entry in COMMANDS.items()
+            if name.startswith(incomplete)
         ]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The table, without importing anything."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        """The rows of GROUPS; imports nothing."""
+        formatter.write_paragraph()
+        for group, rows in GROUPS:
+            for title, (names, text) in zip([group, *[""] * len(rows)], rows, strict=False):
+                formatter.write(f"{title:<10} {names:<15} {text}\n")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """As click does, with the nearest command named when there is none."""
+        """As click does; names the closest command when there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
-
-            from diffbotctl.cli.ros_aliases import answer
-
-            known = answer(args)
-            if known:
-                raise click.UsageError(known)
-            near = get_close_matches(args[0], COMMANDS, n=1)
-            hint = f" Did you mean '{near[0]}'?" if near else " See diffbotctl --help."
-            raise click.UsageError(f"There is no command '{args[0]}'.{hint}")
+            raise click.UsageError(_unknown_command(args))
         return super().resolve_command(ctx, args)
 
 
-@click.group(cls=Lazy, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="diffbotctl")
+def _unknown_command(words: list[str]) -> str:
+    from difflib import get_close_matches
+
+    from diffbotctl.cli.ros_aliases import answer
+
+    ros_answer = answer(words)
+    if ros_answer:
+        return ros_answer
+    near = get_close_matches(words[0], COMMANDS, n=1)
+    hint = f"Did you mean '{near[0]}'?" if near else "See diffbotctl --help."
+    return f"There is no command '{words[0]}'. {hint}"
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(None, "-V", "--version", package_name="diffbotctl")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+def program(debug: bool) -> None:
+    """Drive a low-cost differential-drive robot from YAML files.
+
+    `diffbotctl help COMMAND` shows the help of a command.
+    """
+
+
+@click.command("help")
+@click.argument("words", nargs=-1, metavar="[COMMAND]...")
 @click.pass_context
-def program(ctx: click.Context, debug: bool) -> None:
-    """Drive a low-cost differential-drive robot from YAML files."""
-    ctx.obj = debug
+def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
+    """Show the help of COMMAND, such as `help run` or `help topic echo`."""
+    shown = ctx.find_root()
+    command: click.Command = shown.command
+    for word in words:
+        child = command.get_command(shown, word) if isinstance(command, click.Group) else None
+        if child is None:
+            raise click.UsageError(_unknown_command([word]))
+        shown = click.Context(child, info_name=word, parent=shown)
+        command = child
+    click.echo(command.get_help(shown))
 
 
 def main() -> None:
-    """Entry point. Errors leave as words and an exit code, never as a traceback."""
-    from diffbotctl.errors import UserError
+    """Entry point. Errors end in a message and an exit code, never in a traceback.
 
-    _never_fail_at_letters()
+    An interrupt ends the process with exit code 130, also while modules are imported: the modules
+    `__main__` and this one are imported with a handler that does so.
+    """
+    _replace_unprintable_characters()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     try:
+        code = _exit_code(arguments, debug)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    sys.exit(code)
+
+
+def _exit_code(arguments: list[str], debug: bool) -> int:
+    from diffbotctl.errors import UserError
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        # From here on KeyboardInterrupt is caught; commands clean up on it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
         code = program.main(arguments, prog_name="diffbotctl", standalone_mode=False)
+        return code if isinstance(code, int) else 0
     except click.exceptions.Abort:
-        sys.exit(130)
+        return INTERRUPTED
     except click.ClickException as error:
-        error.show()
-        sys.exit(2)
+        _print_usage_error(error)
+        return 2
     except UserError as error:
         if debug:
             raise
-        print(error, file=sys.stderr)
-        sys.exit(error.exit_code)
+        print_error(error)
+        return error.exit_code
     except BrokenPipeError:
-        sys.exit(1)  # whoever read our output has gone
+        return 1  # the reader of the output has ended
     except Exception as error:
         if debug:
             raise
-        if isinstance(error, OSError) and error.errno in FULL:
-            print(_full(error), file=sys.stderr)
-            sys.exit(1)
-        print(_defect(error), file=sys.stderr)
-        sys.exit(1)
-    sys.exit(code if isinstance(code, int) else 0)
+        print_error(_unexpected(error))
+        return 1
 
 
-FULL = (errno.ENOSPC, errno.EDQUOT)
+def print_error(error: UserError) -> None:
+    """Print an error to standard error, `error:` in front, in red on a terminal.
+
+    NO_COLOR is respected.
+    """
+    print(f"{error_mark()} {error}", file=sys.stderr)
 
 
-def _never_fail_at_letters() -> None:
-    """What a terminal, a pipe or a file name's bytes cannot say is a question mark, no failure."""
+def error_mark() -> str:
+    """`error:`, red where standard error is a terminal."""
+    is_plain = "NO_COLOR" in os.environ or not sys.stderr.isatty()
+    return "error:" if is_plain else click.style("error:", fg="red", bold=True)
+
+
+def _print_usage_error(error: click.ClickException) -> None:
+    context = getattr(error, "ctx", None)
+    if context is not None:
+        print(context.get_usage(), file=sys.stderr)
+    print(f"{error_mark()} {error.format_message()}", file=sys.stderr)
+
+
+def _replace_unprintable_characters() -> None:
+    """Characters that the output's encoding lacks become question marks, not errors."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="replace")
 
 
-def _full(error: OSError) -> str:
-    """Words for a disk that takes no more."""
-    from diffbotctl.errors import Problem
+def _unexpected(error: Exception) -> UserError:
+    """A full disk, or a defect of this program, as an error for a person."""
+    from diffbotctl.errors import Problem, RunError
 
-    place = str(error.filename or "the output")
-    cause = "no space is left where this had to be written"
-    fix = "make room (`df -h` shows where), or write elsewhere"
-    return Problem("E-DISK-FULL", place, cause, fix).render()
-
-
-def _defect(error: Exception) -> str:
-    """Words for an error that nobody foresaw: ours to mend, not the user's."""
-    from diffbotctl.errors import Problem
-
-    cause = f"diffbotctl itself failed: {type(error).__name__}: {error}"
-    fix = "this is a defect of ours; run again with --debug and send us what it prints"
-    return Problem("E-DEFECT", "diffbotctl", cause, fix).render()
+    if isinstance(error, OSError) and error.errno in DISK_FULL:
+        place = str(error.filename or "the output")
+        cause = "no space is left on the disk"
+        fix = "free some space (`df -h` shows where), or write to another disk"
+        return RunError(Problem("E-DISK-FULL", place, cause, fix))
+    cause = f"internal error: {type(error).__name__}: {error}"
+    fix = "this is a defect of diffbotctl; run it again with --debug and report what it prints"
+    return RunError(Problem("E-DEFECT", "diffbotctl", cause, fix))

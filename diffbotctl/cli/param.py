@@ -1,18 +1,18 @@
-"""`diffbotctl param`: the parameters of a running engine's blocks.
-
-`diffbotctl call`: an action of a running block.
-"""
+"""`diffbotctl param` and `call`: the parameters and actions of a running engine's blocks."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option, quantity_of
+from diffbotctl.cli.engine_client import attached
+from diffbotctl.cli.options import FILE, Quantity, engine_option, json_option
+from diffbotctl.cli.output import print_json
+
+NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
 
 @click.group()
@@ -21,23 +21,25 @@ def param() -> None:
 
 
 @param.command("list")
-@click.option("--live", is_flag=True, help="Only those that may change while running.")
+@click.option("--live", is_flag=True, help="Only parameters that may change while running.")
+@json_option
 @engine_option
-def list_(live: bool, engine: str | None) -> int:
-    """Every parameter with its value and unit; * marks what may change while running."""
+def list_(live: bool, as_json: bool, engine: str | None) -> int:
+    """List every parameter with its value and unit; * marks those that may change while running."""
     for row in _parameters(engine):
         if row["live"] or not live:
-            _show(row)
-    if sys.stdout.isatty() and not live:
+            _print_parameter(row, as_json)
+    if not as_json and not live:
         click.echo("* may change while running: diffbotctl param set PARAMETER VALUE")
     return 0
 
 
 @param.command("get")
 @click.argument("parameter")
+@json_option
 @engine_option
-def get(parameter: str, engine: str | None) -> int:
-    """The value of PARAMETER, such as guard.margin."""
+def get(parameter: str, as_json: bool, engine: str | None) -> int:
+    """Print the value of PARAMETER, such as guard.margin."""
     rows = {row["parameter"]: row for row in _parameters(engine)}
     if parameter not in rows:
         from diffbotctl.errors import closest_match
@@ -45,7 +47,7 @@ def get(parameter: str, engine: str | None) -> int:
         near = closest_match(parameter, rows)
         hint = f" Did you mean {near}?" if near else ""
         raise click.UsageError(f"there is no parameter '{parameter}'.{hint}")
-    _show(rows[parameter])
+    _print_parameter(rows[parameter], as_json)
     return 0
 
 
@@ -56,97 +58,102 @@ def get(parameter: str, engine: str | None) -> int:
 def set_(parameter: str, value: str, engine: str | None) -> int:
     """Change PARAMETER to VALUE, such as guard.margin 8cm, while the robot runs.
 
-    Only what its declaration calls live may change; nothing that the robot's safety rests on is.
-    The change is recorded. It is gone after the run unless you `param save`.
+    Only parameters declared as live may change; none of them weakens the safety. The change is
+    recorded. It is lost after the run unless you use `param save`.
     """
-    with attached(engine, "param set") as caller:
-        caller.ask("set", parameter=parameter, value=value)
+    with attached(engine, "param set") as client:
+        client.ask("set", parameter=parameter, value=value)
     click.echo(f"{parameter} = {value}")
     return 0
 
 
 def _parameters(engine: str | None) -> list[dict[str, Any]]:
-    with attached(engine, "param") as caller:
-        found: list[dict[str, Any]] = caller.ask("parameters")["parameters"]
-    return found
+    with attached(engine, "param") as client:
+        rows: list[dict[str, Any]] = client.ask("parameters")["parameters"]
+    return rows
 
 
-def _show(row: dict[str, Any]) -> None:
-    if not sys.stdout.isatty():
-        click.echo(json.dumps(row))
+def _print_parameter(row: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print_json(row)
         return
     mark = "*" if row["live"] else " "
-    click.echo(f"{mark} {row['parameter']:26} {_shown(row)}")
+    click.echo(f"{mark} {row['parameter']:26} {_value_text(row)}")
 
 
-def _shown(row: dict[str, Any]) -> str:
-    """The value as a person reads it: `0.0349 rad`."""
+def _value_text(row: dict[str, Any]) -> str:
+    """The value for a person: `0.0349 rad`."""
     value = row["value"]
     if isinstance(value, float):
         from diffbotctl.params import with_unit
 
         return with_unit(value, row["unit"])
-    return value if isinstance(value, str) else _written(row)
+    return value if isinstance(value, str) else _yaml_value(row)
 
 
 @param.command()
 @click.argument("parameters", nargs=-1)
-@click.option("--to", "file", metavar="FILE", help="A new pipeline file that includes the old one.")
+@click.option(
+    "--output",
+    "--to",
+    metavar="FILE",
+    type=FILE,
+    help="Write a new pipeline file that includes the present one.",
+)
 @engine_option
-def save(parameters: tuple[str, ...], file: str | None, engine: str | None) -> int:
-    """Write what was changed in this run into the pipeline file; comments stay.
+def save(parameters: tuple[str, ...], output: Path | None, engine: str | None) -> int:
+    """Write the parameters changed in this run into the pipeline file; its comments are kept.
 
-    Without PARAMETERS everything that was changed. Files that ship with diffbotctl are not
-    touched: give --to for those.
+    Without PARAMETERS, all that were changed. Files that ship with diffbotctl are not written: use
+    --output for those.
     """
-    with attached(engine, "param save") as caller:
-        rows = caller.ask("parameters")["parameters"]
-        pipeline = caller.ask("status")["pipeline"]
-    wanted = [row for row in rows if row["changed"] and not parameters] + [
-        row for row in rows if row["parameter"] in parameters
-    ]
-    missing = set(parameters) - {row["parameter"] for row in wanted}
+    with attached(engine, "param save") as client:
+        rows = client.ask("parameters")["parameters"]
+        pipeline = client.ask("status")["pipeline"]
+    if parameters:
+        saved = [row for row in rows if row["parameter"] in parameters]
+    else:
+        saved = [row for row in rows if row["changed"]]
+    missing = set(parameters) - {row["parameter"] for row in saved}
     if missing:
         raise click.UsageError(f"there is no parameter {', '.join(sorted(missing))}")
-    if not wanted:
-        click.echo("nothing was changed in this run")
+    if not saved:
+        click.echo("no parameter was changed in this run")
         return 0
-    path = _saved(Path(pipeline), None if file is None else Path(file), wanted)
-    for row in wanted:
-        click.echo(f"{path}: {row['parameter']}: {_written(row)}")
+    path = _write_parameters(Path(pipeline), output, saved)
+    for row in saved:
+        click.echo(f"{path}: {row['parameter']}: {_yaml_value(row)}")
     return 0
 
 
-def _saved(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
-    """Write `rows` into the pipeline, or into a new file that includes it; the file written."""
+def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
+    """Write `rows` into the pipeline, or into a new file that includes it; returns the file."""
     from diffbotctl.config.lookup import is_shipped
     from diffbotctl.config.yaml_edit import with_entry
     from diffbotctl.errors import Problem, UsageError
 
     if new is None and is_shipped(pipeline):
-        cause = "this file ships with diffbotctl and stays as it is"
-        raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --to mine.yaml"))
+        cause = "this file ships with diffbotctl and is not written"
+        raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --output mine.yaml"))
     path = new or pipeline
     if new is not None and new.exists():
-        raise UsageError(Problem("E-SAVE", str(new), "it exists already", "give another --to"))
+        cause = "the file exists already"
+        raise UsageError(Problem("E-SAVE", str(new), cause, "choose another --output"))
     try:
-        text = NEW.format(json.dumps(str(pipeline))) if new is not None else path.read_text()
+        text = NEW_PIPELINE.format(json.dumps(str(pipeline))) if new else path.read_text()
         for row in rows:
             block, _, key = row["parameter"].partition(".")
-            text = with_entry(text, ["blocks", block, "with", key], _written(row))
-        beside = path.with_name(f".{path.name}.new")
-        beside.write_text(text)
-        beside.replace(path)
+            text = with_entry(text, ["blocks", block, "with", key], _yaml_value(row))
+        temporary = path.with_name(f".{path.name}.new")
+        temporary.write_text(text)
+        temporary.replace(path)
     except (OSError, ValueError) as error:
         cause = f"cannot save there: {error}"
-        raise UsageError(Problem("E-SAVE", str(path), cause, "change it by hand")) from error
+        raise UsageError(Problem("E-SAVE", str(path), cause, "edit the file by hand")) from error
     return path
 
 
-NEW = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
-
-
-def _written(row: dict[str, Any]) -> str:
+def _yaml_value(row: dict[str, Any]) -> str:
     """The value as the file has it: `0.08 m`."""
     value = row["value"]
     if value is None:
@@ -161,24 +168,40 @@ def _written(row: dict[str, Any]) -> str:
 @click.command()
 @click.argument("action", required=False)
 @click.argument("arguments", nargs=-1, metavar="[NAME=VALUE]...")
+@json_option
 @engine_option
-def call(action: str | None, arguments: tuple[str, ...], engine: str | None) -> int:
-    """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without one, list them all."""
-    with attached(engine, "call") as caller:
+def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: str | None) -> int:
+    """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all."""
+    with attached(engine, "call") as client:
+        rows = client.ask("actions")["actions"]
         if action is None:
-            for row in caller.ask("actions")["actions"]:
-                given = " ".join(f"[{name}=...]" for name in row["arguments"])
-                click.echo(f"{row['action']} {given}".rstrip())
-                click.echo(f"    {row['help']}")
+            _print_actions(rows, as_json)
             return 0
-        caller.ask("call", action=action, arguments=dict(_argument(each) for each in arguments))
+        units: dict[str, str] = next((row["units"] for row in rows if row["action"] == action), {})
+        values = dict(_argument(text, units) for text in arguments)
+        client.ask("call", action=action, arguments=values)
     click.echo(f"{action}: done")
     return 0
 
 
-def _argument(text: str) -> tuple[str, float]:
+def _print_actions(rows: list[dict[str, Any]], as_json: bool) -> None:
+    for row in rows:
+        if as_json:
+            print_json(row)
+            continue
+        arguments = (f"[{name}={row['units'].get(name) or '...'}]" for name in row["arguments"])
+        click.echo(f"{row['action']} {' '.join(arguments)}".rstrip())
+        click.echo(f"    {row['help']}")
+
+
+def _argument(text: str, units: dict[str, str]) -> tuple[str, float]:
+    """NAME and value in SI; the unit must be of the argument's declared kind."""
     name, equals, value = text.partition("=")
     if not equals:
         raise click.UsageError(f"'{text}': write NAME=VALUE, such as x=0.5")
-    unit = "rad" if value.endswith(("deg", "rad", "turn")) else "m"
-    return name, quantity_of(value, unit, name)
+    # An argument without a declared unit takes a length, an angle or a plain number.
+    unit = units.get(name) or ("rad" if value.endswith(("deg", "rad", "turn")) else "m")
+    try:
+        return name, Quantity(unit).convert(value, None, None)
+    except click.BadParameter as error:
+        raise click.UsageError(f"{name}: {error.message}") from error

@@ -1,4 +1,4 @@
-"""`diffbotctl replay`: run a recording again, as it was or with something changed."""
+"""`diffbotctl replay`: run a recording again, unchanged or with other parameters."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.time import SECOND
+from diffbotctl.cli.options import FILE, Quantity, force_option, json_option, set_option
+from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
     from diffbotctl.replay.recorded_run import RecordedRun
@@ -18,153 +20,181 @@ if TYPE_CHECKING:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--check", is_flag=True, help="Compare every message with the recorded one.")
 @click.option(
-    "--speed",
+    "--rate",
     type=click.FloatRange(0.01, 1000.0),
     metavar="X",
-    help="X times real time, with a view; without it as fast as it goes.",
+    help="X times real time, with a view; default: as fast as possible, without one.",
 )
-@click.option("--dash", is_flag=True, help="Show it in the dashboard, at real time or --speed.")
-@click.option("--from", "begin", metavar="TIME", help="Show and measure from there, such as 3s.")
-@click.option("--until", metavar="TIME", help="End there.")
+@click.option("--dash", is_flag=True, help="Show the dashboard, in real time or at --rate.")
 @click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="BLOCK.PARAM=VALUE",
-    help="Change one value of the recorded files. Repeatable.",
+    "--from", "begin", metavar="TIME", type=Quantity("s"), help="Show and measure from this time."
 )
-@click.option("--same-motion", is_flag=True, help="With --set: the recorded motion, in any case.")
-@click.option(
-    "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write what came of it."
-)
+@click.option("--until", metavar="TIME", type=Quantity("s"), help="End at this time.")
+@set_option
+@click.option("--same-motion", is_flag=True, help="With --set: always use the recorded motion.")
+@click.option("--record", metavar="FILE", type=FILE, help="Record the replay: FILE.mcap.")
+@force_option
+@json_option
 def command(
     file: Path,
     check: bool,
-    speed: float | None,
+    rate: float | None,
     dash: bool,
-    begin: str | None,
-    until: str | None,
+    begin: float | None,
+    until: float | None,
     sets: tuple[str, ...],
     same_motion: bool,
     record: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> int:
-    """Replay the recording FILE: the drivers' messages come from it, the blocks react anew.
+    """Replay the recording FILE: drivers deliver the recorded messages, blocks react to them.
 
-    With --set, a simulated robot drives once more and answers to what was changed; any other robot
-    moves as recorded. What changed is printed beside the recording.
+    With --set, a simulated robot drives again and reacts to the changes; any other robot moves as
+    recorded. The metrics are printed beside those of the recording.
 
     Exit code: 0 the same, 1 different or unreadable.
     """
     from diffbotctl.replay import recorded_run
     from diffbotctl.replay.replay import ReplayOptions, replay_run
-    from diffbotctl.time import NEVER
 
     if check and (sets or begin or until):
-        raise click.UsageError("--check compares the whole recording as it is: nothing else fits")
-    if record is not None and record.exists() and record.samefile(file):
-        raise click.UsageError("--record must not write over the recording that is replayed")
+        raise click.UsageError("--check compares the whole, unchanged recording")
+    _check_record(file, record, force)
     run = recorded_run.read_run(file)
     if dash:
         from diffbotctl.cli.run_dash import check_terminal
 
         check_terminal(has_socket=True)
-        speed = speed or 1.0
-    wanted = ReplayOptions(
+        rate = rate or 1.0
+    options = ReplayOptions(
         check,
-        speed,
-        _time(begin, "--from", 0),
-        _time(until, "--until", NEVER),
+        rate,
+        0 if begin is None else round(begin * SECOND),
+        NEVER if until is None else round(until * SECOND),
         sets,
         record,
-        None if speed is None else _view(run, dash),
+        None if rate is None else _view(run, dash),
         dash,
     )
-    _say_where_it_begins(run)
+    if as_json:
+        result = _replay_changed(run, options, same_motion) if sets else replay_run(run, options)
+        _print_json_result(result)
+        return int(result.difference is not None)
+    _print_begin(run)
     if not sets:
-        done = replay_run(run, wanted)
-        return _told(done) or _measured(run, wanted, done)
-    return _measured(run, wanted, _changed(run, wanted, same_motion))
+        result = replay_run(run, options)
+        return _print_result(result) or _print_metrics(run, options, result)
+    _print_motion(run, same_motion)
+    result = _replay_changed(run, options, same_motion)
+    _print_result(result)
+    return _print_metrics(run, options, result)
 
 
-def _changed(run: RecordedRun, wanted: ReplayOptions, same_motion: bool) -> ReplayResult:
-    from diffbotctl.replay.replay import replay_run
-    from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
+def _check_record(file: Path, record: Path | None, force: bool) -> None:
+    if record is None:
+        return
+    if record.exists() and record.samefile(file):
+        raise click.UsageError("--record must not overwrite the recording that is replayed")
+    check_overwrite(record, force)
 
-    reason = "asked for" if same_motion else why_not_resimulable(run)
+
+def _motion_reason(run: RecordedRun, same_motion: bool) -> str | None:
+    """Why the recorded motion is used; None when the simulated robot drives again."""
+    from diffbotctl.replay.resimulate import why_not_resimulable
+
+    return "as requested" if same_motion else why_not_resimulable(run)
+
+
+def _print_motion(run: RecordedRun, same_motion: bool) -> None:
+    reason = _motion_reason(run, same_motion)
     if reason is None:
-        click.echo("the simulated robot drives once more, and answers to what was changed")
-        done = resimulate(run, wanted)
+        click.echo("the simulated robot drives again and reacts to the changes")
     else:
-        click.echo(f"the recorded motion ({reason})")
-        done = replay_run(run, wanted)
-    _told(done)
-    return done
+        click.echo(f"with the recorded motion ({reason})")
 
 
-def _told(done: ReplayResult) -> int:
-    """Say how the replay went; 1 when it differs from what it was compared with."""
+def _replay_changed(run: RecordedRun, options: ReplayOptions, same_motion: bool) -> ReplayResult:
+    from diffbotctl.replay.replay import replay_run
+    from diffbotctl.replay.resimulate import resimulate
+
+    if _motion_reason(run, same_motion) is None:
+        return resimulate(run, options)
+    return replay_run(run, options)
+
+
+def _print_json_result(result: ReplayResult) -> None:
+    first = result.difference
+    print_json(
+        {
+            "version": result.version,
+            "duration": result.ending.time / SECOND,
+            "digest": result.digest,
+            "compared": result.compared,
+            "text_differences": result.text_differences,
+            "left_out": dict(result.left_out),
+            "difference": None if first is None else first._asdict(),
+        }
+    )
+
+
+def _print_result(result: ReplayResult) -> int:
+    """Print how the replay went; 1 when it differs from the recording."""
     from diffbotctl import __version__
 
-    if done.version != __version__:
-        click.echo(f"recorded with version {done.version}, replayed with {__version__}")
-    click.echo(f"replayed {done.ending.time / 1e9:.2f} s")
-    click.echo(f"digest {done.digest}")
-    if done.difference is not None:
-        first = done.difference
-        click.echo(f"DIFFERENT at {first.time / 1e9:.6f} s on {first.wire}")
+    if result.version != __version__:
+        click.echo(f"recorded with version {result.version}, replayed with {__version__}")
+    click.echo(f"replayed {result.ending.time / SECOND:.2f} s")
+    click.echo(f"digest {result.digest}")
+    if result.difference is not None:
+        first = result.difference
+        click.echo(f"DIFFERENT at {first.time / SECOND:.6f} s on {first.wire}")
         click.echo(f"  recorded {first.recorded}")
         click.echo(f"  replayed {first.replayed}")
         return 1
-    for wire, count in done.left_out.items():
-        click.echo(f"not compared: {count} messages on {wire}, a wire that the recording lacks")
-    if done.text_differences:
+    for wire, count in result.left_out.items():
+        click.echo(f"not compared: {count} messages on {wire}, a wire the recording does not have")
+    if result.text_differences:
         click.echo(
-            f"version {done.version} worded {done.text_differences} log lines or causes "
-            "differently; all else in them is the same"
+            f"{result.text_differences} log lines or causes are worded differently in version "
+            f"{result.version}; everything else in them is the same"
         )
-    if done.compared:
-        click.echo(f"same: {done.compared} messages compared, bit for bit")
+    if result.compared:
+        click.echo(f"same: {result.compared} messages compared, bit for bit")
     return 0
 
 
-def _measured(run: RecordedRun, wanted: ReplayOptions, done: ReplayResult) -> int:
-    """The metrics of the replay beside those of the recording, where they can differ."""
+def _print_metrics(run: RecordedRun, options: ReplayOptions, result: ReplayResult) -> int:
+    """The metrics of the replay beside those of the recording, when they can differ."""
     from diffbotctl.recording.metrics import recorded_metrics
     from diffbotctl.replay.replay import replay_run
-    from diffbotctl.time import NEVER
     from diffbotctl.ui import recording_text
 
-    if not wanted.sets and not wanted.begin and wanted.until == NEVER:
+    if not options.sets and not options.begin and options.until == NEVER:
         return 0
-    if run.is_black_box:  # it holds no poses: they are made anew, without the changes
+    if run.is_black_box:  # it holds no poses: they are computed again, without the changes
         before = replay_run(
-            run, wanted._replace(sets=(), record=None, speed=None, show=None)
+            run, options._replace(sets=(), record=None, speed=None, show=None)
         ).metrics
     else:
-        until = wanted.until if wanted.until < NEVER else None
-        before = recorded_metrics(run.path, wanted.begin, until)
+        until = options.until if options.until < NEVER else None
+        before = recorded_metrics(run.path, options.begin, until)
     click.echo()
-    for line in recording_text.metrics_table(before, done.metrics, ("recorded", "replayed")):
+    for line in recording_text.metrics_table(before, result.metrics, ("recorded", "replayed")):
         click.echo(line)
     return 0
 
 
-def _say_where_it_begins(run: RecordedRun) -> None:
+def _print_begin(run: RecordedRun) -> None:
     if run.begins == "state" and run.state is not None:
-        click.echo(f"begins {run.state[0] / SECOND:.2f} s after the start, in a known state")
+        click.echo(f"starts {run.state[0] / SECOND:.2f} s after the run's start, in a saved state")
     elif run.begins != "run":
-        click.echo("begins in a state unknown: the recorder had lost the run's beginning, so that")
-        click.echo("poses count from there and nothing is known of goals and stops before it")
-
-
-def _time(text: str | None, option: str, default: int) -> int:
-    from diffbotctl.cli.engine_client import quantity_of
-
-    return default if text is None else round(quantity_of(text, "s", option) * SECOND)
+        click.echo("starts in an unknown state: the beginning of the run was not kept. Poses count")
+        click.echo("from there, and earlier goals and stops are unknown")
 
 
 def _view(run: RecordedRun, dash: bool) -> Show:
-    """What `run` draws: a map on a terminal, else one line an event; or the dashboard."""
+    """What `run` draws: a map on a terminal, else a line for each event; or the dashboard."""
     if dash:
         from diffbotctl.cli.run_dash import show
 

@@ -1,52 +1,21 @@
-"""`diffbotctl show`: a robot from above and from the side.
-
-`diffbotctl frames`: the frames of a robot as a tree.
-
-`diffbotctl export`: what other programs read.
-"""
+"""`diffbotctl show`, `frames` and `export`: a robot as a picture, as a tree of frames, as URDF."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import json_option, output_option, robot_object
+from diffbotctl.cli.output import load_robot_file, print_json, write_output
+
 if TYPE_CHECKING:
     from diffbotctl.model.frames import RobotFrame
 
-
-@click.command()
-@click.argument("robot", required=False)
-@click.option(
-    "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write an SVG picture."
-)
-def show(robot: str | None, output: Path | None) -> int:
-    """Draw ROBOT from above and from its left side, to scale: here, or as a picture."""
-    from diffbotctl.cli.output import load_robot_file, write_output
-    from diffbotctl.render.robot_views import side, top
-
-    found = load_robot_file(robot)
-    views = [top(found.robot), side(found.robot)]
-    if output is not None:
-        from diffbotctl.render.robot_svg import svg
-
-        write_output(output, svg(found.file.stem, views))
-        return 0
-    from rich.console import Console
-
-    from diffbotctl.ui.map.layers import render_robot_view
-
-    console = Console(highlight=False)
-    console.print(f"[bold]{found.file.stem}[/bold]")
-    for view in views:
-        console.print(render_robot_view(view, console.width))
-    return 0
-
-
-MOVES = {
+MOTION_TEXTS = {
     "odometry": "moves with odometry",
     "wheel": "turns with the wheel",
     "": "fixed",
@@ -54,61 +23,89 @@ MOVES = {
 
 
 @click.command()
-@click.argument("robot", required=False)
-def frames(robot: str | None) -> int:
-    """Print the frames of ROBOT as a tree, each with its place in the frame above it.
+@output_option("Write an SVG picture: FILE.svg.")
+@robot_object
+def show(robot: str | None, output: Path | None, force: bool) -> int:
+    """Draw ROBOT from above and from its left side, to scale: in the terminal, or as a picture."""
+    from diffbotctl.render.robot_views import side, top
 
-    Names as REP-105 has them: x points forward, y left, z up; m and deg.
+    file = load_robot_file(robot)
+    views = [top(file.robot), side(file.robot)]
+    if output is not None:
+        from diffbotctl.render.robot_svg import svg
+
+        write_output(output, {".svg": lambda: svg(file.file.stem, views)}, force)
+        return 0
+    from rich.console import Console
+
+    from diffbotctl.ui.map.layers import render_robot_view
+
+    console = Console(highlight=False)
+    console.print(f"[bold]{file.file.stem}[/bold]")
+    for view in views:
+        console.print(render_robot_view(view, console.width))
+    return 0
+
+
+@click.command()
+@json_option
+@robot_object
+def frames(robot: str | None, as_json: bool) -> int:
+    """Print the coordinate frames of ROBOT as a tree, each with its pose in its parent frame.
+
+    Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
     """
-    from diffbotctl.cli.output import load_robot_file
-    from diffbotctl.model.frames import WORLD, frames
+    from diffbotctl.model.frames import WORLD
+    from diffbotctl.model.frames import frames as robot_frames
 
+    all_frames = list(robot_frames(load_robot_file(robot).robot))
+    if as_json:
+        for frame in all_frames:
+            print_json(frame._asdict())
+        return 0
     click.echo(WORLD)
-    for line in branches(list(frames(load_robot_file(robot).robot)), WORLD, ""):
+    for line in branch_lines(all_frames, WORLD, ""):
         click.echo(line)
     return 0
 
 
-def branches(all_of_them: Iterable[RobotFrame], parent: str, margin: str) -> Iterator[str]:
+def branch_lines(all_frames: Sequence[RobotFrame], parent: str, margin: str) -> Iterator[str]:
     """The lines of the tree below `parent`."""
-    children = [frame for frame in all_of_them if frame.parent == parent]
+    children = [frame for frame in all_frames if frame.parent == parent]
     for frame in children:
         is_last = frame is children[-1]
         label = f"{margin}{'└── ' if is_last else '├── '}{frame.name}"
-        yield f"{label:<34} {described_frame(frame)}"
-        yield from branches(all_of_them, frame.name, margin + ("    " if is_last else "│   "))
+        yield f"{label:<34} {frame_text(frame)}"
+        yield from branch_lines(all_frames, frame.name, margin + ("    " if is_last else "│   "))
 
 
-def described_frame(frame: RobotFrame) -> str:
-    """Where a frame is, and what moves it."""
+def frame_text(frame: RobotFrame) -> str:
+    """The pose of a frame in its parent, and what moves it."""
     if frame.moves == "odometry":
-        return MOVES[frame.moves]
-    # Without -0: a person reads it as something else than 0.
-    x, y, z = (round(each, 4) + 0.0 for each in (frame.x, frame.y, frame.z))
-    turned = f"  heading {degrees(frame.heading):g} deg" if frame.heading else ""
-    return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f}{turned}  {MOVES[frame.moves]}"
+        return MOTION_TEXTS[frame.moves]
+    # The sum turns -0.0 into 0.0, so that no sign is printed.
+    x, y, z = (round(value, 4) + 0.0 for value in (frame.x, frame.y, frame.z))
+    heading = f"  heading {degrees(frame.heading):g} deg" if frame.heading else ""
+    return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f}{heading}  {MOTION_TEXTS[frame.moves]}"
 
 
 @click.group()
 def export() -> None:
-    """Write a robot as a file that other programs read."""
+    """Write a robot as a file for other programs."""
 
 
 @export.command()
-@click.argument("robot", required=False)
-@click.option("--name", help="The robot's name in the model; without it that of its file.")
-@click.option(
-    "--output", type=click.Path(dir_okay=False, path_type=Path), help="Write to this file."
-)
-def urdf(robot: str | None, name: str | None, output: Path | None) -> int:
-    """Write ROBOT as URDF: its frames, shapes, masses and inertia, calibrated values included."""
-    from diffbotctl.cli.output import load_robot_file, write_output
-    from diffbotctl.model.urdf import urdf as as_urdf
+@click.option("--name", help="Name of the robot in the model; default: the file's name.")
+@output_option("Write to FILE.urdf instead of standard output.")
+@robot_object
+def urdf(robot: str | None, name: str | None, output: Path | None, force: bool) -> int:
+    """Write ROBOT as URDF: frames, shapes, masses and inertia, with its calibrated values."""
+    from diffbotctl.model.urdf import urdf as urdf_text
 
-    found = load_robot_file(robot)
-    text = as_urdf(found.robot, name or found.file.stem)
+    file = load_robot_file(robot)
+    text = urdf_text(file.robot, name or file.file.stem)
     if output is None:
         click.echo(text, nl=False)
     else:
-        write_output(output, text)
+        write_output(output, {".urdf": lambda: text, ".xml": lambda: text}, force)
     return 0

@@ -6,68 +6,65 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
+from diffbotctl.cli.options import (
+    FILE,
+    Quantity,
+    for_option,
+    force_option,
+    json_option,
+    port_option,
+    robot_option,
+    seed_option,
+    set_option,
+)
+from diffbotctl.cli.output import check_overwrite, print_json
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.messages import Goal
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.runs.control_socket import SocketOptions
-    from diffbotctl.runs.run import Run, RunOptions
+    from diffbotctl.runs.run import Run, RunOptions, RunResult
 
 
 @click.command()
 @click.argument("pipeline")
-@click.option("--robot", help="Robot file or name; wins over the pipeline's own.")
-@click.option(
-    "--port",
-    default="sim",
-    show_default=True,
-    help="sim, emulated, auto, a serial device, or bluetooth:ADDRESS.",
-)
+@robot_option
+@port_option("sim")
 @click.option(
     "--goal",
     "goals",
     multiple=True,
     metavar="'X Y [HEADING]'",
-    help="A goal such as '1.0 0.5 90deg', in place of the file's. Repeatable.",
+    help="A goal such as '1.0 0.5 90deg', instead of the file's goals. Repeatable.",
 )
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="BLOCK.PARAM=VALUE",
-    help="Change one value of the files. Repeatable.",
-)
-@click.option("--seed", default=0, show_default=True, help="Draws the simulated robot.")
-@click.option("--fast", is_flag=True, help="Simulate as fast as the machine can.")
-@click.option("--for", "duration", metavar="TIME", help="End after so long, such as 30s.")
-@click.option(
-    "--record", type=click.Path(dir_okay=False, path_type=Path), help="Write an MCAP file."
-)
-@click.option(
-    "--log",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Add every event to a file, one JSON object a line.",
-)
+@set_option
+@seed_option
+@click.option("--fast", is_flag=True, help="Simulate as fast as possible.")
+@for_option
+@click.option("--record", metavar="FILE", type=FILE, help="Record the run: FILE.mcap.")
+@force_option
+@click.option("--log", metavar="FILE", type=FILE, help="Append every event to FILE as JSON lines.")
 @click.option(
     "--log-level",
     "levels",
     multiple=True,
     metavar="[BLOCK=]LEVEL",
-    help="Hear a block, or all, from debug, info, warning or error on. Repeatable.",
+    help="Log level of a block, or of all: debug, info, warning or error. Repeatable.",
 )
-@click.option("--digest", is_flag=True, help="Print one hash over every message of the run.")
-@click.option("--stay", is_flag=True, help="Go on after the last goal: a person gives the next.")
-@click.option("--dash", is_flag=True, help="Show the dashboard; leaving it ends the run.")
-@click.option("--name", help="What `--engine` calls this run; without it the pipeline's name.")
-@click.option("--group", help="Let the members of this group command it, from /run.")
-@click.option("--no-socket", is_flag=True, help="Nobody can watch or command this run.")
-@click.option("--quiet", is_flag=True, help="No live view and no lines while it runs.")
+@click.option("--digest", is_flag=True, help="Print a hash over every message of the run.")
+@click.option("--stay", is_flag=True, help="Wait for more goals after the last one.")
+@click.option("--dash", is_flag=True, help="Show the dashboard; closing it ends the run.")
+@click.option("--name", help="Name of this engine for `--engine`; default: the pipeline's name.")
+@click.option("--group", help="Allow members of this group to command it, through /run.")
+@click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
+@click.option("--quiet", is_flag=True, help="Print the summary only.")
+@json_option
 def command(
     pipeline: str,
     robot: str | None,
@@ -76,8 +73,9 @@ def command(
     sets: tuple[str, ...],
     seed: int,
     fast: bool,
-    duration: str | None,
+    duration: float | None,
     record: Path | None,
+    force: bool,
     digest: bool,
     stay: bool,
     dash: bool,
@@ -87,10 +85,12 @@ def command(
     quiet: bool,
     log: Path | None,
     levels: tuple[str, ...],
+    as_json: bool,
 ) -> int:
-    """Run PIPELINE: a name (goal), or a file (./mine.yaml). Simulated unless --port says otherwise.
+    """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
-    Exit code: 0 all goals reached, 1 it ran and failed, 2 wrong files or usage, 130 interrupted.
+    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 130
+    interrupted.
     """
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
@@ -98,30 +98,44 @@ def command(
     from diffbotctl.runs.run import Run, RunOptions
     from diffbotctl.runs.signals import Signals
 
+    if record is not None:
+        check_overwrite(record, force)
     if port == "auto":
         from diffbotctl.cli.choose_port import choose_port
 
         port = choose_port(radio=True)
-    wanted = tuple(_goal(text) for text in goals)
-    seconds = None if duration is None else _quantity(duration, "s", "--for")
+    run_goals = tuple(_goal(text) for text in goals)
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
     for warning in configuration.warnings:
         click.echo(warning.render(), err=True)
-    _announce(configuration, port, seed)
-    heard = tuple(_level(text, configuration) for text in levels)
+    log_levels = tuple(_log_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL_PORTS
-    socket = None if no_socket or fast else _socket(name, group)  # a fast run is over at once
+    socket = None if no_socket or fast else _socket(name, group)  # a fast run ends at once
     stay = stay or dash
-    flights = None if fast else black_box_folder()  # a fast run is the same again from its seed
+    flights = None if fast else black_box_folder()  # a fast run can be repeated from its seed
     options = RunOptions(
-        port, wanted, seed, fast, seconds, record, digest, socket, stay, dash, log, heard, flights
+        port,
+        run_goals,
+        seed,
+        fast,
+        duration,
+        record,
+        digest,
+        socket,
+        stay,
+        dash,
+        log,
+        log_levels,
+        flights,
     )
+    if not as_json:
+        _print_header(configuration, port, seed)
     if dash:
-        return _with_dashboard(configuration, options)
-    aside = NonBlockingStderr()
-    picture = None if quiet else screen(configuration, port)
-    run = Run(configuration, options, picture, aside.say, Signals())
-    return _finish(run, aside)
+        return _run_with_dashboard(configuration, options)
+    stderr = NonBlockingStderr()
+    show = None if quiet or as_json else screen(configuration, port)
+    run = Run(configuration, options, show, stderr.say, Signals())
+    return _finish(run, stderr, as_json)
 
 
 def _socket(name: str | None, group: str | None) -> SocketOptions:
@@ -130,78 +144,99 @@ def _socket(name: str | None, group: str | None) -> SocketOptions:
     return SocketOptions(name, group)
 
 
-def _with_dashboard(configuration: Configuration, options: RunOptions) -> int:
-    """The run, with the dashboard as its screen; what it has to say waits until that is left."""
+def _run_with_dashboard(configuration: Configuration, options: RunOptions) -> int:
+    """The run with the dashboard as its screen; messages are printed when it is closed."""
     from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, show
     from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
 
     check_terminal(options.socket is not None)
-    held = SavedTerminal()
-    run = Run(configuration, options, show, held.words.append, Signals(), held.give_back)
-    code = _finish(run, NonBlockingStderr())
-    for text in held.words:
+    terminal = SavedTerminal()
+    run = Run(configuration, options, show, terminal.words.append, Signals(), terminal.give_back)
+    code = _finish(run, NonBlockingStderr(), as_json=False)
+    for text in terminal.words:
         click.echo(text, err=True)
     return code
 
 
-def _finish(run: Run, aside: NonBlockingStderr) -> int:
+def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
+    """Run to the end and print the summary; returns the exit code."""
     try:
         result = run.go()
     finally:
-        aside.end()
-    from diffbotctl.ui.run_text import summary_lines
+        stderr.end()
+    code = result.ending.code or int(result.ending.stopped is False)  # it may still be moving
+    if as_json:
+        print_json(_result_record(result, code))
+    else:
+        from diffbotctl.ui.run_text import summary_lines
 
-    for line in summary_lines(result, run.operator.last):
-        click.echo(line)
+        for line in summary_lines(result, run.operator.last):
+            click.echo(line)
     if result.failure is not None:
         raise result.failure
-    unproven = result.ending.stopped is False  # it may still be moving: that is no success
-    return result.ending.code or int(unproven)
+    return code
 
 
-def _announce(configuration: Configuration, port: str, seed: int) -> None:
+def _result_record(result: RunResult, code: int) -> dict[str, Any]:
+    pose = result.odometry
+    return {
+        "exit_code": code,
+        "cause": result.ending.cause,
+        "duration": result.ending.time / 1e9,
+        "goals": result.goals,
+        "reached": result.reached,
+        "pose": None if pose is None else {"x": pose.x, "y": pose.y, "heading": pose.heading},
+        "path": result.path,
+        "stops": [{"code": stop.code, "cause": stop.cause} for stop in result.stops],
+        "stop_confirmed": result.ending.stopped,
+        "incomplete_recording": result.recording,
+        "digest": result.digest,
+    }
+
+
+def _print_header(configuration: Configuration, port: str, seed: int) -> None:
     from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
     from diffbotctl.ui.text import fold_text
 
-    where = f"REAL robot on {port}"
-    if port in VIRTUAL_PORTS:
-        where = f"{VIRTUAL_PORTS[port]} (seed {seed})"
-    name = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
-    where = where if configuration.robot is not None else "no robot"
-    click.echo(fold_text(f"{configuration.file}{name}: {where}", hang=2))
+    kind = (
+        f"{VIRTUAL_PORTS[port]} (seed {seed})" if port in VIRTUAL_PORTS else f"REAL robot on {port}"
+    )
+    robot = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
+    kind = kind if configuration.robot is not None else "no robot"
+    click.echo(fold_text(f"{configuration.file}{robot}: {kind}", hang=2))
 
 
 def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSnapshot]], None]:
-    """What draws a run: in a child process, which alone imports the drawing."""
+    """The function that draws a run in a child process; only the child imports the drawing."""
 
-    def show(pictures: Iterator[RunSnapshot]) -> None:
+    def show(snapshots: Iterator[RunSnapshot]) -> None:
         if not sys.stdout.isatty():
             from diffbotctl.ui import run_text
 
-            run_text.print_log(pictures)
+            run_text.print_log(snapshots)
             return
         from diffbotctl.render.map_scene import scene, scene_of
         from diffbotctl.ui import live_view
 
-        live_view.show_live(scene_of(scene(configuration, None, port)), pictures)
+        live_view.show_live(scene_of(scene(configuration, None, port)), snapshots)
 
     return partial(show)
 
 
-def _level(text: str, configuration: Configuration) -> tuple[str, str]:
-    """A source of the log and the level it is heard from: `guard=debug`, or `debug` for all."""
+def _log_level(text: str, configuration: Configuration) -> tuple[str, str]:
+    """Source and level from `guard=debug`, or `debug` for all sources."""
     from diffbotctl.config.node_ports import RESERVED
     from diffbotctl.errors import closest_match
     from diffbotctl.log import ALL
     from diffbotctl.messages import LOG_LEVELS
 
     source, _, level = text.rpartition("=")
-    known = [use.name for use in configuration.blocks] + [n for n in RESERVED if n != "log"]
+    sources = [use.name for use in configuration.blocks] + [n for n in RESERVED if n != "log"]
     if level not in LOG_LEVELS:
-        raise click.UsageError(f"--log-level {text}: there are {', '.join(LOG_LEVELS)}")
-    if source and source not in known:
-        near = closest_match(source, known) or ", ".join(known)
+        raise click.UsageError(f"--log-level {text}: the levels are {', '.join(LOG_LEVELS)}")
+    if source and source not in sources:
+        near = closest_match(source, sources) or ", ".join(sources)
         raise click.UsageError(f"--log-level: there is no block '{source}'; did you mean {near}?")
     return source or ALL, level
 
@@ -211,23 +246,10 @@ def _goal(text: str) -> Goal:
 
     parts = text.replace(",", " ").split()
     if not 2 <= len(parts) <= 3:
-        raise click.UsageError(
-            f"--goal '{text}': give X Y and, if you like, a heading: '1.0 0.5 90deg'"
-        )
-    x, y = (_quantity(part, "m", "--goal") for part in parts[:2])
-    heading = _quantity(parts[2], "rad", "--goal") if len(parts) == 3 else None
-    return Goal(0, 0, x, y, heading)
-
-
-def _quantity(text: str, unit: str, option: str) -> float:
-    from math import isfinite
-
-    from diffbotctl.units import UnitError, quantity
-
+        raise click.UsageError(f"--goal '{text}': give X Y [HEADING], such as '1.0 0.5 90deg'")
     try:
-        value = quantity(text, unit)
-    except UnitError as error:
-        raise click.UsageError(f"{option}: {error}") from error
-    if not isfinite(value) or (unit == "s" and value <= 0):
-        raise click.UsageError(f"{option}: {text} makes no sense here")
-    return value
+        x, y = (Quantity("m").convert(part, None, None) for part in parts[:2])
+        heading = Quantity("rad").convert(parts[2], None, None) if len(parts) == 3 else None
+    except click.BadParameter as error:
+        raise click.UsageError(f"--goal: {error.message}") from error
+    return Goal(0, 0, x, y, heading)

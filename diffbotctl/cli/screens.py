@@ -1,9 +1,4 @@
-"""What `dash` and `teleop` share: their options, and how a full-screen program is started.
-
-`diffbotctl dash`: the dashboard of a running engine.
-
-`diffbotctl teleop`: drive a running engine's robot with the keys.
-"""
+"""`diffbotctl dash` and `teleop`: the full-screen programs."""
 
 from __future__ import annotations
 
@@ -13,18 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import engine_option, quantity_of
+from diffbotctl.cli.options import Quantity, engine_option
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
-
-
-def screen_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Keys, mode, speeds, and how it is drawn."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
-
 
 OPTIONS = (
     click.option(
@@ -32,7 +19,7 @@ OPTIONS = (
         type=click.Choice(["twist", "turtle"]),
         default="twist",
         show_default=True,
-        help="u i o j k l m , . as in ROS, or w a s d x.",
+        help="Key layout: u i o j k l m , . as in ROS, or w a s d x.",
     ),
     click.option(
         "--mode",
@@ -46,43 +33,60 @@ OPTIONS = (
         type=click.FloatRange(0.5, 30.0),
         default=10.0,
         show_default=True,
-        help="Pictures a second.",
+        help="Screen updates per second.",
     ),
-    click.option("--speed", metavar="SPEED", help="To begin with; half the limit if not given."),
-    click.option("--turn", metavar="RATE", help="To begin with, such as 45deg/s."),
-    click.option("--ascii", "ascii_only", is_flag=True, help="Draw with letters only."),
+    click.option(
+        "--speed",
+        metavar="SPEED",
+        type=Quantity("m/s"),
+        help="Initial speed of the keys; default: half the robot's limit.",
+    ),
+    click.option(
+        "--turn",
+        metavar="RATE",
+        type=Quantity("rad/s"),
+        help="Initial turning speed of the keys, such as 45deg/s.",
+    ),
+    click.option("--ascii", "ascii_only", is_flag=True, help="Draw with ASCII characters only."),
 )
 
 
+def screen_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Keys, mode, speeds, and how the screen is drawn."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
 def screen_options_of(
-    keys: str, mode: str, hz: float, speed: str | None, turn: str | None, ascii_only: bool
+    keys: str, mode: str, hz: float, speed: float | None, turn: float | None, ascii_only: bool
 ) -> ScreenOptions:
-    """The options as a cockpit takes them. Raises click.UsageError."""
+    """The options as the screens take them."""
     from diffbotctl.ui.engine_app import ScreenOptions
 
-    knows_more = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"
+    is_utf8 = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"
     return ScreenOptions(
         keys,
         mode,
         hz,
-        None if speed is None else abs(quantity_of(speed, "m/s", "--speed")),
-        None if turn is None else abs(quantity_of(turn, "rad/s", "--turn")),
-        ascii_only or not knows_more,
+        None if speed is None else abs(speed),
+        None if turn is None else abs(turn),
+        ascii_only or not is_utf8,
     )
 
 
-def launch(cockpit: EngineApp) -> int:
-    """Run it to its end. Raises RunError when the engine did not answer."""
-    code = cockpit.run_to_end()
-    if cockpit.problem is not None:
-        raise cockpit.problem
-    if cockpit.sight.ended:
+def launch(app: EngineApp) -> int:
+    """Run the screen to its end. Raises RunError when the engine did not answer."""
+    code = app.run_to_end()
+    if app.problem is not None:
+        raise app.problem
+    if app.sight.ended:
         click.echo("the run has ended")
     return code
 
 
 @click.command()
-@click.option("--once", is_flag=True, help="Print the panels once and end; so does a pipe.")
+@click.option("--once", is_flag=True, help="Print the panels once and end, as in a pipe.")
 @click.option("--plot", "fields", multiple=True, metavar="FIELD", help="What to plot. Repeatable.")
 @screen_options
 @engine_option
@@ -92,29 +96,27 @@ def dash(
     keys: str,
     mode: str,
     hz: float,
-    speed: str | None,
-    turn: str | None,
+    speed: float | None,
+    turn: float | None,
     ascii_only: bool,
     engine: str | None,
 ) -> int:
     """Show a running engine on one screen: map, wheels, range, link, plots, parameters, log.
 
-    Click on the map and the robot goes there; drag, and it looks that way when it arrives. `?`
-    shows every key.
+    Click on the map to send the robot there; drag to set its heading at the goal. `?` shows every
+    key.
     """
-    import sys
-
     from diffbotctl.control_socket.client import choose_engine
 
-    wishes = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
+    options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
     if once or not sys.stdout.isatty():
         from diffbotctl.ui.dash.print_once import print_once
 
-        print_once(choose_engine(engine), wishes, list(fields))
+        print_once(choose_engine(engine), options, list(fields))
         return 0
     from diffbotctl.ui.dash.app import Dashboard
 
-    return launch(Dashboard(choose_engine(engine), "diffbotctl dash", wishes, list(fields)))
+    return launch(Dashboard(choose_engine(engine), "diffbotctl dash", options, list(fields)))
 
 
 @click.command()
@@ -124,30 +126,25 @@ def teleop(
     keys: str,
     mode: str,
     hz: float,
-    speed: str | None,
-    turn: str | None,
+    speed: float | None,
+    turn: float | None,
     ascii_only: bool,
     engine: str | None,
 ) -> int:
     """Drive by hand: arrows, or u i o j k l m , . as in ROS, or w a s d x (`--keys turtle`).
 
-    A key drives while it is held, and 0.4 s longer. With `--mode latched` it drives until the next
-    key, as ROS did, as long as this terminal answers. Whatever ends this ends the driving.
+    A key drives while it is held, and for 0.4 s after. With `--mode latched` it drives until the
+    next key, as in ROS, while this terminal answers. The end of this program ends the driving.
     """
-    import sys
-
     from diffbotctl.control_socket.client import choose_engine
 
-    found = choose_engine(engine)
+    address = choose_engine(engine)
     if not sys.stdin.isatty() or not sys.stdout.isatty():
         raise click.UsageError(
-            "teleop needs a terminal for its keys; from a program speak to the socket, or use "
-            "`diffbotctl drive --v 0.1 --for 1s`"
+            "teleop needs a terminal for its keys; a program uses the control socket, or "
+            "`diffbotctl drive --speed 0.1 --for 1s`"
         )
     from diffbotctl.ui.teleop.app import Teleop
 
-    return launch(
-        Teleop(
-            found, "diffbotctl teleop", screen_options_of(keys, mode, hz, speed, turn, ascii_only)
-        )
-    )
+    options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
+    return launch(Teleop(address, "diffbotctl teleop", options))

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import port_option, robot_option
+
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
 
@@ -21,7 +23,7 @@ UNIT = """\
 [Unit]
 Description=diffbotctl, {pipeline}
 Documentation=man:systemd.service(5)
-# Without end: the board may be plugged in an hour from now.
+# No limit: the board may be connected an hour from now.
 StartLimitIntervalSec=0
 
 [Service]
@@ -33,15 +35,15 @@ WorkingDirectory={folder}
 RuntimeDirectory=diffbotctl-{group}
 RuntimeDirectoryMode=0750
 ExecStart={command}
-# A run that is told to end stops the robot, confirms it, and ends with code 130. Its screens and
-# its recorder are its children: they must not be told before it.
+# On SIGINT a run stops the robot, confirms the stop and exits with code 130. Screens and recorder
+# are its child processes and must not receive the signal before it.
 KillSignal=SIGINT
 KillMode=mixed
 TimeoutStopSec=10
 SuccessExitStatus=130
 Restart=on-failure
 RestartSec=5
-# The control path wakes 40 times a second and must not wait behind other work.
+# The control path runs 40 times a second and must not wait for other processes.
 Nice=-5
 NoNewPrivileges=yes
 ProtectSystem=full
@@ -53,18 +55,20 @@ WantedBy=multi-user.target
 
 @click.command()
 @click.argument("pipeline", default="standby")
-@click.option("--robot", help="Robot file; the rules of `run` for none.")
-@click.option("--port", default="auto", show_default=True, help="The board's port, or auto.")
-@click.option("--user", help="Who runs it; without it you.")
-@click.option("--group", default="dialout", show_default=True, help="Who may command it.")
-@click.option("--name", default="robot", show_default=True, help="Of the service.")
+@robot_option
+@port_option("auto", only_board=True)
+@click.option("--user", help="User that runs the service; default: you.")
+@click.option(
+    "--group", default="dialout", show_default=True, help="Group that may command the robot."
+)
+@click.option("--name", default="robot", show_default=True, help="Name of the service.")
 def command(
     pipeline: str, robot: str | None, port: str, user: str | None, group: str, name: str
 ) -> int:
-    """Print a systemd unit that runs PIPELINE whenever the machine is on, from this folder.
+    """Print a systemd unit that runs PIPELINE from this folder when the machine starts.
 
-    `standby` stands still until somebody says goto or drive. A pipeline with goals would drive off
-    whenever the machine starts, and is refused.
+    `standby` stands still until it receives a goal or a drive command. A pipeline with goals is
+    refused: the robot would start to drive whenever the machine starts.
     """
     from getpass import getuser
 
@@ -92,7 +96,7 @@ def command(
 
 
 def _program() -> list[str]:
-    """How this program is started, by its whole path: a service knows no PATH of yours."""
+    """The command that starts this program, by absolute path: a service has another PATH."""
     beside = Path(sys.executable).with_name("diffbotctl")
     if beside.is_file():
         return [str(beside)]
@@ -100,7 +104,7 @@ def _program() -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Without what systemd would put something else for."""
+    """`text` with systemd's specifier character escaped."""
     return text.replace("%", "%%")
 
 
@@ -116,6 +120,6 @@ def _refuse_goals(configuration: Configuration, pipeline: str) -> None:
     from diffbotctl.errors import Problem, UsageError
 
     if configuration.goals:
-        cause = f"{pipeline} has goals: the robot would drive off whenever the machine starts"
-        fix = "take `standby`, or a pipeline with goals: [], and send it with `diffbotctl goto`"
+        cause = f"{pipeline} has goals: the robot would drive whenever the machine starts"
+        fix = "use `standby`, or a pipeline with goals: [], and send goals with `diffbotctl goto`"
         raise UsageError(Problem("E-SERVICE-GOALS", str(configuration.file), cause, fix))

@@ -1,12 +1,8 @@
-"""`diffbotctl stop`: stop the robot, whatever else is broken.
+"""`diffbotctl stop`, `resume` and `why`: stop the robot, allow it to move, explain a stop.
 
-By the control socket first: the robot is held, the run goes on. Where nobody answers there, the
-engine is ended by a signal, which ends in a confirmed stop; and where it does not end either, it is
-killed, so that the board's dead-man or the guardian stops the motors.
-
-`diffbotctl resume`: a person's consent to move again.
-
-`diffbotctl why`: the cause chain of the last stop.
+`stop` asks over the control socket first: the robot is held and the run continues. When the engine
+does not answer, it is ended by a signal, which ends in a confirmed stop. When it does not end
+either, it is killed; the board's dead-man or the watchdog process then stops the motors.
 """
 
 from __future__ import annotations
@@ -18,88 +14,92 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option, held_by, settled
+from diffbotctl.cli.engine_client import attached, held_by, settled
+from diffbotctl.cli.options import engine_option, json_option
+from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress, Process
 
-ENDING_TIME = 4.0  # s; a final stop may take 2 s to be confirmed
-EXIT_POLL_PERIOD_S = 0.02  # s between two looks whether it has ended
+EXIT_TIMEOUT_S = 4.0  # a final stop may take 2 s to be confirmed
+EXIT_POLL_PERIOD_S = 0.02
+REASON_MAX_CHARACTERS = 200
 
 
 @click.command()
 @engine_option
-@click.option("--all", "everyone", is_flag=True, help="As without --engine; no error for none.")
+@click.option("--all", "every_engine", is_flag=True, help="All engines; no error when none runs.")
 @click.argument("reason", nargs=-1)
-def stop(engine: str | None, everyone: bool, reason: tuple[str, ...]) -> int:
-    """Hold the robot until `diffbotctl resume`; REASON is shown to others.
+def stop(engine: str | None, every_engine: bool, reason: tuple[str, ...]) -> int:
+    """Stop the robot until `diffbotctl resume`; REASON is shown to other users.
 
-    Without --engine all are stopped that you may speak to: nobody in a hurry is asked which.
+    Without --engine, all engines that you may command are stopped.
     """
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
-    wanted = engines() if engine is None else [choose_engine(engine)]
-    if not wanted and not everyone:
-        choose_engine(None)  # says that there is none
-    return max((_stop(each, " ".join(reason)) for each in wanted), default=0)
+    addresses = engines() if engine is None else [choose_engine(engine)]
+    if not addresses and not every_engine:
+        choose_engine(None)  # raises the error that no engine runs
+    return max((_stop(address, " ".join(reason)) for address in addresses), default=0)
 
 
 def _stop(engine: EngineAddress, reason: str) -> int:
     from diffbotctl.errors import UserError
 
     try:
-        trouble = _by_socket(engine.name, reason)
+        failure = _stop_by_socket(engine.name, reason)
     except (UserError, OSError) as error:
-        trouble = str(error)
-    if not trouble:
+        failure = str(error)
+    if not failure:
         return 0
-    click.echo(trouble, err=True)
+    click.echo(failure, err=True)
     if engine.process is None:
-        click.echo("nobody knows its process: switch the robot off", err=True)
+        click.echo("its process is unknown: switch the robot off", err=True)
         return 1
-    return _by_signal(engine.name, engine.process)
+    return _stop_by_signal(engine.name, engine.process)
 
 
-def _by_socket(name: str, reason: str) -> str:
-    """Ask for a stop and see it happen: what went wrong, or nothing."""
-    with attached(name, "stop") as caller:
-        caller.ask("stop", why=reason[:200])
-        status = settled(caller, _is_stopped)
+def _stop_by_socket(name: str, reason: str) -> str:
+    """Request a stop and wait for it; returns what failed, or an empty text."""
+    with attached(name, "stop") as client:
+        client.ask("stop", why=reason[:REASON_MAX_CHARACTERS])
+        status = settled(client, _is_stopped)
     if not _is_stopped(status):
-        return f"{name}: it was told to stop, but still sends motion to the wheels"
-    click.echo(f"{name}: stopped; `diffbotctl resume` lets it go")
+        return f"{name}: accepted the stop, but still sends motion to the wheels"
+    click.echo(f"{name}: stopped; `diffbotctl resume` allows motion again")
     return ""
 
 
 def _is_stopped(status: dict[str, Any]) -> bool:
     held, wheels = status["gate.stop"], status["gate.wheels"]
-    still = wheels is None or (wheels["left"] == 0 and wheels["right"] == 0)
-    return still and held is not None and bool(held["code"])
+    is_still = wheels is None or (wheels["left"] == 0 and wheels["right"] == 0)
+    return is_still and held is not None and bool(held["code"])
 
 
-def _by_signal(name: str, process: Process) -> int:
-    for number, words in (
-        (signal.SIGTERM, "asked to end by a signal"),
-        (signal.SIGKILL, "killed: now the board's dead-man, or the guardian, stops the motors"),
+def _stop_by_signal(name: str, process: Process) -> int:
+    for number, action in (
+        (signal.SIGTERM, "sent SIGTERM"),
+        (signal.SIGKILL, "killed; the board's dead-man or the watchdog process stops the motors"),
     ):
-        click.echo(f"{name}: process {process.pid} is {words}", err=True)
+        click.echo(f"{name}: process {process.pid} is {action}", err=True)
         if not _send(process, number):
-            click.echo(f"{name}: it belongs to another user: switch the robot off", err=True)
+            click.echo(f"{name}: belongs to another user: switch the robot off", err=True)
             return 1
-        if _ends(process):
+        if _has_ended(process):
             click.echo(f"{name}: ended")
             return 0
-    click.echo(f"{name}: it does not even die: switch the robot off", err=True)
+    click.echo(f"{name}: the process does not end: switch the robot off", err=True)
     return 1
 
 
 def _send(process: Process, number: int) -> bool:
+    """Send a signal; False when the process belongs to another user."""
     if not process.is_alive:
         return True
     try:
         os.kill(process.pid, number)
-        os.kill(process.pid, signal.SIGCONT)  # one that was frozen must wake up to stop the robot
+        os.kill(process.pid, signal.SIGCONT)  # a suspended engine must run to stop the robot
     except ProcessLookupError:
         return True
     except PermissionError:
@@ -107,8 +107,9 @@ def _send(process: Process, number: int) -> bool:
     return True
 
 
-def _ends(process: Process) -> bool:
-    deadline = time.monotonic() + ENDING_TIME
+def _has_ended(process: Process) -> bool:
+    """Wait for the end of the process, at most EXIT_TIMEOUT_S."""
+    deadline = time.monotonic() + EXIT_TIMEOUT_S
     while process.is_alive:
         if time.monotonic() > deadline:
             return False
@@ -119,66 +120,69 @@ def _ends(process: Process) -> bool:
 @click.command()
 @engine_option
 def resume(engine: str | None) -> int:
-    """Let the robot move again after a stop that waits for a person. A waiting goal goes on.
+    """Allow the robot to move again after a stop that waits for a person. A waiting goal continues.
 
-    It ends what holds the robot now, not what may stop it later; where nothing was stopped and no
-    goal waited, it says so and fails.
+    Ends the stop in force now; later stops are not affected. When nothing is stopped and no goal
+    waits, the command says so and fails.
     """
-    with attached(engine, "resume") as caller:
-        before = caller.ask("status")
-        caller.ask("resume")
+    with attached(engine, "resume") as client:
+        before = client.ask("status")
+        client.ask("resume")
         if held_by(before):
-            after = settled(caller, lambda status: not held_by(status))
-        elif waits(before):
-            after = settled(caller, lambda status: not waits(status))
+            after = settled(client, lambda status: not held_by(status))
+        elif has_waiting_goal(before):
+            after = settled(client, lambda status: not has_waiting_goal(status))
         else:
             after = before
-    done, words = outcome(before, after)
-    click.echo(words, err=not done)
-    return 0 if done else 1
+    success, text = resume_result(before, after)
+    click.echo(text, err=not success)
+    return 0 if success else 1
 
 
-def waits(status: dict[str, Any]) -> bool:
-    """Whether a goal was withdrawn while a person drove, and waits for consent."""
+def has_waiting_goal(status: dict[str, Any]) -> bool:
+    """Whether a goal was withdrawn while a person drove, and waits for `resume`."""
     goal = status["operator.goal"]
     return goal is not None and goal["number"] == 0
 
 
-def outcome(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, str]:
-    """Whether the consent ended anything, and what to say of it: the status before and after."""
-    held, still = held_by(before), held_by(after)
-    if still and (after["held"]["latched"] or still == held):
-        way_out = (
-            "" if after["held"]["latched"] else "; that ends by itself when its cause has gone"
-        )
-        return False, f"still held by {still}{way_out}"
-    done = [f"released from {held}"] if held else []
-    if waits(before) and not waits(after):
-        done.append(f"goal {after['operator.goal']['number']} goes on")
-    if still:
-        done.append(f"now held by {still}, which ends by itself")
-    if done:
-        return True, "; ".join(done)
-    return False, f"nothing is stopped and no goal waits, so nothing was done; {_goal(after)}"
+def resume_result(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, str]:
+    """Whether `resume` ended anything, and the text to print: from the status before and after."""
+    held_before, held_after = held_by(before), held_by(after)
+    if held_after and (after["held"]["latched"] or held_after == held_before):
+        end = "" if after["held"]["latched"] else "; the stop ends by itself when its cause is gone"
+        return False, f"still stopped by {held_after}{end}"
+    effects = [f"released from {held_before}"] if held_before else []
+    if has_waiting_goal(before) and not has_waiting_goal(after):
+        effects.append(f"goal {after['operator.goal']['number']} continues")
+    if held_after:
+        effects.append(f"now stopped by {held_after}, which ends by itself")
+    if effects:
+        return True, "; ".join(effects)
+    return False, f"nothing is stopped and no goal waits; {_goal_text(after)}"
 
 
-def _goal(status: dict[str, Any]) -> str:
+def _goal_text(status: dict[str, Any]) -> str:
     from diffbotctl.messages import GoalState
     from diffbotctl.recording.json_codec import message_reader
     from diffbotctl.ui.run_text import goal_state_text
 
-    said = status["goal_state"]
-    if said is None:
+    record = status["goal_state"]
+    if record is None:
         return "no goal is under way"
-    state: GoalState = message_reader(GoalState)(said)
+    state: GoalState = message_reader(GoalState)(record)
     return f"goal {state.number}: {goal_state_text(state)}"
 
 
 @click.command()
 @engine_option
-def why(engine: str | None) -> int:
-    """Tell why the robot last stopped, from the sensor to the motors, and what ends it."""
-    with attached(engine, "why") as caller:
-        text = caller.ask("why")["text"]
-    click.echo(click.wrap_text(text, 78))
+@json_option
+def why(engine: str | None, as_json: bool) -> int:
+    """Explain why the robot last stopped, from the sensor to the motors, and what ends the stop."""
+    with attached(engine, "why") as client:
+        text = client.ask("why")["text"]
+        held = client.ask("status")["held"]
+    if as_json:
+        print_json({"text": text, "held": held})
+    else:
+        click.echo(click.wrap_text(text, 78))
     return 0

@@ -4,70 +4,72 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, engine_option, paced, quantity_of
+from diffbotctl.cli.engine_client import attached, rate_text
+from diffbotctl.cli.options import engine_option, for_option, json_option
+from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
 
-
-COUNTS = 0.2  # s a velocity holds that is said once; 0.3 s of silence are a lost operator
-WATCHING = 10  # niceness: whoever looks on leaves a small machine to the control path
+VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are a lost operator
+WATCHER_NICENESS = 10  # the control path goes first on a small machine
+RATE_PERIOD_S = 1.0
 
 
 @click.group()
 def command() -> None:
-    """Look at the topics of a running engine, and say what a person may say."""
+    """List, print, measure and publish the messages of a running engine."""
 
 
 @command.command("list")
+@json_option
 @engine_option
-def list_(engine: str | None) -> int:
-    """Every topic with its type, rate and age; JSON lines when piped."""
-    with attached(engine, "topic list") as caller:
-        rows = caller.ask("topics")["topics"]
-    if not sys.stdout.isatty():
-        for row in rows:
-            click.echo(json.dumps(row))
-        return 0
+def list_(as_json: bool, engine: str | None) -> int:
+    """List every topic with its type, rate and age."""
+    with attached(engine, "topic list") as client:
+        rows = client.ask("topics")["topics"]
     for row in rows:
-        click.echo(f"{row['topic']:24} {row['type']:10} {paced(row)}")
+        if as_json:
+            print_json(row)
+        else:
+            click.echo(f"{row['topic']:24} {row['type']:10} {rate_text(row)}")
     return 0
 
 
 @command.command()
 @click.argument("topic")
-@click.option("--once", is_flag=True, help="The newest message only.")
-@click.option("--for", "duration", metavar="TIME", help="Only so long, such as 10s.")
+@click.option("--once", is_flag=True, help="Print the newest message only.")
+@for_option
+@json_option
 @engine_option
-def echo(topic: str, once: bool, duration: str | None, engine: str | None) -> int:
-    """Print the messages of TOPIC as they come; a field of it too: odometry.odometry.x.
+def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: str | None) -> int:
+    """Print the messages of TOPIC as they arrive, or one field of it: odometry.odometry.x.
 
-    On a terminal one message a line as words, piped as JSON lines; `*` is every topic.
+    One message on a line; `*` is every topic.
     """
-    until = None if duration is None else time.monotonic() + quantity_of(duration, "s", "--for")
-    os.nice(WATCHING)
-    with attached(engine, "topic echo") as caller:
-        name, path = _apart(caller, topic)
-        known = caller.ask("watch", topic=name, last=once)["topic"]
-        if known != name:
-            click.echo(f"{name} is {known} here", err=True)
-        for said in caller.stream(until):
-            _print(said, path, name == "*")
-            if once and "message" in said:
+    until = None if duration is None else time.monotonic() + duration
+    os.nice(WATCHER_NICENESS)
+    with attached(engine, "topic echo") as client:
+        name, path = _split_field(client, topic)
+        wire = client.ask("watch", topic=name, last=once)["topic"]
+        if wire != name:
+            click.echo(f"{name} is {wire} here", err=True)
+        for event in client.stream(until):
+            _print_event(event, path, name == "*", as_json)
+            if once and "message" in event:
                 break
     return 0
 
 
-def _apart(caller: ControlClient, topic: str) -> tuple[str, list[str]]:
-    """The topic and the path of a field in it."""
-    wires = {row["topic"] for row in caller.ask("topics")["topics"]}
+def _split_field(client: ControlClient, topic: str) -> tuple[str, list[str]]:
+    """The topic, and the path of a field in its messages."""
+    wires = {row["topic"] for row in client.ask("topics")["topics"]}
     steps = topic.split(".")
     for length in range(len(steps), 0, -1):
         name = ".".join(steps[:length])
@@ -76,93 +78,108 @@ def _apart(caller: ControlClient, topic: str) -> tuple[str, list[str]]:
     return topic, []
 
 
-def _print(said: dict[str, Any], path: list[str], named: bool) -> None:
-    if "lost" in said:
-        click.echo(f"({said['lost']} messages were lost: this client reads too slowly)", err=True)
-    if "message" not in said:
+def _print_event(event: dict[str, Any], path: list[str], with_topic: bool, as_json: bool) -> None:
+    if "lost" in event:
+        click.echo(f"({event['lost']} messages lost: this client reads too slowly)", err=True)
+    if "message" not in event:
         return
-    value = said["message"]
+    value = event["message"]
     for step in path:
         try:
             value = value[int(step)] if isinstance(value, list) else value[step]
         except (KeyError, ValueError, IndexError, TypeError):
             raise click.UsageError(f"the message has no field '{step}': {value}") from None
-    if not sys.stdout.isatty():
-        print(json.dumps({"topic": said["topic"], "message": value} if named else value))
-        sys.stdout.flush()
+    if as_json:
+        print_json({"topic": event["topic"], "message": value} if with_topic else value)
         return
-    head = f"{said['topic']}  " if named else ""
-    click.echo(head + ("  ".join(_words(value)) if isinstance(value, dict) else str(value)))
+    head = f"{event['topic']}  " if with_topic else ""
+    text = "  ".join(_field_texts(value)) if isinstance(value, dict) else str(value)
+    print(head + text, flush=True)
 
 
-def _words(message: dict[str, Any]) -> Iterator[str]:
+def _field_texts(message: dict[str, Any]) -> Iterator[str]:
     for name, value in message.items():
         if name == "time":
             yield f"{value / 1e9:.3f} s"
         else:
-            yield f"{name} {_short(value)}"
+            yield f"{name} {_short_text(value)}"
 
 
-def _short(value: object) -> str:
+def _short_text(value: object) -> str:
     if isinstance(value, list):
-        return f"[{', '.join(map(_short, value))}]"
+        return f"[{', '.join(map(_short_text, value))}]"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 @command.command()
 @click.argument("topic")
+@click.option("--once", is_flag=True, help="Print one line and end.")
+@for_option
+@json_option
 @engine_option
-def hz(topic: str, engine: str | None) -> int:
-    """How often TOPIC carries a message, over the last two seconds, each second anew."""
-    with attached(engine, "topic hz") as caller:
+def hz(topic: str, once: bool, duration: float | None, as_json: bool, engine: str | None) -> int:
+    """Measure how often TOPIC carries a message: rate over the last two seconds, each second."""
+    until = None if duration is None else time.monotonic() + duration
+    with attached(engine, "topic hz") as client:
         while True:
-            row = caller.ask("rate", topic=topic)
-            gaps = ""
-            if row["most_gap"] is not None:
-                gaps = f"  gaps {row['least_gap'] * 1000:.1f} to {row['most_gap'] * 1000:.1f} ms"
-            click.echo(f"{row['topic']}  {paced(row).strip()}{gaps}  {row['messages']} messages")
-            if not sys.stdout.isatty():
+            row = client.ask("rate", topic=topic)
+            if as_json:
+                print_json(row)
+            else:
+                print(_rate_line(row), flush=True)
+            if once or (until is not None and time.monotonic() + RATE_PERIOD_S > until):
                 return 0
-            time.sleep(1.0)
+            time.sleep(RATE_PERIOD_S)
+
+
+def _rate_line(row: dict[str, Any]) -> str:
+    gaps = ""
+    if row["most_gap"] is not None:
+        gaps = f"  gaps {row['least_gap'] * 1000:.1f} to {row['most_gap'] * 1000:.1f} ms"
+    return f"{row['topic']}  {rate_text(row).strip()}{gaps}  {row['messages']} messages"
 
 
 @command.command("type")
 @click.argument("topic")
+@json_option
 @engine_option
-def type_(topic: str, engine: str | None) -> int:
-    """The fields of TOPIC with their units and meaning."""
-    with attached(engine, "topic type") as caller:
-        said = caller.ask("type", topic=topic)
-    click.echo(f"{said['topic']}  {said['type']}  {said['schema']['description']}")
-    for name, about in said["schema"]["properties"].items():
-        unit = about["x-unit"] or "-"
-        click.echo(f"  {name:14} {unit:8} {about['description']}")
+def type_(topic: str, as_json: bool, engine: str | None) -> int:
+    """Show the fields of TOPIC with their units and meaning."""
+    with attached(engine, "topic type") as client:
+        reply = client.ask("type", topic=topic)
+    if as_json:
+        print_json({name: reply[name] for name in ("topic", "type", "schema")})
+        return 0
+    click.echo(f"{reply['topic']}  {reply['type']}  {reply['schema']['description']}")
+    for name, field in reply["schema"]["properties"].items():
+        click.echo(f"  {name:14} {field['x-unit'] or '-':8} {field['description']}")
     return 0
 
 
 @command.command()
 @click.argument("topic")
 @click.argument("message")
-@click.option("--rate", metavar="HZ", type=click.FloatRange(0.1, 100.0), help="Again and again.")
+@click.option(
+    "--rate", metavar="HZ", type=click.FloatRange(0.1, 100.0), help="Repeat at this rate."
+)
 @engine_option
 def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int:
-    """Say MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal and the like.
+    """Publish MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal, ...
 
-    What blocks and drivers say is theirs alone, and a driver's input takes only what passed the
-    mux, the limits and the last gate. A velocity that is said once holds for 0.2 s, then the robot
-    stands; so it does after Ctrl-C.
+    Only the operator's topics can be published. A velocity published once holds for 0.2 s, then the
+    robot stops; it also stops after Ctrl-C.
     """
     try:
         fields = json.loads(message)
     except ValueError as error:
-        raise click.UsageError(f"MESSAGE is no JSON: {error}") from error
-    with attached(engine, "topic pub") as caller:
+        raise click.UsageError(f"MESSAGE is not JSON: {error}") from error
+    with attached(engine, "topic pub") as client:
         try:
             while True:
-                caller.ask("publish", topic=topic, message=fields)
-                time.sleep(COUNTS if rate is None else 1.0 / rate)
+                client.ask("publish", topic=topic, message=fields)
+                time.sleep(VELOCITY_PERIOD_S if rate is None else 1.0 / rate)
                 if rate is None:
                     return 0
         finally:
-            # Who drove and is gone is lost; who lets go in good order leaves nothing held.
-            caller.tell("release")
+            # Without the release the engine would report a lost operator.
+            client.tell("release")

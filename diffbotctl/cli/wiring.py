@@ -1,35 +1,35 @@
-"""`diffbotctl wiring`: every wire of a robot, as a picture, a table and what to mind."""
+"""`diffbotctl wiring`: every wire of a robot, as a picture and a table."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+from diffbotctl.cli.options import json_option, output_option, robot_object
+from diffbotctl.cli.output import print_json, write_output
 
+if TYPE_CHECKING:
     from diffbotctl.config.harness import Harness
 
-OWN = ("W-WIRING-LEVEL", "W-WIRING-SHARED", "W-WIRING-LIGHT", "W-WIRING-SUPPLY")  # warnings
-WIDTH = 80  # columns of a terminal that everybody has
+WIRING_WARNINGS = ("W-WIRING-LEVEL", "W-WIRING-SHARED", "W-WIRING-LIGHT", "W-WIRING-SUPPLY")
+WIDTH = 80  # columns of the narrowest terminal in common use
 
 
 @click.command()
-@click.argument("robot", required=False)
-@click.option(
-    "--output",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the picture as SVG, for a browser or to print.",
-)
-@click.option("--table", is_flag=True, help="Only the table.")
-def command(robot: str | None, output: Path | None, table: bool) -> None:
-    """Show every wire of ROBOT, a name or a file, with the usual colours.
+@output_option("Write an SVG picture to print or for a browser: FILE.svg.")
+@click.option("--table", is_flag=True, help="Print the table only.")
+@json_option
+@robot_object
+def command(
+    robot: str | None, output: Path | None, force: bool, table: bool, as_json: bool
+) -> None:
+    """Show every wire of ROBOT with the usual colours: a picture and a table.
 
-    Warnings are those of `check`. What stands here is made from the robot file alone.
+    Warnings are those of `check`. The drawing is made from the robot file alone.
     """
-    from diffbotctl.cli.output import write_output
     from diffbotctl.config.harness import harness, notes
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
@@ -37,33 +37,50 @@ def command(robot: str | None, output: Path | None, table: bool) -> None:
 
     file = load_robot(robot)
     for warning in file.warnings:
-        if warning.code in OWN:
+        if warning.code in WIRING_WARNINGS:
             click.echo(f"{warning.render()}\n", err=True)
     wires = harness(file.robot)
     if output is not None:
-        write_output(output, drawing(wires, notes(file.robot), f"Wiring of {file.file.stem}"))
+        title = f"Wiring of {file.file.stem}"
+        write_output(output, {".svg": lambda: drawing(wires, notes(file.robot), title)}, force)
+        return
+    if as_json:
+        _print_json_rows(wires)
         return
     if not table:
         click.echo(f"{display_path(file.file)}\n")
         _draw(wires, notes(file.robot))
-    for line in rows(wires):
+    for line in table_lines(wires):
         click.echo(line)
 
 
-def rows(harness: Harness) -> Iterator[str]:
-    """The table: one line a wire, its ends, colour and purpose."""
+def _print_json_rows(harness: Harness) -> None:
+    for wire in harness.wires:
+        print_json(
+            {
+                "from": {"part": wire.start.part, "pin": wire.start.name},
+                "to": {"part": wire.end.part, "pin": wire.end.name},
+                "colour": wire.colour,
+                "purpose": wire.purpose,
+                "through": wire.through,
+            }
+        )
+
+
+def table_lines(harness: Harness) -> Iterator[str]:
+    """The table: one wire on a line, with its ends, colour and purpose."""
     from diffbotctl.ui.text import render_columns
 
-    def called(part: str, pin: str) -> str:
+    def end_text(part: str, pin: str) -> str:
         return f"{harness.parts[part].title} {pin}"
 
     yield from render_columns(
         [
-            ("from", "to", "colour", "what"),
+            ("from", "to", "colour", "purpose"),
             *(
                 (
-                    called(*wire.start),
-                    called(*wire.end),
+                    end_text(*wire.start),
+                    end_text(*wire.end),
                     wire.colour,
                     f"{wire.purpose}: {wire.through}" if wire.through else wire.purpose,
                 )

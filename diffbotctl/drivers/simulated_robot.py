@@ -68,13 +68,13 @@ class SimulatedRobotDriver:
         """What the board captured, until it is taken."""
         return self.robot.flanks
 
-    @action
+    @action(x="m", y="m", heading="rad")
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Put the robot elsewhere in the world, as a hand does: x and y in m, heading in rad."""
         self.robot.advance(now)
         self.robot.teleport(x, y, heading)
 
-    @action
+    @action(distance="m", turn="rad")
     def hop(self, now: int, distance: float = 0.0, turn: float = 0.0) -> None:
         """Put the robot elsewhere, seen from itself: turn by so many rad, then so many m ahead."""
         self.robot.advance(now)

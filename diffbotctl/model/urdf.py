@@ -33,7 +33,9 @@ def urdf(robot: Robot, name: str) -> str:
         if frame.parent != WORLD:  # where the robot stands is not part of what it is
             _joint(root, frame)
     indent(root)
-    return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+    return (
+        '<?xml version="1.0"?>\n<!-- diffbotctl -->\n' + tostring(root, encoding="unicode") + "\n"
+    )
 
 
 def numbers(*values: float) -> str:

@@ -38,7 +38,7 @@ def document(
     """A whole picture on coloured paper; what comes later lies on top."""
     width, height = round(width), round(height)
     ground = mark("rect", width="100%", height="100%", fill=paper)
-    inside = "\n".join(["", ground, *marks, ""])
+    inside = "\n".join(["", "<!-- diffbotctl -->", ground, *marks, ""])
     box = f"0 0 {width} {height}"
     return (
         mark(

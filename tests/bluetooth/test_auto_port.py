@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.bluetooth.bluez import paired_modules
-from diffbotctl.cli.choose_port import over
+from diffbotctl.cli.choose_port import command_over
 from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.bluez_double import Module, bluez, bus
 
@@ -66,4 +66,4 @@ def test_without_the_service_there_is_nothing_to_name(own_bus):
     ],
 )
 def test_the_command_is_the_one_that_was_typed(words, line):
-    assert over(words, "X") == f"diffbotctl {line}"
+    assert command_over(words, "X") == f"diffbotctl {line}"

@@ -78,7 +78,7 @@ def test_words_are_completed(place, line, words):
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
 def test_the_other_shells_are_told_the_same_with_its_help(place, shell):
     said = asked(place, shell, "diffbotctl wir")
-    assert "wiring" in said and COMMANDS["wiring"] in said
+    assert "wiring" in said and COMMANDS["wiring"].help in said
 
 
 def test_a_path_is_left_to_the_shell(place):

@@ -29,11 +29,11 @@ def test_check_finds_nothing_in_the_shipped_files():
     code, output = run(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
     assert code == 0
     assert output.splitlines() == [
-        "goal: fine",
-        "square: fine",
-        "hello: fine",
-        "book_2wd: fine",
-        "book_2wd_counts: fine",
+        "goal: no errors",
+        "square: no errors",
+        "hello: no errors",
+        "book_2wd: no errors",
+        "book_2wd_counts: no errors",
     ]
 
 
@@ -55,7 +55,7 @@ def test_warnings_do_not_fail_a_check():
     assert "W-TOLERANCE" in output
     assert "W-POLARITY" in output
     assert "W-UNCALIBRATED" in output
-    assert "goal: fine, 3 warnings" in output
+    assert "goal: no errors, 3 warnings" in output
 
 
 @pytest.mark.parametrize("name", ["nothing", "./nothing.yaml", "/", "..", "/dev/null"])

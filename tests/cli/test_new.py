@@ -36,7 +36,7 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
     path = f"{kind}s/mine.yaml"
     assert f"written: {path}" in output
     code, output = run(check.check, path)
-    assert (code, output) == (0, f"{path}: fine\n")
+    assert (code, output) == (0, f"{path}: no errors\n")
 
 
 def test_a_new_robot_is_the_kit_of_the_book():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.cli.stop import outcome
+from diffbotctl.cli.stop import resume_result
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "2 0")
@@ -57,7 +57,7 @@ def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
         assert moves(PlainClient(tmp_path).ask("status"))  # it changes nothing
         assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
         code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
-        assert code == 0 and "goal 1 goes on" in out
+        assert code == 0 and "goal 1 continues" in out
 
 
 GOAL, NO_GOAL = {"number": 1}, {"number": 0}
@@ -69,11 +69,11 @@ PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
     "before, after, done, words",
     [
         ((LATCHED, GOAL), (None, GOAL), True, "released from operator_stop: the cat"),
-        ((LATCHED, NO_GOAL), (None, GOAL), True, "the cat; goal 1 goes on"),
-        ((LATCHED, GOAL), (LATCHED, GOAL), False, "still held by operator_stop: the cat"),
+        ((LATCHED, NO_GOAL), (None, GOAL), True, "the cat; goal 1 continues"),
+        ((LATCHED, GOAL), (LATCHED, GOAL), False, "still stopped by operator_stop: the cat"),
         # Behind the stop that was ended stands one that needs no consent.
-        ((LATCHED, GOAL), (PASSING, GOAL), True, "now held by obstacle: a wall, which ends by"),
-        ((PASSING, GOAL), (PASSING, GOAL), False, "obstacle: a wall; that ends by itself when"),
+        ((LATCHED, GOAL), (PASSING, GOAL), True, "now stopped by obstacle: a wall, which ends by"),
+        ((PASSING, GOAL), (PASSING, GOAL), False, "obstacle: a wall; the stop ends by itself when"),
         ((None, GOAL), (None, GOAL), False, "no goal is under way"),  # no block follows goals
         ((None, None), (None, None), False, "nothing is stopped and no goal waits"),
     ],
@@ -81,7 +81,7 @@ PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
 def test_what_resume_says_and_whether_it_did_anything(before, after, done, words):
     names = ("held", "operator.goal", "goal_state")
     said = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
-    assert outcome(*said)[0] == done and words in outcome(*said)[1]
+    assert resume_result(*said)[0] == done and words in resume_result(*said)[1]
 
 
 def test_without_an_engine_and_with_several(tmp_path):

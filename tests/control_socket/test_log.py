@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 def follow(folder, *words):
     """`diffbotctl log words` as a process whose lines can be read as they come."""
-    line, environment = command(folder, "log", *words)
+    line, environment = command(folder, "log", "--json", *words)
     return subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
 
 
@@ -52,7 +52,7 @@ def read_until(stream, seen):
 
 
 def test_what_was_said_before_and_only_that(folder):
-    code, out, _ = cli(folder, "log", "--once")
+    code, out, _ = cli(folder, "log", "--once", "--json")
     said = [json.loads(line) for line in out.splitlines()]
     assert code == 0 and set(said[0]) == {"time", "level", "source", "text"}
     assert "goal 1 taken: x 0.000 m  y 0.000 m" in {line["text"] for line in said}
@@ -102,9 +102,9 @@ def test_whoever_drives_is_named_when_they_come_and_go(folder):
 
 
 def test_echo_and_the_ros_name_show_the_same_wire(folder):
-    code, out, _ = cli(folder, "topic", "echo", "log", "--once")
+    code, out, _ = cli(folder, "topic", "echo", "log", "--once", "--json")
     assert code == 0 and json.loads(out)["level"] in ("info", "warning", "error")
-    assert cli(folder, "topic", "echo", "log.text", "--once")[1].startswith('"')
+    assert cli(folder, "topic", "echo", "log.text", "--once", "--json")[1].startswith('"')
     assert "/rosout is log here" in cli(folder, "topic", "echo", "/rosout", "--once")[2]
     assert "LogLine" in cli(folder, "topic", "type", "log")[1]
 
@@ -145,7 +145,7 @@ def test_a_level_changes_while_running(tmp_path):
         client.until(moves)
         levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
         assert set(levels.values()) == {"info"}
-        assert cli(tmp_path, "log", "level", "mux", "debug")[1].startswith("mux is heard from")
+        assert cli(tmp_path, "log", "level", "mux", "debug")[1].startswith("mux logs from")
         assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
         assert client.ask("release")["ok"]
         client.until(stands)
@@ -189,7 +189,7 @@ def test_blocks_are_measured_while_someone_asks(folder):
     assert 30 < rows["odometry"]["reactions"] < 50  # this board sends 40 frames a second
     assert 0 < rows["odometry"]["busy"] < 0.1
     assert rows["odometry"]["overruns"] == 0
-    code, out, _ = cli(folder, "blocks", "--live")
+    code, out, _ = cli(folder, "blocks", "--running", "--json")
     row = json.loads(out.splitlines()[0])
     assert code == 0 and 0 < row["busy"] < 0.1
 
@@ -249,7 +249,7 @@ def test_levels_from_the_start(tmp_path, option, source):
 
 @pytest.mark.parametrize(
     "option, complaint",
-    [("loud", "there are debug, info"), ("gard=debug", "did you mean guard")],
+    [("loud", "levels are debug, info"), ("gard=debug", "did you mean guard")],
 )
 def test_a_level_that_does_not_exist_starts_nothing(tmp_path, option, complaint):
     code, _, said = cli(tmp_path, "run", "goal", "--log-level", option)

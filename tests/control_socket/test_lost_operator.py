@@ -56,7 +56,7 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
 
 
 def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
-    line, environment = command(tmp_path, "topic", "echo", "*")
+    line, environment = command(tmp_path, "topic", "echo", "*", "--json")
     with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
         client = PlainClient(tmp_path)
         watchers = [

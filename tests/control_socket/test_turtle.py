@@ -26,7 +26,7 @@ def done(folder, *words):
 
 def last(folder, topic):
     """The newest message of a topic."""
-    return json.loads(done(folder, "topic", "echo", topic, "--once"))
+    return json.loads(done(folder, "topic", "echo", topic, "--once", "--json"))
 
 
 def becomes(folder, topic, holds):
@@ -97,7 +97,7 @@ def test_the_burger_wanders_and_gives_way_to_a_person(tmp_path):
 
 
 def test_the_names_of_turtlesim_are_known(folder):
-    code, said, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once")
+    code, said, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once", "--json")
     assert code == 0, complaint
     assert set(json.loads(said)) >= {"x", "y", "heading"}
     assert "/turtle1/pose is robot.pose here" in complaint

@@ -191,5 +191,5 @@ def test_where_there_is_no_braille_plain_characters_draw(goal, words, charset):
 def test_the_command_writes_pictures(goal, tmp_path, name, begins):
     path = tmp_path / name
     words = ("gate.wheels", goal, "--from", "1s", "--until", "3s", "--output", path)
-    assert plotted(*words) == [str(path)]
+    assert plotted(*words) == [f"written: {path}"]
     assert path.read_bytes().startswith(begins)

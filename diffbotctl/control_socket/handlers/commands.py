@@ -116,6 +116,7 @@ def handle_list_actions(desk: RequestContext, client: Client, request: Request) 
             {
                 "action": f"{node}.{name}",
                 "arguments": _arguments(method),
+                "units": getattr(method, "units", {}),
                 "help": inspect.cleandoc(method.__doc__ or ""),
             }
             for node, kind in _targets(desk).items()

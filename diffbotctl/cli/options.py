@@ -1,0 +1,109 @@
+"""Options and arguments that several commands share: each means the same everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+Command = Callable[..., Any]
+
+ROBOT_HELP = "Robot file or name; default: chosen as in `run`."
+
+
+if TYPE_CHECKING:
+    FloatType = click.ParamType[float]
+else:  # before version 8.2 of click the class is not generic
+    FloatType = click.ParamType
+
+
+class Quantity(FloatType):
+    """A number with or without a unit, such as 20cm/s, as a float in SI.
+
+    `unit` is the SI unit; `positive` refuses zero and negative values.
+    """
+
+    def __init__(self, unit: str, positive: bool = False) -> None:
+        self.unit, self.positive = unit, positive
+        self.name = unit
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The value in SI; fails as click's types do."""
+        from math import isfinite
+
+        from diffbotctl.units import UnitError, quantity
+
+        try:
+            number = quantity(value, self.unit) if isinstance(value, str) else float(value)
+        except UnitError as error:
+            self.fail(str(error), param, ctx)
+        if not isfinite(number) or (self.positive and number <= 0.0):
+            self.fail(f"{value} is not possible here", param, ctx)
+        return number
+
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+
+engine_option = click.option(
+    "--engine", metavar="NAME", help="Name of the engine; needed when several are running."
+)
+robot_option = click.option("--robot", metavar="ROBOT", help=ROBOT_HELP)
+seed_option = click.option(
+    "--seed", default=0, show_default=True, help="Random seed of the simulated robot."
+)
+set_option = click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="BLOCK.PARAM=VALUE",
+    help="Change one value of the files. Repeatable.",
+)
+json_option = click.option(
+    "--json", "as_json", is_flag=True, help="Print JSON, one object on a line."
+)
+force_option = click.option("--force", is_flag=True, help="Overwrite an existing file.")
+yes_option = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
+for_option = click.option(
+    "--for",
+    "duration",
+    metavar="TIME",
+    type=Quantity("s", positive=True),
+    help="Stop after this time, such as 10s.",
+)
+
+
+def port_option(default: str, only_board: bool = False) -> Callable[[Command], Command]:
+    """`--port`; `only_board`: a simulated robot makes no sense for the command."""
+    kinds = "A serial device, bluetooth:ADDRESS, or auto (the only board connected)."
+    if not only_board:
+        kinds = f"sim, emulated, {kinds[0].lower()}{kinds[1:]}"
+    return click.option("--port", metavar="PORT", default=default, show_default=True, help=kinds)
+
+
+def output_option(help: str) -> Callable[[Command], Command]:
+    """`--output FILE` with its `--force`."""
+
+    def add(command: Command) -> Command:
+        option = click.option("--output", metavar="FILE", type=FILE, help=help)
+        return option(force_option(command))
+
+    return add
+
+
+def robot_object(command: Command) -> Command:
+    """ROBOT as the command's argument; `--robot ROBOT` is accepted too."""
+
+    @click.argument("robot_argument", metavar="[ROBOT]", required=False)
+    @click.option("--robot", metavar="ROBOT", help="The same as the argument.")
+    @wraps(command)
+    def merged(robot_argument: str | None, robot: str | None, **others: Any) -> Any:
+        if robot_argument is not None and robot is not None:
+            raise click.UsageError("give the robot once: as an argument or with --robot")
+        return command(robot=robot_argument or robot, **others)
+
+    return merged
