@@ -63,8 +63,8 @@ async def _picture(engine: EngineAddress, path: Path, size: tuple[int, int]) -> 
 
 
 def _is_near(dashboard: Dashboard) -> bool:
-    state = dashboard.sight.picture.messages.get("follower.state")
-    known = bool(dashboard.sight.blocks) and dashboard.sight.held is None
+    state = dashboard.run_view.snapshot.messages.get("follower.state")
+    known = bool(dashboard.run_view.blocks) and dashboard.run_view.held is None
     return (
         known and getattr(state, "number", 0) == 2 and getattr(state, "distance", 9.0) < TRAVELLED
     )

@@ -61,7 +61,7 @@ def show(pictures: Iterator[RunSnapshot]) -> None:
         dashboard.run_to_end()
         if dashboard.problem is not None:
             print(dashboard.problem, file=sys.stderr)
-        ended = dashboard.sight.ended
+        ended = dashboard.run_view.ended
     except UserError as error:
         print(error, file=sys.stderr)
         ended = False

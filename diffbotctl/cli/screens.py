@@ -12,6 +12,7 @@ from diffbotctl.cli.options import Quantity, engine_option
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
+    from diffbotctl.ui.teleop.keyboard import DriveMode, KeySetName
 
 OPTIONS = (
     click.option(
@@ -59,9 +60,14 @@ def screen_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def screen_options_of(
-    keys: str, mode: str, hz: float, speed: float | None, turn: float | None, ascii_only: bool
+    keys: KeySetName,
+    mode: DriveMode,
+    hz: float,
+    speed: float | None,
+    turn: float | None,
+    ascii_only: bool,
 ) -> ScreenOptions:
-    """The options as the screens take them."""
+    """The options of an EngineApp."""
     from diffbotctl.ui.engine_app import ScreenOptions
 
     is_utf8 = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"
@@ -80,7 +86,7 @@ def launch(app: EngineApp) -> int:
     code = app.run_to_end()
     if app.problem is not None:
         raise app.problem
-    if app.sight.ended:
+    if app.run_view.ended:
         click.echo("the run has ended")
     return code
 
@@ -93,8 +99,8 @@ def launch(app: EngineApp) -> int:
 def dash(
     once: bool,
     fields: tuple[str, ...],
-    keys: str,
-    mode: str,
+    keys: KeySetName,
+    mode: DriveMode,
     hz: float,
     speed: float | None,
     turn: float | None,
@@ -112,7 +118,7 @@ def dash(
     if once or not sys.stdout.isatty():
         from diffbotctl.ui.dash.print_once import print_once
 
-        print_once(choose_engine(engine), options, list(fields))
+        print_once(choose_engine(engine), list(fields), options.ascii_only)
         return 0
     from diffbotctl.ui.dash.app import Dashboard
 
@@ -123,8 +129,8 @@ def dash(
 @screen_options
 @engine_option
 def teleop(
-    keys: str,
-    mode: str,
+    keys: KeySetName,
+    mode: DriveMode,
     hz: float,
     speed: float | None,
     turn: float | None,

@@ -1,9 +1,4 @@
-"""What a picture says, in words: one wording for live views and plain lines.
-
-Plain lines for a pipe or a file: the log, one line an event, never one a message.
-
-The summary at the end of a run.
-"""
+"""A run as text: its newest messages, log lines and summary; one wording for all screens."""
 
 from __future__ import annotations
 
@@ -11,7 +6,9 @@ import sys
 from collections.abc import Iterator
 from math import degrees, hypot
 from textwrap import wrap
+from typing import TypeVar
 
+from diffbotctl.errors import WIDTH
 from diffbotctl.messages import (
     Goal,
     GoalState,
@@ -26,21 +23,35 @@ from diffbotctl.messages import (
 )
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.runs.run import RunResult
+from diffbotctl.time import SECOND
+
+M = TypeVar("M", bound=Message)
+ROBOT_WIRES = "robot."  # prefix of the wires of the robot's driver
+BOARD_TEXT_WIRE = "robot.text"  # texts of the board are in the log
+LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
+NAME_WIDTH = 12  # columns of the names in the summary
 
 
-def newest_message(picture: RunSnapshot, kind: type) -> Message | None:
-    """The newest message of class `kind` in the picture, whatever wire it is on."""
-    found = [message for message in picture.messages.values() if type(message) is kind]
-    return max(found, key=lambda message: message.time) if found else None
+def newest_message(snapshot: RunSnapshot, kind: type[M]) -> M | None:
+    """The newest message of class `kind` in the snapshot, on any wire."""
+    messages = [message for message in snapshot.messages.values() if isinstance(message, kind)]
+    return max(messages, key=lambda message: message.time, default=None)
 
 
-def newest_odometry(picture: RunSnapshot) -> Odometry | None:
-    """Where the robot is: as a block reckons it, in odom; only where none does, as a camera sees it
-    from above, in the world's frame."""
-    found = [(wire, said) for wire, said in picture.messages.items() if isinstance(said, Odometry)]
-    reckoned = [said for wire, said in found if not wire.startswith("robot.")]
-    seen = reckoned or [said for _, said in found]
-    return max(seen, key=lambda message: message.time) if seen else None
+def newest_odometry(snapshot: RunSnapshot) -> Odometry | None:
+    """The robot's pose in odom as a block estimates it.
+
+    Where no block does: as a camera measures it from above, in the frame of the world.
+    """
+    poses = {wire: pose for wire, pose in snapshot.messages.items() if isinstance(pose, Odometry)}
+    estimated = [pose for wire, pose in poses.items() if not wire.startswith(ROBOT_WIRES)]
+    return max(estimated or poses.values(), key=lambda pose: pose.time, default=None)
+
+
+def active_stop(snapshot: RunSnapshot) -> Stop | None:
+    """The stop in force; a latched one before others."""
+    stops = [stop for stop in snapshot.messages.values() if isinstance(stop, Stop) and stop.code]
+    return min(stops, key=lambda stop: not stop.latched, default=None)
 
 
 def pose_text(odometry: Odometry) -> str:
@@ -50,136 +61,122 @@ def pose_text(odometry: Odometry) -> str:
     )
 
 
-def goal_text(number: int, goals: int, wanted: Goal) -> str:
+def goal_text(goal: Goal, goals: int) -> str:
     """`1 of 2: x 1.000 m  y 0.500 m  heading 90 deg`."""
-    heading = "" if wanted.heading is None else f"  heading {degrees(wanted.heading):.0f} deg"
-    return f"{number} of {goals}: x {wanted.x:.3f} m  y {wanted.y:.3f} m{heading}"
+    heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
+    return f"{goal.number} of {goals}: x {goal.x:.3f} m  y {goal.y:.3f} m{heading}"
 
 
 def goal_state_text(state: GoalState) -> str:
     """`driving, 0.42 m and 3.1 deg to go`."""
-    left = f"{state.distance:.3f} m and {degrees(state.turn):.1f} deg to go"
-    return f"{state.state.replace('_', ' ')}, {left}" + (f": {state.cause}" if state.cause else "")
+    remaining = f"{state.distance:.3f} m and {degrees(state.turn):.1f} deg to go"
+    cause = f": {state.cause}" if state.cause else ""
+    return f"{state.state.replace('_', ' ')}, {remaining}{cause}"
 
 
 def wheel_speeds_text(wheels: Wheels, odometry: Odometry | None) -> str:
-    """Commanded wheel speeds, and the body's speed as measured."""
-    wanted = f"{wheels.left:+.2f} {wheels.right:+.2f} rad/s"
+    """Commanded wheel speeds, and the measured speed of the body."""
+    commanded = f"commanded {wheels.left:+.2f} {wheels.right:+.2f} rad/s"
     if odometry is None:
-        return f"commanded {wanted}"
-    return f"commanded {wanted}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
+        return commanded
+    return f"{commanded}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
 
 
 def range_text(reading: Range) -> str:
-    """`0.213 m`, or why there is none."""
-    if reading.state == "measured":
-        return f"{reading.distance:.3f} m"
-    return {"clear": "clear", "too_close": "too close", "fault": "FAULT"}[reading.state]
+    """`0.213 m`, or why there is no distance."""
+    match reading.state:
+        case "measured":
+            return f"{reading.distance:.3f} m"
+        case "clear":
+            return "clear"
+        case "too_close":
+            return "too close"
+        case "fault":
+            return "FAULT"
 
 
-def link_text(said: Link) -> str:
+def link_text(link: Link) -> str:
     """`up, 412 frames, 3 damaged, 0 lost`."""
-    counts = f"{said.received} frames, {said.damaged} damaged, {said.lost} lost"
-    why = f" ({said.cause})" if said.cause else ""
-    return f"{said.state}{why}, {counts}"
+    cause = f" ({link.cause})" if link.cause else ""
+    counts = f"{link.received} frames, {link.damaged} damaged, {link.lost} lost"
+    return f"{link.state}{cause}, {counts}"
 
 
-def log_line_text(said: LogLine) -> str:
-    """`    2.78 s  WARNING  guard: STOP obstacle: ...`; the level stands there when it matters."""
-    level = f"{said.level.upper()}  " if said.level in LEVELS_SHOWN else ""
-    text = "".join(each if each.isprintable() else " " for each in said.text)
-    return f"{said.time / 1e9:8.2f} s  {level}{said.source}: {text}"
-
-
-LEVELS_SHOWN = ("warning", "error")
-LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
-
-
-def stop_text(said: Stop | None) -> str:
-    """What holds the robot, and how it may go on."""
-    if said is None or not said.code:
+def stop_text(stop: Stop | None) -> str:
+    """The cause of a stop, and how it ends."""
+    if stop is None or not stop.code:
         return "none"
-    way_out = "; waits for `resume`" if said.latched else "; ends by itself"
-    return f"{said.code}: {said.cause}{way_out}"
+    end = "waits for `resume`" if stop.latched else "ends by itself"
+    return f"{stop.code}: {stop.cause}; {end}"
 
 
-def active_stop(picture: RunSnapshot) -> Stop | None:
-    """The gravest stop in force."""
-    stops = [m for m in picture.messages.values() if isinstance(m, Stop) and m.code]
-    return min(stops, key=lambda stop: not stop.latched) if stops else None
+def log_line_text(line: LogLine) -> str:
+    """`    2.78 s  WARNING  guard: STOP obstacle: ...`; without the levels debug and info."""
+    level = f"{line.level.upper()}  " if line.level in ("warning", "error") else ""
+    text = "".join(character if character.isprintable() else " " for character in line.text)
+    return f"{line.time / SECOND:8.2f} s  {level}{line.source}: {text}"
 
 
-def log_lines(pictures: Iterator[RunSnapshot]) -> Iterator[str]:
-    """The lines of the log, and the newest text of each wire that carries texts."""
-    heard: dict[str, int] = {}
-    for picture in pictures:
-        yield from map(log_line_text, picture.lines)
-        yield from _texts(picture, heard)
+def log_lines(snapshots: Iterator[RunSnapshot]) -> Iterator[str]:
+    """The lines of the log, and each new text of a wire that carries texts."""
+    shown: dict[str, int] = {}  # time of the text shown last, by wire
+    for snapshot in snapshots:
+        yield from map(log_line_text, snapshot.lines)
+        for wire, message in snapshot.messages.items():
+            if not isinstance(message, Text) or wire == BOARD_TEXT_WIRE:
+                continue
+            if shown.get(wire, -1) < message.time:
+                shown[wire] = message.time
+                yield f"{message.time / SECOND:8.2f} s  {wire}: {message.text}"
 
 
-def _texts(picture: RunSnapshot, heard: dict[str, int]) -> Iterator[str]:
-    """A line for each text of a block that is newer than the one `heard` on its wire."""
-    for wire, message in picture.messages.items():
-        if (
-            isinstance(message, Text)
-            and wire != BOARD_TEXT_WIRE
-            and heard.get(wire, -1) < message.time
-        ):
-            heard[wire] = message.time
-            yield f"{message.time / 1e9:8.2f} s  {wire}: {message.text}"
-
-
-BOARD_TEXT_WIRE = "robot.text"  # what a board says stands in the log
-
-
-def print_log(pictures: Iterator[RunSnapshot]) -> None:
-    """Print lines to standard output as they come."""
-    for text in log_lines(pictures):
+def print_log(snapshots: Iterator[RunSnapshot]) -> None:
+    """Print the lines to standard output as they come: for a pipe or a file."""
+    for text in log_lines(snapshots):
         print(text, file=sys.stdout, flush=True)
 
 
-WIDTH, MARGIN = 80, 12  # columns of the narrowest terminal in use, and of the names
-
-
 def summary_lines(result: RunResult, last_goal: Goal | None) -> list[str]:
-    """The summary as lines: a name, and what there is to say; long ones are folded."""
-    made = []
-    for name, text in summary_rows(result, last_goal):
-        first, *more = wrap(text, WIDTH - MARGIN) or [""]
-        made.append(f"{name:>{MARGIN - 1}} {first}")
-        made += [" " * MARGIN + part for part in more]
-    return made
+    """The summary of a run as lines: names and values; long values are folded."""
+    lines = []
+    for name, text in _summary(result, last_goal):
+        first, *others = wrap(text, WIDTH - NAME_WIDTH) or [""]
+        lines.append(f"{name:>{NAME_WIDTH - 1}} {first}")
+        lines += [" " * NAME_WIDTH + part for part in others]
+    return lines
 
 
-def summary_rows(result: RunResult, last_goal: Goal | None) -> list[tuple[str, str]]:
+def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, str]]:
     """The summary as (name, text)."""
-    ending = result.ending
-    found = [("ended", f"{ending.cause}, after {ending.time / 1e9:.1f} s")]
+    outcome, pose, truth = result.ending, result.odometry, result.truth
+    yield "ended", f"{outcome.cause}, after {outcome.time / SECOND:.1f} s"
     if result.goals:
-        found.append(("goals", f"{result.reached} of {result.goals} reached"))
-    if result.odometry is not None:
-        found.append(("pose", pose_text(result.odometry)))
-    if last_goal is not None and result.odometry is not None:
-        found.append(("error", _error(last_goal, result.odometry)))
-    if last_goal is not None and result.truth is not None:
-        found.append(("true error", _error(last_goal, result.truth.pose)))
-    if result.odometry is not None:
-        found.append(("path", f"{result.path:.2f} m"))
-    found += [("stop", f"at {stop.time / 1e9:.1f} s, {stop_text(stop)}") for stop in result.stops]
+        yield "goals", f"{result.reached} of {result.goals} reached"
+    if pose is not None:
+        yield "pose", pose_text(pose)
+        if last_goal is not None:
+            yield "error", _goal_error(last_goal, pose.x, pose.y, pose.heading)
+    if last_goal is not None and truth is not None:
+        actual = truth.pose
+        yield "true error", _goal_error(last_goal, actual.x, actual.y, actual.heading)
+    if pose is not None:
+        yield "path", f"{result.path:.2f} m"
+    for stop in result.stops:
+        yield "stop", f"at {stop.time / SECOND:.1f} s, {stop_text(stop)}"
     if result.link is not None:
-        found.append(("link", link_text(result.link)))
-    if ending.stopped is not None:
-        confirmed = "confirmed" if ending.stopped else "NOT CONFIRMED: watch the wheels"
-        found.append(("final stop", confirmed))
+        yield "link", link_text(result.link)
+    if outcome.stopped is not None:
+        yield (
+            "final stop",
+            "confirmed" if outcome.stopped else "NOT CONFIRMED: watch the wheels",
+        )
     if result.recording is not None:
-        found.append(("recording", f"INCOMPLETE: {result.recording}"))
+        yield "recording", f"INCOMPLETE: {result.recording}"
     if result.digest is not None:
-        found.append(("digest", result.digest))
-    return found
+        yield "digest", result.digest
 
 
-def _error(goal: Goal, pose: object) -> str:
-    x, y, heading = pose.x, pose.y, pose.heading  # type: ignore[attr-defined]
+def _goal_error(goal: Goal, x: float, y: float, heading: float) -> str:
     text = f"{hypot(goal.x - x, goal.y - y) * 1000:.1f} mm"
     if goal.heading is None:
         return text

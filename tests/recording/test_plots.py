@@ -16,7 +16,7 @@ from diffbotctl.recording.fields import Series, read_series
 from diffbotctl.ui.plot import image as image_module
 from diffbotctl.ui.plot import plots
 from diffbotctl.ui.plot.axes import make_axis
-from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, DotCanvas
+from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, CharacterCanvas
 from diffbotctl.ui.plot.image import COLOURS, encode_svg, make_figure, save_figure
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
@@ -43,10 +43,10 @@ def test_an_axis_holds_its_values_and_two_ticks_or_more(one, other, ticks):
     least, most = sorted((one, other))
     assume(most == least or most - least > 1e-6 * max(abs(least), abs(most)))
     made = make_axis(least, most, ticks)
-    slack = 1e-6 * (made.most - made.least)
-    assert made.least <= least and most <= made.most
+    slack = 1e-6 * (made.maximum - made.minimum)
+    assert made.minimum <= least and most <= made.maximum
     assert 2 <= len(made.ticks) <= 3 * ticks + 2
-    assert all(made.least - slack <= tick <= made.most + slack for tick in made.ticks)
+    assert all(made.minimum - slack <= tick <= made.maximum + slack for tick in made.ticks)
 
 
 @pytest.mark.parametrize(
@@ -63,16 +63,16 @@ def test_an_axis_holds_its_values_and_two_ticks_or_more(one, other, ticks):
     ],
 )
 def test_dots(font, dots, rows):
-    canvas = DotCanvas(1, 1, font)
+    canvas = CharacterCanvas(1, 1, font)
     for x, y in dots:
-        canvas.set(x, y)
-    assert canvas.rows() == rows
+        canvas.dot(x, y)
+    assert canvas.text().plain.split("\n") == rows
 
 
 def test_a_line_leaves_no_column_out():
-    canvas = DotCanvas(8, 4, ASCII)
-    canvas.line(0, 7, 7, 0)
-    assert canvas.rows() == ["      .'", "    .'  ", "  .'    ", ".'      "]
+    canvas = CharacterCanvas(8, 4, ASCII)
+    canvas.polyline([(0, 7), (7, 0)])
+    assert canvas.text().plain.split("\n") == ["      .'", "    .'  ", "  .'    ", ".'      "]
 
 
 RAMP = Series("a.b.x", "m", [0.0, 1.0, 2.0], [0.0, 1.0, 2.0])
@@ -126,11 +126,14 @@ def test_a_png_has_the_curve_where_the_picture_has_it():
 
     picture = make_figure([RAMP], "ramp")
     image = Image.open(io.BytesIO(image_module.encode_png(picture))).convert("RGB")
-    assert image.size == (picture.width * image_module.FINER, picture.height * image_module.FINER)
+    assert image.size == (
+        picture.width * image_module.PNG_SCALE,
+        picture.height * image_module.PNG_SCALE,
+    )
     (curve,) = [each for each in picture.shapes if getattr(each, "width", 0) == 1.5]
-    x, y = (round(each * image_module.FINER) for each in curve.points[1])
+    x, y = (round(each * image_module.PNG_SCALE) for each in curve.points[1])
     assert image.getpixel((x, y)) == tuple(bytes.fromhex(COLOURS[0][1:]))
-    assert image.getpixel((x + 9, y + 20 * image_module.FINER)) == (
+    assert image.getpixel((x + 9, y + 20 * image_module.PNG_SCALE)) == (
         255,
         255,
         255,

@@ -11,6 +11,7 @@ from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam, SceneOutline
 from diffbotctl.ui.map import layers
 from diffbotctl.ui.map.canvas import Camera, MapCanvas, MapLayer, fit_camera, scale_bar
+from diffbotctl.ui.map.state import MapState
 
 CERTAIN = (0.0,) * 6
 BODY = SceneOutline(0.08, 0.15, 0.14, 0.125, 0.065, 0.065, 0.3, 4.0)
@@ -54,14 +55,14 @@ def test_x_runs_right_and_y_up():
 def test_walls_are_drawn_in_quarters(bits_at, sign):
     drawing = MapCanvas(Camera(0, 0, 1.0), 1, 1)
     for column, row in bits_at:
-        drawing._set(column, row, MapLayer.WALL)
+        drawing.layer_dot(column, row, MapLayer.WALL)
     assert drawing.text().plain == sign
 
 
 def test_the_highest_layer_gives_the_letter():
     drawing = MapCanvas(Camera(0, 0, 1.0), 1, 1, plain=True)
     for layer in (MapLayer.ROBOT, MapLayer.TRAIL):
-        drawing.dot((0.0, 0.0), layer)
+        drawing.point((0.0, 0.0), layer)
     assert drawing.text().plain == "o"
 
 
@@ -84,7 +85,10 @@ def test_everything_is_on_the_map_in_letters():
     )
     trail = [(-0.5 + 0.01 * i, -0.4) for i in range(30)]
     camera = fit_camera([(-1.2, -1.2), (1.2, 1.2)], 70, 35)
-    text = layers.draw_map(scene, seen, trail, camera, 70, 35, plain=True).text().plain
+    state = MapState(scene)
+    state.snapshot = seen
+    state.trail.points.extend(trail)
+    text = layers.draw_map(state, camera, 70, 35, plain=True).text().plain
     for (
         sign
     ) in "#.o>X+:x~,|":  # wall, trail, outline, robot, goal, heading, beam, hit, doubt, way, bar

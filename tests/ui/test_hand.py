@@ -43,17 +43,17 @@ F, T = 0.15, 2.0
     ],
 )
 def test_each_key_drives_as_in_ros(keys, key, linear, angular):
-    hand = KeyboardVelocity(LIMITS, keys)
-    assert hand.press(key, 0.0)
-    assert hand.wanted(0.0) == (linear, angular)
+    keyboard = KeyboardVelocity(LIMITS, keys)
+    assert keyboard.press(key, 0.0)
+    assert keyboard.velocity(0.0) == (linear, angular)
 
 
 @pytest.mark.parametrize("key", ["k", "space"])
 def test_a_stop_key_lets_go(key):
-    hand = KeyboardVelocity(LIMITS)
-    hand.press("i", 0.0)
-    assert hand.press(key, 0.1)
-    assert hand.wanted(0.1) is None
+    keyboard = KeyboardVelocity(LIMITS)
+    keyboard.press("i", 0.0)
+    assert keyboard.press(key, 0.1)
+    assert keyboard.velocity(0.1) is None
 
 
 @pytest.mark.parametrize(
@@ -68,68 +68,70 @@ def test_a_stop_key_lets_go(key):
     ],
 )
 def test_speed_keys_change_what_a_press_means(key, speed, turn):
-    hand = KeyboardVelocity(LIMITS)
-    hand.press("i", 0.0)
-    hand.press(key, 0.0)
-    assert (hand.speed, hand.turn) == pytest.approx((F * speed, T * turn))
-    assert hand.wanted(0.0) == pytest.approx((F * speed, 0.0))  # also of what is held
+    keyboard = KeyboardVelocity(LIMITS)
+    keyboard.press("i", 0.0)
+    keyboard.press(key, 0.0)
+    assert (keyboard.speed, keyboard.turn_rate) == pytest.approx((F * speed, T * turn))
+    assert keyboard.velocity(0.0) == pytest.approx((F * speed, 0.0))  # also of what is held
 
 
 def test_speeds_stay_within_the_robots_limits():
-    hand = KeyboardVelocity(LIMITS)
+    keyboard = KeyboardVelocity(LIMITS)
     for _ in range(100):
-        hand.press("q", 0.0)
-    assert (hand.speed, hand.turn) == LIMITS
+        keyboard.press("q", 0.0)
+    assert (keyboard.speed, keyboard.turn_rate) == LIMITS
     for _ in range(100):
-        hand.press("z", 0.0)
-    assert (hand.speed, hand.turn) == pytest.approx((0.05 * LIMITS[0], 0.05 * LIMITS[1]))
+        keyboard.press("z", 0.0)
+    assert (keyboard.speed, keyboard.turn_rate) == pytest.approx(
+        (0.05 * LIMITS[0], 0.05 * LIMITS[1])
+    )
 
 
 def test_a_held_key_counts_until_its_repeats_end():
-    hand = KeyboardVelocity(LIMITS)
+    keyboard = KeyboardVelocity(LIMITS)
     for repeat in range(10):
-        hand.press("i", repeat * 0.1)
-        assert hand.wanted(repeat * 0.1) == (F, 0)
-    assert hand.wanted(0.9 + KEY_HOLD_TIMEOUT_S - 0.01) == (F, 0)
-    assert hand.wanted(0.9 + KEY_HOLD_TIMEOUT_S) is None
-    assert not hand.stuttered
+        keyboard.press("i", repeat * 0.1)
+        assert keyboard.velocity(repeat * 0.1) == (F, 0)
+    assert keyboard.velocity(0.9 + KEY_HOLD_TIMEOUT_S - 0.01) == (F, 0)
+    assert keyboard.velocity(0.9 + KEY_HOLD_TIMEOUT_S) is None
+    assert not keyboard.has_gap
 
 
 def test_a_first_repeat_that_comes_late_is_told():
-    hand = KeyboardVelocity(LIMITS)
-    hand.press("i", 0.0)
-    assert hand.wanted(KEY_HOLD_TIMEOUT_S + 0.1) is None
-    hand.press("i", 0.66)  # the slowest first repeat that keyboards are set to
-    assert hand.stuttered
-    hand.press("i", 0.69)
-    assert not hand.stuttered
+    keyboard = KeyboardVelocity(LIMITS)
+    keyboard.press("i", 0.0)
+    assert keyboard.velocity(KEY_HOLD_TIMEOUT_S + 0.1) is None
+    keyboard.press("i", 0.66)  # the slowest first repeat that keyboards are set to
+    assert keyboard.has_gap
+    keyboard.press("i", 0.69)
+    assert not keyboard.has_gap
 
 
 def test_latched_a_press_stays_until_another_key():
-    hand = KeyboardVelocity(LIMITS, mode="latched")
-    hand.press("i", 0.0)
-    assert hand.wanted(1000.0) == (F, 0)
-    hand.press("k", 1000.0)
-    assert hand.wanted(1000.0) is None
+    keyboard = KeyboardVelocity(LIMITS, mode="latched")
+    keyboard.press("i", 0.0)
+    assert keyboard.velocity(1000.0) == (F, 0)
+    keyboard.press("k", 1000.0)
+    assert keyboard.velocity(1000.0) is None
 
 
 def test_latched_turtle_keys_add_steps_and_ten_up_and_ten_down_are_zero():
-    hand = KeyboardVelocity(LIMITS, "turtle", "latched")
+    keyboard = KeyboardVelocity(LIMITS, "turtle", "latched")
     for _ in range(12):  # ten steps are the limit
-        hand.press("w", 0.0)
-    assert hand.wanted(0.0) == pytest.approx((0.3, 0.0))
+        keyboard.press("w", 0.0)
+    assert keyboard.velocity(0.0) == pytest.approx((0.3, 0.0))
     for _ in range(10):
-        hand.press("x", 0.0)
-    hand.press("a", 0.0)
-    assert hand.wanted(0.0) == pytest.approx((0.0, 0.4))
+        keyboard.press("x", 0.0)
+    keyboard.press("a", 0.0)
+    assert keyboard.velocity(0.0) == pytest.approx((0.0, 0.4))
 
 
 def test_a_change_of_mode_or_keys_lets_go():
-    hand = KeyboardVelocity(LIMITS)
-    hand.press("i", 0.0)
-    hand.use(mode="latched")
-    assert hand.wanted(0.0) is None
-    assert not hand.press("b", 0.0)  # means nothing to the hand
+    keyboard = KeyboardVelocity(LIMITS)
+    keyboard.press("i", 0.0)
+    keyboard.configure(mode="latched")
+    assert keyboard.velocity(0.0) is None
+    assert not keyboard.press("b", 0.0)  # means nothing to the keyboard
 
 
 @pytest.mark.parametrize(
@@ -144,8 +146,8 @@ class Line:
 
     def __init__(self, mode="hold", answers=True):
         self.now, self.said, self.questions = 0.0, [], 0
-        self.hand = KeyboardVelocity(LIMITS, mode=mode)
-        self.reins = TeleopDeadman(self.hand, self.say, self.question, 0.0)
+        self.keyboard = KeyboardVelocity(LIMITS, mode=mode)
+        self.deadman = TeleopDeadman(self.keyboard, self.say, self.question, 0.0)
         self.answers = answers
         self.run(0.2)
 
@@ -161,9 +163,9 @@ class Line:
         while self.now < end - 1e-9:
             self.now += step
             asked = self.questions
-            self.reins.beat(self.now)
+            self.deadman.beat(self.now)
             if self.answers and self.questions > asked:
-                self.reins.answered(self.now)
+                self.deadman.on_reply(self.now)
 
     def verbs(self):
         return [do for do, _ in self.said]
@@ -171,21 +173,21 @@ class Line:
 
 def test_a_released_key_stands_at_once_and_lets_go_when_the_terminal_answers():
     line = Line()
-    line.hand.press("i", line.now)
+    line.keyboard.press("i", line.now)
     line.run(0.8)
     drives = [fields["linear"] for do, fields in line.said if do == "drive"]
     assert drives[0] == F and line.verbs()[-1] == "release"
-    assert not line.reins.drives and not line.reins.lost
+    assert not line.deadman.is_driving and not line.deadman.lost_cause
 
 
 @pytest.mark.parametrize("mode", ["hold", "latched"])
 def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
     line = Line(mode)
-    line.hand.press("i", line.now)
+    line.keyboard.press("i", line.now)
     line.run(0.1)
     line.answers = False
     line.run(QUERY_PERIOD_S + REPLY_TIMEOUT_S + 0.1)
-    assert line.verbs()[-1] == "lost" and line.reins.lost
+    assert line.verbs()[-1] == "lost" and line.deadman.lost_cause
     line.run(1.0)
     assert line.verbs().count("lost") == 1  # and nothing is said afterwards
     assert line.verbs()[-1] == "lost"
@@ -193,7 +195,7 @@ def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
 
 def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
     line = Line()
-    line.hand.press("i", line.now)
+    line.keyboard.press("i", line.now)
     line.run(KEY_HOLD_TIMEOUT_S - 0.05)
     line.answers = False
     line.run(0.6)
@@ -203,25 +205,25 @@ def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
 def test_without_answers_keys_drive_while_held_but_nothing_stays():
     held = Line(answers=False)
     held.run(FIRST_REPLY_TIMEOUT_S)
-    held.hand.press("i", held.now)
+    held.keyboard.press("i", held.now)
     held.run(0.8)
     assert held.verbs()[0] == "drive" and held.verbs()[-1] == "release"
     kept = Line("latched", answers=False)
     kept.run(FIRST_REPLY_TIMEOUT_S)
-    kept.hand.press("i", kept.now)
+    kept.keyboard.press("i", kept.now)
     kept.run(0.2)
-    assert kept.reins.is_unproven and not kept.said
+    assert kept.deadman.is_unproven and not kept.said
 
 
 def test_a_pause_of_our_own_is_not_the_terminals_fault():
     line = Line("latched")
-    line.hand.press("i", line.now)
+    line.keyboard.press("i", line.now)
     line.run(0.1)
     line.answers = False
     line.run(0.05)
     line.now += 10 * STALL_MIN_S  # the process stood still
     line.answers = True
-    line.reins.beat(line.now)
-    line.reins.answered(line.now)
+    line.deadman.beat(line.now)
+    line.deadman.on_reply(line.now)
     line.run(0.3)
     assert "lost" not in line.verbs()

@@ -14,7 +14,7 @@ from diffbotctl.runs.build_graph import assemble
 from diffbotctl.ui.live_view import LiveView
 from diffbotctl.ui.map import layers
 from diffbotctl.ui.map.canvas import Camera, MapLayer
-from diffbotctl.ui.map.trail import TURTLE_MAX_LINES, TurtleTrail
+from diffbotctl.ui.map.state import TURTLE_MAX_LINES, MapState, TurtleTrail
 from diffbotctl.ui.run_text import newest_odometry
 
 EXACT = (0.0,) * 6
@@ -58,25 +58,25 @@ def test_the_pen_draws_in_its_colour_only_while_down():
         (5.0, looks()),  # it was put there
     ]
     for x, said in way:
-        sheet.see(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+        sheet.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
     assert list(sheet.lines) == [
         ((0.0, 0.0), (0.2, 0.0), "#ff0000"),
         ((0.4, 0.0), (0.6, 0.0), "#00ff00"),
     ]
-    sheet.see(picture(robot__pose=pose(5.0, 0.0), canvas__canvas=looks(sheet=1)))
+    sheet.update(picture(robot__pose=pose(5.0, 0.0), canvas__canvas=looks(sheet=1)))
     assert not sheet.lines
 
 
 def test_a_run_without_a_canvas_has_no_sheet():
     sheet = TurtleTrail()
-    sheet.see(picture(robot__pose=pose(1.0, 0.0)))
-    assert sheet.looks is None and sheet.last is None
+    sheet.update(picture(robot__pose=pose(1.0, 0.0)))
+    assert sheet.canvas is None and sheet.last is None
 
 
 def test_a_long_line_loses_its_beginning():
     sheet = TurtleTrail()
     for step in range(TURTLE_MAX_LINES + 10):
-        sheet.see(picture(robot__pose=pose(0.1 * step, 0.0), canvas__canvas=looks()))
+        sheet.update(picture(robot__pose=pose(0.1 * step, 0.0), canvas__canvas=looks()))
     assert len(sheet.lines) == TURTLE_MAX_LINES
 
 
@@ -120,14 +120,9 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     # ahead 1.032 m, clear to the left, too close behind, 0.5 m to the right of the eye
     scan = Scan(0, 0.0, pi / 2, (1.032, inf, 0.0, 0.5))
     camera = Camera(0.0, 0.0, 20.0)
-    made = layers.draw_map(
-        Scene("", "", beams=shown.beams),
-        picture(o__o=pose(0, 0), robot__scan=scan),
-        (),
-        camera,
-        60,
-        40,
-    )
+    state = MapState(Scene("", "", beams=shown.beams))
+    state.update(picture(o__o=pose(0, 0), robot__scan=scan))
+    made = layers.draw_map(state, camera, 60, 40)
     dots = {cell for cell, layer in made.layers.items() if layer is MapLayer.SCAN}
     wanted = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
     assert dots == {(column // 2, row // 4) for column, row in wanted}

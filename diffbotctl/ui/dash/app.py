@@ -1,38 +1,41 @@
-"""`diffbotctl dash`: a run on one screen, and a person's hands on it."""
+"""`diffbotctl dash`: a run on one screen, driven with keys and mouse."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar, assert_never
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
-from textual.binding import BindingType
 from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Static
 
 from diffbotctl.control_socket.address import EngineAddress
+from diffbotctl.errors import closest_match
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.key_bindings import HELP, VIEWS, help_page, press
-from diffbotctl.ui.dash.panels import facts_panel
-from diffbotctl.ui.dash.state import LOG_MAX_LINES, RunView
-from diffbotctl.ui.dash.widgets import InputPrompt, MapBox, OnInput
+from diffbotctl.ui.dash.panels import PANELS, PanelName
+from diffbotctl.ui.dash.state import Request, RunView
+from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
+from diffbotctl.units import UnitError, quantity
 
-SIDE, WIDE_SIDE = 32, 44  # characters of the facts
-WIDE, HIGH = 110, 36  # from this size on plots, blocks and log have a place below the map
-HIGHEST = 55  # and from this height on the parameters too
-PLOTS = 3  # fields that are plotted until somebody chooses
+FACTS_WIDTH, FACTS_WIDTH_WIDE = 32, 44  # characters
+WIDE_MIN_WIDTH, WIDE_MIN_HEIGHT = 110, 36  # from here plots, blocks and log are below the map
+HIGH_MIN_HEIGHT = 55  # from here the parameters too
+DEFAULT_PLOTS = 3  # fields that are plotted until the user chooses
+PAN_CHARACTERS = 4  # a key press
 
 
 class Dashboard(EngineApp):
-    """Map and facts; the other views in place of the map, or below it where there is room."""
+    """Map and facts; the other panels in place of the map, or below it on a large screen."""
 
     CSS = """
     Screen { layout: vertical; overflow: hidden; }
-    #title, #hand, #said, #help { height: 1; width: 100%; }
+    #title, #keyboard, #status, #help { height: 1; width: 100%; }
     #banner { display: none; height: auto; max-height: 3; width: 100%; }
     #body { height: 1fr; }
     #view { width: 1fr; height: 1fr; display: none; padding: 0 1; }
@@ -41,24 +44,24 @@ class Dashboard(EngineApp):
     #below Static { width: 1fr; height: 100%; padding: 0 1; }
     #more { height: 14; display: none; border-top: solid $primary; padding: 0 1; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = []
+    slow_requests: ClassVar[tuple[Request, ...]] = ("topics", "blocks", "log", "parameters")
 
     def __init__(
-        self, engine: EngineAddress, tool: str, wishes: ScreenOptions, fields: list[str]
+        self, engine: EngineAddress, tool: str, options: ScreenOptions, fields: list[str]
     ) -> None:
-        super().__init__(engine, tool, wishes)
-        self.view = "map"
-        self.fields = fields
-        self.chosen = 0  # the parameter that is marked
-        self.is_wide = self.is_highest = False
-        self.drawn: dict[str, object] = {}  # what stands in each widget, or from what it was made
+        super().__init__(engine, tool, options)
+        self.panel: PanelName = "map"
+        self.fields = fields  # that are plotted
+        self.selected = 0  # row of the parameters
+        self.is_wide = self.is_high = False
+        self.drawn: dict[str, object] = {}  # content of each widget, or what it was made from
 
     def compose(self) -> ComposeResult:
-        """Title, stop, map and facts, what is below, keys."""
+        """Title, stop, map and facts, the panels below, keys."""
         yield Static(id="title")
         yield Static(id="banner")
         with Horizontal(id="body"):
-            yield MapBox(self.wishes.ascii_only)
+            yield MapBox(self.options.ascii_only)
             yield Static(id="view")
             yield Static(id="facts")
         with Horizontal(id="below"):
@@ -66,201 +69,235 @@ class Dashboard(EngineApp):
             yield Static(id="blocks")
             yield Static(id="log")
         yield Static(id="more")
-        yield Static(id="said")
-        yield Static(id="hand")
-        yield Static(HELP, id="help")
+        yield Static(id="status")
+        yield Static(id="keyboard")
+        yield Static(panels.HELP_LINE, id="help")
 
     async def on_mount(self) -> None:
-        """Lay out; then textual calls the cockpit's own on_mount, which connects."""
-        if self.wishes.ascii_only:
+        """Lay out; then textual calls the on_mount of EngineApp, which connects."""
+        if self.options.ascii_only:
             for name in ("#below", "#more"):
                 self.main.query_one(name).styles.border_top = ("ascii", "white")
         self._lay_out(self.size.width, self.size.height)
 
-    async def look_slowly(self) -> None:
-        """Rates, blocks, parameters."""
-        await super().look_slowly()
-        self.sight.blocks = (await self.caller.ask("blocks"))["blocks"]
-        self.sight.take_log(await self.caller.ask("log", last=LOG_MAX_LINES))
-        self.sight.parameters = (await self.caller.ask("parameters"))["parameters"]
-        if not self.fields:
-            self.fields = first_fields(self.sight)
-
     def on_resize(self, event: events.Resize) -> None:
-        """Use the room there is."""
+        """Lay out for the new size."""
         self._lay_out(event.size.width, event.size.height)
-        self.draw()
+        self.redraw()
 
     def _lay_out(self, width: int, height: int) -> None:
-        self.is_wide = width >= WIDE and height >= HIGH
-        self.is_highest = self.is_wide and height >= HIGHEST
-        self.main.query_one("#facts").styles.width = WIDE_SIDE if width >= WIDE else SIDE
-        self.main.query_one("#below").styles.display = "block" if self.is_wide else "none"
-        self.main.query_one("#more").styles.display = "block" if self.is_highest else "none"
+        self.is_wide = width >= WIDE_MIN_WIDTH and height >= WIDE_MIN_HEIGHT
+        self.is_high = self.is_wide and height >= HIGH_MIN_HEIGHT
+        facts_width = FACTS_WIDTH_WIDE if width >= WIDE_MIN_WIDTH else FACTS_WIDTH
+        self.main.query_one("#facts").styles.width = facts_width
+        self._set_shown("#below", self.is_wide)
+        self._set_shown("#more", self.is_high)
+
+    def _set_shown(self, selector: str, is_shown: bool) -> None:
+        self.main.query_one(selector).styles.display = "block" if is_shown else "none"
 
     # Drawing.
 
     @property
     def main(self) -> Screen[object]:
-        """The screen below any question that is being asked."""
+        """The screen below a prompt."""
         return self.screen_stack[0]
 
-    def show(self) -> None:
-        """Draw what is known now."""
-        if self.reins is None:
+    def draw_run(self) -> None:
+        """Draw the present state."""
+        if self.deadman is None:
             return
-        self._put("title", panels.title_line(self.sight))
-        held = self.main.query_one("#banner", Static)
-        held.styles.display = "block" if self.sight.held else "none"
-        self._put("banner", panels.stop_banner(self.sight), resizes=True)
-        is_map = self.view == "map"
-        side = self.main.query_one("#facts", Static)
-        side.styles.display = "block" if is_map or self.size.width >= WIDE else "none"
-        if side.display:
-            width = max(side.size.width, SIDE) - 1
-            self._put("facts", facts_panel(self.sight, width, self.wishes.ascii_only))
-        box, view = self.main.query_one(MapBox), self.main.query_one("#view", Static)
-        box.styles.display, view.styles.display = ("block", "none") if is_map else ("none", "block")
+        is_map, plain = self.panel == "map", self.options.ascii_only
+        self._put("title", panels.title_line(self.run_view))
+        self._set_shown("#banner", self.run_view.held is not None)
+        self._put("banner", panels.stop_banner(self.run_view), resizes=True)
+        has_facts = is_map or self.size.width >= WIDE_MIN_WIDTH
+        self._set_shown("#facts", has_facts)
+        if has_facts:
+            width = max(self.main.query_one("#facts").size.width, FACTS_WIDTH) - 1
+            self._put("facts", panels.facts_panel(self.run_view, width, plain))
+        self._set_shown("MapBox", is_map)
+        self._set_shown("#view", not is_map)
         if is_map:
-            box.see(self.sight)
+            self.main.query_one(MapBox).show(self.run_view)
         else:
-            self._pane("view", self.view, 2)
-        for name in ("plots", "blocks", "log") if self.is_wide else ():
-            self._pane(name, name)
-        if self.is_highest:
-            self._pane("more", "parameters")
-        self._put("said", Text(self.said, "yellow", no_wrap=True, overflow="ellipsis"))
-        self._put("hand", panels.keyboard_line(self.reins))
+            self._draw_panel("view", self.panel, 2)
+        if self.is_wide:
+            self._draw_panel("plots", "plots")
+            self._draw_panel("blocks", "blocks")
+            self._draw_panel("log", "log")
+        if self.is_high:
+            self._draw_panel("more", "parameters")
+        self._put("status", Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"))
+        self._put("keyboard", panels.keyboard_line(self.deadman))
 
-    def _pane(self, name: str, view: str, margin: int = 0) -> None:
-        """Draw a view in its pane, if what it shows may have changed since."""
-        size = self.main.query_one(f"#{name}", Static).size
-        moment = self.sight.picture.time if view == "plots" else self.slow_look
-        state = (view, size, moment, self.chosen, tuple(self.fields))
-        if self.drawn.get(name) != state:
-            self.drawn[name] = state
-            self._show(name, self._renderable(view, size.width - margin, size.height), False)
+    def _draw_panel(self, widget: str, panel: PanelName, margin: int = 0) -> None:
+        """Draw a panel in a widget, if what it shows may have changed since."""
+        size = self.main.query_one(f"#{widget}", Static).size
+        time = self.run_view.snapshot.time if panel == "plots" else self.last_slow_poll
+        state = (panel, size, time, self.selected, tuple(self.fields))
+        if self.drawn.get(widget) != state:
+            self.drawn[widget] = state
+            self._update(widget, self._render_panel(panel, size.width - margin, size.height))
 
-    def _put(self, name: str, what: RenderableType, resizes: bool = False) -> None:
-        """Draw what is cheap to make, if it differs from what stands there."""
-        if not isinstance(what, Text) or self.drawn.get(name) != what:
-            self.drawn[name] = what
-            self._show(name, what, resizes)
+    def _put(self, widget: str, content: RenderableType, resizes: bool = False) -> None:
+        """Draw what is fast to make, if it differs from the content of the widget."""
+        if not isinstance(content, Text) or self.drawn.get(widget) != content:
+            self.drawn[widget] = content
+            self._update(widget, content, resizes)
 
-    def _show(self, name: str, what: RenderableType, resizes: bool) -> None:
-        # In a group: textual would make of a bare text its own kind, which wraps. The layout is
-        # worked out anew only for what may change its size: that costs more than all drawing.
-        self.main.query_one(f"#{name}", Static).update(Group(what), layout=resizes)
+    def _update(self, widget: str, content: RenderableType, resizes: bool = False) -> None:
+        # In a group: textual converts a bare text to its own kind, which wraps. Only what may
+        # change its size causes a new layout, which takes longer than all drawing.
+        self.main.query_one(f"#{widget}", Static).update(Group(content), layout=resizes)
 
-    def _renderable(self, name: str, width: int, height: int) -> RenderableType:
-        sight, plain = self.sight, self.wishes.ascii_only
-        if name == "plots":
-            return panels.plots_panel(sight, self.fields, width, max(height, 4), plain)
-        if name == "blocks":
-            return panels.blocks_panel(sight, height)
-        if name == "parameters":
-            return panels.parameters_panel(sight, self.chosen, height)
-        if name == "help":
-            return help_page(self.reins.hand.keys.help if self.reins else "")
-        return panels.log_panel(sight, max(height, 1))
+    def _render_panel(self, panel: PanelName, width: int, height: int) -> RenderableType:
+        view, plain = self.run_view, self.options.ascii_only
+        match panel:
+            case "plots":
+                return panels.plots_panel(view, self.plotted, width, max(height, 4), plain)
+            case "blocks":
+                return panels.blocks_panel(view, height)
+            case "parameters":
+                return panels.parameters_panel(view, self.selected, height)
+            case "help":
+                return panels.help_panel(self.deadman.keyboard.keys.help if self.deadman else "")
+            case "log":
+                return panels.log_panel(view, max(height, 1))
+            case "map":
+                return Text()  # a widget of its own
+        assert_never(panel)
+
+    @property
+    def plotted(self) -> list[str]:
+        """The fields that are plotted: the chosen ones, else defaults."""
+        return self.fields or default_fields(self.run_view)
 
     # Keys and mouse.
 
-    def own_key(self, key: str) -> bool:
-        """What is no driving."""
-        if self.view == "parameters" and self._parameter_key(key):
+    def handle_key(self, key: str) -> bool:
+        """The keys that do not drive."""
+        if self.panel == "parameters" and self._handle_parameter_key(key):
             return True
-        if self.view == "log" and key == "enter":
-            self.ask("log: BLOCK LEVEL, such as guard debug, * info:", "", self._hear)
+        if self.panel == "log" and key == "enter":
+            self.ask("log: BLOCK LEVEL, such as guard debug, * info:", "", self._set_log_level)
             return True
-        return press(self, key)
+        action = self._key_actions().get(key)
+        if action is not None:
+            action()
+        return action is not None
 
-    def _parameter_key(self, key: str) -> bool:
-        rows = panels.live_parameters(self.sight)
+    def _key_actions(self) -> dict[str, Callable[[], None]]:
+        box = self.main.query_one(MapBox)
+        return {
+            **{str(n): partial(self.show_panel, panel) for n, panel in enumerate(PANELS, 1)},
+            "escape": partial(self.show_panel, "map"),
+            "?": partial(self.show_panel, "map" if self.panel == "help" else "help"),
+            "n": self.show_next_panel,
+            "g": self.ask_goal,
+            "p": self.ask_fields,
+            "r": partial(self.request, "resume"),
+            "t": self.next_key_set,
+            "b": self.next_mode,
+            "f": box.follow,
+            "0": box.fit,
+            "]": partial(box.zoom, ZOOM_STEP),
+            "[": partial(box.zoom, 1 / ZOOM_STEP),
+            "{": partial(box.pan, -PAN_CHARACTERS, 0),
+            "}": partial(box.pan, PAN_CHARACTERS, 0),
+            "(": partial(box.pan, 0, -PAN_CHARACTERS),
+            ")": partial(box.pan, 0, PAN_CHARACTERS),
+        }
+
+    def _handle_parameter_key(self, key: str) -> bool:
+        rows = self.run_view.live_parameters
         if key in ("up", "down"):
             step = 1 if key == "down" else -1
-            self.chosen = min(max(self.chosen + step, 0), max(len(rows) - 1, 0))
+            self.selected = min(max(self.selected + step, 0), max(len(rows) - 1, 0))
         elif key == "enter" and rows:
-            row = rows[self.chosen]
-            self.ask(f"{row['parameter']} ({row['unit']}) =", str(row["value"]), self._set)
+            row = rows[self.selected]
+            question = f"{row['parameter']} ({row['unit']}) ="
+            self.ask(question, str(row["value"]), self._set_parameter)
         else:
             return False
         return True
 
-    def turn_to(self, view: str) -> None:
-        """Show another view in place of the map."""
-        self.view = view
-        self.draw()
+    def show_panel(self, panel: PanelName) -> None:
+        """Show another panel in place of the map."""
+        self.panel = panel
+        self.redraw()
 
-    def next_view(self) -> None:
-        """The next of VIEWS."""
-        at = VIEWS.index(self.view) if self.view in VIEWS else -1
-        self.turn_to(VIEWS[(at + 1) % len(VIEWS)])
+    def show_next_panel(self) -> None:
+        """Show the next of PANELS."""
+        index = PANELS.index(self.panel) if self.panel in PANELS else -1
+        self.show_panel(PANELS[(index + 1) % len(PANELS)])
 
     def on_map_box_pointed(self, event: MapBox.Pointed) -> None:
-        """A click or drag on the map: go there."""
-        heading = {} if event.heading is None else {"heading": event.heading}
-        self.do("goto", x=event.at[0], y=event.at[1], **heading)
+        """A click or drag on the map: set a goal there."""
+        self._go_to(*event.place, event.heading)
 
-    def ask(self, question: str, first: str, answer: OnInput) -> None:
+    def ask(self, question: str, initial: str, on_input: OnInput) -> None:
         """Ask for a line of text below the map."""
-        if self.reins is not None:
-            self.reins.release()  # the keys are letters now
-        self.push_screen(InputPrompt(question, first), answer)
+        if self.deadman is not None:
+            self.deadman.release()  # the keys are letters now
+        self.push_screen(InputPrompt(question, initial), on_input)
 
     def ask_goal(self) -> None:
-        """A goal in numbers."""
-        self.ask("goal: X Y [HEADING], such as 1.0 0.5 90deg:", "", self._goal)
+        """Ask for a goal in numbers."""
+        self.ask("goal: X Y [HEADING], such as 1.0 0.5 90deg:", "", self._set_goal)
 
     def ask_fields(self) -> None:
-        """The fields to plot."""
-        self.ask("plot (block.port.field ...):", " ".join(self.fields), self._choose)
+        """Ask for the fields to plot."""
+        self.ask("plot (block.port.field ...):", " ".join(self.plotted), self._set_fields)
 
-    def _goal(self, text: str | None) -> None:
-        from diffbotctl.units import UnitError, quantity
-
+    def _set_goal(self, text: str | None) -> None:
         parts = (text or "").replace(",", " ").split()
         if not parts:
             return
         try:
             if not 2 <= len(parts) <= 3:
                 raise UnitError("give X Y and, if you like, a heading")
-            values = [quantity(part, "m") for part in parts[:2]]
-            heading = {"heading": quantity(parts[2], "rad")} if len(parts) == 3 else {}
+            x, y = (quantity(part, "m") for part in parts[:2])
+            heading = quantity(parts[2], "rad") if len(parts) == 3 else None
         except UnitError as error:
-            self.said = f"{text}: {error}"
+            self.status = f"{text}: {error}"
             return
-        self.do("goto", x=values[0], y=values[1], **heading)
+        self._go_to(x, y, heading)
 
-    def _choose(self, text: str | None) -> None:
+    def _go_to(self, x: float, y: float, heading: float | None) -> None:
+        fields = {} if heading is None else {"heading": heading}
+        self.request("goto", x=x, y=y, **fields)
+
+    def _set_fields(self, text: str | None) -> None:
         if text is None:
             return
-        from diffbotctl.errors import closest_match
+        available, names = self.run_view.fields, text.split()
+        self.fields = [name for name in names if name in available]
+        unknown = next((name for name in names if name not in available), None)
+        if unknown is not None:
+            match = closest_match(unknown, available)
+            self.status = f"there is no {unknown}" + (f"; did you mean {match}?" if match else "")
 
-        known = self.sight.fields
-        self.fields = [name for name in text.split() if name in known]
-        wrong = [name for name in text.split() if name not in known]
-        if wrong:
-            near = closest_match(wrong[0], known)
-            self.said = f"there is no {wrong[0]}" + (f"; did you mean {near}?" if near else "")
-
-    def _hear(self, text: str | None) -> None:
-        """Hear a block in the log from a level on."""
+    def _set_log_level(self, text: str | None) -> None:
         parts = (text or "").split()
         if len(parts) == 2:
-            self.do("log_level", block=parts[0], level=parts[1])
+            self.request("log_level", block=parts[0], level=parts[1])
         elif parts:
-            self.said = f"{text}: give a block, or *, and a level"
+            self.status = f"{text}: give a block, or *, and a level"
 
-    def _set(self, text: str | None) -> None:
-        rows = panels.live_parameters(self.sight)
+    def _set_parameter(self, text: str | None) -> None:
+        rows = self.run_view.live_parameters
         if text is not None and rows:
-            self.slow_look = 0.0
-            self.do("set", parameter=rows[self.chosen]["parameter"], value=text)
+            self.last_slow_poll = 0.0
+            self.request("set", parameter=rows[self.selected]["parameter"], value=text)
 
 
-def first_fields(sight: RunView) -> list[str]:
-    """What is plotted until somebody chooses: the wheels, else whatever there is."""
-    wanted = ("gate.wheels.left", "gate.wheels.right")
-    found = [name for end in wanted for name in sight.fields if name.endswith(end)]
-    return (found or sight.fields)[:PLOTS]
+def default_fields(view: RunView) -> list[str]:
+    """What is plotted until the user chooses: the wheels, else the first fields."""
+    wheels = [
+        name
+        for end in ("gate.wheels.left", "gate.wheels.right")
+        for name in view.fields
+        if name.endswith(end)
+    ]
+    return (wheels or view.fields)[:DEFAULT_PLOTS]

@@ -1,57 +1,47 @@
-"""The dashboard's panels printed once: for a pipe, a log, or a glance."""
+"""The dashboard's panels printed once: for a pipe, a log, or one look."""
 
 from __future__ import annotations
 
-from rich.console import Console
+from rich import box
+from rich.console import Console, RenderableType
 from rich.panel import Panel
 
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.panels import facts_panel
-from diffbotctl.ui.dash.state import LOG_MAX_LINES, RunView
-from diffbotctl.ui.engine_app import ScreenOptions
-from diffbotctl.ui.map import layers
+from diffbotctl.ui.dash.state import REQUESTS, RunView
+from diffbotctl.ui.map.layers import draw_map, overview_camera
 
-HEIGHT = 16  # lines of the map
+MAP_ROWS = 16
 
 
-def print_once(engine: EngineAddress, wishes: ScreenOptions, fields: list[str]) -> None:
-    """Ask the engine, print, leave. Raises RunError when it does not answer."""
-    caller = ControlClient(engine, "diffbotctl dash --once")
+def print_once(engine: EngineAddress, fields: list[str], plain: bool) -> None:
+    """Print every panel, and the value of each field. Raises RunError when no engine answers."""
+    client = ControlClient(engine, "diffbotctl dash --once")
     try:
-        sight = RunView(caller.about)
-        sight.take_scene(caller.ask("scene"))
-        sight.take_topics(caller.ask("topics"))
-        sight.take_look(caller.ask("look"))
-        sight.blocks = caller.ask("blocks")["blocks"]
-        sight.take_log(caller.ask("log", last=LOG_MAX_LINES))
-        sight.parameters = caller.ask("parameters")["parameters"]
+        view = RunView(str(client.about.get("engine", "")))
+        for request, arguments in REQUESTS.items():
+            view.take_reply(request, client.ask(request, **arguments))
     finally:
-        caller.close()
-    show(sight, Console(highlight=False), wishes.ascii_only)
+        client.close()
+    _print_panels(view, Console(highlight=False), plain)
     for name in fields:
-        known = sight.numbers.get(name)
-        print(f"{name} {known[-1][1]:.6g}" if known else f"{name} unknown")
+        history = view.numbers.get(name)
+        print(f"{name} {history[-1][1]:.6g}" if history else f"{name} unknown")
 
 
-def show(sight: RunView, console: Console, plain: bool) -> None:
-    """Every panel, one below the other."""
-    from rich import box
-
-    lines = box.ASCII if plain else box.ROUNDED
-    console.print(panels.title_line(sight))
-    if sight.held:
-        console.print(panels.stop_banner(sight))
+def _print_panels(view: RunView, console: Console, plain: bool) -> None:
+    console.print(panels.title_line(view))
+    if view.held:
+        console.print(panels.stop_banner(view))
     width = console.width - 4
-    seen = (sight.scene, sight.picture, sight.trail.places)
-    camera = layers.overview_camera(*seen, width, HEIGHT)
-    drawing = layers.draw_map(*seen, camera, width, HEIGHT, plain, sight.sheet)
-    console.print(Panel(drawing.text(), title="map", box=lines))
-    console.print(Panel(facts_panel(sight, width, plain), title="robot", box=lines))
-    console.print(
-        Panel(panels.blocks_panel(sight, len(sight.blocks) + 1), title="blocks", box=lines)
-    )
-    rows = len(panels.live_parameters(sight)) + 1
-    console.print(Panel(panels.parameters_panel(sight, -1, rows), title="parameters", box=lines))
-    console.print(Panel(panels.log_panel(sight, len(sight.log)), title="log", box=lines))
+    canvas = draw_map(view, overview_camera(view, width, MAP_ROWS), width, MAP_ROWS, plain)
+    contents: dict[str, RenderableType] = {
+        "map": canvas.text(),
+        "robot": panels.facts_panel(view, width, plain),
+        "blocks": panels.blocks_panel(view, len(view.blocks) + 1),
+        "parameters": panels.parameters_panel(view, -1, len(view.live_parameters) + 1),
+        "log": panels.log_panel(view, len(view.log)),
+    }
+    for title, content in contents.items():
+        console.print(Panel(content, title=title, box=box.ASCII if plain else box.ROUNDED))

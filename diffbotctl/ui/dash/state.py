@@ -1,34 +1,43 @@
-"""What the dashboard knows of a run: its newest messages, its trail, the history of its numbers."""
+"""What the dashboard shows of a run: the replies of the engine, its trail, a history of numbers."""
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterator
-from typing import Any
+from functools import partial
+from typing import Any, Literal, assert_never
 
 from diffbotctl.messages import BUILT_IN, LogLine
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.render.map_scene import Scene, scene_of
-from diffbotctl.ui.map.trail import Trail, TurtleTrail
-from diffbotctl.ui.run_text import newest_odometry
+from diffbotctl.time import SECOND
+from diffbotctl.ui.map.state import MapState
 
-HISTORY_MAX_VALUES = 1200  # numbers kept of each field: two minutes at ten a second
-LOG_MAX_LINES = 100  # of the log: more than the highest terminal shows
+HISTORY_MAX_VALUES = 1200  # of each field: two minutes at ten a second
+LOG_MAX_LINES = 100  # more than the highest terminal shows
 
 Fields = dict[str, Any]
+Request = Literal["scene", "topics", "look", "blocks", "log", "parameters"]
+# The requests whose replies a RunView takes, with their fields.
+REQUESTS: dict[Request, Fields] = {
+    "scene": {},
+    "topics": {},
+    "look": {},
+    "blocks": {},
+    "log": {"last": LOG_MAX_LINES},
+    "parameters": {},
+}
 
 
-class RunView:
-    """Everything that panels draw. Fed by the answers of `scene`, `topics` and `look`."""
+class RunView(MapState):
+    """Everything that panels draw. Updated with the replies to REQUESTS."""
 
-    def __init__(self, about: Fields) -> None:
-        self.engine = str(about.get("engine", ""))
-        self.scene = Scene("", "")
-        self.picture = RunSnapshot(0, {}, 0, 0)
-        self.sheet = TurtleTrail()
-        self.trail = Trail()
-        self.numbers: dict[str, deque[tuple[float, float]]] = {}
+    def __init__(self, engine: str = "") -> None:
+        super().__init__(Scene("", ""))
+        self.engine = engine
+        self.numbers: dict[str, deque[tuple[float, float]]]  # (s, value) by field
+        self.numbers = defaultdict(partial(deque, maxlen=HISTORY_MAX_VALUES))
         self.log: list[LogLine] = []
         self.rates: dict[str, Fields] = {}
         self.blocks: list[Fields] = []
@@ -37,50 +46,58 @@ class RunView:
         self.readers: dict[str, Any] = {}
         self.ended = False
 
-    def take_scene(self, said: Fields) -> None:
-        """Take the answer of `scene`."""
-        self.scene = scene_of(said)
-
-    def take_topics(self, said: Fields) -> None:
-        """Take the answer of `topics`: rates, and each wire's type."""
-        self.rates = {row["topic"]: row for row in said["topics"]}
-        for wire, row in self.rates.items():
-            if wire not in self.readers and row["type"] in BUILT_IN:
-                self.readers[wire] = message_reader(BUILT_IN[row["type"]])
-
-    def take_look(self, said: Fields) -> None:
-        """Take the answer of `look`."""
-        self.held = said["held"]
-        for wire, values in said["messages"].items():
-            self._note(wire, values)
-        messages = {
-            wire: self.readers[wire](values)
-            for wire, values in said["messages"].items()
-            if wire in self.readers
-        }
-        self.picture = RunSnapshot(said["time"], messages, 0, 0)
-        self.sheet.see(self.picture)
-        odometry = newest_odometry(self.picture)
-        if odometry is not None:
-            self.trail.see((odometry.x, odometry.y))
-
-    def take_log(self, said: Fields) -> None:
-        """Take the answer of `log`."""
-        self.log = [LogLine(**line) for line in said["lines"]]
+    def take_reply(self, request: Request, reply: Fields) -> None:
+        """Update what the reply to `request` contains."""
+        match request:
+            case "scene":
+                self.scene = scene_of(reply)
+            case "topics":
+                self._take_topics(reply)
+            case "look":
+                self._take_messages(reply)
+            case "blocks":
+                self.blocks = reply["blocks"]
+            case "log":
+                self.log = [LogLine(**line) for line in reply["lines"]]
+            case "parameters":
+                self.parameters = reply["parameters"]
+            case _:
+                assert_never(request)
 
     @property
     def fields(self) -> list[str]:
         """Every number that can be plotted, `block.port.field`."""
         return sorted(self.numbers)
 
-    def _note(self, wire: str, values: Fields) -> None:
-        time = values["time"] / 1e9
+    @property
+    def live_parameters(self) -> list[Fields]:
+        """The parameters that may change while the pipeline runs."""
+        return [row for row in self.parameters if row["live"]]
+
+    def _take_topics(self, reply: Fields) -> None:
+        """Rates, and a reader for the type of each wire."""
+        self.rates = {row["topic"]: row for row in reply["topics"]}
+        for wire, row in self.rates.items():
+            if wire not in self.readers and row["type"] in BUILT_IN:
+                self.readers[wire] = message_reader(BUILT_IN[row["type"]])
+
+    def _take_messages(self, reply: Fields) -> None:
+        self.held = reply["held"]
+        for wire, values in reply["messages"].items():
+            self._add_numbers(wire, values)
+        messages = {
+            wire: self.readers[wire](values)
+            for wire, values in reply["messages"].items()
+            if wire in self.readers
+        }
+        self.update(RunSnapshot(reply["time"], messages, 0, 0))
+
+    def _add_numbers(self, wire: str, values: Fields) -> None:
+        time = values["time"] / SECOND
         for name, value in _numbers(values):
-            kept = self.numbers.get(f"{wire}.{name}")
-            if kept is None:
-                kept = self.numbers[f"{wire}.{name}"] = deque(maxlen=HISTORY_MAX_VALUES)
-            if not kept or kept[-1][0] < time:
-                kept.append((time, value))
+            history = self.numbers[f"{wire}.{name}"]
+            if not history or history[-1][0] < time:
+                history.append((time, value))
 
 
 def _numbers(values: Fields) -> Iterator[tuple[str, float]]:

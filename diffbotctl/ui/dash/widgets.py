@@ -1,6 +1,6 @@
-"""The map as a widget: click or drag sets a goal, the wheel zooms, the right button pans.
+"""The dashboard's own widgets: the map, and a prompt on the last line of the screen.
 
-One question on the last line of the screen.
+On the map a click or drag sets a goal, the wheel zooms, the right button pans.
 """
 
 from __future__ import annotations
@@ -20,76 +20,66 @@ from textual.widget import Widget
 from textual.widgets import Input, Label
 
 from diffbotctl.ui.dash.state import RunView
-from diffbotctl.ui.map import layers
 from diffbotctl.ui.map.canvas import Camera, Point
+from diffbotctl.ui.map.layers import draw_map, mark_goal, overview_camera
 
-ZOOM_STEP = 1.25  # a step of the wheel
-FIT_SCALE_RATIO = 0.9  # of the scale that would just fit, so that the map stands still for a while
-REFIT_SCALE_RATIO = 0.6  # of it; smaller, the map is drawn closer
-CENTRE_TOLERANCE_DOTS = 1.0  # dots that the middle may be off all the same
-DRAG_MIN_CHARACTERS = 1.5  # characters; a shorter drag is a click that shook
+ZOOM_STEP = 1.25  # of the mouse wheel
+FIT_SCALE_RATIO = 0.9  # of the scale that would just fit, so that the map moves less often
+REFIT_SCALE_RATIO = 0.6  # of the fitting scale; below it the map is drawn closer
+CENTRE_TOLERANCE_DOTS = 1.0  # distance of the middle from where it should be
+DRAG_MIN_CHARACTERS = 1.5  # a shorter drag is a click
 
 
 class MapBox(Widget):
-    """Shows a Sight. `camera` None: everything is kept in view. `follows`: the robot is."""
+    """The map of a run. `camera` None: everything is kept in view. `follows`: the robot is."""
 
     DEFAULT_CSS = "MapBox { width: 1fr; height: 1fr; }"
 
     class Pointed(Message):
-        """A person chose a place (m, odom), and a heading (rad) if they dragged."""
+        """The user chose a place (m, odom), and a heading (rad) by dragging."""
 
-        def __init__(self, at: Point, heading: float | None) -> None:
+        def __init__(self, place: Point, heading: float | None) -> None:
             super().__init__()
-            self.at, self.heading = at, heading
+            self.place, self.heading = place, heading
 
     def __init__(self, plain: bool) -> None:
         super().__init__()
         self.plain = plain
-        self.sight: RunView | None = None
+        self.run_view: RunView | None = None
         self.camera: Camera | None = None
-        self.fitted: tuple[Camera, int, int] | None = None  # and the window that it was made for
-        self.used: Camera | None = None  # with which the map was last drawn
+        self.fitted: tuple[Camera, tuple[int, int]] | None = None  # camera, size of its window
+        self.drawn: Camera | None = None  # the camera of the last drawing
         self.follows = False
-        self.pressed: tuple[float, float] | None = None  # where the left button went down
-        self.dragged: tuple[float, float] | None = None  # where the mouse is since
-        self.panning: tuple[float, float] | None = None
+        self.pressed: Point | None = None  # where the left button went down, in characters
+        self.dragged: Point | None = None  # where the mouse is since
+        self.panning: Point | None = None
 
     def render(self) -> Text:
         """The map, with the goal that is being dragged."""
         width, height = self.size
-        if self.sight is None or width < 1 or height < 1:
+        if self.run_view is None or width < 1 or height < 1:
             return Text("")
-        self.used = self._camera(self.sight, width, height)
-        drawing = layers.draw_map(
-            self.sight.scene,
-            self.sight.picture,
-            self.sight.trail.places,
-            self.used,
-            width,
-            height,
-            self.plain,
-            self.sight.sheet,
-        )
+        self.drawn = self._camera(self.run_view)
+        canvas = draw_map(self.run_view, self.drawn, width, height, self.plain)
         if self.pressed is not None:
-            at, heading = self._goal(self.pressed, self.dragged or self.pressed)
-            layers.mark_goal(drawing, at, heading)
-        return drawing.text()
+            mark_goal(canvas, *self._goal(self.drawn, self.pressed, self.dragged or self.pressed))
+        return canvas.text()
 
-    def see(self, sight: RunView) -> None:
-        """Draw this."""
-        self.sight = sight
+    def show(self, run_view: RunView) -> None:
+        """Draw this run."""
+        self.run_view = run_view
         self.refresh()
 
     def zoom(self, factor: float) -> None:
         """Closer by `factor`."""
-        if self.used is not None:
-            self.camera = self.used.zoomed(factor)
+        if self.drawn is not None:
+            self.camera = self.drawn.zoomed(factor)
             self.refresh()
 
     def pan(self, columns: float, rows: float) -> None:
-        """Look farther to the right and down."""
-        if self.used is not None:
-            self.follows, self.camera = False, self.used.moved(columns, rows)
+        """Move the window to the right and down, in characters."""
+        if self.drawn is not None:
+            self.follows, self.camera = False, self.drawn.moved(columns, rows)
             self.refresh()
 
     def fit(self) -> None:
@@ -98,9 +88,9 @@ class MapBox(Widget):
         self.refresh()
 
     def follow(self) -> None:
-        """Keep the robot in the middle, or no longer."""
+        """Start or end keeping the robot in the middle."""
         self.follows = not self.follows
-        self.camera = self.used if self.follows else None
+        self.camera = self.drawn if self.follows else None
         self.refresh()
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
@@ -112,7 +102,7 @@ class MapBox(Widget):
         self.capture_mouse()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """The heading, or the pan, under way."""
+        """Update the heading, or pan."""
         if self.pressed is not None:
             self.dragged = (event.x, event.y)
             self.refresh()
@@ -121,11 +111,11 @@ class MapBox(Widget):
             self.panning = (event.x, event.y)
 
     def on_mouse_up(self, event: events.MouseUp) -> None:
-        """The goal is chosen."""
+        """Report the chosen goal."""
         self.release_mouse()
-        if self.pressed is not None and self.used is not None:
-            at, heading = self._goal(self.pressed, (event.x, event.y))
-            self.post_message(self.Pointed(at, heading))
+        if self.pressed is not None and self.drawn is not None:
+            goal = self._goal(self.drawn, self.pressed, (event.x, event.y))
+            self.post_message(self.Pointed(*goal))
         self.pressed = self.dragged = self.panning = None
         self.refresh()
 
@@ -137,43 +127,37 @@ class MapBox(Widget):
         """Farther away."""
         self.zoom(1 / ZOOM_STEP)
 
-    def _goal(
-        self, start: tuple[float, float], end: tuple[float, float]
-    ) -> tuple[Point, float | None]:
-        assert self.used is not None
-        width, height = self.size
-        at = self.used.place(*start, width, height)
+    def _goal(self, camera: Camera, start: Point, end: Point) -> tuple[Point, float | None]:
+        """Place and heading of a drag between two characters; no heading for a click."""
+        place = camera.place(*start, *self.size)
         if hypot(end[0] - start[0], 2 * (end[1] - start[1])) < DRAG_MIN_CHARACTERS:
-            return at, None
-        to = self.used.place(*end, width, height)
-        return at, atan2(to[1] - at[1], to[0] - at[0])
+            return place, None
+        target = camera.place(*end, *self.size)
+        return place, atan2(target[1] - place[1], target[0] - place[0])
 
-    def _camera(self, sight: RunView, width: int, height: int) -> Camera:
-        if self.pressed is not None and self.used is not None:
-            return self.used  # the floor must not move under the mouse
+    def _camera(self, run_view: RunView) -> Camera:
+        if self.pressed is not None and self.drawn is not None:
+            return self.drawn  # the floor must not move under the mouse
         if self.camera is None:
-            return self._fitted(sight, width, height)
-        if self.follows and sight.trail.places:
-            x, y = sight.trail.places[-1]
+            return self._fitted_camera(run_view)
+        if self.follows and run_view.trail.points:
+            x, y = run_view.trail.points[-1]
             return self.camera._replace(x=x, y=y)
         return self.camera
 
-    def _fitted(self, sight: RunView, width: int, height: int) -> Camera:
-        """A camera that has all in view; the one in use stays as long as it is about right."""
-        wanted = layers.overview_camera(
-            sight.scene, sight.picture, sight.trail.places, width, height
-        )
-        last = self.fitted
-        if last is not None and last[1:] == (width, height):
-            off = hypot(wanted.x - last[0].x, wanted.y - last[0].y) * wanted.scale
-            closer = last[0].scale / wanted.scale
-            if (
-                REFIT_SCALE_RATIO < closer <= 1.0
-                and off < (1.0 - closer) * min(width, height) + CENTRE_TOLERANCE_DOTS
-            ):
-                return last[0]
-        camera = wanted._replace(scale=wanted.scale * FIT_SCALE_RATIO)
-        self.fitted = (camera, width, height)
+    def _fitted_camera(self, run_view: RunView) -> Camera:
+        """A camera that has everything in view; the present one while it is about right."""
+        size = (self.size.width, self.size.height)
+        best = overview_camera(run_view, *size)
+        if self.fitted is not None and self.fitted[1] == size:
+            last = self.fitted[0]
+            offset = hypot(best.x - last.x, best.y - last.y) * best.scale
+            ratio = last.scale / best.scale
+            tolerance = (1.0 - ratio) * min(size) + CENTRE_TOLERANCE_DOTS
+            if REFIT_SCALE_RATIO < ratio <= 1.0 and offset < tolerance:
+                return last
+        camera = best._replace(scale=best.scale * FIT_SCALE_RATIO)
+        self.fitted = (camera, size)
         return camera
 
 
@@ -181,7 +165,7 @@ OnInput = Callable[[str | None], None]
 
 
 class InputPrompt(ModalScreen[str | None]):
-    """Gives the line back on enter, None on escape."""
+    """Asks for one line: returns it on enter, None on escape."""
 
     CSS = """
     InputPrompt { align: left bottom; background: transparent; }
@@ -189,26 +173,26 @@ class InputPrompt(ModalScreen[str | None]):
     InputPrompt Label { width: auto; text-style: bold; padding: 0 1; }
     InputPrompt Input { width: 1fr; border: none; height: 1; padding: 0; }
     """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "give_up", "leave")]
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "cancel", "leave")]
 
-    def __init__(self, question: str, first: str) -> None:
+    def __init__(self, question: str, initial: str) -> None:
         super().__init__()
-        self.question, self.first = question, first
+        self.question, self.initial = question, initial
 
     def compose(self) -> ComposeResult:
         """The question and a field."""
         with Horizontal():
             yield Label(self.question, markup=False)
-            yield Input(self.first, select_on_focus=False)
+            yield Input(self.initial, select_on_focus=False)
 
     def on_mount(self) -> None:
-        """The field has the keys from the first moment on."""
+        """Send the keys to the field."""
         self.query_one(Input).focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """The answer."""
+        """Return the line."""
         self.dismiss(event.value)
 
-    def action_give_up(self) -> None:
-        """No answer."""
+    def action_cancel(self) -> None:
+        """Return None."""
         self.dismiss(None)

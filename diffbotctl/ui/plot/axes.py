@@ -1,61 +1,66 @@
-"""Axes: round numbers to write beside a picture, and where a value stands between them."""
+"""Axes: round numbers to write beside a picture, and where a value lies between them."""
 
 from __future__ import annotations
 
 from math import ceil, floor, log10
 from typing import NamedTuple
 
-ROUND = (1.0, 2.0, 5.0, 10.0)  # steps that a person reads easily, times a power of ten
-FLAT = 1e-9  # of the value: a curve that varies less is drawn as a constant
-HALF = 0.5  # of the unit, or of the value: room around a constant
+ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # times a power of ten
+RELATIVE_TOLERANCE = 1e-9  # a curve that varies less, relative to its values, is a constant
+CONSTANT_MARGIN = 0.5  # room around a constant: share of its value, or units around zero
+LABEL_MAX_VALUE = 1e6  # greater numbers are written with an exponent
 
 
 class Axis(NamedTuple):
-    """From `least` to `most`, with the values to write beside it."""
+    """From `minimum` to `maximum`, with the values to write beside it."""
 
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     ticks: tuple[float, ...]
     decimals: int
 
     def share(self, value: float) -> float:
-        """Where `value` stands: 0 at the beginning, 1 at the end."""
-        return (value - self.least) / (self.most - self.least)
+        """The position of `value`: 0 at the minimum, 1 at the maximum."""
+        return (value - self.minimum) / (self.maximum - self.minimum)
+
+    def position(self, value: float, size: int, is_reversed: bool = False) -> int:
+        """The position of `value` among `size` dots or characters; reversed: rows, counted down."""
+        share = self.share(value)
+        return round((1.0 - share if is_reversed else share) * (size - 1))
 
     def label(self, value: float) -> str:
-        """A tick in words, all of an axis with the same number of decimals."""
-        if abs(value) >= WIDEST:
+        """A tick as text; all ticks of an axis have the same number of decimals."""
+        if abs(value) >= LABEL_MAX_VALUE:
             return f"{value:.3g}"
         text = f"{value:.{self.decimals}f}"
         return text.removeprefix("-") if float(text) == 0.0 else text
 
 
-WIDEST = 1e6  # numbers of more digits are written with an exponent
+def make_axis(minimum: float, maximum: float, ticks: int) -> Axis:
+    """An axis from `minimum` to `maximum` with about `ticks` round values, at least two.
 
-
-def make_axis(least: float, most: float, ticks: int) -> Axis:
-    """An axis from `least` to `most` with about `ticks` round values in it, two at the least.
-
-    What hardly varies gets room above and below.
+    Values that hardly vary get room above and below.
     """
-    if most - least <= FLAT * max(abs(least), abs(most)):
-        room = HALF * abs(least) or HALF
-        least, most = least - room, most + room
-    wanted = (most - least) / max(ticks, 1)
-    step = _step(wanted)
-    while len(inside := _multiples(step, least, most)) < 2:
-        wanted /= 2
-        step = _step(wanted)
-    decimals = max(0, -floor(log10(step) + FLAT))
-    return Axis(least, most, tuple(number * step for number in inside), decimals)
+    if maximum - minimum <= RELATIVE_TOLERANCE * max(abs(minimum), abs(maximum)):
+        margin = CONSTANT_MARGIN * abs(minimum) or CONSTANT_MARGIN
+        minimum, maximum = minimum - margin, maximum + margin
+    spacing = (maximum - minimum) / max(ticks, 1)
+    step = _round_step(spacing)
+    while len(multiples := _multiples(step, minimum, maximum)) < 2:
+        spacing /= 2
+        step = _round_step(spacing)
+    decimals = max(0, -floor(log10(step) + RELATIVE_TOLERANCE))
+    return Axis(minimum, maximum, tuple(number * step for number in multiples), decimals)
 
 
-def _multiples(step: float, least: float, most: float) -> range:
+def _multiples(step: float, minimum: float, maximum: float) -> range:
     """The whole multiples of `step` between the bounds, both included."""
-    return range(ceil(least / step - FLAT), floor(most / step + FLAT) + 1)
+    first, last = minimum / step - RELATIVE_TOLERANCE, maximum / step + RELATIVE_TOLERANCE
+    return range(ceil(first), floor(last) + 1)
 
 
-def _step(wanted: float) -> float:
-    """The smallest round step that is not below `wanted`."""
-    power = 10.0 ** floor(log10(wanted))
-    return next((each for each in ROUND if each * power >= wanted * (1 - FLAT)), ROUND[-1]) * power
+def _round_step(spacing: float) -> float:
+    """The smallest round step that is not below `spacing`."""
+    power = 10.0 ** floor(log10(spacing))
+    limit = spacing * (1 - RELATIVE_TOLERANCE)
+    return next((step for step in ROUND_STEPS if step * power >= limit), ROUND_STEPS[-1]) * power

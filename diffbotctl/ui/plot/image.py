@@ -1,89 +1,97 @@
-"""Curves as a picture: fields of one unit share a panel, all panels share the axis of time.
+"""Plots as image files: fields of one unit share a panel, all panels share the time axis.
 
-Pictures as PNG, drawn by Pillow.
+A figure is a list of lines and texts in pixels, written as SVG, or as PNG with Pillow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from io import BytesIO
+from itertools import groupby
 from math import isnan
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.recording.fields import Series
 from diffbotctl.render.svg import document, mark, points, words
 from diffbotctl.ui.plot.axes import Axis, make_axis
 
-WIDTH, PANEL = 900, 240  # pixels of the picture, and of each panel's height
+FIGURE_WIDTH, PANEL_HEIGHT = 900, 240  # pixels
 LEFT, RIGHT, TOP, BOTTOM, GAP = 70, 20, 40, 40, 30  # pixels around the panels and between them
-TICKS_ACROSS, TICKS_DOWN = 9, 5
-MARGIN = 0.04  # of the values' span, so that no curve hides under the frame
-SIZE = 12  # pixels of the letters
-LETTER = 7.4  # pixels that a letter of that size is wide, at the widest of common fonts
-# Okabe and Ito's colours, which people who see fewer colours can tell apart too.
+TIME_TICKS, VALUE_TICKS = 9, 5
+VALUE_MARGIN = 0.04  # of the span of the values, so that the frame hides no curve
+FONT_SIZE = 12  # pixels
+LETTER_WIDTH = 7.4  # pixels of a letter of that size in the widest of common fonts
+# The colours of Okabe and Ito, which can be told apart with colour vision deficiency too.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
-GRID, INK = "#dddddd", "#333333"
+GRID_COLOUR, INK_COLOUR = "#dddddd", "#333333"
+
+Point = tuple[float, float]
+Anchor = Literal["start", "middle", "end"]
 
 
 class FigureLine(NamedTuple):
     """A line through points (x, y) in pixels from the upper left corner."""
 
-    points: tuple[tuple[float, float], ...]
+    points: tuple[Point, ...]
     colour: str
     width: float
 
 
 class FigureText(NamedTuple):
-    """A text whose `anchor` (start, middle, end) stands at x, its base line at y."""
+    """A text whose `anchor` is at x and whose base line is at y."""
 
     x: float
     y: float
     text: str
-    anchor: str
-    colour: str
+    anchor: Anchor = "start"
+    colour: str = INK_COLOUR
 
 
 class Figure(NamedTuple):
-    """A picture of lines and words, in pixels; what comes later lies on top."""
+    """A picture of lines and texts, in pixels; later shapes lie on top."""
 
     width: int
     height: int
     shapes: tuple[FigureLine | FigureText, ...]
 
 
-def make_figure(drawn: Sequence[Series], title: str) -> Figure:
-    """The curves in panels, one a unit."""
+def make_figure(plotted: Sequence[Series], title: str) -> Figure:
+    """The curves in panels, one for each unit."""
     panels: dict[str, list[Series]] = {}
-    for each in drawn:
-        panels.setdefault(each.unit, []).append(each)
-    begin = min(each.times[0] for each in drawn)
-    end = max(each.times[-1] for each in drawn)
-    time = make_axis(begin, end, TICKS_ACROSS)
-    shapes: list[FigureLine | FigureText] = [FigureText(LEFT, TOP - 22, title, "start", INK)]
+    for series in plotted:
+        panels.setdefault(series.unit, []).append(series)
+    begin = min(series.times[0] for series in plotted)
+    end = max(series.times[-1] for series in plotted)
+    time = make_axis(begin, end, TIME_TICKS)
+    shapes: list[FigureLine | FigureText] = [FigureText(LEFT, TOP - 22, title)]
     top = TOP
     for unit, curves in panels.items():
         shapes += _panel(unit, curves, time, top)
-        top += PANEL + GAP
-    height = top - GAP + BOTTOM
-    shapes += _seconds(time, height - BOTTOM)
-    return Figure(WIDTH, height, tuple(shapes))
+        top += PANEL_HEIGHT + GAP
+    bottom = top - GAP
+    for tick in time.ticks:
+        shapes.append(
+            FigureText(_x(time, tick), bottom + FONT_SIZE + 6, time.label(tick), "middle")
+        )
+    unit_y = bottom + 2 * FONT_SIZE + 10
+    shapes.append(FigureText(FIGURE_WIDTH - RIGHT, unit_y, "s since the start", "end"))
+    return Figure(FIGURE_WIDTH, bottom + BOTTOM, tuple(shapes))
 
 
-def save_figure(picture: Figure, path: Path) -> None:
-    """Write the picture as SVG or PNG, as the ending of `path` says.
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write the figure as SVG or PNG, chosen by the suffix of `path`.
 
-    Raises UsageError for another ending, a place that cannot be written, or a missing library.
+    Raises UsageError for another suffix, a path that cannot be written, or a missing library.
     """
-
-    writers = {".svg": encode_svg, ".png": encode_png}
-    encode = writers.get(path.suffix.lower())
+    encoders = {".svg": encode_svg, ".png": encode_png}
+    encode = encoders.get(path.suffix.lower())
     if encode is None:
         cause = "a picture is written as .svg or .png"
         raise UsageError(Problem("E-PICTURE", str(path), cause, "give --output x.svg"))
     try:
-        path.write_bytes(encode(picture))
+        path.write_bytes(encode(figure))
     except ImportError as error:
         cause = "a PNG needs the library Pillow, which is not installed"
         fix = "pip install pillow, or write an .svg"
@@ -93,107 +101,87 @@ def save_figure(picture: Figure, path: Path) -> None:
         raise UsageError(Problem("E-PICTURE", str(path), cause)) from error
 
 
-def encode_svg(picture: Figure) -> bytes:
-    """The picture as an SVG document."""
-    marks = [
-        _line(each) if isinstance(each, FigureLine) else _words(each) for each in picture.shapes
-    ]
+def encode_svg(figure: Figure) -> bytes:
+    """The figure as an SVG document."""
     return document(
-        picture.width, picture.height, marks, font_family="system-ui, sans-serif", font_size=SIZE
+        figure.width,
+        figure.height,
+        map(_svg_mark, figure.shapes),
+        font_family="system-ui, sans-serif",
+        font_size=FONT_SIZE,
     ).encode()
 
 
-def _line(line: FigureLine) -> str:
+def _svg_mark(shape: FigureLine | FigureText) -> str:
+    if isinstance(shape, FigureText):
+        return words(shape.x, shape.y, shape.text, text_anchor=shape.anchor, fill=shape.colour)
     return mark(
         "polyline",
-        points=points(line.points),
+        points=points(shape.points),
         fill="none",
-        stroke=line.colour,
-        stroke_width=line.width,
+        stroke=shape.colour,
+        stroke_width=shape.width,
         stroke_linejoin="round",
     )
-
-
-def _words(said: FigureText) -> str:
-    return words(said.x, said.y, said.text, text_anchor=said.anchor, fill=said.colour)
 
 
 def _panel(
     unit: str, curves: list[Series], time: Axis, top: float
 ) -> Iterator[FigureLine | FigureText]:
-    bounds = [each.bounds() for each in curves]
-    least, most = min(b[0] for b in bounds), max(b[1] for b in bounds)
-    room = MARGIN * (most - least)
-    values = make_axis(least - room, most + room, TICKS_DOWN)
-    right, bottom = WIDTH - RIGHT, top + PANEL
+    bounds = [series.bounds() for series in curves]
+    minimum, maximum = min(low for low, _ in bounds), max(high for _, high in bounds)
+    margin = VALUE_MARGIN * (maximum - minimum)
+    values = make_axis(minimum - margin, maximum + margin, VALUE_TICKS)
+    right, bottom = FIGURE_WIDTH - RIGHT, top + PANEL_HEIGHT
     for tick in values.ticks:
         y = _y(values, tick, top)
-        yield FigureLine(((LEFT, y), (right, y)), GRID, 1)
-        yield FigureText(LEFT - 6, y + SIZE / 3, values.label(tick), "end", INK)
+        yield FigureLine(((LEFT, y), (right, y)), GRID_COLOUR, 1)
+        yield FigureText(LEFT - 6, y + FONT_SIZE / 3, values.label(tick), "end")
     for tick in time.ticks:
         x = _x(time, tick)
-        yield FigureLine(((x, top), (x, bottom)), GRID, 1)
+        yield FigureLine(((x, top), (x, bottom)), GRID_COLOUR, 1)
     if unit:
-        yield FigureText(LEFT - 6, top - 6, unit, "end", INK)
-    beside = float(LEFT)
-    for place, each in enumerate(curves):
-        colour = COLOURS[place % len(COLOURS)]
-        yield FigureText(beside, top - 6, each.name, "start", colour)
-        beside += len(each.name) * LETTER + SIZE
-        for piece in _pieces(each, time, values, top):
-            yield FigureLine(piece, colour, 1.5)
+        yield FigureText(LEFT - 6, top - 6, unit, "end")
+    name_x = float(LEFT)
+    for number, series in enumerate(curves):
+        colour = COLOURS[number % len(COLOURS)]
+        yield FigureText(name_x, top - 6, series.name, "start", colour)
+        name_x += len(series.name) * LETTER_WIDTH + FONT_SIZE
+        samples = zip(series.times, series.values, strict=True)
+        for is_gap, part in groupby(samples, key=lambda sample: isnan(sample[1])):
+            if not is_gap:
+                line = tuple((_x(time, at), _y(values, value, top)) for at, value in part)
+                yield FigureLine(line, colour, 1.5)
     frame = ((LEFT, top), (right, top), (right, bottom), (LEFT, bottom), (LEFT, top))
-    yield FigureLine(frame, INK, 1)
-
-
-def _pieces(
-    each: Series, time: Axis, values: Axis, top: float
-) -> Iterator[tuple[tuple[float, float], ...]]:
-    """The curve in pixels, in one piece where it has no gaps."""
-    piece: list[tuple[float, float]] = []
-    for t, v in zip(each.times, each.values, strict=True):
-        if not isnan(v):
-            piece.append((_x(time, t), _y(values, v, top)))
-            continue
-        if piece:
-            yield tuple(piece)
-        piece = []
-    if piece:
-        yield tuple(piece)
-
-
-def _seconds(time: Axis, bottom: float) -> Iterator[FigureText]:
-    for tick in time.ticks:
-        yield FigureText(_x(time, tick), bottom + SIZE + 6, time.label(tick), "middle", INK)
-    yield FigureText(WIDTH - RIGHT, bottom + 2 * SIZE + 10, "s since the start", "end", INK)
+    yield FigureLine(frame, INK_COLOUR, 1)
 
 
 def _x(time: Axis, value: float) -> float:
-    return LEFT + time.share(value) * (WIDTH - LEFT - RIGHT)
+    return LEFT + time.share(value) * (FIGURE_WIDTH - LEFT - RIGHT)
 
 
 def _y(values: Axis, value: float, top: float) -> float:
-    return top + (1.0 - values.share(value)) * PANEL
+    return top + (1.0 - values.share(value)) * PANEL_HEIGHT
 
 
-FINER = 2  # pixels of the file for one of the picture, so that lines are smooth
-ANCHORS = {"start": "ls", "middle": "ms", "end": "rs"}  # Pillow's words; s is the base line
+PNG_SCALE = 2  # pixels of the file for one of the figure, so that lines are smooth
+PNG_ANCHORS = {"start": "ls", "middle": "ms", "end": "rs"}  # Pillow's names; s is the base line
 
 
-def encode_png(picture: Figure) -> bytes:
-    """The picture as a PNG file. Raises ImportError without Pillow."""
-    from PIL import Image, ImageDraw, ImageFont
+def encode_png(figure: Figure) -> bytes:
+    """The figure as a PNG file. Raises ImportError without Pillow."""
+    from PIL import Image, ImageDraw, ImageFont  # an optional dependency, needed for PNG only
 
-    image = Image.new("RGB", (picture.width * FINER, picture.height * FINER), "white")
+    image = Image.new("RGB", (figure.width * PNG_SCALE, figure.height * PNG_SCALE), "white")
     draw = ImageDraw.Draw(image)
-    font = ImageFont.load_default(SIZE * FINER)
-    for shape in picture.shapes:
+    font = ImageFont.load_default(FONT_SIZE * PNG_SCALE)
+    for shape in figure.shapes:
         if isinstance(shape, FigureLine):
-            points = [(x * FINER, y * FINER) for x, y in shape.points]
-            draw.line(points, shape.colour, round(shape.width * FINER), joint="curve")
+            corners = [(x * PNG_SCALE, y * PNG_SCALE) for x, y in shape.points]
+            draw.line(corners, shape.colour, round(shape.width * PNG_SCALE), joint="curve")
         else:
-            place = (shape.x * FINER, shape.y * FINER)
-            draw.text(place, shape.text, shape.colour, font, anchor=ANCHORS[shape.anchor])
+            place = (shape.x * PNG_SCALE, shape.y * PNG_SCALE)
+            draw.text(place, shape.text, shape.colour, font, anchor=PNG_ANCHORS[shape.anchor])
     file = BytesIO()
     image.save(file, "PNG")
     return file.getvalue()

@@ -1,4 +1,4 @@
-"""`diffbotctl teleop`: the keys drive, and a dozen facts say what comes of it."""
+"""`diffbotctl teleop`: the keys drive; a screen of facts shows the effect."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from diffbotctl.ui.dash import panels
-from diffbotctl.ui.dash.panels import facts_panel
 from diffbotctl.ui.engine_app import EngineApp
 
 HELP = "t other keys   b hold/latched   r resume   space stop   ctrl-c leave"
-OWN = {"t": "next_keys", "b": "next_mode"}
-WIDEST = 60  # characters of the facts
+FACTS_MAX_WIDTH = 60  # characters
 
 
 class Teleop(EngineApp):
@@ -25,32 +23,29 @@ class Teleop(EngineApp):
         """One widget with everything."""
         yield Static(id="all")
 
-    def own_key(self, key: str) -> bool:
-        """What is no driving."""
-        if key == "r":
-            self.do("resume")
-        elif key in OWN:
-            getattr(self, OWN[key])()
-        else:
-            return False
-        return True
+    def handle_key(self, key: str) -> bool:
+        """The keys that do not drive."""
+        actions = {
+            "r": lambda: self.request("resume"),
+            "t": self.next_key_set,
+            "b": self.next_mode,
+        }
+        if key in actions:
+            actions[key]()
+        return key in actions
 
-    def show(self) -> None:
-        """Draw it all anew."""
-        if self.reins is None:
+    def draw_run(self) -> None:
+        """Draw everything again."""
+        if self.deadman is None:
             return
-        plain = self.wishes.ascii_only
-        rows = [
-            panels.title_line(self.sight),
-            panels.stop_banner(self.sight),
-            panels.keyboard_line(self.reins),
-        ]
-        self.query_one("#all", Static).update(
-            Group(
-                *rows,
-                Text(self.reins.hand.keys.help, "dim", no_wrap=True),
-                Text(HELP, "dim", no_wrap=True),
-                Text(self.said, "yellow", no_wrap=True, overflow="ellipsis"),
-                facts_panel(self.sight, min(self.size.width, WIDEST), plain),
-            )
+        width = min(self.size.width, FACTS_MAX_WIDTH)
+        lines = (
+            panels.title_line(self.run_view),
+            panels.stop_banner(self.run_view),
+            panels.keyboard_line(self.deadman),
+            Text(self.deadman.keyboard.keys.help, "dim", no_wrap=True),
+            Text(HELP, "dim", no_wrap=True),
+            Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"),
+            panels.facts_panel(self.run_view, width, self.options.ascii_only),
         )
+        self.query_one("#all", Static).update(Group(*lines))

@@ -1,175 +1,169 @@
-"""Whether the person's terminal is still there: it is asked for its cursor and must answer.
+"""Dead-man logic of keyboard teleoperation: drive, release, and the detection of a lost terminal.
 
-A dead ssh, a frozen window, a laptop asleep send no word; they also answer no question. A terminal
-multiplexer answers in place of the terminal behind it, so that inside one this proves nothing.
-
-A hand's wishes as words to the engine: driving, letting go, and being lost.
+The terminal is asked for its cursor position and must answer. A dead ssh connection, a frozen
+window or a suspended laptop sends no message, and does not answer either. A terminal multiplexer
+answers in place of the terminal behind it, so inside one an answer proves nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from diffbotctl.ui.teleop.keyboard import KeyboardVelocity
 
 CURSOR_QUERY = "\x1b[6n"  # DSR: report the cursor's position (ECMA-48)
-QUERY_PERIOD_S = 0.08  # s between two questions
-REPLY_TIMEOUT_S = 0.28  # s; with PERIOD and the way to the wheels it stays below half a second
+QUERY_PERIOD_S = 0.08
+REPLY_TIMEOUT_S = 0.28  # with QUERY_PERIOD_S and the delay to the wheels below half a second
+SEND_PERIOD_S = 0.05  # the engine takes 0.3 s of silence for a lost operator
+STALL_MIN_S = 0.15  # between two beats: this process was stopped; the engine detects that itself
+FIRST_REPLY_TIMEOUT_S = 1.0  # long enough for ssh to the other side of the world
 
 
 class TerminalHeartbeat:
-    """Times are seconds of any one clock. Questions are answered in the order they were asked."""
+    """Times are seconds of any one clock. Queries are answered in the order they were sent."""
 
     def __init__(self) -> None:
-        self.asked: list[float] = []
-        self.next = 0.0
+        self.pending: list[float] = []  # when each unanswered query was sent
+        self.next_query = 0.0
         self.round_trip: float | None = None
 
     def is_due(self, now: float) -> bool:
-        """True when a question is to be asked now; it is noted as asked."""
-        if now < self.next:
+        """True when a query is to be sent now; it is counted as sent."""
+        if now < self.next_query:
             return False
-        self.next = now + QUERY_PERIOD_S
-        self.asked.append(now)
+        self.next_query = now + QUERY_PERIOD_S
+        self.pending.append(now)
         return True
 
-    def answered(self, now: float) -> None:
-        """The terminal answered the oldest question."""
-        if self.asked:
-            self.round_trip = now - self.asked.pop(0)
+    def on_reply(self, now: float) -> None:
+        """The terminal answered the oldest query."""
+        if self.pending:
+            self.round_trip = now - self.pending.pop(0)
 
     def is_lost(self, now: float) -> bool:
-        """True when a question has waited too long."""
-        return bool(self.asked) and now - self.asked[0] > REPLY_TIMEOUT_S
+        """True when a query was not answered in time."""
+        return bool(self.pending) and now - self.pending[0] > REPLY_TIMEOUT_S
 
-    def excuse(self, seconds: float) -> None:
-        """We ourselves did not look for so long: that is not the terminal's fault."""
-        self.asked = [time + seconds for time in self.asked]
+    def extend(self, seconds: float) -> None:
+        """Extend all deadlines: this process was stopped for so long."""
+        self.pending = [time + seconds for time in self.pending]
 
-    def forget(self) -> None:
-        """Begin anew, as after a pause in which nothing was asked."""
-        self.asked.clear()
-        self.next = 0.0
+    def reset(self) -> None:
+        """Begin again, after a pause without queries."""
+        self.pending.clear()
+        self.next_query = 0.0
 
 
 def multiplexer_name(environment: Mapping[str, str]) -> str:
-    """The name of the multiplexer that this runs inside of; empty when there is none."""
+    """The name of the multiplexer that this process runs in; empty when there is none."""
     if environment.get("TMUX"):
         return "tmux"
     return "screen" if environment.get("STY") else ""
 
 
-SEND_PERIOD_S = 0.05  # s; the engine takes 0.3 s of silence for a lost operator
-STALL_MIN_S = 0.15  # s between two beats: this process stood still; the engine minds that by itself
-FIRST_REPLY_TIMEOUT_S = (
-    1.0  # s for a terminal to answer at all; ssh to the other side of the world does
-)
-
-
 class TeleopDeadman:
-    """`say` sends a request without waiting, `question` asks the terminal to answer.
+    """`send` sends a request without waiting, `query_terminal` sends CURSOR_QUERY.
 
-    Whoever lets go is asked once more: the robot stands at once, but only a terminal that answers
-    proves that the person let go and was not cut off.
+    When the last key is released the robot stops at once, and one more query is sent: only a
+    terminal that answers proves that the key was released and the connection not lost.
     """
 
     def __init__(
         self,
-        hand: KeyboardVelocity,
-        say: Callable[..., None],
-        question: Callable[[], None],
+        keyboard: KeyboardVelocity,
+        send: Callable[..., None],
+        query_terminal: Callable[[], None],
         now: float,
     ) -> None:
-        self.hand, self.say, self.question = hand, say, question
-        self.pulse = TerminalHeartbeat()
-        self.answers = False  # whether this terminal answers questions
-        self.since = now
-        self.beaten = now  # when `beat` was called last
-        self.waited = False  # long enough for a first answer
-        self.drives = False  # the engine takes us for the driver
-        self.ending = False  # standing, and waiting for the last answer
-        self.lost = ""  # why the person was lost; empty while nobody is
+        self.keyboard, self.send, self.query_terminal = keyboard, send, query_terminal
+        self.heartbeat = TerminalHeartbeat()
+        self.terminal_answers = False  # it has answered a query
+        self.is_first_reply_late = False
+        self.started = self.last_beat = now
+        self.is_driving = False  # the engine takes this client for the driver
+        self.is_releasing = False  # commands zero, and waits for the last answer
+        self.lost_cause = ""  # empty while the terminal is not lost
 
     @property
     def is_unproven(self) -> bool:
-        """True when commands are to stay, but this terminal never answered a question."""
-        return self.hand.mode == "latched" and self.waited and not self.answers
+        """True when commands are to stay, but this terminal never answered a query."""
+        is_latched = self.keyboard.mode == "latched"
+        return is_latched and self.is_first_reply_late and not self.terminal_answers
 
-    def answered(self, now: float) -> None:
-        """The terminal answered a question."""
-        self.answers = True
-        self.pulse.answered(now)
-        if self.ending and not self.pulse.asked:
+    def on_reply(self, now: float) -> None:
+        """The terminal answered a query."""
+        self.terminal_answers = True
+        self.heartbeat.on_reply(now)
+        if self.is_releasing and not self.heartbeat.pending:
             self._release()
 
     def beat(self, now: float) -> None:
-        """Say what is to be said at `now`; call it every PERIOD_OF_WORDS."""
-        if now - self.beaten > STALL_MIN_S:
-            self.pulse.excuse(now - self.beaten)
-        self.beaten = now
-        self.waited = now - self.since >= FIRST_REPLY_TIMEOUT_S
-        if not self.answers and not self.waited:
-            self._ask(now)
-        if self.hand.mode == "latched" and not self.answers:
-            self.hand.let_go()  # nothing may stay in force that nobody answers for
-        wanted = self.hand.wanted(now)
-        if wanted is None and not self.drives:
+        """Send the command of `now`; to be called every SEND_PERIOD_S."""
+        if now - self.last_beat > STALL_MIN_S:
+            self.heartbeat.extend(now - self.last_beat)
+        self.last_beat = now
+        self.is_first_reply_late = now - self.started >= FIRST_REPLY_TIMEOUT_S
+        if not self.terminal_answers and not self.is_first_reply_late:
+            self._query(now)
+        if self.keyboard.mode == "latched" and not self.terminal_answers:
+            self.keyboard.release()  # nothing may stay in force that no terminal answers for
+        velocity = self.keyboard.velocity(now)
+        if velocity is None and not self.is_driving:
             return
-        if self.answers and self._is_lost(now):
+        if self.terminal_answers and self._is_lost(now):
             self.lose("the terminal does not answer")
-        elif wanted is not None:
-            self._drive(*wanted)
-        elif self.answers:
-            self._stand(now)
+        elif velocity is not None:
+            self._drive(*velocity)
+        elif self.terminal_answers:
+            self._stop(now)
         else:
             self._release()
 
     def release(self) -> None:
-        """Let go in good order, without a last question: the person asked for it."""
-        self.hand.let_go()
-        if self.drives:
+        """Release without a last query: the user asked for it."""
+        self.keyboard.release()
+        if self.is_driving:
             self._release()
 
-    def lose(self, why: str) -> None:
-        """Say that whoever drove is out of reach."""
-        self.hand.let_go()
-        if self.drives:
-            self.say(do="lost", why=why)
-            self.lost = why
-        self.drives = self.ending = False
-        self.pulse.forget()
+    def lose(self, cause: str) -> None:
+        """Report to the engine that the operator is lost."""
+        if self.is_driving:
+            self.send("lost", why=cause)
+            self.lost_cause = cause
+        self.on_refusal()
 
-    def refused(self) -> None:
-        """The engine does not let us drive."""
-        self.hand.let_go()
-        self.drives = self.ending = False
-        self.pulse.forget()
+    def on_refusal(self) -> None:
+        """The engine does not accept drive commands from this client."""
+        self.keyboard.release()
+        self._end_driving()
 
-    def _drive(self, linear: float, angular: float, **fields: Any) -> None:
-        if not self.drives:
-            self.pulse.forget()
-            self.lost = ""
-        self.drives, self.ending = True, False
-        self.say(do="drive", linear=linear, angular=angular, **fields)
+    def _drive(self, linear: float, angular: float) -> None:
+        if not self.is_driving:
+            self.heartbeat.reset()
+            self.lost_cause = ""
+        self.is_driving, self.is_releasing = True, False
+        self.send("drive", linear=linear, angular=angular)
 
-    def _stand(self, now: float) -> None:
-        if not self.ending:
-            self.ending = True
-            self.pulse.next = now  # ask at once
-            self._ask(now)
-        self.say(do="drive", linear=0.0, angular=0.0)
+    def _stop(self, now: float) -> None:
+        if not self.is_releasing:
+            self.is_releasing = True
+            self.heartbeat.next_query = now  # query at once
+            self._query(now)
+        self.send("drive", linear=0.0, angular=0.0)
 
     def _is_lost(self, now: float) -> bool:
-        if self.drives and not self.ending:
-            self._ask(now)
-        return self.pulse.is_lost(now)
+        if self.is_driving and not self.is_releasing:
+            self._query(now)
+        return self.heartbeat.is_lost(now)
 
-    def _ask(self, now: float) -> None:
-        if self.pulse.is_due(now):
-            self.question()
+    def _query(self, now: float) -> None:
+        if self.heartbeat.is_due(now):
+            self.query_terminal()
 
     def _release(self) -> None:
-        self.say(do="release")
-        self.drives = self.ending = False
-        self.pulse.forget()
+        self.send("release")
+        self._end_driving()
+
+    def _end_driving(self) -> None:
+        self.is_driving = self.is_releasing = False
+        self.heartbeat.reset()

@@ -1,44 +1,47 @@
-"""What each key means to whoever drives: two sets of letters, and the arrows in both.
+"""Keyboard teleoperation: key presses and the time in, the commanded velocity out.
 
-The hand on the keys: key presses and the time in, the velocity that is wanted out.
-
-A terminal tells of presses and repeats, never of a release. So in the mode `hold` a press counts
-for KEY_LASTS, until the next repeat; the first repeat comes later than that on many machines,
-which is seen as a hiccup. In the mode `latched` it counts until another key; there only a terminal
-that goes on answering keeps the robot moving.
+Two sets of letters, and the arrows in both. A terminal reports presses and repeats, never a
+release. So in the mode `hold` a press is valid for KEY_HOLD_TIMEOUT_S, until the next repeat; the
+first repeat comes later than that on many machines, which is a short gap. In the mode `latched` it
+is valid until another key; there the robot keeps moving only while the terminal answers.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+KeySetName = Literal["twist", "turtle"]
+DriveMode = Literal["hold", "latched"]
 
 
 class MoveKey(NamedTuple):
-    """Shares of the wanted speed: 1 forward or turning left, -1 backward or turning right."""
+    """Shares of the set speeds: 1 forward or turning left, -1 backward or turning right."""
 
     forward: float
     turn: float
 
 
 class SpeedUpKey(NamedTuple):
-    """Factors of the wanted speed and turn rate."""
+    """Factors of the set speed and turn rate."""
 
     speed: float
     turn: float
 
 
 class StepKey(NamedTuple):
-    """Shares of the limits that are added to what is commanded, where commands stay."""
+    """Shares of the limits that are added to the commanded velocity, where commands stay."""
 
     speed: float
     turn: float
 
 
-HALT = MoveKey(0.0, 0.0)
-SPEED_UP_FACTOR, SPEED_DOWN_FACTOR = 1.1, 1 / 1.1  # as teleop_twist_keyboard: a tenth a press
-SPEED_STEP_RATIO = 0.1  # as turtlebot3_teleop's steps, in shares of this robot's limits
+KeyTable = dict[str, MoveKey | SpeedUpKey | StepKey]
 
-ARROWS: dict[str, MoveKey | SpeedUpKey | StepKey] = {
+HALT = MoveKey(0.0, 0.0)
+SPEED_UP_FACTOR, SPEED_DOWN_FACTOR = 1.1, 1 / 1.1  # as in teleop_twist_keyboard
+SPEED_STEP_RATIO = 0.1  # of this robot's limits, like the steps of turtlebot3_teleop
+
+ARROWS: KeyTable = {
     "up": MoveKey(1, 0),
     "down": MoveKey(-1, 0),
     "left": MoveKey(0, 1),
@@ -48,9 +51,9 @@ ARROWS: dict[str, MoveKey | SpeedUpKey | StepKey] = {
     "-": SpeedUpKey(SPEED_DOWN_FACTOR, SPEED_DOWN_FACTOR),
 }
 
-# teleop_twist_keyboard's. Backwards the sign of the turn is the one of its table: `m` leads the
-# robot's tail to the right, as a car's would with the wheel turned left.
-TWIST: dict[str, MoveKey | SpeedUpKey | StepKey] = {
+# teleop_twist_keyboard's. Backwards the sign of the turn is the one of its table: `m` moves the
+# robot's tail to the right, like a car with the wheel turned left.
+TWIST: KeyTable = {
     **ARROWS,
     "u": MoveKey(1, 1),
     "i": MoveKey(1, 0),
@@ -70,7 +73,7 @@ TWIST: dict[str, MoveKey | SpeedUpKey | StepKey] = {
 }
 
 # turtlebot3_teleop's letters: held down they drive; where commands stay they add steps, as there.
-TURTLE_HELD: dict[str, MoveKey | SpeedUpKey | StepKey] = {
+TURTLE_HELD: KeyTable = {
     **ARROWS,
     "w": MoveKey(1, 0),
     "x": MoveKey(-1, 0),
@@ -78,7 +81,7 @@ TURTLE_HELD: dict[str, MoveKey | SpeedUpKey | StepKey] = {
     "d": MoveKey(0, -1),
     "s": HALT,
 }
-TURTLE_LATCHED: dict[str, MoveKey | SpeedUpKey | StepKey] = {
+TURTLE_LATCHED: KeyTable = {
     **TURTLE_HELD,
     "w": StepKey(SPEED_STEP_RATIO, 0.0),
     "x": StepKey(-SPEED_STEP_RATIO, 0.0),
@@ -88,111 +91,108 @@ TURTLE_LATCHED: dict[str, MoveKey | SpeedUpKey | StepKey] = {
 
 
 class KeySet(NamedTuple):
-    """A set of keys, as it is when keys are held, when commands stay, and in one line of help."""
+    """A set of keys in the modes hold and latched, and one line of help."""
 
-    name: str
-    held: dict[str, MoveKey | SpeedUpKey | StepKey]
-    kept: dict[str, MoveKey | SpeedUpKey | StepKey]
+    name: KeySetName
+    hold: KeyTable
+    latched: KeyTable
     help: str
 
 
-KEY_SETS = {
-    each.name: each
-    for each in (
-        KeySet("twist", TWIST, TWIST, "u i o  j k l  m , .  drive, k stops; q z  w x  e c  speed"),
-        KeySet("turtle", TURTLE_HELD, TURTLE_LATCHED, "w x  a d  drive, s stops; + -  speed"),
-    )
+KEY_SETS: dict[KeySetName, KeySet] = {
+    "twist": KeySet(
+        "twist", TWIST, TWIST, "u i o  j k l  m , .  drive, k stops; q z  w x  e c  speed"
+    ),
+    "turtle": KeySet("turtle", TURTLE_HELD, TURTLE_LATCHED, "w x  a d  drive, s stops; + -  speed"),
 }
 
-
-KEY_HOLD_TIMEOUT_S = (
-    0.4  # s; repeats come every 30 to 50 ms, and 300 ms more may be lost in a network
-)
-FIRST_REPEAT_MAX_S = 0.7  # s from a press to its first repeat, at most, as keyboards are set up
-MODES = ("hold", "latched")
-INITIAL_SPEED_RATIO = 0.5  # of the limits: the speeds that one begins with
-NO_KEY = ("", float("-inf"))
+# Repeats come every 30 to 50 ms, and 300 ms more may be lost in a network.
+KEY_HOLD_TIMEOUT_S = 0.4
+FIRST_REPEAT_MAX_S = 0.7  # from a press to its first repeat, as keyboards are set up
+INITIAL_SPEED_RATIO = 0.5  # of the limits
 SPEED_MIN_RATIO = 0.05  # of the limits; slower, no wheel turns
+NO_KEY = ("", float("-inf"))
 
 
 class KeyboardVelocity:
-    """`speed` (m/s) and `turn` (rad/s) are what a full press means; `limits` is their most.
+    """`speed` (m/s) and `turn_rate` (rad/s) are those of a full press; `limits` their maxima.
 
     Times are seconds of any one clock.
     """
 
     def __init__(
-        self, limits: tuple[float, float], keys: str = "twist", mode: str = "hold"
+        self,
+        limits: tuple[float, float],
+        keys: KeySetName = "twist",
+        mode: DriveMode = "hold",
     ) -> None:
         self.limits = limits
-        self.speed, self.turn = INITIAL_SPEED_RATIO * limits[0], INITIAL_SPEED_RATIO * limits[1]
-        self.keys: KeySet = KEY_SETS[keys]
-        self.mode = mode
+        self.speed, self.turn_rate = (INITIAL_SPEED_RATIO * limit for limit in limits)
+        self.keys = KEY_SETS[keys]
+        self.mode: DriveMode = mode
         self.linear = self.angular = 0.0
-        self.stuttered = False  # a key came again just after it had ceased to count
-        self._ended = NO_KEY  # the key that ceased to count last, and when
+        self.has_gap = False  # a key came again just after it had expired
         self._key = ""
-        self.until: float | None = None  # when the press counts no more; None: nothing is pressed
-
-    @property
-    def is_on(self) -> bool:
-        """True while a velocity is wanted, be it zero."""
-        return self.until is not None
+        self._expired = NO_KEY  # the key that expired last, and when
+        self._expires_at: float | None = None  # None: nothing is pressed
 
     def press(self, key: str, now: float) -> bool:
-        """Take a key. False when it means nothing here."""
-        table = self.keys.held if self.mode == "hold" else self.keys.kept
+        """Handle a key. False when it has no meaning here."""
+        table = self.keys.hold if self.mode == "hold" else self.keys.latched
         meaning = table.get(key)
         if meaning is None:
             return False
         if isinstance(meaning, SpeedUpKey):
-            self._faster(meaning)
+            self._change_speed(meaning)
         elif meaning == HALT:
-            self.let_go()
+            self.release()
         else:
-            self.wanted(now)
-            last, ended = self._ended
-            self.stuttered = last == key and now - ended < FIRST_REPEAT_MAX_S - KEY_HOLD_TIMEOUT_S
-            self._key, self._ended = key, NO_KEY
+            self.velocity(now)
+            last, expired_at = self._expired
+            late = now - expired_at < FIRST_REPEAT_MAX_S - KEY_HOLD_TIMEOUT_S
+            self.has_gap = last == key and late
+            self._key, self._expired = key, NO_KEY
             self._move(meaning, now)
         return True
 
-    def wanted(self, now: float) -> tuple[float, float] | None:
-        """Velocity (m/s, rad/s) at `now`; None when nothing is pressed any more."""
-        if self.until is not None and now >= self.until:
-            self._ended = (self._key, self.until)
-            self.let_go()
-        return (self.linear, self.angular) if self.until is not None else None
+    def velocity(self, now: float) -> tuple[float, float] | None:
+        """Commanded velocity (m/s, rad/s) at `now`; None when no key is pressed."""
+        if self._expires_at is not None and now >= self._expires_at:
+            self._expired = (self._key, self._expires_at)
+            self.release()
+        return None if self._expires_at is None else (self.linear, self.angular)
 
-    def let_go(self) -> None:
-        """Nothing is pressed."""
+    def release(self) -> None:
+        """No key is pressed."""
         self.linear = self.angular = 0.0
-        self.until = None
+        self._expires_at = None
 
-    def use(self, keys: str | None = None, mode: str | None = None) -> None:
-        """Change the set of keys or the mode; the hand lets go."""
-        self.let_go()
+    def configure(self, keys: KeySetName | None = None, mode: DriveMode | None = None) -> None:
+        """Change the set of keys or the mode; the velocity is released."""
+        self.release()
         self.keys = KEY_SETS[keys] if keys else self.keys
         self.mode = mode or self.mode
 
     def _move(self, meaning: MoveKey | StepKey, now: float) -> None:
-        most, most_turn = self.limits
+        maximum, turn_maximum = self.limits
         if isinstance(meaning, MoveKey):
-            self.linear, self.angular = meaning.forward * self.speed, meaning.turn * self.turn
+            self.linear, self.angular = meaning.forward * self.speed, meaning.turn * self.turn_rate
         else:
-            self.linear = _within(self.linear + meaning.speed * most, most)
-            self.angular = _within(self.angular + meaning.turn * most_turn, most_turn)
-        self.until = now + KEY_HOLD_TIMEOUT_S if self.mode == "hold" else float("inf")
+            self.linear = _limited(self.linear + meaning.speed * maximum, maximum)
+            self.angular = _limited(self.angular + meaning.turn * turn_maximum, turn_maximum)
+        self._expires_at = now + KEY_HOLD_TIMEOUT_S if self.mode == "hold" else float("inf")
 
-    def _faster(self, meaning: SpeedUpKey) -> None:
-        most, most_turn = self.limits
-        was, was_turn = self.speed, self.turn
-        self.speed = min(max(was * meaning.speed, SPEED_MIN_RATIO * most), most)
-        self.turn = min(max(was_turn * meaning.turn, SPEED_MIN_RATIO * most_turn), most_turn)
-        self.linear *= self.speed / was
-        self.angular *= self.turn / was_turn
+    def _change_speed(self, meaning: SpeedUpKey) -> None:
+        maximum, turn_maximum = self.limits
+        speed, turn_rate = self.speed, self.turn_rate
+        self.speed = min(max(speed * meaning.speed, SPEED_MIN_RATIO * maximum), maximum)
+        self.turn_rate = min(
+            max(turn_rate * meaning.turn, SPEED_MIN_RATIO * turn_maximum), turn_maximum
+        )
+        self.linear *= self.speed / speed
+        self.angular *= self.turn_rate / turn_rate
 
 
-def _within(value: float, most: float) -> float:
-    rounded = round(value, 9)  # ten steps up and ten down are zero again
-    return min(max(rounded, -most), most)
+def _limited(value: float, maximum: float) -> float:
+    rounded = round(value, 9)  # so that ten steps up and ten down are zero again
+    return min(max(rounded, -maximum), maximum)

@@ -1,0 +1,84 @@
+"""What the map shows of a run: the newest snapshot, the trail, and the lines of a turtle."""
+
+from __future__ import annotations
+
+from collections import deque
+from math import hypot
+
+from diffbotctl.messages import Canvas
+from diffbotctl.processes.screen import RunSnapshot
+from diffbotctl.render.map_scene import Scene
+from diffbotctl.ui.map.canvas import Point
+from diffbotctl.ui.run_text import newest_message, newest_odometry
+
+POINT_SPACING_M = 0.01  # closer points cannot be told apart on the map
+JUMP_MIN_M = 0.5  # between two snapshots: the pose was set, and the trail begins again
+TRAIL_MAX_POINTS = 3000  # then the oldest is dropped
+TURTLE_MAX_LINES = 5000  # then the oldest is dropped
+
+
+class Trail:
+    """`points` in m in odom, the oldest first."""
+
+    def __init__(self) -> None:
+        self.points: deque[Point] = deque(maxlen=TRAIL_MAX_POINTS)
+
+    def add(self, point: Point) -> None:
+        """Append the robot's position, unless it has hardly moved."""
+        last = self.points[-1] if self.points else point
+        distance = abs(point[0] - last[0]) + abs(point[1] - last[1])
+        if distance > JUMP_MIN_M:
+            self.points.clear()
+        if distance > POINT_SPACING_M or not self.points:
+            self.points.append(point)
+
+
+class TurtleTrail:
+    """Lines with their colours; `canvas` is None for a run that has no canvas."""
+
+    def __init__(self) -> None:
+        self.canvas: Canvas | None = None
+        self.lines: deque[tuple[Point, Point, str]] = deque(maxlen=TURTLE_MAX_LINES)
+        self.last: Point | None = None
+
+    def update(self, snapshot: RunSnapshot) -> None:
+        """Draw from the last position to the robot's, if the pen is down."""
+        canvas, pose = newest_message(snapshot, Canvas), newest_odometry(snapshot)
+        if canvas is None or pose is None:
+            return
+        if self.canvas is not None and canvas.sheet != self.canvas.sheet:
+            self.lines.clear()
+        self.canvas = canvas
+        point = (pose.x, pose.y)
+        if self.last is not None:
+            distance = hypot(point[0] - self.last[0], point[1] - self.last[1])
+            if distance < POINT_SPACING_M:
+                return
+            if canvas.is_down and distance < JUMP_MIN_M:
+                self.lines.append((self.last, point, canvas.pen))
+        self.last = point
+
+    @property
+    def others(self) -> list[tuple[Point, float]]:
+        """Place and heading of each turtle except the first."""
+        # number, x, y, heading of one after the other
+        flat = iter(self.canvas.turtles if self.canvas is not None else ())
+        return [((x, y), heading) for _, x, y, heading in zip(flat, flat, flat, flat, strict=True)]
+
+
+class MapState:
+    """Everything that the map draws."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.snapshot = RunSnapshot(0, {}, 0, 0)
+        self.trail = Trail()
+        self.turtle = TurtleTrail()
+
+    def update(self, snapshot: RunSnapshot) -> None:
+        """Take the next snapshot."""
+        self.snapshot = snapshot
+        self.turtle.update(snapshot)
+        odometry = newest_odometry(snapshot)
+        if odometry is not None:
+            self.trail.add((odometry.x, odometry.y))
