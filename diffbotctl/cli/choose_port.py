@@ -28,7 +28,8 @@ def choose_port(radio: bool = False) -> str:
             _refuse_unbound_modules()
         raise
     for number, board in enumerate(boards, 1):
-        click.echo(f"{number}  {board.device}  {board.title}  {board.stable}".rstrip())
+        title = (board.usb.title or "USB serial") if board.usb else "Bluetooth"
+        click.echo(f"{number}  {board.device}  {title}  {board.stable}".rstrip())
     number = click.prompt("Which board", type=click.IntRange(1, len(boards)))
     return boards[number - 1].device
 

@@ -15,6 +15,7 @@ from diffbotctl.bluetooth.errors import AdapterStatus, adapter_status
 from diffbotctl.errors import Problem
 from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey
+from diffbotctl.ports.usb_ids import PortRole
 
 OK, NOTE, BAD = "ok", "--", "!!"
 OLDEST = (3, 11)
@@ -101,7 +102,7 @@ def _groups(root: Path, person: SystemUser) -> DoctorFinding:
 def _ports(seen: PortSurvey) -> Iterator[DoctorFinding]:
     for report in seen.reports:
         words = f"{report.port.device}  {report.title}"
-        wanted = report.port.usb is not None or report.role == "bluetooth"
+        wanted = report.port.usb is not None or report.port.role == PortRole.BLUETOOTH
         yield DoctorFinding(OK if report.usable else BAD if wanted else NOTE, "port", words)
         for problem in report.problems:
             yield _of(problem, wanted)

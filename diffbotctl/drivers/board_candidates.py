@@ -4,79 +4,36 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.bluetooth.bluez import PORT_PREFIX
 from diffbotctl.drivers.board_errors import NoBoardError, RadioPortError, SeveralBoardsError
-from diffbotctl.ports.usb_ids import CHIP, MEGA, USB_IDS
-
-GENUINE = {identity for identity, kind in USB_IDS.items() if kind.role == MEGA}
-CLONES = {identity for identity, kind in USB_IDS.items() if kind.role == CHIP}
-
-if TYPE_CHECKING:
-    from serial.tools.list_ports_common import ListPortInfo
+from diffbotctl.ports.sysfs import SerialPort, serial_ports
+from diffbotctl.ports.usb_ids import PortRole
 
 USB = re.compile(r"tty(ACM|USB)\d+\Z")
 RADIO = re.compile(r"rfcomm\d+\Z")
+# A genuine Mega, or a bound module; clones share their USB chip with other things.
+LIKELY_ROLES = (PortRole.MEGA, PortRole.BLUETOOTH)
 
 
-STABLE_NAMES = Path("/dev/serial/by-id")
+def candidates(radio: bool = False, root: Path = Path("/")) -> list[SerialPort]:
+    """The ports below `root` that may lead to a Mega 2560; with `radio`, bound Bluetooth ports too.
 
-
-class Candidate(NamedTuple):
-    """A port that may lead to a board."""
-
-    device: str
-    title: str
-    likely: bool  # a genuine Mega; clones share their USB chip with other things
-    stable: str = ""  # a name that stays the same when other devices come and go
-
-
-def candidates(radio: bool = False) -> list[Candidate]:
-    """This machine's ports that may lead to a Mega 2560; with `radio`, bound Bluetooth ports too.
-
-    Those that may be boards come first.
+    The likely ones come first.
     """
-    # Imported late: pyserial is heavy, and only a list of all ports needs it.
-    from serial.tools import list_ports
-
-    return sort(list_ports.comports(), radio, stable_names(STABLE_NAMES))
-
-
-def sort(
-    ports: Iterable[ListPortInfo], radio: bool = False, stable: dict[str, str] | None = None
-) -> list[Candidate]:
-    """The candidates among `ports`; `stable` has the stable name of a device."""
-    found = []
-    for port in ports:
-        usb, name = (port.vid, port.pid), (stable or {}).get(port.device, "")
-        if usb in GENUINE or usb in CLONES:
-            title = port.product or port.description or "USB serial"
-            found.append(Candidate(port.device, title, usb in GENUINE, name))
-        elif radio and RADIO.search(port.device):
-            found.append(Candidate(port.device, "Bluetooth", True))
-    return sorted(found, key=lambda each: (not each.likely, each.device))
+    roles = {PortRole.MEGA, PortRole.CHIP} | ({PortRole.BLUETOOTH} if radio else set())
+    ports = [port for port in serial_ports(root) if port.role in roles]
+    return sorted(ports, key=lambda port: (port.role not in LIKELY_ROLES, port.device))
 
 
-def stable_names(folder: Path) -> dict[str, str]:
-    """Stable name of each device; udev makes such links for USB ports."""
-    names = {}
-    with suppress(OSError):
-        for link in sorted(folder.iterdir()):
-            names[os.path.realpath(link)] = str(link)
-    return names
-
-
-def choose(found: list[Candidate]) -> Candidate:
+def choose(ports: list[SerialPort]) -> SerialPort:
     """The one board. Raises NoBoardError, SeveralBoardsError."""
-    likely = [each for each in found if each.likely] or found
+    likely = [port for port in ports if port.role in LIKELY_ROLES] or ports
     if not likely:
         raise NoBoardError
     if len(likely) > 1:
-        raise SeveralBoardsError([each.stable or each.device for each in likely])
+        raise SeveralBoardsError([port.name for port in likely])
     return likely[0]
 
 

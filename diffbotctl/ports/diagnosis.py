@@ -1,366 +1,305 @@
-"""What stands between a person and each port, in words, with the way out.
+"""What prevents the use of each port, with the fix; and what a port name leads to.
 
-A port that somebody named: there, gone, called something else by now, or no port at all.
+A named port can be there, gone, under another name by now, or no port at all.
 """
 
 from __future__ import annotations
 
 import os
+from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.errors import Problem
-from diffbotctl.ports import access, usb_ids
+from diffbotctl.ports import access
 from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
-from diffbotctl.ports.sysfs import SerialPort, UsbDevice, serial_ports, usb_devices
+from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices
+from diffbotctl.ports.usb_ids import PortRole, UsbChip
 
 NEVER_CHMOD = "Never chmod 777: it lasts until the cable is pulled, and lets anyone in"
 REPLUG = "then plug the cable in anew"
-RULE = f"install the udev rule that `diffbotctl doctor --fix` prints, {REPLUG}"
-# What to do about a program that holds a port, by its name.
+RULE_FIX = f"install the udev rule that `diffbotctl doctor --fix` prints, {REPLUG}"
+BRLTTY_FIX = f"sudo apt-get remove brltty, {REPLUG}"
+SERIAL_MONITOR_FIX = "close the serial monitor of the Arduino IDE"
+# How to make a program release a port, by its name.
 RELEASE_FIXES = {
     "diffbotctl": "end that run: Ctrl-C in its window, or `diffbotctl stop` and then end it",
     "ModemManager": "it lets go within half a minute; for good: sudo systemctl disable --now "
     "ModemManager",
-    "brltty": "it takes the chip for a Braille display: sudo apt-get remove brltty, " + REPLUG,
+    "brltty": f"it takes the chip for a Braille display: {BRLTTY_FIX}",
     "screen": "end it: Ctrl-A, then K, in its window",
     "minicom": "end it: Ctrl-A, then X, in its window",
     "picocom": "end it: Ctrl-A, then Ctrl-X, in its window",
-    "serial-monitor": "close the serial monitor of the Arduino IDE",
-    "arduino-ide": "close the serial monitor of the Arduino IDE",
-    "java": "close the serial monitor of the Arduino IDE",
+    "serial-monitor": SERIAL_MONITOR_FIX,
+    "arduino-ide": SERIAL_MONITOR_FIX,
+    "java": SERIAL_MONITOR_FIX,
     "serial_node.py": "end the ROS node: Ctrl-C in its window",
     "avrdude": "wait until it has finished",
     "agetty": "a login runs on this port: sudo systemctl disable --now serial-getty@{name}",
 }
 PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
-RFCOMM = "rfcomm"  # keeps the port that it made open; others may use it
+RFCOMM_PROGRAM = "rfcomm"  # keeps the port that it made open; others may use it
+BOARD_ROLES = (PortRole.MEGA, PortRole.CHIP)
+PTY_FOLDER = "/dev/pts/"
 
 
 class PortReport(NamedTuple):
-    """One port and what is to be said of it; usable when none of it is an error."""
+    """One port and its problems."""
 
     port: SerialPort
     title: str
-    holder: PortUser | None
+    user: PortUser | None
     problems: tuple[Problem, ...]
 
     @property
     def usable(self) -> bool:
-        """Whether a run could open it now."""
+        """Whether a run could open it now: none of the problems is an error."""
         return all(problem.severity == "warning" for problem in self.problems)
-
-    @property
-    def role(self) -> str:
-        """The role of its USB identity (`chips`), or the kind of port."""
-        usb = self.port.usb
-        if usb is not None:
-            return usb.kind.role if usb.kind else "unknown"
-        return "bluetooth" if self.port.address or "rfcomm" in self.port.device else "onboard"
 
 
 class PortSurvey(NamedTuple):
-    """Every port of a machine, and what is wrong with none of them in particular."""
+    """Every port of a machine, and the problems of no port in particular."""
 
     reports: tuple[PortReport, ...]
     problems: tuple[Problem, ...]
 
 
-def survey_ports(root: Path, person: SystemUser) -> PortSurvey:
-    """Look at every port below `root`, for `person`. Opens none."""
-    found = serial_ports(root)
-    twins = _twins(found)
-    reports = tuple(_report(root, person, port, twins) for port in found)
-    lost = tuple(_portless(root, usb, reports) for usb in usb_devices(root))
-    problems = [problem for problem in lost if problem is not None]
-    return PortSurvey(reports, (*problems, *_count(reports, bool(problems))))
-
-
-def _report(root: Path, person: SystemUser, port: SerialPort, twins: set[str]) -> PortReport:
-    using = port_user(root, port.device)
-    if using is not None and using.name.startswith(RFCOMM):
-        using = None
-    problems = [
-        _rights(root, person, port),
-        None if using is None else busy_problem(port.device, using),
-        _console(root, port),
-        *_other(port),
-        *_trapped(root, port, using),
-        _world(port),
-        _twin(port, twins),
+def survey_ports(root: Path, user: SystemUser) -> PortSurvey:
+    """Examine every port below `root`, for `user`. Opens none."""
+    ports = serial_ports(root)
+    twins = _twins(ports)
+    reports = []
+    for port in ports:
+        holder = port_user(root, port.device)
+        if holder is not None and holder.name.startswith(RFCOMM_PROGRAM):
+            holder = None
+        problems = [
+            *_permission_problems(root, user, port),
+            *([] if holder is None else [busy_problem(port.device, holder)]),
+            *_console_problems(root, port),
+            *_chip_problems(port),
+            *_service_problems(root, port, holder),
+            *_mode_problems(port),
+            *(_twin_problems(port) if port.device in twins else []),
+        ]
+        reports.append(PortReport(port, _title(port), holder, tuple(problems)))
+    places = {port.usb.place for port in ports if port.usb}
+    portless = [
+        _portless_problem(root, usb, usb.chip)
+        for usb in usb_devices(root)
+        if usb.chip and usb.chip.role != PortRole.NO_BOARD and usb.place not in places
     ]
-    return PortReport(port, report_title(port), using, tuple(filter(None, problems)))
+    problems = [*portless, *_board_count_problems(ports, bool(portless))]
+    return PortSurvey(tuple(reports), tuple(problems))
 
 
-def report_title(port: SerialPort) -> str:
+def _title(port: SerialPort) -> str:
     """What the port leads to, in a few words."""
     if port.usb is None:
         if port.device.startswith("/dev/rfcomm"):
             return f"Bluetooth {port.address}".rstrip()
         return "a serial port of the machine itself"
-    known = port.usb.kind
-    if known is None:
+    chip = port.usb.chip
+    if chip is None:
         return port.usb.title or f"unknown USB device {port.usb.identity}"
-    if known.role == usb_ids.CHIP:
-        return f"{known.title}: a clone of an Arduino, or another thing with this chip"
-    return known.title
+    if chip.role == PortRole.CHIP:
+        return f"{chip.title}: a clone of an Arduino, or another thing with this chip"
+    return chip.title
 
 
-def port_problem(code: str, device: str, cause: str, fix: str) -> Problem:
-    """A problem of one port; a code that begins with W is a warning."""
-    severity = "warning" if code.startswith("W") else "error"
-    return Problem(code, f"port {device}", cause, fix, severity)
+def _problem(place: str, code: str, cause: str, fix: str) -> Problem:
+    """A problem; a code that begins with W is a warning."""
+    return Problem(code, place, cause, fix, "warning" if code.startswith("W") else "error")
 
 
-def _rights(root: Path, person: SystemUser, port: SerialPort) -> Problem | None:
-    path = root / port.device[1:]
-    if person.may(path, port.mode, port.owner, port.group):
-        return None
-    known = system_groups(root)
-    owning = known.get(port.group)
-    name = owning.name if owning else f"number {port.group}"
-    if owning is None or port.mode >> 3 & 0o6 != 0o6 or name == "root":
-        cause = f"{person.name} may not open it, and no group could be joined: it belongs to {name}"
-        fix = f"{RULE if port.usb else 'the system must give it to a group'}. {NEVER_CHMOD}"
-        return port_problem("E-PORT-RULE", port.device, cause, fix)
-    if person.name in owning.members:
-        cause = f"{person.name} has joined the group {name}, but this session began before"
+def _port_problem(device: str, code: str, cause: str, fix: str) -> Problem:
+    return _problem(f"port {device}", code, cause, fix)
+
+
+def _permission_problems(root: Path, user: SystemUser, port: SerialPort) -> Iterator[Problem]:
+    if user.may(root / port.device[1:], port.mode, port.owner, port.group):
+        return
+    group = system_groups(root).get(port.group)
+    name = group.name if group else f"number {port.group}"
+    if group is None or port.mode >> 3 & access.READ_WRITE != access.READ_WRITE or name == "root":
+        code = "E-PORT-RULE"
+        cause = f"{user.name} may not open it, and no group could be joined: it belongs to {name}"
+        fix = f"{RULE_FIX if port.usb else 'the system must give it to a group'}. {NEVER_CHMOD}"
+    elif user.name in group.members:
+        code = "E-PORT-SESSION"
+        cause = f"{user.name} has joined the group {name}, but this session began before"
         fix = f"log out and in again; or, for one window: newgrp {name}"
-        return port_problem("E-PORT-SESSION", port.device, cause, fix)
-    cause = f"{person.name} may not open it; it belongs to the group {name}"
-    fix = f"sudo usermod -aG {name} {person.name}, then log out and in again. {NEVER_CHMOD}"
-    return port_problem("E-PORT-RIGHTS", port.device, cause, fix)
+    else:
+        code = "E-PORT-RIGHTS"
+        cause = f"{user.name} may not open it; it belongs to the group {name}"
+        fix = f"sudo usermod -aG {name} {user.name}, then log out and in again. {NEVER_CHMOD}"
+    yield _port_problem(port.device, code, cause, fix)
 
 
-def busy_problem(device: str, using: PortUser) -> Problem:
-    """Another program keeps the port; how to make it let go."""
+def busy_problem(device: str, user: PortUser) -> Problem:
+    """Another program uses the port; how to make it release it."""
     name = device.rpartition("/")[2]
-    fix = RELEASE_FIXES.get(using.name, f"end that program (kill {using.process})").format(
-        name=name
-    )
-    if using == HIDDEN_USER:
+    fix = RELEASE_FIXES.get(user.name, f"end that program (kill {user.process})").format(name=name)
+    if user == HIDDEN_USER:
         fix = f"sudo fuser -v {device} tells which; end it"
     fix += "; two programs on one port garble each other"
-    return port_problem("E-PORT-BUSY", device, f"it is in use by {using}", fix)
+    return _port_problem(device, "E-PORT-BUSY", f"it is in use by {user}", fix)
 
 
-def _console(root: Path, port: SerialPort) -> Problem | None:
-    if not access.is_console(root, port.device):
-        return None
-    fix = (
-        "raspi-config, Interface Options, Serial Port: no login shell, hardware on; elsewhere "
-        "take console=... out of the kernel's command line; then restart"
-    )
-    return port_problem("E-PORT-CONSOLE", port.device, "the system's login console runs on it", fix)
-
-
-def _other(port: SerialPort) -> list[Problem | None]:
-    known = port.usb.kind if port.usb else None
-    if known is None:
-        return []
-    if known.role == usb_ids.NO_BOARD:
-        return [
-            port_problem(
-                "W-PORT-OTHER",
-                port.device,
-                f"it leads to {known.title}, no board",
-                "leave it alone; name another port with --port",
-            )
-        ]
-    if known.role == usb_ids.OTHER_BOARD:
-        return [
-            port_problem(
-                "W-PORT-BOARD",
-                port.device,
-                f"an {known.title} is no Mega 2560",
-                "our firmware runs on a Mega 2560; with the book's firmware this board "
-                "can be driven as book_2wd_stock",
-            )
-        ]
-    return []
-
-
-def _trapped(root: Path, port: SerialPort, using: PortUser | None) -> list[Problem | None]:
-    usb = port.usb
-    if usb is None or (usb.kind and usb.kind.role == usb_ids.NO_BOARD):
-        return []
-    found: list[Problem | None] = []
-    if access.brltty_claims(root, usb):
-        found.append(
-            port_problem(
-                "W-PORT-BRLTTY",
-                port.device,
-                "brltty's rules take this chip for a Braille display: "
-                "the port may vanish a second after plugging in",
-                f"sudo apt-get remove brltty, {REPLUG}",
-            )
+def _console_problems(root: Path, port: SerialPort) -> Iterator[Problem]:
+    if access.is_console(root, port.device):
+        cause = "the system's login console runs on it"
+        fix = (
+            "raspi-config, Interface Options, Serial Port: no login shell, hardware on; elsewhere "
+            "take console=... out of the kernel's command line; then restart"
         )
-    caught = using is not None and using.name == access.MODEM_MANAGER
-    if not port.no_modem and not caught and access.modem_manager_runs(root):
-        found.append(
-            port_problem(
-                "W-PORT-MODEM",
-                port.device,
-                "ModemManager runs, and may talk to a board that was just "
-                "plugged in as if it were a modem",
-                RULE,
-            )
+        yield _port_problem(port.device, "E-PORT-CONSOLE", cause, fix)
+
+
+def _chip_problems(port: SerialPort) -> Iterator[Problem]:
+    chip = port.usb.chip if port.usb else None
+    if chip is None:
+        return
+    if chip.role == PortRole.NO_BOARD:
+        cause = f"it leads to {chip.title}, no board"
+        fix = "leave it alone; name another port with --port"
+        yield _port_problem(port.device, "W-PORT-OTHER", cause, fix)
+    elif chip.role == PortRole.OTHER_BOARD:
+        cause = f"an {chip.title} is no Mega 2560"
+        fix = (
+            "our firmware runs on a Mega 2560; with the book's firmware this board "
+            "can be driven as book_2wd_stock"
         )
-    return found
+        yield _port_problem(port.device, "W-PORT-BOARD", cause, fix)
 
 
-def _world(port: SerialPort) -> Problem | None:
-    if port.mode & 0o002 == 0:
-        return None
-    fix = "join the group that owns it instead; plug the cable in anew to undo the chmod"
-    return port_problem("W-PORT-WORLD", port.device, "anyone on this machine may write to it", fix)
+def _service_problems(root: Path, port: SerialPort, holder: PortUser | None) -> Iterator[Problem]:
+    if port.usb is None or port.role == PortRole.NO_BOARD:
+        return
+    if access.brltty_claims(root, port.usb):
+        cause = (
+            "brltty's rules take this chip for a Braille display: "
+            "the port may vanish a second after plugging in"
+        )
+        yield _port_problem(port.device, "W-PORT-BRLTTY", cause, BRLTTY_FIX)
+    is_held = holder is not None and holder.name == access.MODEM_MANAGER
+    if not port.no_modem and not is_held and access.modem_manager_runs(root):
+        cause = (
+            "ModemManager runs, and may talk to a board that was just "
+            "plugged in as if it were a modem"
+        )
+        yield _port_problem(port.device, "W-PORT-MODEM", cause, RULE_FIX)
 
 
-def _twins(found: list[SerialPort]) -> set[str]:
+def _mode_problems(port: SerialPort) -> Iterator[Problem]:
+    if port.mode & 0o002:
+        fix = "join the group that owns it instead; plug the cable in anew to undo the chmod"
+        cause = "anyone on this machine may write to it"
+        yield _port_problem(port.device, "W-PORT-WORLD", cause, fix)
+
+
+def _twins(ports: list[SerialPort]) -> set[str]:
     """Devices that share one stable name, since their chips have no serial number."""
-    seen: dict[tuple[str, str], list[str]] = {}
-    for port in found:
+    devices: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
+    for port in ports:
         if port.usb is not None and not port.usb.serial:
-            seen.setdefault((port.usb.identity, port.usb.title), []).append(port.device)
-    return {device for devices in seen.values() if len(devices) > 1 for device in devices}
+            devices[port.usb.identity, port.usb.title].append(port.device)
+    return {device for group in devices.values() if len(group) > 1 for device in group}
 
 
-def _twin(port: SerialPort, twins: set[str]) -> Problem | None:
-    if port.device not in twins:
-        return None
+def _twin_problems(port: SerialPort) -> Iterator[Problem]:
     fix = f"name it by its socket: {port.place}" if port.place else "plug in one at a time"
     cause = (
         "another port has the same chip without a serial number, so by-id cannot tell them apart"
     )
-    return port_problem("W-PORT-TWINS", port.device, cause, fix)
+    yield _port_problem(port.device, "W-PORT-TWINS", cause, fix)
 
 
-def _portless(root: Path, usb: UsbDevice, reports: tuple[PortReport, ...]) -> Problem | None:
-    """A board's USB chip that has no serial port, and why."""
-    known = usb.kind
-    if known is None or known.role == usb_ids.NO_BOARD:
-        return None
-    if any(report.port.usb and report.port.usb.place == usb.place for report in reports):
-        return None
-    where = f"USB {usb.place}"
-    if known.role == usb_ids.DFU:
-        return Problem(
-            "E-PORT-DFU",
-            where,
-            f"{known.title}: the board's USB chip waits for a "
-            "program of its own, so the board has no port",
+def _portless_problem(root: Path, usb: UsbDevice, chip: UsbChip) -> Problem:
+    """Why a board's USB chip has no serial port."""
+    if chip.role == PortRole.DFU:
+        code = "E-PORT-DFU"
+        cause = (
+            f"{chip.title}: the board's USB chip waits for a "
+            "program of its own, so the board has no port"
+        )
+        fix = (
             "plug the cable in anew without touching the six pins beside the USB "
             "socket; if it stays so, the chip lost its program: DFU-program it as "
-            "Arduino's page on the 16U2 says",
+            "Arduino's page on the 16U2 says"
         )
-    if "usbfs" in usb.drivers or access.brltty_claims(root, usb):
-        return Problem(
-            "E-PORT-BRLTTY",
-            where,
-            f"{known.title} is plugged in but has no port: "
-            "brltty has taken it for a Braille display",
-            f"sudo apt-get remove brltty, {REPLUG}",
+    elif "usbfs" in usb.drivers or access.brltty_claims(root, usb):
+        code, fix = "E-PORT-BRLTTY", BRLTTY_FIX
+        cause = (
+            f"{chip.title} is plugged in but has no port: brltty has taken it for a Braille display"
         )
-    return Problem(
-        "E-PORT-DRIVER",
-        where,
-        f"{known.title} is plugged in but no driver serves it",
-        f"sudo modprobe {known.module}; if that finds no module, the kernel was "
-        "updated since the last start: restart the machine",
-    )
+    else:
+        code = "E-PORT-DRIVER"
+        cause = f"{chip.title} is plugged in but no driver serves it"
+        fix = (
+            f"sudo modprobe {chip.module}; if that finds no module, the kernel was "
+            "updated since the last start: restart the machine"
+        )
+    return _problem(f"USB {usb.place}", code, cause, fix)
 
 
-def _count(reports: tuple[PortReport, ...], lost: bool) -> list[Problem]:
-    boards = [each for each in reports if each.role in (usb_ids.MEGA, usb_ids.CHIP)]
-    megas = [each for each in boards if each.role == usb_ids.MEGA] or boards
-    if len(megas) > 1:
-        names = [each.port.stable or each.port.device for each in megas]
-        return [
-            Problem(
-                "W-PORT-SEVERAL",
-                "ports",
-                f"{len(megas)} ports may be the board: {', '.join(names)}",
-                "name one with --port; unplug one and look again to see which is which",
-                "warning",
-            )
-        ]
-    radio = any(each.role == "bluetooth" for each in reports)
-    if not boards and not radio and not lost:
-        return [
-            Problem(
-                "W-PORT-NONE",
-                "ports",
-                "no board is plugged in",
-                "plug the USB cable in (a charging cable has no data wires and shows "
-                "nothing), or use --port bluetooth:ADDRESS",
-                "warning",
-            )
-        ]
-    return []
+def _board_count_problems(ports: list[SerialPort], has_portless: bool) -> Iterator[Problem]:
+    boards = [port for port in ports if port.role in BOARD_ROLES]
+    boards = [port for port in boards if port.role == PortRole.MEGA] or boards
+    if len(boards) > 1:
+        cause = f"{len(boards)} ports may be the board: {', '.join(port.name for port in boards)}"
+        fix = "name one with --port; unplug one and look again to see which is which"
+        yield _problem("ports", "W-PORT-SEVERAL", cause, fix)
+    has_radio = any(port.role == PortRole.BLUETOOTH for port in ports)
+    if not boards and not has_radio and not has_portless:
+        fix = (
+            "plug the USB cable in (a charging cable has no data wires and shows "
+            "nothing), or use --port bluetooth:ADDRESS"
+        )
+        yield _problem("ports", "W-PORT-NONE", "no board is plugged in", fix)
 
 
-PTY = "/dev/pts/"
+def diagnose_name(root: Path, survey: PortSurvey, name: str) -> PortReport | Problem | None:
+    """What `name` leads to: its report, or why it cannot be used.
 
-
-def diagnose_name(root: Path, seen: PortSurvey, name: str) -> PortReport | Problem | None:
-    """What `name` leads to: its report, or why it cannot serve.
-
-    None for a pseudo-terminal, such as an emulated board's: nothing is known of what is behind.
+    None for a pseudo-terminal, such as that of an emulated board: nothing is known about it.
     """
-    real = _real(root, name)
-    for report in seen.reports:
-        if report.port.device == real:
+    device = real_path(root, name)
+    for report in survey.reports:
+        if report.port.device == device:
             return report
-    path = root / real[1:]
+    path = root / device[1:]
     if not os.path.lexists(path):
-        return _vanished(seen, name)
-    if real.startswith(PTY):
+        return _missing_problem(survey, name)
+    if device.startswith(PTY_FOLDER):
         return None
-    what = "a folder" if path.is_dir() else "no serial port"
-    return port_problem("E-PORT-KIND", name, f"it is {what}", _instead(seen))
+    kind = "a folder" if path.is_dir() else "no serial port"
+    return _port_problem(name, "E-PORT-KIND", f"it is {kind}", _alternatives(survey))
 
 
-def _real(root: Path, name: str) -> str:
-    """Where the name leads, links followed, as seen from inside the root."""
-    path = name
-    for _ in range(8):  # links to links; more is a ring
-        inside = root / path.lstrip("/")
-        if not inside.is_symlink():
-            return path
-        path = os.path.normpath(os.path.join(os.path.dirname(path), os.readlink(inside)))
-    return path
-
-
-def _vanished(seen: PortSurvey, name: str) -> Problem:
-    boards = [each for each in seen.reports if each.role in (usb_ids.MEGA, usb_ids.CHIP)]
-    if len(boards) == 1 and _plugged(name):
-        now = boards[0].port
-        better = now.stable or now.device
-        return port_problem(
-            "E-PORT-RENAMED",
-            name,
-            f"it is gone; the board is {now.device} now",
-            f"use --port {better}, a name that stays"
-            if now.stable
-            else f"use --port {better}, or --port auto",
+def _missing_problem(survey: PortSurvey, name: str) -> Problem:
+    boards = [report.port for report in survey.reports if report.port.role in BOARD_ROLES]
+    is_usb = any(part in name for part in ("ttyUSB", "ttyACM", "by-id", "by-path"))
+    if len(boards) == 1 and is_usb:
+        board = boards[0]
+        cause = f"it is gone; the board is {board.device} now"
+        fix = f"use --port {board.name}, " + (
+            "a name that stays" if board.stable else "or --port auto"
         )
+        return _port_problem(name, "E-PORT-RENAMED", cause, fix)
     if "rfcomm" in name:
-        return port_problem(
-            "E-PORT-OPEN",
-            name,
-            "no Bluetooth module is bound to it",
+        cause = "no Bluetooth module is bound to it"
+        fix = (
             "use --port bluetooth:ADDRESS, which needs no rfcomm; `diffbotctl "
-            "bluetooth scan` tells the address",
+            "bluetooth scan` tells the address"
         )
-    return port_problem("E-PORT-OPEN", name, "there is no such port", _instead(seen))
+        return _port_problem(name, "E-PORT-OPEN", cause, fix)
+    return _port_problem(name, "E-PORT-OPEN", "there is no such port", _alternatives(survey))
 
 
-def _plugged(name: str) -> bool:
-    return any(part in name for part in ("ttyUSB", "ttyACM", "by-id", "by-path"))
-
-
-def _instead(seen: PortSurvey) -> str:
-    names = [each.port.stable or each.port.device for each in seen.reports if each.usable]
+def _alternatives(survey: PortSurvey) -> str:
+    names = [report.port.name for report in survey.reports if report.usable]
     if names:
         return f"there is {', '.join(names)}"
     return "plug the board in; a charging cable has no data wires and shows nothing"

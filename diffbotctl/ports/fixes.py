@@ -1,53 +1,48 @@
-"""The exact commands that mend what was found, for a person to read and run.
-
-The udev rule that gives a port to its people, and keeps other programs off it.
-"""
+"""The shell commands that fix the problems of ports, for a person to read and run."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortReport, PortSurvey
 from diffbotctl.ports.sysfs import UsbDevice, usb_devices
 
-BRLTTY = "sudo apt-get remove brltty"
+BRLTTY_COMMAND = "sudo apt-get remove brltty"
+RULES_FILE = "/etc/udev/rules.d/70-diffbotctl.rules"  # below 73, where uaccess takes effect
+RELOAD_COMMAND = "sudo udevadm control --reload && sudo udevadm trigger"
 
 
-def fix_commands(root: Path, seen: PortSurvey, person: SystemUser) -> list[str]:
-    """Shell commands, each once, in the order to run them; empty when nothing is to be mended."""
-    found: list[str] = []
-    for report in seen.reports:
-        found += _of(root, report, person)
-    codes = {problem.code for problem in seen.problems}
+def fix_commands(root: Path, survey: PortSurvey, user: SystemUser) -> list[str]:
+    """Shell commands, each once, in the order to run them; empty when there is nothing to fix."""
+    commands = [
+        command for report in survey.reports for command in _port_commands(root, report, user)
+    ]
+    codes = {problem.code for problem in survey.problems}
     if "E-PORT-BRLTTY" in codes:
-        found.append(BRLTTY)
+        commands.append(BRLTTY_COMMAND)
     if "E-PORT-DRIVER" in codes:
-        kinds = [usb.kind for usb in usb_devices(root)]
-        found += [f"sudo modprobe {kind.module}" for kind in kinds if kind and kind.module]
-    rules = [command for command in found if FILE in command]
-    return list(dict.fromkeys(found)) + ([RELOAD] if rules else [])
+        chips = [usb.chip for usb in usb_devices(root)]
+        commands += [f"sudo modprobe {chip.module}" for chip in chips if chip and chip.module]
+    if any(RULES_FILE in command for command in commands):
+        commands.append(RELOAD_COMMAND)
+    return list(dict.fromkeys(commands))
 
 
-def _of(root: Path, report: PortReport, person: SystemUser) -> list[str]:
+def _port_commands(root: Path, report: PortReport, user: SystemUser) -> Iterator[str]:
     codes = {problem.code for problem in report.problems}
-    found = []
     if "E-PORT-RIGHTS" in codes:
-        name = system_groups(root)[report.port.group].name
-        found.append(f"sudo usermod -aG {name} {person.name}")
+        group = system_groups(root)[report.port.group]
+        yield f"sudo usermod -aG {group.name} {user.name}"
     if "W-PORT-BRLTTY" in codes:
-        found.append(BRLTTY)
+        yield BRLTTY_COMMAND
     if report.port.usb is not None and codes & {"E-PORT-RULE", "W-PORT-MODEM"}:
-        found.append(f"echo '{udev_rule(report.port.usb)}' | sudo tee -a {FILE}")
-    return found
-
-
-FILE = "/etc/udev/rules.d/70-diffbotctl.rules"  # below 73, where uaccess takes effect
-RELOAD = "sudo udevadm control --reload && sudo udevadm trigger"
+        yield f"echo '{udev_rule(report.port.usb)}' | sudo tee -a {RULES_FILE}"
 
 
 def udev_rule(usb: UsbDevice) -> str:
-    """One line for one kind of USB device."""
+    """One line for one USB identity: gives its ports to a group, keeps other programs off them."""
     return (
         f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{usb.vendor:04x}", '
         f'ATTRS{{idProduct}}=="{usb.product:04x}", GROUP="dialout", MODE="0660", '

@@ -1,23 +1,22 @@
-"""What the kernel tells of its serial ports, read below a folder that stands for `/`.
+"""The serial ports and USB devices that the kernel lists, read below a folder that stands for `/`.
 
-Everything comes from files (sysfs, devtmpfs, procfs, udev's database), so a folder with the same
-files is a machine to this module: nothing else is asked.
+This is the only enumeration of ports. Everything is read from files (sysfs, devtmpfs, procfs,
+udev's database), so a folder with the same files stands for another machine.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.ports.usb_ids import UsbChip, lookup_usb_id
+from diffbotctl.ports.usb_ids import PortRole, UsbChip, lookup_usb_id
 
 ONBOARD = re.compile(r"tty(AMA|S|THS|mxc|SAC|TCU)\d+\Z")
 PLUGGED = re.compile(r"(tty(USB|ACM)|rfcomm)\d+\Z")
-HARDWARE_NONE = "0"  # `type` of a ttyS whose chip the kernel did not find
+UART_TYPE_NONE = "0"  # `type` of a ttyS without hardware
 
 
 class UsbDevice(NamedTuple):
@@ -25,14 +24,14 @@ class UsbDevice(NamedTuple):
 
     vendor: int
     product: int
-    title: str  # as the device calls itself, "" when it does not
+    title: str  # the product string of the device; may be empty
     serial: str
     place: str  # bus and sockets, such as 1-1.2
-    drivers: tuple[str, ...]  # of its interfaces, "" for one that nobody drives
+    drivers: tuple[str, ...]  # of its interfaces; "" for one without driver
 
     @property
-    def kind(self) -> UsbChip | None:
-        """What is known of its identity."""
+    def chip(self) -> UsbChip | None:
+        """What its identity stands for."""
         return lookup_usb_id(self.vendor, self.product)
 
     @property
@@ -42,124 +41,137 @@ class UsbDevice(NamedTuple):
 
 
 class SerialPort(NamedTuple):
-    """One serial port that is there."""
+    """One serial port."""
 
     device: str
-    usb: UsbDevice | None
-    address: str  # of the Bluetooth module that rfcomm has bound, else ""
-    mode: int
-    owner: int
-    group: int
-    stable: str  # a name under /dev/serial/by-id, "" where udev made none
-    place: str  # a name under /dev/serial/by-path
-    no_modem: bool  # udev tells ModemManager to leave it alone
+    usb: UsbDevice | None = None
+    address: str = ""  # of the Bluetooth module that rfcomm has bound
+    mode: int = 0
+    owner: int = 0
+    group: int = 0
+    stable: str = ""  # a name under /dev/serial/by-id; empty if udev has made none
+    place: str = ""  # a name under /dev/serial/by-path
+    no_modem: bool = False  # udev makes ModemManager ignore it
 
     @property
-    def number(self) -> tuple[str, int]:
-        """For sorting: ttyUSB2 before ttyUSB10."""
-        found = re.match(r"(.*?)(\d*)\Z", self.device)
-        assert found is not None
-        return found[1], int(found[2] or 0)
+    def role(self) -> PortRole:
+        """The role of its USB identity, or the kind of port."""
+        if self.usb is not None:
+            return self.usb.chip.role if self.usb.chip else PortRole.UNKNOWN
+        is_radio = self.address or "rfcomm" in self.device
+        return PortRole.BLUETOOTH if is_radio else PortRole.ONBOARD
+
+    @property
+    def name(self) -> str:
+        """The name to give to --port: the stable one if there is one."""
+        return self.stable or self.device
 
 
 def serial_ports(root: Path) -> list[SerialPort]:
-    """Every serial port worth naming: USB, Bluetooth, and those soldered to the machine."""
-    stable = _links(root, "dev/serial/by-id")
-    place = _links(root, "dev/serial/by-path")
-    found = []
-    for folder in _folders(root / "sys/class/tty"):
+    """Every serial port: USB, Bluetooth, and those of the machine's own hardware.
+
+    In the order of their names and numbers: ttyUSB2 before ttyUSB10.
+    """
+    stable, place = _links(root, "dev/serial/by-id"), _links(root, "dev/serial/by-path")
+    ports = []
+    for folder in _entries(root / "sys/class/tty"):
+        device = f"/dev/{folder.name}"
         if not _is_serial(folder):
             continue
-        device = f"/dev/{folder.name}"
         with suppress(OSError):
-            found.append(_port(root, folder, device, stable.get(device), place.get(device)))
-    return sorted(found, key=lambda port: port.number)
+            status = (root / device[1:]).stat()
+            port = SerialPort(
+                device,
+                _usb_parent(folder / "device"),
+                read_text(folder / "address"),
+                status.st_mode & 0o777,
+                status.st_uid,
+                status.st_gid,
+                stable.get(device, ""),
+                place.get(device, ""),
+                _ignored_by_modem_manager(root, folder),
+            )
+            ports.append(port)
+    return sorted(ports, key=_device_order)
+
+
+def _device_order(port: SerialPort) -> tuple[str, int]:
+    letters = port.device.rstrip("0123456789")
+    return letters, int(port.device[len(letters) :] or 0)
 
 
 def _is_serial(folder: Path) -> bool:
     if PLUGGED.match(folder.name):
         return True
-    return bool(ONBOARD.match(folder.name)) and read_text(folder / "type") not in (
-        "",
-        HARDWARE_NONE,
-    )
-
-
-def _port(
-    root: Path, folder: Path, device: str, stable: str | None, place: str | None
-) -> SerialPort:
-    about = (root / device[1:]).stat()
-    return SerialPort(
-        device,
-        _usb_above(folder / "device"),
-        read_text(folder / "address"),
-        about.st_mode & 0o777,
-        about.st_uid,
-        about.st_gid,
-        stable or "",
-        place or "",
-        _no_modem(root, folder),
-    )
+    has_hardware = read_text(folder / "type") not in ("", UART_TYPE_NONE)
+    return bool(ONBOARD.match(folder.name)) and has_hardware
 
 
 def usb_devices(root: Path) -> list[UsbDevice]:
     """Every USB device, with or without a serial port."""
-    folders = _folders(root / "sys/bus/usb/devices")
-    return [_usb(folder.resolve()) for folder in folders if (folder / "idVendor").exists()]
+    folders = _entries(root / "sys/bus/usb/devices")
+    return [_usb_device(folder.resolve()) for folder in folders if _is_usb_device(folder)]
 
 
-def _usb_above(device: Path) -> UsbDevice | None:
-    """The USB device that a port's folder lies in."""
+def _is_usb_device(folder: Path) -> bool:
+    return (folder / "idVendor").exists()
+
+
+def _usb_parent(device: Path) -> UsbDevice | None:
+    """The USB device that contains a port's folder."""
     if not device.exists():
         return None
-    here = device.resolve()
-    for folder in (here, *here.parents):
-        if (folder / "idVendor").exists():
-            return _usb(folder)
-    return None
+    folders = (device.resolve(), *device.resolve().parents)
+    return next((_usb_device(folder) for folder in folders if _is_usb_device(folder)), None)
 
 
-def _usb(folder: Path) -> UsbDevice:
-    interfaces = [each for each in _folders(folder) if each.name.startswith(f"{folder.name}:")]
-    drivers = tuple(
-        os.path.basename(os.readlink(each / "driver")) if (each / "driver").is_symlink() else ""
-        for each in interfaces
-    )
+def _usb_device(folder: Path) -> UsbDevice:
+    interfaces = [entry for entry in _entries(folder) if entry.name.startswith(f"{folder.name}:")]
+    links = [interface / "driver" for interface in interfaces]
     return UsbDevice(
         int(read_text(folder / "idVendor") or "0", 16),
         int(read_text(folder / "idProduct") or "0", 16),
         read_text(folder / "product"),
         read_text(folder / "serial"),
         folder.name,
-        drivers,
+        tuple(os.path.basename(os.readlink(link)) if link.is_symlink() else "" for link in links),
     )
 
 
-def _no_modem(root: Path, folder: Path) -> bool:
+def _ignored_by_modem_manager(root: Path, folder: Path) -> bool:
     """Whether udev's database has ID_MM_DEVICE_IGNORE for the port."""
     entry = read_text(root / "run/udev/data" / f"c{read_text(folder / 'dev')}")
     return "E:ID_MM_DEVICE_IGNORE=1" in entry.split("\n")
 
 
 def _links(root: Path, folder: str) -> dict[str, str]:
-    """Device -> the full name of the link to it."""
-    found: dict[str, str] = {}
-    for link in _folders(root / folder):
+    """Device -> the full name of the first link to it."""
+    links: dict[str, str] = {}
+    for link in _entries(root / folder):
         with suppress(OSError):
             target = os.path.normpath(os.path.join("/", folder, os.readlink(link)))
-            found.setdefault(target, f"/{folder}/{link.name}")
-    return found
+            links.setdefault(target, f"/{folder}/{link.name}")
+    return links
 
 
-def _folders(path: Path) -> Iterator[Path]:
-    """What is in a folder, by name; nothing where there is none."""
-    with suppress(OSError):
-        yield from sorted(path.iterdir())
+def _entries(folder: Path) -> list[Path]:
+    """The entries of a folder, by name; none if it does not exist."""
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
 
 
 def read_text(path: Path) -> str:
-    """A small file's content without its last line break; "" when it cannot be read."""
+    """The content of a small file, stripped; "" when it cannot be read."""
     try:
         return path.read_text("utf-8", "replace").strip()
     except OSError:
         return ""
+
+
+def real_path(root: Path, name: str) -> str:
+    """The path that a name leads to, as seen from inside the root."""
+    with suppress(OSError, RuntimeError, ValueError):  # RuntimeError: a ring of links
+        return f"/{(root / name.lstrip('/')).resolve().relative_to(root.resolve())}"
+    return name

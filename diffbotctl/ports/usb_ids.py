@@ -1,50 +1,67 @@
-"""USB identities of boards, of the serial chips that clones carry, and of what is no board."""
+"""USB identities of boards, of the serial chips of clones, and of devices that are no board."""
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import NamedTuple
+
+
+class PortRole(StrEnum):
+    """What a port or a USB device leads to."""
+
+    MEGA = "mega"
+    CHIP = "chip"  # of a clone, or of anything else
+    OTHER_BOARD = "other_board"
+    DFU = "dfu"
+    NO_BOARD = "no_board"
+    UNKNOWN = "unknown"
+    BLUETOOTH = "bluetooth"
+    ONBOARD = "onboard"
 
 
 class UsbChip(NamedTuple):
     """What a USB identity stands for."""
 
     title: str
-    role: str  # mega, chip (of a clone, or of anything else), other_board, dfu, no_board
-    module: str  # the kernel's driver that makes a serial port of it
+    role: PortRole
+    module: str = "cdc_acm"  # the kernel's driver that makes a serial port of it
 
 
-ARDUINO, ARDUINO_ORG = 0x2341, 0x2A03
-MEGA, OTHER_BOARD, CHIP, DFU, NO_BOARD = "mega", "other_board", "chip", "dfu", "no_board"
+ARDUINO, ARDUINO_ORG, RASPBERRY_PI, ATMEL, WCH = 0x2341, 0x2A03, 0x2E8A, 0x03EB, 0x1A86
+MEGA_2560 = UsbChip("Arduino Mega 2560", PortRole.MEGA)
+MEGA_ADK = UsbChip("Arduino Mega ADK", PortRole.OTHER_BOARD)
+UNO = UsbChip("Arduino Uno", PortRole.OTHER_BOARD)
+LEONARDO = UsbChip("Arduino Leonardo", PortRole.OTHER_BOARD)
+PICO = UsbChip("Raspberry Pi Pico", PortRole.OTHER_BOARD)
 
 USB_IDS: dict[tuple[int, int], UsbChip] = {
-    (vendor, product): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm")
-    for vendor in (ARDUINO, ARDUINO_ORG)
-    for product in (0x0010, 0x0042)
+    (ARDUINO, 0x0010): MEGA_2560,
+    (ARDUINO, 0x0042): MEGA_2560,
+    (ARDUINO_ORG, 0x0010): MEGA_2560,
+    (ARDUINO_ORG, 0x0042): MEGA_2560,
+    (ARDUINO, 0x0210): MEGA_2560,
+    (ARDUINO, 0x0242): MEGA_2560,
+    (ARDUINO, 0x003F): MEGA_ADK,
+    (ARDUINO, 0x0044): MEGA_ADK,
+    (ARDUINO, 0x0001): UNO,
+    (ARDUINO, 0x0043): UNO,
+    (ARDUINO_ORG, 0x0043): UNO,
+    (ARDUINO, 0x0036): LEONARDO,
+    (ARDUINO, 0x8036): LEONARDO,
+    (RASPBERRY_PI, 0x0005): PICO,
+    (RASPBERRY_PI, 0x000A): PICO,
+    (0x303A, 0x1001): UsbChip("ESP32", PortRole.OTHER_BOARD),
+    (WCH, 0x7523): UsbChip("CH340", PortRole.CHIP, "ch341"),
+    (WCH, 0x5523): UsbChip("CH341", PortRole.CHIP, "ch341"),
+    (WCH, 0x55D4): UsbChip("CH9102", PortRole.CHIP),
+    (0x0403, 0x6001): UsbChip("FT232R", PortRole.CHIP, "ftdi_sio"),
+    (0x10C4, 0xEA60): UsbChip("CP2102", PortRole.CHIP, "cp210x"),
+    # The Mega's own USB chip, an ATmega16U2, without its program.
+    (ATMEL, 0x2FEF): UsbChip("ATmega16U2 in its DFU bootloader", PortRole.DFU, ""),
+    (ATMEL, 0x2FF0): UsbChip("ATmega32U2 in its DFU bootloader", PortRole.DFU, ""),
 }
-USB_IDS |= {
-    (ARDUINO, 0x0210): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm"),
-    (ARDUINO, 0x0242): UsbChip("Arduino Mega 2560", MEGA, "cdc_acm"),
-    (ARDUINO, 0x003F): UsbChip("Arduino Mega ADK", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO, 0x0044): UsbChip("Arduino Mega ADK", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO, 0x0001): UsbChip("Arduino Uno", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO, 0x0043): UsbChip("Arduino Uno", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO_ORG, 0x0043): UsbChip("Arduino Uno", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO, 0x0036): UsbChip("Arduino Leonardo", OTHER_BOARD, "cdc_acm"),
-    (ARDUINO, 0x8036): UsbChip("Arduino Leonardo", OTHER_BOARD, "cdc_acm"),
-    (0x2E8A, 0x0005): UsbChip("Raspberry Pi Pico", OTHER_BOARD, "cdc_acm"),
-    (0x2E8A, 0x000A): UsbChip("Raspberry Pi Pico", OTHER_BOARD, "cdc_acm"),
-    (0x303A, 0x1001): UsbChip("ESP32", OTHER_BOARD, "cdc_acm"),
-    (0x1A86, 0x7523): UsbChip("CH340", CHIP, "ch341"),
-    (0x1A86, 0x5523): UsbChip("CH341", CHIP, "ch341"),
-    (0x1A86, 0x55D4): UsbChip("CH9102", CHIP, "cdc_acm"),
-    (0x0403, 0x6001): UsbChip("FT232R", CHIP, "ftdi_sio"),
-    (0x10C4, 0xEA60): UsbChip("CP2102", CHIP, "cp210x"),
-    # The Mega's own USB chip, an ATmega16U2, waiting for a program of its own.
-    (0x03EB, 0x2FEF): UsbChip("ATmega16U2 in its DFU bootloader", DFU, ""),
-    (0x03EB, 0x2FF0): UsbChip("ATmega32U2 in its DFU bootloader", DFU, ""),
-}
-# Makers whose serial ports lead to something else for certain.
-OTHER_MAKERS = {
+# Vendors whose serial ports never lead to a board.
+OTHER_VENDORS = {
     0x12D1: "a Huawei modem",
     0x19D2: "a ZTE modem",
     0x2C7C: "a Quectel modem",
@@ -55,8 +72,7 @@ OTHER_MAKERS = {
 
 
 def lookup_usb_id(vendor: int, product: int) -> UsbChip | None:
-    """What is known of a USB identity; None for one that may be anything."""
-    known = USB_IDS.get((vendor, product))
-    if known is None and vendor in OTHER_MAKERS:
-        return UsbChip(OTHER_MAKERS[vendor], NO_BOARD, "")
-    return known
+    """What a USB identity stands for; None if it is not in the tables."""
+    if (vendor, product) not in USB_IDS and vendor in OTHER_VENDORS:
+        return UsbChip(OTHER_VENDORS[vendor], PortRole.NO_BOARD, "")
+    return USB_IDS.get((vendor, product))

@@ -5,7 +5,6 @@ import time
 import pytest
 
 from diffbotctl.drivers import board_candidates
-from diffbotctl.drivers.board_candidates import Candidate
 from diffbotctl.drivers.board_errors import (
     BadImageError,
     NoBoardError,
@@ -21,6 +20,7 @@ from diffbotctl.flash import stk500
 from diffbotctl.flash.flasher import Bootloader, FlashMessage, flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex
 from diffbotctl.flash.stk500 import BootloaderRequest, FlashProgress, ReplyParser, message
+from diffbotctl.ports.sysfs import SerialPort, UsbDevice
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.trials import flash as flash_module
 
@@ -104,8 +104,12 @@ def test_no_image(tmp_path):
         list(flash("/dev/null", tmp_path / "none.hex"))
 
 
-MEGA, OTHER_MEGA = (Candidate(f"/dev/ttyACM{n}", "Mega", True) for n in (0, 1))
-CLONE, OTHER_CLONE = (Candidate(f"/dev/ttyUSB{n}", "CH340", False) for n in (0, 1))
+def usb_port(device, vendor, product):
+    return SerialPort(device, UsbDevice(vendor, product, "", "", "1-1", ()))
+
+
+MEGA, OTHER_MEGA = (usb_port(f"/dev/ttyACM{n}", 0x2341, 0x0042) for n in (0, 1))
+CLONE, OTHER_CLONE = (usb_port(f"/dev/ttyUSB{n}", 0x1A86, 0x7523) for n in (0, 1))
 
 
 @pytest.mark.parametrize(

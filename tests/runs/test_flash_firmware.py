@@ -11,7 +11,6 @@ import time
 from contextlib import suppress
 
 import pytest
-from serial.tools.list_ports_common import ListPortInfo
 
 from diffbotctl.drivers import board_candidates
 from diffbotctl.drivers.serial_port import SerialPortDevice
@@ -19,6 +18,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.fake_machine import FakeMachine
 from diffbotctl.testing.virtual_board import (
     LONGEST,
     board,
@@ -231,37 +231,28 @@ def test_a_robot_file_that_still_says_rosserial():
     assert "link: {protocol: diffbot}" in flat(said)
 
 
-def port(device, usb=(None, None), product=None):
-    info = ListPortInfo(device)
-    (info.vid, info.pid), info.product = usb, product
-    return info
-
-
 @pytest.mark.parametrize(
     ("ports", "radio", "found"),
     [
-        ([], False, []),
-        ([port("/dev/ttyS0")], True, []),  # a port of the mainboard
-        ([port("/dev/ttyUSB0", (0x067B, 0x2303))], True, []),  # an adapter that no Mega carries
-        ([port("/dev/ttyUSB0", CLONE), port("/dev/ttyACM0", MEGA)], False, ["ttyACM0", "ttyUSB0"]),
-        ([port("/dev/rfcomm0"), port("/dev/ttyACM0", MEGA)], False, ["ttyACM0"]),
-        ([port("/dev/rfcomm0"), port("/dev/ttyACM0", MEGA)], True, ["rfcomm0", "ttyACM0"]),
+        ({}, False, []),
+        ({"ttyS0": None}, True, []),  # a port of the mainboard
+        ({"ttyUSB0": (0x067B, 0x2303)}, True, []),  # an adapter that no Mega carries
+        ({"ttyUSB0": CLONE, "ttyACM0": MEGA}, False, ["ttyACM0", "ttyUSB0"]),
+        ({"rfcomm0": None, "ttyACM0": MEGA}, False, ["ttyACM0"]),
+        ({"rfcomm0": None, "ttyACM0": MEGA}, True, ["rfcomm0", "ttyACM0"]),
     ],
 )
-def test_which_ports_may_lead_to_a_board(ports, radio, found):
-    assert [each.device for each in board_candidates.sort(ports, radio)] == [
+def test_which_ports_may_lead_to_a_board(tmp_path, ports, radio, found):
+    machine = FakeMachine(tmp_path / "machine")
+    for number, (name, usb) in enumerate(ports.items(), 1):
+        machine.port(name, usb, place=f"1-{number}")
+    assert [port.device for port in board_candidates.candidates(radio, machine.root)] == [
         f"/dev/{name}" for name in found
     ]
 
 
 def test_a_board_has_a_name_that_stays(tmp_path):
-    (tmp_path / "ttyACM0").touch()
-    names = tmp_path / "by-id"
-    names.mkdir()
-    (names / "usb-Arduino_Mega_1-if00").symlink_to(tmp_path / "ttyACM0")
-    device = os.path.realpath(tmp_path / "ttyACM0")
-    (one,) = board_candidates.sort(
-        [port(device, MEGA)], stable=board_candidates.stable_names(names)
-    )
-    assert one.stable == str(names / "usb-Arduino_Mega_1-if00")
-    assert board_candidates.stable_names(tmp_path / "none") == {}
+    machine = FakeMachine(tmp_path / "machine")
+    machine.port("ttyACM0", MEGA, by_id="usb-Arduino_Mega_1-if00")
+    (port,) = board_candidates.candidates(root=machine.root)
+    assert port.name == "/dev/serial/by-id/usb-Arduino_Mega_1-if00"
