@@ -1,8 +1,7 @@
-"""Bluetooth addresses, and ports that are named by them: `bluetooth:98:D3:31:FC:12:34`.
+"""BlueZ, the system's Bluetooth service: modules in range, and pairing with a PIN.
 
-The system's Bluetooth service, BlueZ: modules in reach, and pairing with a module's number.
-
-Interfaces of BlueZ 5: org.bluez.Adapter1, Device1, AgentManager1, Agent1.
+Also the names of RFCOMM ports, such as `bluetooth:98:D3:31:FC:12:34`. Interfaces of BlueZ 5:
+org.bluez.Adapter1, Device1, AgentManager1, Agent1.
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ from contextlib import closing, contextmanager, suppress
 from typing import Any, NamedTuple
 
 from diffbotctl.bluetooth.dbus import Bus, BusError, DBusCall
-from diffbotctl.bluetooth.errors import no_radio, not_found, not_paired, refused
+from diffbotctl.bluetooth.errors import NO_ADAPTER, not_found, not_paired, refused
 from diffbotctl.errors import Problem, RunError, UsageError
 
 PORT_PREFIX = "bluetooth:"
-PORT = re.compile(r"((?:[0-9A-F]{2}:){5}[0-9A-F]{2})(?:/(\d{1,2}))?\Z")
-SERIAL_CHANNEL = 1  # the one channel of an HC-05, for its serial port profile
+ADDRESS = re.compile(r"((?:[0-9A-F]{2}:){5}[0-9A-F]{2})(?:/(\d{1,2}))?\Z")
+SERIAL_CHANNEL = 1  # the only channel of an HC-05, for its serial port profile
 CHANNELS = range(1, 31)  # of RFCOMM: five bits, of which 0 and 31 are reserved
 
 
@@ -35,62 +34,49 @@ class RfcommPort(NamedTuple):
 
 
 def parse_port(text: str) -> RfcommPort:
-    """The module of an address, with or without `bluetooth:` in front. Raises UsageError."""
-    words = text.strip().removeprefix(PORT_PREFIX).upper().replace("-", ":")
-    found = PORT.match(words)
-    if found is None:
-        raise _wrong(text, f"'{text}' is no Bluetooth address")
-    channel = SERIAL_CHANNEL if found[2] is None else int(found[2])
+    """The port of an address, with or without `bluetooth:` in front. Raises UsageError."""
+    match = ADDRESS.match(text.strip().removeprefix(PORT_PREFIX).upper().replace("-", ":"))
+    if match is None:
+        raise _bad_address(text, f"'{text}' is no Bluetooth address")
+    channel = SERIAL_CHANNEL if match[2] is None else int(match[2])
     if channel not in CHANNELS:
-        raise _wrong(text, f"there is no channel {channel}: 1 to 30")
-    return RfcommPort(found[1], channel)
+        raise _bad_address(text, f"there is no channel {channel}: 1 to 30")
+    return RfcommPort(match[1], channel)
 
 
-def _wrong(text: str, cause: str) -> UsageError:
+def _bad_address(text: str, cause: str) -> UsageError:
     fix = "write bluetooth:98:D3:31:FC:12:34; `diffbotctl bluetooth scan` lists those in reach"
     return UsageError(Problem("E-BLUETOOTH-ADDRESS", f"port {text}", cause, fix))
 
 
 ADAPTER, DEVICE = "org.bluez.Adapter1", "org.bluez.Device1"
-MANAGER, AGENT = "org.bluez.AgentManager1", "/org/diffbotctl/agent"
-SERIAL_PORT = "00001101-0000-1000-8000-00805f9b34fb"  # the profile of a serial port
-SERIAL_MODULE_NAMES = (
-    "HC-05",
-    "HC-06",
-    "HC05",
-    "HC06",
-    "linvor",
-    "JDY-31",
-    "SPP-C",
-    "BT04",
-    "H-C-2010",
-)
-PIN = "1234"  # of an HC-05 as it is sold
-PAIR_TIMEOUT_S = 60.0  # s; the service gives up by itself before
-POLL_PERIOD_S = 0.5  # s between two looks at what was found
-HINT_TIMEOUT_S = (
-    2.0  # s for what is only a hint: a service that must be started first may take longer
-)
+AGENT_MANAGER, AGENT_PATH = "org.bluez.AgentManager1", "/org/diffbotctl/agent"
+SERIAL_PORT_PROFILE = "00001101-0000-1000-8000-00805f9b34fb"
+SERIAL_NAMES = ("HC-05", "HC-06", "HC05", "HC06", "LINVOR", "JDY-31", "SPP-C", "BT04", "H-C-2010")
+DEFAULT_PIN = "1234"  # of a new HC-05
+PAIR_TIMEOUT_S = 60.0  # the service gives up before
+POLL_PERIOD_S = 0.5
+HINT_TIMEOUT_S = 2.0  # for what is only a hint: a service that must be started first takes longer
 
 
 class NearbyModule(NamedTuple):
-    """A Bluetooth device that answered, or is known from before."""
+    """A Bluetooth device in range, or one that the service remembers."""
 
     address: str
     name: str
-    strength: int | None  # dBm; None for one that did not answer now
-    paired: bool
-    serial: bool  # it is a serial port, by its profile or its name
+    strength: int | None  # dBm; None for one that is not in range
+    is_paired: bool
+    is_serial: bool  # it is a serial port, by its profile or its name
     path: str
 
 
 class BluezService:
-    """BlueZ, through the first radio there is."""
+    """BlueZ, with the first radio of the machine."""
 
     def __init__(self) -> None:
         """Raises RunError: no library, no bus, no service, no radio."""
-        self.pin = PIN
-        self.asked = False  # whether the module's number was wanted
+        self.pin = DEFAULT_PIN
+        self.pin_requested = False
         self._bus = Bus(self._answer)
         try:
             self._radio = self._find_radio()
@@ -99,7 +85,7 @@ class BluezService:
             raise
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Disconnect from the bus."""
         self._bus.close()
 
     def __enter__(self) -> BluezService:
@@ -109,65 +95,61 @@ class BluezService:
         self.close()
 
     def scan(self, seconds: float) -> Iterator[NearbyModule]:
-        """Each device once, as soon as it answers within so many seconds. Raises RunError."""
-        seen = set()
+        """Each device in range once, as soon as it answers within `seconds`. Raises RunError."""
+        yielded = set()
         with self._discovering():
-            until = time.monotonic() + seconds
+            deadline = time.monotonic() + seconds
             while True:
-                for found in self.known():
-                    if found.strength is not None and found.address not in seen:
-                        seen.add(found.address)
-                        yield found
-                left = until - time.monotonic()
-                if left <= 0:
+                for module in self.modules():
+                    if module.strength is not None and module.address not in yielded:
+                        yielded.add(module.address)
+                        yield module
+                remaining = deadline - time.monotonic()
+                if remaining <= 0:
                     return
-                time.sleep(min(POLL_PERIOD_S, left))
+                time.sleep(min(POLL_PERIOD_S, remaining))
 
-    def known(self) -> list[NearbyModule]:
-        """What the service knows of, in reach or not. Raises RunError."""
-        with _words():
-            objects = self._bus.objects()
-        return [
-            _found(path, device)
-            for path, interfaces in objects.items()
-            if (device := interfaces.get(DEVICE)) and path.startswith(self._radio)
-        ]
+    def modules(self) -> list[NearbyModule]:
+        """What the service knows, in range or not. Raises RunError."""
+        with _as_run_errors():
+            return _modules(self._bus.objects(), self._radio)
 
     def find(self, address: str, seconds: float) -> NearbyModule:
-        """One device, looked for if need be. Raises RunError."""
-        for found in self.known():
-            if found.address == address:
-                return found
-        for found in self.scan(seconds):
-            if found.address == address:
-                return found
+        """One device; scans for `seconds` if the service does not know it. Raises RunError."""
+        for source in (self.modules(), self.scan(seconds)):
+            for module in source:
+                if module.address == address:
+                    return module
         raise not_found(address)
 
-    def pair(self, found: NearbyModule, pin: str, wait: float = PAIR_TIMEOUT_S) -> None:
-        """Pair with the module's number, and trust it. Raises RunError."""
-        self.pin, self.asked = pin, False
-        with _words():
-            self._bus.call("/org/bluez", MANAGER, "RegisterAgent", "os", (AGENT, "KeyboardOnly"))
-            self._bus.call("/org/bluez", MANAGER, "RequestDefaultAgent", "o", (AGENT,))
+    def pair(self, module: NearbyModule, pin: str, timeout: float = PAIR_TIMEOUT_S) -> None:
+        """Pair with the module's PIN, and trust it. Raises RunError."""
+        self.pin, self.pin_requested = pin, False
+        with _as_run_errors():
+            self._agent_call("RegisterAgent", "os", "KeyboardOnly")
+            self._agent_call("RequestDefaultAgent", "o")
             try:
-                self._bus.call(found.path, DEVICE, "Pair", wait=wait)
+                self._bus.call(module.path, DEVICE, "Pair", timeout=timeout)
             except BusError as error:
                 if not error.name.endswith(".AlreadyExists"):
-                    raise not_paired(found.address, error, self.asked) from error
-            self._bus.set(found.path, DEVICE, "Trusted", "b", True)
-            self._bus.call("/org/bluez", MANAGER, "UnregisterAgent", "o", (AGENT,))
+                    raise not_paired(module.address, error, self.pin_requested) from error
+            self._bus.set(module.path, DEVICE, "Trusted", "b", True)
+            self._agent_call("UnregisterAgent", "o")
 
-    def forget(self, found: NearbyModule) -> None:
+    def forget(self, module: NearbyModule) -> None:
         """Remove a device with its pairing. Raises RunError."""
-        with _words():
-            self._bus.call(self._radio, ADAPTER, "RemoveDevice", "o", (found.path,))
+        with _as_run_errors():
+            self._bus.call(self._radio, ADAPTER, "RemoveDevice", "o", (module.path,))
+
+    def _agent_call(self, method: str, signature: str, *arguments: str) -> None:
+        self._bus.call("/org/bluez", AGENT_MANAGER, method, signature, (AGENT_PATH, *arguments))
 
     def _find_radio(self) -> str:
-        with _words():
+        with _as_run_errors():
             objects = self._bus.objects()
             radios = [path for path, interfaces in objects.items() if ADAPTER in interfaces]
             if not radios:
-                raise no_radio()
+                raise RunError(NO_ADAPTER)
             radio = min(radios)
             if not objects[radio][ADAPTER].get("Powered"):
                 self._bus.set(radio, ADAPTER, "Powered", "b", True)
@@ -175,15 +157,10 @@ class BluezService:
 
     @contextmanager
     def _discovering(self) -> Iterator[None]:
-        with _words():
-            with suppress(BusError):  # a radio too old for filters finds more, that is all
-                self._bus.call(
-                    self._radio,
-                    ADAPTER,
-                    "SetDiscoveryFilter",
-                    "a{sv}",
-                    ({"Transport": ("s", "bredr")},),
-                )
+        with _as_run_errors():
+            classic_only = ({"Transport": ("s", "bredr")},)
+            with suppress(BusError):  # a radio too old for filters finds other devices too
+                self._bus.call(self._radio, ADAPTER, "SetDiscoveryFilter", "a{sv}", classic_only)
             self._bus.call(self._radio, ADAPTER, "StartDiscovery")
         try:
             yield
@@ -191,63 +168,66 @@ class BluezService:
             with suppress(BusError):
                 self._bus.call(self._radio, ADAPTER, "StopDiscovery")
 
-    def _answer(self, question: DBusCall) -> tuple[str, tuple[Any, ...]]:
-        """What the service asks while it pairs."""
-        if question.method == "RequestPinCode":
-            self.asked = True
-            return "s", (self.pin,)
-        if question.method == "RequestPasskey" and self.pin.isdigit():
-            self.asked = True
-            return "u", (int(self.pin),)
-        if question.method in ("Release", "Cancel", "DisplayPinCode", "DisplayPasskey"):
-            return "", ()
-        if question.method in ("RequestConfirmation", "RequestAuthorization", "AuthorizeService"):
-            return "", ()  # the person has just asked for this pairing
-        return _reject(question)
+    def _answer(self, call: DBusCall) -> tuple[str, tuple[Any, ...]]:
+        """Answer a call of the service while it pairs."""
+        match call.method:
+            case "RequestPinCode":
+                self.pin_requested = True
+                return "s", (self.pin,)
+            case "RequestPasskey" if self.pin.isdigit():
+                self.pin_requested = True
+                return "u", (int(self.pin),)
+            case "Release" | "Cancel" | "DisplayPinCode" | "DisplayPasskey":
+                return "", ()
+            case "RequestConfirmation" | "RequestAuthorization" | "AuthorizeService":
+                return "", ()  # the user has just started this pairing
+        return _reject(call)
 
 
 def paired_modules() -> list[NearbyModule]:
-    """The serial modules that are paired, in reach or not; none where nobody can be asked.
+    """The paired serial modules, in range or not; none where the service cannot be asked.
 
-    Only looks: a radio that is off stays off.
+    Read only: a radio that is off stays off.
     """
     try:
         with closing(Bus(_reject)) as bus:
-            objects = bus.objects(HINT_TIMEOUT_S)
+            modules = _modules(bus.objects(HINT_TIMEOUT_S))
     except (RunError, BusError):
         return []
-    found = [
-        _found(path, interfaces[DEVICE])
-        for path, interfaces in objects.items()
-        if DEVICE in interfaces
-    ]
-    return sorted((each for each in found if each.paired and each.serial), key=_address)
+    paired = [module for module in modules if module.is_paired and module.is_serial]
+    return sorted(paired, key=lambda module: module.address)
 
 
-def _address(found: NearbyModule) -> str:
-    return found.address
-
-
-def _reject(question: DBusCall) -> tuple[str, tuple[Any, ...]]:
-    raise BusError("org.bluez.Error.Rejected", question.method)
+def _reject(call: DBusCall) -> tuple[str, tuple[Any, ...]]:
+    raise BusError("org.bluez.Error.Rejected", call.method)
 
 
 @contextmanager
-def _words() -> Iterator[None]:
-    """Errors of the service as words for a person."""
+def _as_run_errors() -> Iterator[None]:
+    """Raise errors of the service as RunError."""
     try:
         yield
     except BusError as error:
         raise refused(error) from error
 
 
-def _found(path: str, device: dict[str, Any]) -> NearbyModule:
+def _modules(objects: dict[str, dict[str, dict[str, Any]]], path: str = "") -> list[NearbyModule]:
+    """The devices among the objects of the service, below `path`."""
+    return [
+        _module(place, interfaces[DEVICE])
+        for place, interfaces in objects.items()
+        if interfaces.get(DEVICE) and place.startswith(path)
+    ]
+
+
+def _module(path: str, device: dict[str, Any]) -> NearbyModule:
     name = str(device.get("Alias") or device.get("Name") or "")
-    profiles = [str(each).lower() for each in device.get("UUIDs", ())]
-    serial = SERIAL_PORT in profiles or name.upper().startswith(
-        tuple(map(str.upper, SERIAL_MODULE_NAMES))
-    )
-    strength = device.get("RSSI")
+    profiles = [str(profile).lower() for profile in device.get("UUIDs", ())]
     return NearbyModule(
-        str(device.get("Address", "")), name, strength, bool(device.get("Paired")), serial, path
+        str(device.get("Address", "")),
+        name,
+        device.get("RSSI"),
+        bool(device.get("Paired")),
+        SERIAL_PORT_PROFILE in profiles or name.upper().startswith(SERIAL_NAMES),
+        path,
     )

@@ -1,4 +1,4 @@
-"""The system's message bus, as far as the Bluetooth service needs it: calls out, questions in."""
+"""The system's message bus, for the Bluetooth service: outgoing calls, incoming requests."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 from diffbotctl.errors import Problem, RunError
 
 SERVICE = "org.bluez"
-CALL_TIMEOUT_S = 10.0  # s; what the service answers by itself
-CONNECT_TIMEOUT_S = 2.0  # s; the bus is on this machine
+PLACE = "Bluetooth"
+START_FIX = "sudo apt-get install bluez; sudo systemctl enable --now bluetooth"
+CALL_TIMEOUT_S = 10.0  # for a call that the service answers itself
+CONNECT_TIMEOUT_S = 2.0  # the bus is on this machine
 
 
 class DBusCall(NamedTuple):
-    """A call that the service makes to us."""
+    """A call of the service to this program."""
 
     method: str
     arguments: tuple[Any, ...]
@@ -28,13 +30,12 @@ class BusError(Exception):
         self.name, self.text = name, text
 
 
-DBusReply = Callable[
-    [DBusCall], tuple[str, tuple[Any, ...]]
-]  # D-Bus signature and values; BusError
+# Answers a call of the service: D-Bus signature and values. Raises BusError to refuse it.
+DBusReply = Callable[[DBusCall], tuple[str, tuple[Any, ...]]]
 
 
 class Bus:
-    """A connection to the system bus. `answer` is asked whatever the service wants of us."""
+    """A connection to the system bus. `answer` handles the calls of the service."""
 
     def __init__(self, answer: DBusReply) -> None:
         """Raises RunError when there is no bus, or no library for it."""
@@ -42,7 +43,7 @@ class Bus:
         self._connection = _connection()
 
     def close(self) -> None:
-        """Leave the bus; the service forgets what was registered."""
+        """Disconnect; the service removes what was registered."""
         self._connection.close()
 
     def call(
@@ -52,54 +53,48 @@ class Bus:
         method: str,
         signature: str = "",
         arguments: tuple[Any, ...] = (),
-        wait: float = CALL_TIMEOUT_S,
+        timeout: float = CALL_TIMEOUT_S,
     ) -> tuple[Any, ...]:
-        """Call the service, answering its questions meanwhile.
+        """Call the service, and answer its calls meanwhile.
 
-        Raises BusError, with the name `timeout` when no answer came within `wait` seconds.
+        Raises BusError, with the name `timeout` when no answer came within `timeout` seconds.
         """
+        # An optional dependency, needed for Bluetooth only.
         from jeepney import DBusAddress, HeaderFields, MessageType, new_method_call
 
         address = DBusAddress(path, SERVICE, interface)
-        message = new_method_call(address, method, signature or None, arguments)
         serial = next(self._connection.outgoing_serial)
-        self._send(message, serial)
-        until = time.monotonic() + wait
-        while (left := until - time.monotonic()) > 0:
-            heard = self._receive(left)
-            if heard is None:
+        self._send(new_method_call(address, method, signature or None, arguments), serial)
+        deadline = time.monotonic() + timeout
+        while (remaining := deadline - time.monotonic()) > 0:
+            message = self._receive(remaining)
+            if message is None:
                 break
-            kind = heard.header.message_type
+            kind, fields = message.header.message_type, message.header.fields
             if kind is MessageType.method_call:
-                self._reply(heard)
-            elif heard.header.fields.get(HeaderFields.reply_serial) == serial:
+                self._reply(message)
+            elif fields.get(HeaderFields.reply_serial) == serial:
                 if kind is MessageType.error:
-                    name = heard.header.fields[HeaderFields.error_name]
-                    raise BusError(name, str(heard.body[0]) if heard.body else "")
-                return tuple(heard.body)
+                    text = str(message.body[0]) if message.body else ""
+                    raise BusError(fields[HeaderFields.error_name], text)
+                return tuple(message.body)
         raise BusError("timeout", f"no answer to {method}")
 
     def set(self, path: str, interface: str, name: str, signature: str, value: Any) -> None:
         """Set a property. Raises BusError."""
-        self.call(
-            path,
-            "org.freedesktop.DBus.Properties",
-            "Set",
-            "ssv",
-            (interface, name, (signature, value)),
-        )
+        arguments = (interface, name, (signature, value))
+        self.call(path, "org.freedesktop.DBus.Properties", "Set", "ssv", arguments)
 
-    def objects(self, wait: float = CALL_TIMEOUT_S) -> dict[str, dict[str, dict[str, Any]]]:
-        """Everything the service knows: path, interface, property, value. Raises BusError."""
-        (found,) = self.call(
-            "/", "org.freedesktop.DBus.ObjectManager", "GetManagedObjects", wait=wait
-        )
+    def objects(self, timeout: float = CALL_TIMEOUT_S) -> dict[str, dict[str, dict[str, Any]]]:
+        """Every object of the service: path, interface, property, value. Raises BusError."""
+        interface = "org.freedesktop.DBus.ObjectManager"
+        (objects,) = self.call("/", interface, "GetManagedObjects", timeout=timeout)
         return {
             path: {
                 interface: {name: value for name, (_, value) in properties.items()}
                 for interface, properties in interfaces.items()
             }
-            for path, interfaces in found.items()
+            for path, interfaces in objects.items()
         }
 
     def _send(self, message: Any, serial: int | None = None) -> None:
@@ -108,21 +103,22 @@ class Bus:
         except OSError as error:
             raise _no_bus("the connection to it broke") from error
 
-    def _receive(self, wait: float) -> Any:
+    def _receive(self, timeout: float) -> Any:
         try:
-            return self._connection.receive(timeout=wait)
+            return self._connection.receive(timeout=timeout)
         except TimeoutError:
             return None
         except OSError as error:
             raise _no_bus("the connection to it broke") from error
 
     def _reply(self, message: Any) -> None:
-        """Answer a question of the service's."""
+        """Answer a call of the service."""
+        # An optional dependency, needed for Bluetooth only.
         from jeepney import HeaderFields, new_error, new_method_return
 
-        question = DBusCall(message.header.fields[HeaderFields.member], tuple(message.body))
+        call = DBusCall(message.header.fields[HeaderFields.member], tuple(message.body))
         try:
-            signature, values = self._answer(question)
+            signature, values = self._answer(call)
         except BusError as error:
             self._send(new_error(message, error.name))
             return
@@ -131,16 +127,12 @@ class Bus:
 
 def _connection() -> Any:
     try:
+        # An optional dependency, needed for Bluetooth only.
         from jeepney.io.blocking import open_dbus_connection
     except ImportError as error:
-        raise RunError(
-            Problem(
-                "E-BLUETOOTH-LIBRARY",
-                "Bluetooth",
-                "the package jeepney is not installed",
-                "pip install 'diffbotctl[bluetooth]', or pip install jeepney",
-            )
-        ) from error
+        cause = "the package jeepney is not installed"
+        fix = "pip install 'diffbotctl[bluetooth]', or pip install jeepney"
+        raise RunError(Problem("E-BLUETOOTH-LIBRARY", PLACE, cause, fix)) from error
     try:
         return open_dbus_connection(bus="SYSTEM", auth_timeout=CONNECT_TIMEOUT_S)
     except (OSError, ValueError, KeyError, RuntimeError) as error:
@@ -148,11 +140,6 @@ def _connection() -> Any:
 
 
 def _no_bus(cause: str) -> RunError:
-    return RunError(
-        Problem(
-            "E-BLUETOOTH-SERVICE",
-            "Bluetooth",
-            f"this system has no message bus, or {cause}",
-            "sudo apt-get install dbus bluez; sudo systemctl enable --now bluetooth",
-        )
-    )
+    cause = f"this system has no message bus, or {cause}"
+    fix = "sudo apt-get install dbus bluez; sudo systemctl enable --now bluetooth"
+    return RunError(Problem("E-BLUETOOTH-SERVICE", PLACE, cause, fix))

@@ -1,8 +1,8 @@
-"""What to say to an HC-05 in AT mode, and what its answers mean. Sans-IO.
+"""AT commands of an HC-05, and what its replies mean. Sans-IO.
 
-A conversation is a generator: it yields a command, is sent the lines of the answer (none when no
-`OK` and no error came in time), and returns what it found out. Commands end with CR and LF, answers
-with a line `OK` or `ERROR:(n)`, n hexadecimal.
+A session is a generator: it yields a command, is sent the lines of the reply (none when no `OK` and
+no error arrived in time), and returns its result. Commands end with CR and LF, replies with a line
+`OK` or `ERROR:(n)`, n hexadecimal.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
-AT_BAUD = 38400  # of every HC-05 whose button was held while its power came on
+AT_BAUD = 38400  # of every HC-05 whose button was held at power-on
 COMMAND_MAX_TRIES = 3  # the first command after power-on is often answered with an error
-RATE_KEY = "+UART:"
-# Error numbers that people meet; HC-05 AT command set, appendix.
+BAUD_PREFIX = "+UART:"
+# The usual error numbers; HC-05 AT command set, appendix.
 ERRORS = {
     "0": "it does not know the command",
     "1": "it takes the rate for its own",
@@ -23,7 +23,6 @@ ERRORS = {
 }
 
 AtReply = list[str]
-AtSession = Generator[str, AtReply, "BaudChange"]
 
 
 class BaudChange(NamedTuple):
@@ -33,68 +32,73 @@ class BaudChange(NamedTuple):
     now: int
 
 
+AtSession = Generator[str, AtReply, BaudChange]
+
+
 class AtModeError(Exception):
-    """The module does not answer as an HC-05 in AT mode does; the message says what it did."""
+    """The module does not answer as an HC-05 in AT mode; the message describes its reply."""
 
 
 def set_baud(baud: int) -> AtSession:
-    """Set the module's rate, look whether it took it, and let it leave AT mode.
+    """Set the module's rate, check it, and leave AT mode.
 
-    Raises NoAnswerError. Says nothing that changes the module before it has answered twice.
+    Raises AtModeError. Sends no command that changes the module before it has answered twice.
     """
-    yield from _greet()
-    before = yield from _rate()
+    reply = yield from _try("AT")
+    if not _is_ok(reply):
+        raise AtModeError(f"it answers {reply[-1]} to AT" if reply else "nothing answers to AT")
+    before = yield from _read_baud()
     if before != baud:
-        yield from _ask(f"AT+UART={baud},0,0")  # one stop bit, no parity
-        now = yield from _rate()
+        yield from _command(f"AT+UART={baud},0,0")  # one stop bit, no parity
+        now = yield from _read_baud()
         if now != baud:
             raise AtModeError(f"it took the command, but its rate is still {now} baud")
-    yield "AT+RESET"  # whatever it answers: it restarts, out of AT mode
+    yield "AT+RESET"  # it restarts outside AT mode, with any reply
     return BaudChange(before, baud)
 
 
-def _greet() -> Generator[str, AtReply, None]:
-    heard: AtReply = []
-    for _ in range(COMMAND_MAX_TRIES):
-        heard = yield "AT"
-        if heard and heard[-1] == "OK":
-            return
-    raise AtModeError(f"it answers {heard[-1]} to AT" if heard else "nothing answers to AT")
-
-
-def _rate() -> Generator[str, AtReply, int]:
-    for line in (yield from _ask("AT+UART?")):
-        if line.startswith(RATE_KEY):
-            words = line.removeprefix(RATE_KEY).split(",")
-            if words[0].isdigit():
-                return int(words[0])
+def _read_baud() -> Generator[str, AtReply, int]:
+    for line in (yield from _command("AT+UART?")):
+        baud = line.removeprefix(BAUD_PREFIX).split(",")[0]
+        if line.startswith(BAUD_PREFIX) and baud.isdigit():
+            return int(baud)
     raise AtModeError("it does not tell its rate")
 
 
-def _ask(command: str) -> Generator[str, AtReply, AtReply]:
-    heard: AtReply = []
-    for _ in range(COMMAND_MAX_TRIES):
-        heard = yield command
-        if heard and heard[-1] == "OK":
-            return heard
-    if not heard:
+def _command(command: str) -> Generator[str, AtReply, AtReply]:
+    reply = yield from _try(command)
+    if _is_ok(reply):
+        return reply
+    if not reply:
         raise AtModeError(f"it has fallen silent over {command}")
-    number = heard[-1].removeprefix("ERROR:(").rstrip(")")
-    raise AtModeError(f"{command} fails: {ERRORS.get(number, heard[-1])}")
+    number = reply[-1].removeprefix("ERROR:(").rstrip(")")
+    raise AtModeError(f"{command} fails: {ERRORS.get(number, reply[-1])}")
+
+
+def _try(command: str) -> Generator[str, AtReply, AtReply]:
+    """Send a command until it succeeds, up to COMMAND_MAX_TRIES times; the last reply."""
+    reply: AtReply = []
+    for _ in range(COMMAND_MAX_TRIES):
+        reply = yield command
+        if _is_ok(reply):
+            break
+    return reply
+
+
+def _is_ok(reply: AtReply) -> bool:
+    return reply[-1:] == ["OK"]
 
 
 class AtReplyReader:
-    """Bytes into lines, up to the one that ends an answer."""
+    """Splits bytes into lines, up to the one that ends a reply."""
 
     def __init__(self) -> None:
         self._part = b""
         self.lines: AtReply = []
 
     def feed(self, data: bytes) -> bool:
-        """Take bytes; true when the answer is complete."""
-        *whole, self._part = (self._part + data).split(b"\n")
-        for each in whole:
-            line = each.decode("ascii", "replace").strip()
-            if line:
-                self.lines.append(line)
-        return bool(self.lines) and (self.lines[-1] == "OK" or self.lines[-1].startswith("ERROR"))
+        """Take bytes; True when the reply is complete."""
+        *lines, self._part = (self._part + data).split(b"\n")
+        texts = (line.decode("ascii", "replace").strip() for line in lines)
+        self.lines += filter(None, texts)
+        return _is_ok(self.lines) or (bool(self.lines) and self.lines[-1].startswith("ERROR"))

@@ -7,13 +7,13 @@ from typing import NamedTuple
 from diffbotctl.bluetooth.link_stats import LinkFigures
 from diffbotctl.links import bandwidth
 
-RATES = (9600, 19200, 38400, 57600, 115200)  # baud, of an HC-05 and of our firmware
-SLOWEST, FASTEST = 20, 100  # Hz of telemetry; the firmware gives no more than 100
-ROUND = 5  # Hz
-REPEAT = 0.1  # s between two commands that say the same
-DEADMAN = (0.3, 0.5)  # s: the usual one, and the longest
-GUARD = 0.05  # s in hand
-BAD_LOSS = 0.05  # share; beyond it two commands in a row are lost each minute or so
+BAUD_RATES = (9600, 19200, 38400, 57600, 115200)  # of an HC-05 and of our firmware
+TELEMETRY_MIN_HZ, TELEMETRY_MAX_HZ = 20, 100  # the firmware sends at most 100
+TELEMETRY_STEP_HZ = 5
+COMMAND_PERIOD_S = 0.1  # between two commands of the same content
+DEADMAN_MIN_S, DEADMAN_MAX_S = 0.3, 0.5  # the default, and the maximum
+DEADMAN_MARGIN_S = 0.05
+LOSS_MAX_RATIO = 0.05  # beyond it two commands in a row are lost each minute or so
 
 
 class RateAdvice(NamedTuple):
@@ -28,39 +28,41 @@ class RateAdvice(NamedTuple):
 def advise_rate(figures: LinkFigures, baud: int, frame: int) -> RateAdvice:
     """Rates for a link of these figures, now at `baud`; one state frame takes `frame` bytes."""
     reasons = []
-    best = max_telemetry_rate(baud, frame)
-    wanted = baud
-    if best < 2 * SLOWEST and baud != RATES[-1]:
-        wanted = next(
-            (rate for rate in RATES if max_telemetry_rate(rate, frame) >= 2 * SLOWEST), baud
+    telemetry, best_baud = max_telemetry_rate(baud, frame), baud
+    if telemetry < 2 * TELEMETRY_MIN_HZ and baud != BAUD_RATES[-1]:
+        fast = (
+            rate for rate in BAUD_RATES if max_telemetry_rate(rate, frame) >= 2 * TELEMETRY_MIN_HZ
         )
-        more = max_telemetry_rate(wanted, frame)
+        best_baud = next(fast, baud)
+        best_telemetry = max_telemetry_rate(best_baud, frame)
         reasons.append(
-            f"{baud} baud carry {best} frames a second, {wanted} would carry {more}: "
-            f"`diffbotctl bluetooth baud {wanted}` changes the module"
+            f"{baud} baud carry {telemetry} frames a second, {best_baud} would carry "
+            f"{best_telemetry}: `diffbotctl bluetooth baud {best_baud}` changes the module"
         )
-        best = max_telemetry_rate(wanted, frame)
-    gap = 2 * REPEAT + figures.jitter_worst + GUARD  # one command lost, the next one late
-    deadman = min(max(DEADMAN[0], round(gap + 0.005, 2)), DEADMAN[1])
-    if deadman > DEADMAN[0]:
+        telemetry = best_telemetry
+    # One command lost, the next one late.
+    gap = 2 * COMMAND_PERIOD_S + figures.jitter_worst + DEADMAN_MARGIN_S
+    deadman = min(max(DEADMAN_MIN_S, round(gap + 0.005, 2)), DEADMAN_MAX_S)
+    if deadman > DEADMAN_MIN_S:
         reasons.append(
             f"frames come up to {figures.jitter_worst * 1000:.0f} ms late: a dead-man "
             "of 300 ms would stop the robot now and then"
         )
-    if gap > DEADMAN[1]:
+    if gap > DEADMAN_MAX_S:
         reasons.append(
             "even the longest dead-man will stop the robot now and then: bring the "
             "antennas nearer, and other radios (a wireless network) away"
         )
-    if figures.lost > BAD_LOSS:
+    if figures.lost > LOSS_MAX_RATIO:
         reasons.append(
             f"{figures.lost:.0%} of the frames are lost: the module's supply dips, or "
             "its rate and the board's differ a little; look at its wires"
         )
-    return RateAdvice(best, wanted, deadman, tuple(reasons))
+    return RateAdvice(telemetry, best_baud, deadman, tuple(reasons))
 
 
 def max_telemetry_rate(baud: int, frame: int) -> int:
-    """Frames a second that fit, in steps that are easily said."""
-    fits = int(bandwidth.COMFORTABLE * bandwidth.capacity(baud) / frame)
-    return max(min(fits // ROUND * ROUND, FASTEST), ROUND)
+    """Frames a second that fit, in steps of TELEMETRY_STEP_HZ."""
+    fitting = int(bandwidth.COMFORTABLE * bandwidth.capacity(baud) / frame)
+    steps = fitting // TELEMETRY_STEP_HZ * TELEMETRY_STEP_HZ
+    return max(min(steps, TELEMETRY_MAX_HZ), TELEMETRY_STEP_HZ)

@@ -55,7 +55,7 @@ def scan(seconds: float, everything: bool, as_json: bool) -> int:
         if not as_json:
             click.echo(f"Searching for {seconds:g} s. A module that is not connected blinks fast.")
         for found in service.scan(seconds):
-            if everything or found.serial or not found.name:
+            if everything or found.is_serial or not found.name:
                 count += 1
                 if as_json:
                     print_json(found._asdict())
@@ -71,8 +71,8 @@ def scan(seconds: float, everything: bool, as_json: bool) -> int:
 
 def _line(found: NearbyModule) -> str:
     strength = "" if found.strength is None else f"{found.strength} dBm"
-    kind = "serial port" if found.serial else ""
-    paired = "paired" if found.paired else "not paired"
+    kind = "serial port" if found.is_serial else ""
+    paired = "paired" if found.is_paired else "not paired"
     return f"{found.address}  {found.name:<16}  {strength:<8}  {kind:<11}  {paired}".rstrip()
 
 
@@ -88,11 +88,11 @@ def pair(address: str, pin: str, again: bool, seconds: float) -> None:
     wanted = parse_port(address)
     with BluezService() as service:
         found = service.find(wanted.address, seconds)
-        if again and found.paired:
+        if again and found.is_paired:
             service.forget(found)
             click.echo("the old pairing is forgotten")
             found = service.find(wanted.address, seconds)
-        if found.paired:
+        if found.is_paired:
             click.echo(f"{found.name or wanted.address} is paired already")
         else:
             service.pair(found, pin)

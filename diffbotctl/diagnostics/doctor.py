@@ -133,7 +133,7 @@ def check_bluetooth(found: AdapterStatus) -> Iterator[DoctorFinding]:
             "the package jeepney is missing, so `bluetooth scan` and `pair` cannot ask the system",
             "pip install 'diffbotctl[bluetooth]'",
         )
-    trouble = found.trouble
+    trouble = found.problem
     if trouble is None:
         yield DoctorFinding(OK, topic, f"{', '.join(found.names)} is there, the service runs")
     else:

@@ -42,7 +42,7 @@ def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
     """Profiles are read at pairing; till then an HC-05 is only a name."""
     with bluez(Module(ROBOT, serial=False)), BluezService() as service:
         (found,) = service.scan(0.1)
-    assert found.serial
+    assert found.is_serial
 
 
 def test_scan_of_nothing_says_what_to_look_at(own_bus):

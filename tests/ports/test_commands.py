@@ -213,7 +213,7 @@ def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
 def test_the_state_of_the_radio(machine, files, code):
     for path, content in files.items():
         machine.write(path, content)
-    trouble = adapter_status(machine.root).trouble
+    trouble = adapter_status(machine.root).problem
     assert (trouble.code if trouble else None) == code
 
 
