@@ -140,7 +140,7 @@ def doctor(fix: bool, root: Path, as_json: bool) -> int:
 
     Each line starts with ok, -- (a note) or !! (a problem). Exit code: 1 with any !!.
     """
-    from diffbotctl.diagnostics.doctor import BAD, doctor_findings
+    from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
     from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
     from diffbotctl.ports.fixes import fix_commands
@@ -154,11 +154,11 @@ def doctor(fix: bool, root: Path, as_json: bool) -> int:
         return 0
     is_bad = False
     for finding in doctor_findings(root, user, survey):
-        is_bad |= finding.verdict == BAD
+        is_bad |= finding.verdict == Verdict.BAD
         if as_json:
             print_json(finding._asdict())
             continue
-        line = f"{finding.verdict}  {finding.topic:<14}  {finding.words}"
+        line = f"{finding.verdict}  {finding.topic:<14}  {finding.text}"
         click.echo(fold_text(line, hang=DOCTOR_INDENT))
         if finding.fix:
             click.echo(fold_text(f"{'':<{DOCTOR_INDENT}}-> {finding.fix}", hang=len("-> ")))

@@ -1,4 +1,4 @@
-"""A look over the whole machine: versions, rights, ports, Bluetooth, optional packages."""
+"""Checks of the whole machine: versions, groups, ports, Bluetooth, optional packages."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import platform
 import socket
 import sys
 from collections.abc import Iterator
+from enum import StrEnum
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +18,17 @@ from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey
 from diffbotctl.ports.usb_ids import PortRole
 
-OK, NOTE, BAD = "ok", "--", "!!"
-OLDEST = (3, 11)
-NEEDED = ("click", "cobs", "mcap", "numpy", "pyserial", "pyyaml", "rich")
+PYTHON_MIN_VERSION = (3, 11)
+REQUIRED_PACKAGES = ("click", "cobs", "jsonschema", "mcap", "numpy", "pyserial", "pyyaml", "rich")
 SERIAL_GROUPS = ("dialout", "uucp", "plugdev")
+
+
+class Verdict(StrEnum):
+    """How a finding is to be taken: fine, worth knowing, in the way."""
+
+    OK = "ok"
+    NOTE = "--"
+    BAD = "!!"
 
 
 class Package(NamedTuple):
@@ -37,40 +45,44 @@ PACKAGES = (
     Package("libsimavr-dev", "include/simavr/sim_avr.h", "`emulate` and `run --port emulated`"),
     Package("gcc", "bin/gcc", "`emulate` and `run --port emulated`"),
 )
+PACKAGE_FOLDERS = ("usr", "usr/local", "")
 
 
 class DoctorFinding(NamedTuple):
-    """One line: how it stands, what it is about, what was found, what to do."""
+    """One line: the verdict, the topic, what was found, what to do."""
 
-    verdict: str
+    verdict: Verdict
     topic: str
-    words: str
+    text: str
     fix: str = ""
 
 
-def doctor_findings(root: Path, person: SystemUser, seen: PortSurvey) -> Iterator[DoctorFinding]:
-    """Everything that was looked at, good or bad. Opens no port."""
+def doctor_findings(root: Path, user: SystemUser, survey: PortSurvey) -> Iterator[DoctorFinding]:
+    """The result of every check, good or bad. Opens no port."""
     yield from _versions()
-    yield _groups(root, person)
-    yield from _ports(seen)
-    yield from check_bluetooth(adapter_status(root))
+    yield _groups(root, user)
+    yield from _ports(survey)
+    yield from _bluetooth(adapter_status(root))
     yield from _packages(root)
 
 
 def _versions() -> Iterator[DoctorFinding]:
-    good = sys.version_info[:2] >= OLDEST
-    fix = "" if good else "Python 3.11 or newer"
-    words = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    yield DoctorFinding(OK if good else BAD, "Python", words, fix)
-    yield DoctorFinding(OK, "diffbotctl", __version__)
-    missing = [name for name in NEEDED if _version(name) is None]
-    if missing:
-        fix = f"python3 -m pip install {' '.join(missing)}"
-        yield DoctorFinding(BAD, "packages", f"not installed: {', '.join(missing)}", fix)
+    is_new_enough = sys.version_info[:2] >= PYTHON_MIN_VERSION
+    text = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    if is_new_enough:
+        yield DoctorFinding(Verdict.OK, "Python", text)
     else:
-        yield DoctorFinding(
-            OK, "packages", ", ".join(f"{name} {_version(name)}" for name in NEEDED)
-        )
+        yield DoctorFinding(Verdict.BAD, "Python", text, "Python 3.11 or newer")
+    yield DoctorFinding(Verdict.OK, "diffbotctl", __version__)
+    versions = {name: _version(name) for name in REQUIRED_PACKAGES}
+    missing = [name for name, number in versions.items() if number is None]
+    if missing:
+        text = f"not installed: {', '.join(missing)}"
+        fix = f"python3 -m pip install {' '.join(missing)}"
+        yield DoctorFinding(Verdict.BAD, "packages", text, fix)
+    else:
+        text = ", ".join(f"{name} {number}" for name, number in versions.items())
+        yield DoctorFinding(Verdict.OK, "packages", text)
 
 
 def _version(name: str) -> str | None:
@@ -80,75 +92,67 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _groups(root: Path, person: SystemUser) -> DoctorFinding:
-    serial = [group for group in system_groups(root).values() if group.name in SERIAL_GROUPS]
-    mine = [group.name for group in serial if group.number in person.groups]
-    if person.user == 0:
-        words = "root may do anything; as an ordinary user diffbotctl needs no root"
-        return DoctorFinding(OK, "groups", words)
-    if mine:
-        return DoctorFinding(OK, "groups", f"{person.name} is in {', '.join(mine)}")
-    if any(person.name in group.members for group in serial):
-        return DoctorFinding(
-            BAD, "groups", "joined, but not in force in this session", "log in anew"
-        )
-    name = next((group.name for group in serial), "dialout")
-    fix = f"sudo usermod -aG {name} {person.name}, then log out and in again"
-    return DoctorFinding(
-        NOTE, "groups", f"{person.name} is in no group that owns serial ports", fix
-    )
+def _groups(root: Path, user: SystemUser) -> DoctorFinding:
+    groups = [group for group in system_groups(root).values() if group.name in SERIAL_GROUPS]
+    joined = [group.name for group in groups if group.number in user.groups]
+    verdict, fix = Verdict.OK, ""
+    if user.user == 0:
+        text = "root may do anything; as an ordinary user diffbotctl needs no root"
+    elif joined:
+        text = f"{user.name} is in {', '.join(joined)}"
+    elif any(user.name in group.members for group in groups):
+        verdict, fix = Verdict.BAD, "log in anew"
+        text = "joined, but not in force in this session"
+    else:
+        name = groups[0].name if groups else SERIAL_GROUPS[0]
+        verdict, text = Verdict.NOTE, f"{user.name} is in no group that owns serial ports"
+        fix = f"sudo usermod -aG {name} {user.name}, then log out and in again"
+    return DoctorFinding(verdict, "groups", text, fix)
 
 
-def _ports(seen: PortSurvey) -> Iterator[DoctorFinding]:
-    for report in seen.reports:
-        words = f"{report.port.device}  {report.title}"
-        wanted = report.port.usb is not None or report.port.role == PortRole.BLUETOOTH
-        yield DoctorFinding(OK if report.usable else BAD if wanted else NOTE, "port", words)
+def _ports(survey: PortSurvey) -> Iterator[DoctorFinding]:
+    for report in survey.reports:
+        # Only a port that may lead to a board can be in the way.
+        may_be_board = report.port.usb is not None or report.port.role == PortRole.BLUETOOTH
+        unusable = Verdict.BAD if may_be_board else Verdict.NOTE
+        verdict = Verdict.OK if report.usable else unusable
+        yield DoctorFinding(verdict, "port", f"{report.port.device}  {report.title}")
         for problem in report.problems:
-            yield _of(problem, wanted)
-    for problem in seen.problems:
-        yield _of(problem, True)
+            yield _problem_finding(problem, may_be_board)
+    for problem in survey.problems:
+        yield _problem_finding(problem, True)
 
 
-def _of(problem: Problem, wanted: bool) -> DoctorFinding:
-    """A problem of a port; only a port that a board may hang on can be in the way."""
-    verdict = BAD if wanted and problem.severity != "warning" else NOTE
+def _problem_finding(problem: Problem, may_be_board: bool) -> DoctorFinding:
+    is_bad = may_be_board and problem.severity != "warning"
+    verdict = Verdict.BAD if is_bad else Verdict.NOTE
     return DoctorFinding(verdict, problem.code, f"{problem.place}: {problem.cause}", problem.fix)
 
 
-def check_bluetooth(found: AdapterStatus) -> Iterator[DoctorFinding]:
-    """Whether a Bluetooth module could be reached; of interest to those who have one."""
+def _bluetooth(adapters: AdapterStatus) -> Iterator[DoctorFinding]:
+    """Whether a Bluetooth module could be reached; never in the way of a robot on a cable."""
     topic = "Bluetooth"
     if not hasattr(socket, "AF_BLUETOOTH"):
-        yield DoctorFinding(
-            NOTE,
-            topic,
-            "this Python was built without Bluetooth sockets",
-            "use the system's own: /usr/bin/python3 -m venv ...",
-        )
+        text = "this Python was built without Bluetooth sockets"
+        fix = "use the system's own: /usr/bin/python3 -m venv ..."
+        yield DoctorFinding(Verdict.NOTE, topic, text, fix)
     if _version("jeepney") is None:
-        yield DoctorFinding(
-            NOTE,
-            topic,
-            "the package jeepney is missing, so `bluetooth scan` and `pair` cannot ask the system",
-            "pip install 'diffbotctl[bluetooth]'",
+        text = (
+            "the package jeepney is missing, so `bluetooth scan` and `pair` cannot ask the system"
         )
-    trouble = found.problem
-    if trouble is None:
-        yield DoctorFinding(OK, topic, f"{', '.join(found.names)} is there, the service runs")
+        yield DoctorFinding(Verdict.NOTE, topic, text, "pip install 'diffbotctl[bluetooth]'")
+    problem = adapters.problem
+    if problem is None:
+        text = f"{', '.join(adapters.names)} is there, the service runs"
+        yield DoctorFinding(Verdict.OK, topic, text)
     else:
-        yield DoctorFinding(NOTE, topic, trouble.cause, trouble.fix)
+        yield DoctorFinding(Verdict.NOTE, topic, problem.cause, problem.fix)
 
 
 def _packages(root: Path) -> Iterator[DoctorFinding]:
-    for package in PACKAGES:
-        folders = ("usr", "usr/local", "")
-        if any((root / folder / package.file).exists() for folder in folders):
-            yield DoctorFinding(OK, package.name, "installed")
+    for name, file, purpose in PACKAGES:
+        if any((root / folder / file).exists() for folder in PACKAGE_FOLDERS):
+            yield DoctorFinding(Verdict.OK, name, "installed")
         else:
-            yield DoctorFinding(
-                NOTE,
-                package.name,
-                f"not installed; only for {package.purpose}",
-                f"sudo apt-get install {package.name}",
-            )
+            text = f"not installed; only for {purpose}"
+            yield DoctorFinding(Verdict.NOTE, name, text, f"sudo apt-get install {name}")

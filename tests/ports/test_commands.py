@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from diffbotctl.bluetooth.errors import adapter_status
 from diffbotctl.cli.main import program
-from diffbotctl.diagnostics.doctor import BAD, NOTE, OK, doctor_findings
+from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
@@ -145,14 +145,14 @@ def doctor(machine, user=NOBODY, groups=frozenset()):
 
 
 def about(found, topic):
-    return [(each.verdict, each.words, each.fix) for each in found if each.topic == topic]
+    return [(each.verdict, each.text, each.fix) for each in found if each.topic == topic]
 
 
 def test_doctor_names_the_group_to_join(machine):
     found = doctor(machine)
     assert about(found, "groups") == [
         (
-            NOTE,
+            Verdict.NOTE,
             "ana is in no group that owns serial ports",
             "sudo usermod -aG dialout ana, then log out and in again",
         ),
@@ -161,16 +161,16 @@ def test_doctor_names_the_group_to_join(machine):
 
 def test_doctor_knows_a_session_older_than_the_group(machine):
     machine.group("dialout", "ana")
-    assert about(doctor(machine), "groups")[0][0] == BAD
-    assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == OK
+    assert about(doctor(machine), "groups")[0][0] == Verdict.BAD
+    assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == Verdict.OK
 
 
 def test_doctor_says_which_optional_packages_are_there(machine):
     machine.write("usr/bin/avrdude", "")
     found = doctor(machine)
-    assert about(found, "avrdude") == [(OK, "installed", "")]
+    assert about(found, "avrdude") == [(Verdict.OK, "installed", "")]
     (verdict, words, fix) = about(found, "gcc-avr")[0]
-    assert verdict == NOTE and "only for building the firmware" in words
+    assert verdict == Verdict.NOTE and "only for building the firmware" in words
     assert fix == "sudo apt-get install gcc-avr"
 
 
@@ -178,7 +178,7 @@ def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
     machine.port("ttyAMA0", None)
     machine.write("proc/cmdline", "console=ttyAMA0,115200")
     found = doctor(machine, groups={os.getgid()})
-    assert [each.verdict for each in found if each.topic == "E-PORT-CONSOLE"] == [NOTE]
+    assert [each.verdict for each in found if each.topic == "E-PORT-CONSOLE"] == [Verdict.NOTE]
 
 
 @pytest.mark.parametrize(
