@@ -1,7 +1,4 @@
-"""Draws the steps of a calibration: lines, a bar, pictures of points.
-
-A fitted geometry as lines of text.
-"""
+"""Output of calibrations on a terminal: lines, a progress bar, plots, the report of a fit."""
 
 from __future__ import annotations
 
@@ -16,8 +13,7 @@ from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
-    from diffbotctl.calibrate.step import CurvePlot, ScatterPlot
-    from diffbotctl.calibrate.step import StepProgress as Done
+    from diffbotctl.calibrate.step import CurvePlot, ScatterPlot, StepProgress
 
 
 class CalibrationScreen:
@@ -28,12 +24,12 @@ class CalibrationScreen:
         self.bar: Progress | None = None
 
     def say(self, text: str) -> None:
-        """A line, below a bar that is finished with it."""
+        """Print a line; the bar is removed."""
         self.rest()
         self.console.print(fold_text(text), markup=False, soft_wrap=True)
 
-    def progress(self, progress: Done) -> None:
-        """A bar for what is under way."""
+    def progress(self, progress: StepProgress) -> None:
+        """Show a bar."""
         if not self.console.is_terminal:
             return
         if self.bar is None:
@@ -41,25 +37,28 @@ class CalibrationScreen:
             self.bar = Progress(*columns, console=self.console, transient=True)
             self.bar.start()
             self.bar.add_task(progress.what, total=progress.total)
-        task = self.bar.task_ids[0]
         self.bar.update(
-            task, description=progress.what, completed=progress.done, total=progress.total
+            self.bar.task_ids[0],
+            description=progress.what,
+            completed=progress.done,
+            total=progress.total,
         )
 
-    def draw(self, drawing: ScatterPlot | CurvePlot) -> None:
-        """Points around the origin, or along a curve, each kind by its own sign."""
+    def draw(self, plot: ScatterPlot | CurvePlot) -> None:
+        """Draw points around the origin, or along a curve, each kind with its own sign."""
+        # Imported late: most calibrations draw nothing.
         from diffbotctl.calibrate.step import CurvePlot
         from diffbotctl.ui.plot.plots import render_curve, render_scatter
 
         self.rest()
-        self.console.print(drawing.title, markup=False)
-        if isinstance(drawing, CurvePlot):
-            self.console.print(render_curve(drawing.points, drawing.across, drawing.upwards))
+        self.console.print(plot.title, markup=False)
+        if isinstance(plot, CurvePlot):
+            self.console.print(render_curve(plot.points, plot.across, plot.upwards))
         else:
-            self.console.print(render_scatter(drawing.points))
+            self.console.print(render_scatter(plot.points))
 
     def rest(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self.bar is not None:
             self.bar.stop()
             self.bar = None
@@ -69,50 +68,48 @@ MM = 1000.0  # mm in a m
 
 
 def fit_report(fit: GeometryFit) -> Iterator[str]:
-    """What was found, what was used, and how far each drive ends off before and after."""
-    yield from _mistakes(fit)
+    """The fitted geometry beside the stated one, and the end error of each drive with both."""
+    if notes := list(_notes(fit)):
+        yield from (*notes, "")
     yield f"{'':<24} {'stated':>10} {'fitted':>10}   95 % confidence"
-    sure, found, stated = fit.confidence, fit.geometry, fit.stated
-    rows = (
-        ("right wheel diameter", stated.right, found.right, sure.right.half),
-        ("left wheel diameter", stated.left, found.left, sure.left.half),
-        ("track", stated.track, found.track, sure.track.half),
-    )
-    for name, before, after, half in rows:
+    confidence, fitted, stated = fit.confidence, fit.geometry, fit.stated
+    for name, before, after, half in (
+        ("right wheel diameter", stated.right, fitted.right, confidence.right.half),
+        ("left wheel diameter", stated.left, fitted.left, confidence.left.half),
+        ("track", stated.track, fitted.track, confidence.track.half),
+    ):
         error = f"+- {MM * after * half:.3f} mm ({100 * half:.2f} %)"
         yield f"{name:<24} {MM * before:>7.3f} mm {MM * after:>7.3f} mm   {error}"
-    half = sure.ratio.half
-    ratios = f"{stated.ratio:>10.5f} {found.ratio:>10.5f}"
-    yield f"{'right over left':<24} {ratios}   +- {found.ratio * half:.5f} ({100 * half:.3f} %)"
+    half = confidence.ratio.half
+    ratios = f"{stated.ratio:>10.5f} {fitted.ratio:>10.5f}"
+    yield f"{'right over left':<24} {ratios}   +- {fitted.ratio * half:.5f} ({100 * half:.3f} %)"
     yield ""
     yield from _drives(fit)
 
 
-def _mistakes(fit: GeometryFit) -> Iterator[str]:
+def _notes(fit: GeometryFit) -> Iterator[str]:
     """What the user should know before the figures."""
-    said = []
     if fit.swapped:
-        said.append("The columns of the wheels are swapped: left is right. Taken the right way.")
+        yield "The columns of the wheels are swapped: left is right. Taken the right way."
     if fit.times_track == 2:
-        said.append("The stated track is half the true one: measure from tyre to tyre.")
+        yield "The stated track is half the true one: measure from tyre to tyre."
     elif fit.times_track != 1:
-        said.append("The stated track is twice the true one: measure from tyre to tyre once.")
+        yield "The stated track is twice the true one: measure from tyre to tyre once."
     if not fit.sees_diameter:
-        said.append("These drives do not tell the mean wheel diameter: it is kept as stated.")
+        yield "These drives do not tell the mean wheel diameter: it is kept as stated."
     if len(fit.drives) == 1:
-        said.append("One drive alone: nothing shows how the next would differ.")
-    yield from said
-    if said:
-        yield ""
+        yield "One drive alone: nothing shows how the next would differ."
 
 
 def _drives(fit: GeometryFit) -> Iterator[str]:
+    # Imported late: it imports numpy, which takes long.
     from diffbotctl.calibrate.dead_reckoning import end_error
 
     yield f"{'drive':<32} {'ended off by':>13} {'now by':>10} {'clock':>9}"
     for drive, offset in zip(fit.drives, fit.offsets, strict=True):
-        before, after = (end_error(drive, each) for each in (fit.stated, fit.geometry))
-        off = f"{MM * hypot(before.x, before.y):>10.1f} mm {MM * hypot(after.x, after.y):>7.1f} mm"
-        yield f"{drive.name:<32} {off} {MM * offset:>+6.0f} ms"
-    for stray in fit.strays:
-        yield f"{stray.name:<32} left out: {stray.times:.0f} times as far off as the others"
+        stated, fitted = end_error(drive, fit.stated), end_error(drive, fit.geometry)
+        before, after = MM * hypot(stated.x, stated.y), MM * hypot(fitted.x, fitted.y)
+        errors = f"{before:>10.1f} mm {after:>7.1f} mm"
+        yield f"{drive.name:<32} {errors} {MM * offset:>+6.0f} ms"
+    for outlier in fit.strays:
+        yield f"{outlier.name:<32} left out: {outlier.times:.0f} times as far off as the others"

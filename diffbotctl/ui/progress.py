@@ -1,23 +1,18 @@
-"""How far a job is: a bar on a terminal, plain lines without one."""
+"""Progress of a job at a board: a bar on a terminal, plain lines without one."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from diffbotctl.board.progress import Event
+from diffbotctl.board.progress import Event, FlashMessage
 
 
-def show_progress(events: Iterable[Event], console: Console | None = None) -> None:
+def show_progress(events: Iterable[Event]) -> None:
     """Draw the events of a job as they come. Raises what the job raises."""
-    from diffbotctl.board.progress import FlashMessage
-
-    console = console or Console(highlight=False)
+    console = Console(highlight=False)
     columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         tasks = {}

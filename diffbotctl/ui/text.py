@@ -1,13 +1,9 @@
-"""Bars of characters for a value among its limits.
-
-Rows of text under one another.
-
-Sentences that fit the narrowest terminal in common use, folded between words.
-"""
+"""Text for terminals: bars, aligned columns, folded sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from textwrap import wrap
 
 from diffbotctl.errors import WIDTH
 
@@ -15,7 +11,7 @@ EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def render_bar(share: float, width: int, plain: bool = False) -> str:
-    """`share` (0 to 1) of `width` characters."""
+    """A bar over `share` (0 to 1) of `width` characters."""
     share = min(max(share, 0.0), 1.0)
     if plain:
         return ("#" * round(share * width)).ljust(width, "-")
@@ -24,7 +20,7 @@ def render_bar(share: float, width: int, plain: bool = False) -> str:
 
 
 def render_signed_bar(share: float, width: int, plain: bool = False) -> str:
-    """`share` (-1 to 1) from the middle of `width` characters to either side."""
+    """A bar from the middle of `width` characters, `share` (-1 to 1) of it to the right."""
     half = width // 2
     full, empty = ("#", "-") if plain else ("█", "─")
     length = min(round(abs(share) * half), half)
@@ -42,17 +38,15 @@ def render_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def fold_text(text: str, hang: int = 0, width: int = WIDTH) -> str:
-    """Each line of `text` within `width` columns; what is folded keeps its line's indentation.
+    """Each line of `text` folded at `width` columns; continued lines keep the indentation.
 
-    `hang`: columns by which continued lines stand further in. A word that is longer than a line,
-    such as a path, stays whole, so that it can be copied.
+    `hang`: columns by which continued lines are indented further. A word that is longer than a
+    line, such as a path, stays whole, so that it can be copied.
     """
     return "\n".join(part for line in text.split("\n") for part in _parts(line, hang, width))
 
 
 def _parts(line: str, hang: int, width: int) -> list[str]:
-    from textwrap import wrap
-
     if len(line) <= width:
         return [line]
     indent = " " * (len(line) - len(line.lstrip(" ")))
