@@ -23,7 +23,7 @@ from diffbotctl.testing.trials.row import Row, printed
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: a nearer goal could not be reached by counting.
-NAIVE = DriveStyle(near=0.02, facing=0.09, method="count")
+NAIVE = DriveStyle(tolerance=0.02, heading_tolerance=0.09, method="count")
 SPEEDS = (0.05, 0.10, 0.15, 0.20, 0.25)  # m/s at which the feed-forward is judged
 SAG = 0.04  # of robots/book_2wd.yaml
 TOUR = 2.5  # m, side of the square that is toured
@@ -51,7 +51,7 @@ def umbmark_rows(seed: int, robots: int) -> Iterator[Row]:
         )
         first = umbmark.fit_umbmark(_driven(NOMINAL, true, chance), NOMINAL)
         second = umbmark.fit_umbmark(
-            _driven(first.geometry, true, chance), first.geometry, share=0.5
+            _driven(first.geometry, true, chance), first.geometry, weight=0.5
         )
         # All three are scored by the same luck.
         before, *after = (
@@ -141,7 +141,7 @@ def judged(seed: int, port: str, folder: Path) -> Judged:
         found = chained(wiring, seed, folder, CHAIN[:1], port)
         unnamed = _unnamed(planted, found)
         worst = found.worst
-        found.rig.close()
+        found.session.close()
         planted_after = repaired.faults()
         found = chained(repaired, seed, folder, CHAIN, port)
         unnamed += _unnamed(planted_after, found)
@@ -149,7 +149,7 @@ def judged(seed: int, port: str, folder: Path) -> Judged:
         found = chained(wiring, seed, folder, CHAIN, port)
         unnamed = _unnamed(planted, found)
     scale, ahead, lag = _errors(found)
-    found.rig.close()
+    found.session.close()
     return Judged(len(planted), unnamed, scale, ahead, lag, max(worst, found.worst))
 
 
@@ -169,7 +169,7 @@ def _unnamed(planted: set[str], found: Chained) -> tuple[str, ...]:
 def _errors(found: Chained) -> tuple[float, float, float]:
     """Largest relative errors of distance scale, feed-forward and lag."""
     plant = found.truths._plant
-    body, drive = plant.body, found.rig.file.robot.drive
+    body, drive = plant.body, found.session.file.robot.drive
     mean = (drive.left.wheel.diameter + drive.right.wheel.diameter) / 2
     scale = abs(mean / (body.left_radius + body.right_radius) - 1)
     ahead, lag = [], []
@@ -223,10 +223,10 @@ def stock_rows(seed: int, robots: int) -> Iterator[Row]:
                 Wiring(), 1000 * seed + each, Path(folder), ("motors",), robot="book_2wd_stock"
             )
             plant = found.truths._plant
-            motor, link = found.rig.file.robot.drive.left.motor, found.rig.file.robot.link
+            motor, link = found.session.file.robot.drive.left.motor, found.session.file.robot.link
             lags.append(motor.lag / (sum(each.lag for each in plant.motors) / 2) - 1)
             dead.append(link.command_delay - plant.board.kind.command_delay * 1e-9)
-            found.rig.close()
+            found.session.close()
     what = f"motors, {robots} robots with stock firmware"
     yield Row(f"{what}: lag, sd", f"{100 * pstdev(lags):.1f} %", "(none)", True)
     yield Row(
@@ -261,11 +261,11 @@ def driven(seed: int, folder: Path) -> Driven:
     before = _toured_before(seed, folder)
     found = chained(Wiring(), seed, folder, CHAIN)
     plain = _short(found)
-    after = _tour(found.rig, found.truths, DEFAULT_STYLE)
+    after = _tour(found.session, found.truths, DEFAULT_STYLE)
     found.run("discs")
     found.switch_off_and_on(Random(f"power {seed}"))
     learnt = _short(found)
-    found.rig.close()
+    found.session.close()
     return Driven(plain, learnt, before, after)
 
 
@@ -278,7 +278,7 @@ def _short(found: Chained) -> Short:
 def _true(found: Chained, places: list[autonomous_drive.Waypoint]) -> tuple[float, float]:
     """How far to the left it truly ended, and how far it truly turned."""
     begun = found.truths.truth.pose
-    autonomous_drive.drive_to(found.rig, places, 3.0, DEFAULT_STYLE)
+    autonomous_drive.drive_to(found.session, places, 3.0, DEFAULT_STYLE)
     found.truths._mark = found.truths._mark._replace(pose=begun)
     return found.truths._value("left"), found.truths._value("turned")
 
@@ -288,7 +288,7 @@ def _toured_before(seed: int, folder: Path) -> float:
     robot = folder / "before.yaml"
     robot.write_text(Wiring().text() + "drive: {polarity: checked_by_hand}\n")
     made, truths = open_session(load_robot(str(robot)), "sim", seed)
-    made.meet()
+    made.connect()
     try:
         return _tour(made, truths, NAIVE)
     finally:

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from diffbotctl.start.guide_answers import QUESTIONS
+from diffbotctl.start.steps import QUESTIONS
 from diffbotctl.testing.trials.row import Row, printed
 
 ROOT = Path(__file__).parent.parent
@@ -109,9 +109,9 @@ def asked(said: str) -> list[str]:
     """The names of the questions in what `start` said, however it was folded."""
     words = " ".join(said.split())
     return [
-        name
-        for name, each in QUESTIONS.items()
-        for _ in range(words.count(" ".join(each.text.split())))
+        question.name
+        for question in QUESTIONS
+        for _ in range(words.count(" ".join(question.text.split())))
     ]
 
 

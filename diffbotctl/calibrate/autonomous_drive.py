@@ -1,7 +1,7 @@
-"""An outing on the floor: the robot drives itself to poses, watched, and comes to rest.
+"""Autonomous drives on the floor: the robot drives to poses under supervision, and stops.
 
-The blocks are those of every pipeline, without sensors: odometry, follower, limiter, kinematics,
-and the last gate. Each outing begins at the origin of its own odom frame, where the robot stands.
+The blocks are those of every pipeline, without sensors: odometry, follower, limiter, kinematics and
+the safety gate. Each drive begins at the origin of its own odom frame, where the robot stands.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from diffbotctl.blocks.diff_drive import DiffDrive
 from diffbotctl.blocks.goal_follower import GoalFollower
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.blocks.speed_limiter import SpeedLimiter
-from diffbotctl.calibrate.session import RobotSession
+from diffbotctl.calibrate.session import RobotSession, stopped_error
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.engine.loop import Engine
-from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Node, Sink
-from diffbotctl.messages import Encoders, Goal, Odometry
+from diffbotctl.messages import Goal, Odometry
 from diffbotctl.runs.build_graph import (
     UNPROVEN_SPEED,
     build_block,
@@ -31,139 +30,132 @@ from diffbotctl.runs.build_graph import (
 )
 from diffbotctl.time import SECOND
 
-STOCK_TOLERANCE_M, STOCK_HEADING_TOLERANCE_RAD = (
-    0.03,
-    0.07,
-)  # m, rad, of a board with the book's firmware
-DRIVE_TIMEOUT_S = 180  # s an outing may take
+STOCK_TOLERANCE_M, STOCK_HEADING_TOLERANCE_RAD = 0.03, 0.07  # of a board with the book's firmware
+DRIVE_TIMEOUT_NS = 180 * SECOND
 
 
 class DriveStyle(NamedTuple):
-    """How to drive."""
+    """How to drive. The robot's own limits apply where they are lower."""
 
     speed: float = inf
-    """m/s at most; the robot's own limit where that is less"""
+    """m/s, maximum"""
     turn_rate: float = inf
-    """rad/s, likewise"""
+    """rad/s, maximum"""
     acceleration: float = inf
-    """m/s2, likewise"""
-    near: float = 0.010
-    """m, where a goal counts as reached"""
-    facing: float = 0.035
-    """rad, likewise"""
+    """m/s2, maximum"""
+    tolerance: float = 0.010
+    """m, of a goal"""
+    heading_tolerance: float = 0.035
+    """rad, of a goal"""
     method: str = "model"
     """of odometry"""
 
 
 # Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that
-# no tyre slips. Where a goal really ended, odometry tells, so it need not be near.
-CALIBRATION_STYLE = DriveStyle(speed=0.20, turn_rate=2.0, acceleration=0.5, near=0.015, facing=0.04)
+# no tyre slips. Odometry tells where the drive really ended, so tolerances may be wide.
+CALIBRATION_STYLE = DriveStyle(0.20, 2.0, 0.5, tolerance=0.015, heading_tolerance=0.04)
 DEFAULT_STYLE = DriveStyle()
 
 Waypoint = tuple[float, float, float | None]
-"""x, y in m and heading in rad, or none, in the frame of the start"""
+"""x, y in m and heading in rad or None, in the frame of the start"""
 
 
 def drive_to(
-    rig: RobotSession,
-    places: Sequence[Waypoint],
+    session: RobotSession,
+    waypoints: Sequence[Waypoint],
     reach: float,
-    manner: DriveStyle = CALIBRATION_STYLE,
+    style: DriveStyle = CALIBRATION_STYLE,
 ) -> Odometry:
-    """Visit `places` one after the other; where odometry says that it came to rest.
+    """Drive to the waypoints in order. Returns the pose of odometry at the end.
 
-    Raises RunError, with the robot stopped, when it cannot get there, goes further than `reach` m
-    away from its start, or is stopped by a key, the board or the link.
+    Raises RunError, with the robot stopped, if it does not get there, leaves the circle of radius
+    `reach` (m) around its start, or is stopped by a key, the board or the link.
     """
-    rig.awake()
-    goals = [Goal(0, 0, x, y, heading) for x, y, heading in places]
-    return AutonomousDrive(rig, goals, reach, manner).go()
+    session.catch_up()
+    goals = [Goal(0, 0, x, y, heading) for x, y, heading in waypoints]
+    return AutonomousDrive(session, goals, reach, style).run()
 
 
 class AutonomousDrive:
-    """One engine's run on the rig's robot."""
+    """One run of an engine with the robot of the session."""
 
     def __init__(
-        self, rig: RobotSession, goals: list[Goal], reach: float, manner: DriveStyle
+        self, session: RobotSession, goals: list[Goal], reach: float, style: DriveStyle
     ) -> None:
-        self.rig, self.reach = rig, reach
+        self.session, self.reach = session, reach
         self.pose: Odometry | None = None
-        robot = rig.file.robot
+        robot = session.file.robot
         self.operator = Operator(goals, lambda code, cause: self.engine.end(code, cause))
-        nodes, command = _pipeline(robot, manner)
+        nodes, command = _pipeline(robot, style)
         sinks: dict[str, list[Sink]] = {
-            command: [self._send],
+            command: [self._on_command],
             "follower.state": [self.operator.hear_goal_state],
-            "gate.stop": [self.operator.hear_stop("gate.stop"), self._held],
-            "odometry.odometry": [self._watch],
-            "robot.encoders": [self._record],
+            "gate.stop": [self.operator.hear_stop("gate.stop"), self._on_stop],
+            "odometry.odometry": [self._on_pose],
+            "robot.encoders": [session.on_frame],
         }
         self.engine = Engine(
             Graph(nodes, sources(robot)),
-            [rig.driver, self.operator],
-            rig.clock,
-            robot=rig.driver,
+            [session.driver, self.operator],
+            session.clock,
+            robot=session.driver,
             sinks=sinks,
-            signals=rig.keys,
+            signals=session.key,
         )
 
-    def go(self) -> Odometry:
+    def run(self) -> Odometry:
         """Raises RunError."""
-        self.operator.at = self.rig.now  # an engine's time starts at 0, the rig's went on
-        self.engine.last = self.rig.now
+        session, engine = self.session, self.engine
+        self.operator.at = engine.last = session.now  # the time of an engine starts at 0
         try:
-            ending = self.engine.run(self.rig.now + DRIVE_TIMEOUT_S * SECOND)
+            outcome = engine.run(session.now + DRIVE_TIMEOUT_NS)
         finally:
-            self.rig.now = max(self.rig.now, self.engine.last)
-        if ending.stopped is False:
+            session.now = max(session.now, engine.last)
+        if outcome.stopped is False:
             fix = "switch the motors' battery off before you look for the cause"
-            raise self._failed("the board did not confirm that it has stopped", fix)
-        if self.engine.failure is not None:
-            raise self.engine.failure
+            raise stopped_error("the board did not confirm that it has stopped", fix)
+        if engine.failure is not None:
+            raise engine.failure
         if self.operator.reached < self.operator.number or self.pose is None:
-            raise self._failed(ending.cause, "")
+            raise stopped_error(outcome.cause, "")
         return self.pose
 
-    def _failed(self, cause: str, fix: str) -> RunError:
-        return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
-
-    def _send(self, now: int, wanted: Any) -> None:
+    def _on_command(self, now: int, command: Any) -> None:
         if self.engine.ending is None:
-            self.rig.driver.command(now, wanted)
+            self.session.driver.command(now, command)
 
-    def _record(self, now: int, frame: Encoders) -> None:
-        self.rig.note(now, frame)
-
-    def _held(self, now: int, stop: Any) -> None:
-        """Nobody resumes in a calibration: what holds the robot ends the outing."""
+    def _on_stop(self, now: int, stop: Any) -> None:
+        """A latched stop ends the drive: a calibration has no way to resume."""
         if stop.code and stop.latched:
             self.engine.end(1, stop.cause)
 
-    def _watch(self, now: int, pose: Odometry) -> None:
+    def _on_pose(self, now: int, pose: Odometry) -> None:
         self.pose = pose
         if hypot(pose.x, pose.y) > self.reach:
             self.engine.end(1, f"it went further than the {self.reach:.1f} m that were announced")
 
 
-def _pipeline(robot: Robot, manner: DriveStyle) -> tuple[list[Node], str]:
-    """The pipeline, and the wire that leaves for the robot."""
+def _pipeline(robot: Robot, style: DriveStyle) -> tuple[list[Node], str]:
+    """The blocks, and the wire with the command for the robot."""
     limits = robot.limits
-    most = UNPROVEN_SPEED if robot.drive.polarity == "unproven" else inf
-    held = {
-        "speed": min(limits.speed, manner.speed, most),
-        "turn_rate": min(limits.turn_rate, manner.turn_rate),
-        "acceleration": min(limits.acceleration, manner.acceleration),
+    speed = UNPROVEN_SPEED if robot.drive.polarity == "unproven" else inf
+    motion = {
+        "speed": min(limits.speed, style.speed, speed),
+        "turn_rate": min(limits.turn_rate, style.turn_rate),
+        "acceleration": min(limits.acceleration, style.acceleration),
     }
-    near, facing = manner.near, manner.facing
-    if is_duty_board(robot):  # its counts, late and few, tell no nearer
-        near, facing = max(near, STOCK_TOLERANCE_M), max(facing, STOCK_HEADING_TOLERANCE_RAD)
-    ends = {"tolerance": near, "heading_tolerance": facing}
-    odometry = build_block(OdometryBlock, robot, method=manner.method)
-    to_goal = {"odometry": "odometry.odometry", "goal": "operator.goal", "stop": "operator.stop"}
+    tolerances = {"tolerance": style.tolerance, "heading_tolerance": style.heading_tolerance}
+    if is_duty_board(robot):  # few and late counts do not allow less
+        tolerances = {
+            "tolerance": max(style.tolerance, STOCK_TOLERANCE_M),
+            "heading_tolerance": max(style.heading_tolerance, STOCK_HEADING_TOLERANCE_RAD),
+        }
+    odometry = build_block(OdometryBlock, robot, method=style.method)
+    inputs = {"odometry": "odometry.odometry", "goal": "operator.goal", "stop": "operator.stop"}
     nodes = [
         Node("odometry", odometry, {"encoders": "robot.encoders"}),
-        Node("follower", build_block(GoalFollower, robot, **ends, **held), to_goal),
-        Node("limiter", build_block(SpeedLimiter, robot, **held), {"twist": "follower.twist"}),
+        Node("follower", build_block(GoalFollower, robot, **tolerances, **motion), inputs),
+        Node("limiter", build_block(SpeedLimiter, robot, **motion), {"twist": "follower.twist"}),
         Node("kinematics", build_block(DiffDrive, robot), {"twist": "limiter.twist"}),
         gate_node(robot, "kinematics.wheels"),
     ]

@@ -43,9 +43,9 @@ class RobustMean(NamedTuple):
     """of the mean"""
     spread: float
     """standard deviation of one reading"""
-    half: float
+    half_width: float
     """half of the mean's 95 % confidence interval"""
-    strays: tuple[int, ...]
+    outliers: tuple[int, ...]
     """places of the readings that were left out"""
 
 
@@ -59,22 +59,22 @@ def robust_mean(readings: Sequence[float], finest: float) -> RobustMean:
         raise ValueError("no readings")
     middle = median(readings)
     typical = max(MAD_TO_SD * median(abs(each - middle) for each in readings), finest)
-    strays = tuple(
+    outliers = tuple(
         number
         for number, each in enumerate(readings)
         if abs(each - middle) > OUTLIER_DEVIATIONS * typical
     )
-    good = [each for number, each in enumerate(readings) if number not in strays]
+    good = [each for number, each in enumerate(readings) if number not in outliers]
     spread = max(stdev(good), finest) if len(good) > 1 else finest
     sd = spread / sqrt(len(good))
-    return RobustMean(fmean(good), sd, spread, student_t(len(good) - 1) * sd, strays)
+    return RobustMean(fmean(good), sd, spread, student_t(len(good) - 1) * sd, outliers)
 
 
 class Interval(NamedTuple):
     """Relative error of one length, or of the ratio."""
 
     sd: float
-    half: float
+    half_width: float
     """half the width of the 95 % confidence interval"""
 
 

@@ -47,6 +47,11 @@ Floats: TypeAlias = NDArray[np.float64]
 SEGMENT_OVERLAP = 20  # pieces begun in the length of one: where the first begins must not matter
 
 
+def wrap_angle(angle: float) -> float:
+    """`angle` (rad) in -pi to pi."""
+    return (angle + pi) % (2 * pi) - pi
+
+
 class EndError(NamedTuple):
     """Where one square ended, true minus odometry, in the frame of its start."""
 
@@ -205,7 +210,7 @@ def end_error(drive: RecordedDrive, geometry: Geometry) -> EndError:
     """True end less the dead-reckoned one; its heading is nan when the true one is not known."""
     piece = whole_drive(drive)
     x, y, heading = (float(each) for each in piece.moved - dead_reckon(piece, geometry).end)
-    return EndError(x, y, (heading + pi) % (2 * pi) - pi)
+    return EndError(x, y, wrap_angle(heading))
 
 
 def mean_distance(drives: Sequence[RecordedDrive], geometry: Geometry) -> float:

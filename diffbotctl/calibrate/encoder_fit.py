@@ -1,12 +1,8 @@
-"""How long the flanks of a slot sensor chatter, from every flank that its wire had.
+"""Fits of the encoders: bounce and slot duty from captured edges, slots from turns by hand.
 
-The open share of each encoder's disc, from every flank that the wires had.
-
-A disc whose slots are as wide as its bars has 0.5. What light barrier and comparator make of it may
-be another share, so it is measured at the wire, where it matters: it tells how far a wheel that
-turns back must go until it meets the next flank that counts.
-
-How many slots a disc has, from turns by hand.
+A disc whose slots are as wide as its bars has a slot duty of 0.5. Light barrier and comparator
+change it, so it is measured at the signal wire: the value determines how far a wheel that reverses
+turns before the next counted edge.
 """
 
 from __future__ import annotations
@@ -17,207 +13,187 @@ from math import ceil, pi, sqrt
 from statistics import fmean, median, pstdev
 
 from diffbotctl.calibrate.result import Finding, PartResult
+from diffbotctl.calibrate.session import drive_sides
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 
-NS = 1e-9
-# By hand a slot stays open for 20 ms and more: flanks nearer to each other than this are chatter.
-BOUNCE_GAP_MAX_S = 0.0035  # s
-GLITCH_MARGIN = 1.5  # times the longest chatter
-GLITCH_STEP_S = 0.0005  # s; glitch times are rounded up to whole ones of it
-GLITCH_OPEN_TIME_RATIO_MAX = (
-    1 / 3
-)  # of the shortest time that a slot is open, at full speed: more would lose slots
-HISTOGRAM_BINS_S = (
-    0.0001,
-    0.0002,
-    0.0005,
-    0.001,
-    0.002,
-    0.0035,
-)  # s, upper ends of the histogram's classes
-GLITCH_EDGES_MIN = 20  # flanks, fewer tell nothing
-HISTOGRAM_BAR_MAX = 30  # characters of the longest bar
+NS = 1e-9  # s
+BOUNCE_GAP_MAX_S = 0.0035  # by hand a slot stays open for 20 ms or more
+GLITCH_MARGIN = 1.5  # times the longest bounce
+GLITCH_STEP_S = 0.0005  # glitch times are rounded up to a multiple
+GLITCH_OPEN_TIME_RATIO_MAX = 1 / 3  # of the open time at full speed; more would lose slots
+GLITCH_EDGES_MIN = 20
+HISTOGRAM_BINS_S = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.0035)  # upper ends
+HISTOGRAM_BAR_MAX = 30  # characters
+
+SLOT_DUTY_PITCHES_MIN = 40  # two turns of a usual disc
+PITCH_TIME_RATIO_MAX = 1.8  # times the median; longer ones contain a pause or a reversal
+TRIM_RATIO = 0.1  # of the sorted slot duties at either end
+SLOT_DUTY_SD_MIN = 0.003  # the delay of the light barrier
+SLOT_DUTY_MIN, SLOT_DUTY_MAX = 0.2, 0.8  # outside, the beam meets the rim, or the threshold is off
+
+COUNT_TOLERANCE = 2  # between rolls: one count at each end
+SLOTS_TOLERANCE = 0.25  # of the mean from a whole number
 
 
 def bounce_times(times: Sequence[int]) -> list[float]:
-    """How long each flank chattered (s): from its first to the last that followed closely."""
-    found: list[float] = []
-    first = last = None
+    """The duration (s) of each burst of edges; 0 for an edge without bounce. `times` in ns."""
+    bursts: list[list[int]] = []
     for time in sorted(times):
-        if first is None or last is None or (time - last) * NS > BOUNCE_GAP_MAX_S:
-            if first is not None and last is not None:
-                found.append((last - first) * NS)
-            first = time
-        last = time
-    if first is not None and last is not None:
-        found.append((last - first) * NS)
-    return found
+        if bursts and (time - bursts[-1][1]) * NS <= BOUNCE_GAP_MAX_S:
+            bursts[-1][1] = time
+        else:
+            bursts.append([time, time])
+    return [(last - first) * NS for first, last in bursts]
 
 
 def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
-    """Histograms of both wheels, and a longer glitch time where the one in use is too short."""
-    made = PartResult([], [], [])
+    """Histograms of both wheels, and a longer glitch time if the present one is too short."""
+    result = PartResult([], [], [])
     longest = 0.0
     for wheel, side in enumerate(SIDES):
         times = [edge.time for edge in edges if edge.wheel == wheel]
         if len(times) < GLITCH_EDGES_MIN:
             continue
-        lengths = [each for each in bounce_times(times) if each > 0.0]
-        made.report.extend(_histogram(side, lengths, len(times)))
-        longest = max([longest, *lengths])
-    encoder = robot.drive.left.encoder
-    open_time = pi / encoder.slots / robot.drive.left.motor.rated
-    wanted = ceil(GLITCH_MARGIN * longest / GLITCH_STEP_S) * GLITCH_STEP_S
-    if longest <= encoder.glitch / GLITCH_MARGIN:
-        return made
-    if wanted > GLITCH_OPEN_TIME_RATIO_MAX * open_time:
-        made.faults.append(
+        bounces = [bounce for bounce in bounce_times(times) if bounce > 0.0]
+        result.report.extend(_histogram(side, bounces, len(times)))
+        longest = max([longest, *bounces])
+    left = robot.drive.left
+    glitch = ceil(GLITCH_MARGIN * longest / GLITCH_STEP_S) * GLITCH_STEP_S
+    if longest <= left.encoder.glitch / GLITCH_MARGIN:
+        return result
+    if glitch > GLITCH_OPEN_TIME_RATIO_MAX * (pi / left.encoder.slots / left.motor.rated):
+        result.faults.append(
             f"the encoders' flanks chatter for {longest * 1000:.1f} ms, too long to be looked away "
             "from at full speed: a capacitor of 100 nF from the signal to ground ends that"
         )
     else:
-        made.report.append(
-            f"glitch time {wanted * 1000:g} ms instead of {encoder.glitch * 1000:g} ms"
+        result.report.append(
+            f"glitch time {glitch * 1000:g} ms instead of {left.encoder.glitch * 1000:g} ms"
         )
-        made.findings.extend(Finding(f"drive.{side}.encoder.glitch", wanted) for side in SIDES)
-    return made
+        result.findings.extend(Finding(f"drive.{side}.encoder.glitch", glitch) for side in SIDES)
+    return result
 
 
-def _histogram(side: str, lengths: Sequence[float], flanks: int) -> list[str]:
-    if not lengths:
-        return [f"{side} encoder: {flanks} flanks, none of them chattered"]
+def _histogram(side: str, bounces: Sequence[float], edges: int) -> Iterator[str]:
+    if not bounces:
+        yield f"{side} encoder: {edges} flanks, none of them chattered"
+        return
+    yield f"{side} encoder: {len(bounces)} flanks chattered, {max(bounces) * 1000:.1f} ms at most"
     counts = [0] * (len(HISTOGRAM_BINS_S) + 1)
-    for length in lengths:
-        counts[bisect_right(HISTOGRAM_BINS_S, length)] += 1
-    lines = [
-        f"{side} encoder: {len(lengths)} flanks chattered, {max(lengths) * 1000:.1f} ms at most"
-    ]
+    for bounce in bounces:
+        counts[bisect_right(HISTOGRAM_BINS_S, bounce)] += 1
     low = 0.0
     for high, count in zip((*HISTOGRAM_BINS_S, 0.0), counts, strict=True):
         if count:
             name = f"{low * 1000:g} to {high * 1000:g} ms" if high else f"beyond {low * 1000:g} ms"
-            lines.append(
-                f"  {name:<15} {count:>4} {'#' * max(1, HISTOGRAM_BAR_MAX * count // max(counts))}"
-            )
+            bar = "#" * max(1, HISTOGRAM_BAR_MAX * count // max(counts))
+            yield f"  {name:<15} {count:>4} {bar}"
         low = high
-    return lines
-
-
-SLOT_DUTY_PITCHES_MIN = 40  # pitches, fewer tell nothing: two turns of a usual disc
-PITCH_RATIO_MAX = 1.8  # times the median pitch: the hand rests or turns back within it
-TRIM_RATIO = 0.1  # of the pitches at either end of the order: where a hand jerks
-SLOT_DUTY_SD_MIN = 0.003  # the least standard deviation that is stated: a barrier's delay is in it
-SLOT_DUTY_RANGE = (0.2, 0.8)  # beyond this the barrier sees the disc's rim, or its threshold is off
 
 
 def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
-    """The share of both discs, where enough pitches were seen.
+    """The slot duty of both discs, where enough pitches were captured.
 
-    `edges` are flanks of wheels that turned one way, at any speed that changes slowly.
+    `edges` are those of wheels that turned in one direction at a slowly changing speed.
     """
-    made = PartResult([], [], [])
+    result = PartResult([], [], [])
     for wheel, side in enumerate(SIDES):
-        encoder = getattr(robot.drive, side).encoder
-        flanks = [each for each in edges if each.wheel == wheel]
-        counted = 0 if encoder.edge == "falling" else 1
-        parts = sorted(slot_duties(flanks, encoder.glitch, counted))
-        if len(parts) < SLOT_DUTY_PITCHES_MIN:
+        encoder = drive_sides(robot)[side].encoder
+        counted_level = 0 if encoder.edge == "falling" else 1
+        wheel_edges = [edge for edge in edges if edge.wheel == wheel]
+        duties = sorted(slot_duties(wheel_edges, encoder.glitch, counted_level))
+        if len(duties) < SLOT_DUTY_PITCHES_MIN:
             continue
-        cut = int(TRIM_RATIO * len(parts))
-        kept = parts[cut : len(parts) - cut]
-        share, sd = fmean(kept), max(pstdev(kept) / sqrt(len(kept)), SLOT_DUTY_SD_MIN)
-        if not SLOT_DUTY_RANGE[0] <= share <= SLOT_DUTY_RANGE[1]:
-            made.faults.append(
-                f"the {side} encoder's pin keeps one level for {max(share, 1 - share):.0%} of a "
+        trim = int(TRIM_RATIO * len(duties))
+        kept = duties[trim : len(duties) - trim]
+        duty, sd = fmean(kept), max(pstdev(kept) / sqrt(len(kept)), SLOT_DUTY_SD_MIN)
+        if not SLOT_DUTY_MIN <= duty <= SLOT_DUTY_MAX:
+            result.faults.append(
+                f"the {side} encoder's pin keeps one level for {max(duty, 1 - duty):.0%} of a "
                 "pitch: move the light barrier so that its beam meets the middle of the slots"
             )
             continue
-        made.findings.append(Finding(f"drive.{side}.encoder.open_share", share, sd))
-        made.report.append(f"{side} disc: open for {share:.1%} of a pitch, from {len(parts)}")
-    return made
+        result.findings.append(Finding(f"drive.{side}.encoder.open_share", duty, sd))
+        result.report.append(f"{side} disc: open for {duty:.1%} of a pitch, from {len(duties)}")
+    return result
 
 
-def slot_duties(flanks: Sequence[RawEdge], glitch: float, counted: int) -> Iterator[float]:
-    """Of each whole pitch, the share during which the pin is at level `counted`.
+def slot_duties(edges: Sequence[RawEdge], glitch: float, counted_level: int) -> Iterator[float]:
+    """For each whole pitch, the share of its time during which the pin is at `counted_level`.
 
-    A pitch lies between two flanks to that level; `glitch` (s) is how long a flank may chatter.
-    Pitches in which the wheel rested or turned back are left out.
+    A pitch lies between two edges to that level; `glitch` (s) is the longest bounce. Pitches in
+    which the wheel paused or reversed are left out.
     """
-    clean = list(_debounced(sorted(flanks), glitch))
-    found = [
+    clean = list(_debounced(sorted(edges), glitch))
+    pitches = [
         (third.time - first.time, second.time - first.time)
         for first, second, third in zip(clean, clean[1:], clean[2:], strict=False)
-        if first.level == counted
+        if first.level == counted_level
     ]
-    usual = median(whole for whole, _ in found) if found else 0.0
-    for whole, part in found:
-        if whole < PITCH_RATIO_MAX * usual:
+    typical = median(whole for whole, _ in pitches) if pitches else 0.0
+    for whole, part in pitches:
+        if whole < PITCH_TIME_RATIO_MAX * typical:
             yield part / whole
 
 
-def _debounced(flanks: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
-    """The first flank of each burst, levels in turn."""
+def _debounced(edges: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
+    """The first edge of each burst, with alternating levels."""
     last: RawEdge | None = None
     level = None
-    for flank in flanks:
-        near = last is not None and (flank.time - last.time) * NS < glitch
-        last = flank
-        if not near and flank.level != level:
-            level = flank.level
-            yield flank
-
-
-# Counts that a roll may be off the others: its two ends, and where the hand stopped.
-COUNT_TOLERANCE = 2
-SLOTS_TOLERANCE = 0.25  # of a slot, how far the mean may lie from a whole number
+    for edge in edges:
+        is_bounce = last is not None and (edge.time - last.time) * NS < glitch
+        last = edge
+        if not is_bounce and edge.level != level:
+            level = edge.level
+            yield edge
 
 
 def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> PartResult:
-    """Counts of each roll of `turns` turns, by side. A roll that is unlike the others is left out;
-    slots that differ from the stated ones become findings."""
-    made = PartResult([], [], [])
-    stated = {
-        "left": robot.drive.left.encoder.slots,
-        "right": robot.drive.right.encoder.slots,
-    }
-    found: dict[str, int] = {}
+    """The number of slots from the counts of each roll of `turns` turns, by side.
+
+    A roll that differs from the others is left out. Slots that differ from the stated number become
+    findings.
+    """
+    result = PartResult([], [], [])
+    stated = {side: section.encoder.slots for side, section in drive_sides(robot).items()}
+    slots = {}
     for side, counts in rolls.items():
-        _count_side(made, found, side, counts, turns, stated[side])
-    if len(set(found.values())) > 1:
-        made.faults.append(
-            f"the discs have {found['left']} and {found['right']} slots: the board can only count "
+        number = _count_side(result, side, counts, turns, stated[side])
+        if number is not None:
+            slots[side] = number
+    numbers = set(slots.values())
+    if len(numbers) > 1:
+        result.faults.append(
+            f"the discs have {slots['left']} and {slots['right']} slots: the board can only count "
             "with one number for both; fit two equal discs"
         )
-    elif found and next(iter(found.values())) not in stated.values():
-        slots = next(iter(found.values()))
-        # The wheel that could not be counted has the same disc as the other.
-        made.findings.extend(Finding(f"drive.{side}.encoder.slots", slots) for side in stated)
-    return made
+    elif numbers and not numbers & set(stated.values()):
+        # A wheel that could not be counted has the same disc as the other.
+        value = numbers.pop()
+        result.findings.extend(Finding(f"drive.{side}.encoder.slots", value) for side in stated)
+    return result
 
 
 def _count_side(
-    made: PartResult,
-    found: dict[str, int],
-    side: str,
-    counts: Sequence[int],
-    turns: int,
-    stated: int,
-) -> None:
+    result: PartResult, side: str, counts: Sequence[int], turns: int, stated: int
+) -> int | None:
+    """The slots of one disc, added to the report; None and a fault if it is no whole number."""
     middle = median(counts)
     good = [count for count in counts if abs(count - middle) <= COUNT_TOLERANCE]
     per_turn = sum(good) / len(good) / turns
     for number, count in enumerate(counts, 1):
         if count not in good:
-            made.report.append(f"{side} roll {number} left out: {count} counts, not {middle:g}")
+            result.report.append(f"{side} roll {number} left out: {count} counts, not {middle:g}")
     spread = (max(good) - min(good)) / turns
     slots = round(per_turn)
-    told = f"{side} disc: {per_turn:.2f} counts a turn from {len(good)} rolls, spread {spread:.2f}"
-    if (len(good) < 2 and len(counts) > 1) or abs(per_turn - slots) > SLOTS_TOLERANCE or slots < 1:
-        made.faults.append(
-            f"{told}: no whole number of slots. Was it turned exactly {turns} times, forward, and "
+    text = f"{side} disc: {per_turn:.2f} counts a turn from {len(good)} rolls, spread {spread:.2f}"
+    is_single = len(good) < 2 and len(counts) > 1
+    if is_single or abs(per_turn - slots) > SLOTS_TOLERANCE or slots < 1:
+        result.faults.append(
+            f"{text}: no whole number of slots. Was it turned exactly {turns} times, forward, and "
             "not too fast? If so the encoder loses edges, or bounces"
         )
-        return
-    found[side] = slots
-    made.report.append(f"{told}: {slots} slots" + ("" if slots == stated else f", not {stated}"))
+        return None
+    result.report.append(f"{text}: {slots} slots" + ("" if slots == stated else f", not {stated}"))
+    return slots

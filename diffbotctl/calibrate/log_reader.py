@@ -26,7 +26,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     Geometry,
     RecordedDrive,
 )
-from diffbotctl.errors import Problem, UsageError, join_words
+from diffbotctl.errors import Problem, RunError, UsageError, join_words
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
@@ -162,8 +162,8 @@ def _from_recording(path: Path) -> tuple[Floats, None]:
 
     try:
         messages = [each.message for each in RecordingReader(path).messages() if each.from_driver]
-    except OSError as error:
-        raise unusable_log(path, f"cannot be read: {error.strerror}") from error
+    except RunError as error:
+        raise unusable_log(path, f"cannot be read: {error.problems[0].cause}") from error
     encoders = [each for each in messages if isinstance(each, Encoders)]
     if len({each.boot for each in encoders}) > 1:
         raise unusable_log(path, "the board restarted during this drive, and its counts with it")

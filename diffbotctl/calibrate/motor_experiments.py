@@ -1,163 +1,157 @@
-"""What `calibrate motors` has the wheels do: creep up on their dead band, run, step, creep."""
+"""The experiments of `calibrate motors`: breakaway duty, steady speeds, duty steps, creep."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from typing import Any, NamedTuple
 
-from diffbotctl.calibrate import motor_fit
-from diffbotctl.calibrate.session import Received, RobotSession
+from diffbotctl.calibrate.motor_fit import NS, StepResponse, mean_speed
+from diffbotctl.calibrate.session import (
+    Received,
+    RobotSession,
+    drive_sides,
+)
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import is_duty_board, wheel_command
 from diffbotctl.messages import Duty
 
-DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # duty; above every usual dead band, below full
-SETTLING_TIME_S = 0.9  # s before a speed is measured: six lags of a slow motor
-MEASURING_TIME_S = 2.5  # s; a turn and more at the slowest level
-# A breakaway duty is looked for below the duty at which the board watches for a stall.
-BREAKAWAY_DUTY_RANGE = (0.02, 0.30)
-BISECTION_STEPS = 6  # leave 0.005 of duty
-TRIAL_TIME_S = 2.0  # s; a wheel that broke loose has met a slot by then
-CREEP_SPEED_M_S = 0.03  # m/s of the step that accepts the loop
-CREEP_TIME_S = 5.0  # s of it, of which the second half must be settled
-CREEP_ERROR_RATIO_MAX = 0.35  # how far the creeping speed may be off
-BREAKAWAY_DUTY_RESOLUTION = (
-    BREAKAWAY_DUTY_RANGE[1] - BREAKAWAY_DUTY_RANGE[0]
-) / 2**BISECTION_STEPS  # duty
+DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # above every usual dead band, below full duty
+SETTLING_TIME_S = 0.9  # before a speed is measured: six lags of a slow motor
+MEASURING_TIME_S = 2.5  # more than a turn at the lowest level
+BREAKAWAY_DUTY_MIN, BREAKAWAY_DUTY_MAX = 0.02, 0.30  # the board detects a stall above the maximum
+BISECTIONS = 6  # to 0.005 of duty
+BREAKAWAY_TIME_S = 2.0  # a wheel that starts reaches a slot in this time
+CREEP_SPEED_M_S = 0.03
+CREEP_TIME_S = 5.0  # the wheels must have settled in the second half
+CREEP_ERROR_RATIO_MAX = 0.35
 CM = 100  # in a metre
+
+DIRECTIONS = {"forward": 1, "backward": -1}
+Motion = tuple[str, str]
+"""side and direction, such as ("left", "forward")"""
+SpeedsByMotion = dict[Motion, list[tuple[float, float]]]
+"""(duty, rad/s) at each level"""
 
 
 class DutyStaircase(NamedTuple):
-    """Steps up and down in turn, between two duties."""
+    """Steps up and down between two duties."""
 
-    slow: float
-    fast: float
+    low: float
+    high: float
     plateau: float
-    """s between two"""
+    """s between two steps"""
     steps: int
-    longer: float = 0.0
-    """s by which each is longer than the one before, so that frames meet each at another moment"""
+    increment: float = 0.0
+    """s by which each plateau is longer than the last, so that the phase of the frames varies"""
 
     @property
-    def way(self) -> float:
-        """Duty times seconds of the whole."""
-        seconds = (self.steps + 1) * self.plateau + sum(range(self.steps)) * self.longer
-        return seconds * (self.slow + self.fast) / 2
+    def duty_seconds(self) -> float:
+        """Mean duty times the duration."""
+        seconds = (self.steps + 1) * self.plateau + sum(range(self.steps)) * self.increment
+        return seconds * (self.low + self.high) / 2
 
 
 STAIRCASE = DutyStaircase(0.35, 0.75, 1.6, 8)
-# Of a board that tells no edge times, the counts, the frames and when it takes a command all
+# Without edge times, the counts, the frames and the time at which a command takes effect all
 # scatter: larger steps, and more of them.
 STOCK_STAIRCASE = DutyStaircase(0.32, 0.92, 1.9, 24, 0.007)
 
-SpeedsByDuty = dict[str, list[tuple[float, float]]]
-"""(duty, rad/s) by `left forward`, `left backward`, ..."""
 
-
-def measure_breakaway(rig: RobotSession) -> Generator[Event, Any, dict[str, float]]:
-    """Breakaway duty by `left forward` and so on, halving both wheels' bands at once."""
-    found = {}
-    for sign, way in ((1, "forward"), (-1, "backward")):
-        low, high = (
-            dict.fromkeys(SIDES, BREAKAWAY_DUTY_RANGE[0]),
-            dict.fromkeys(SIDES, BREAKAWAY_DUTY_RANGE[1]),
-        )
-        for number in range(BISECTION_STEPS):
-            yield StepProgress(f"what starts the wheels {way}", number, BISECTION_STEPS)
-            tried = {side: (low[side] + high[side]) / 2 for side in SIDES}
-            moved = _moved_sides(rig, Duty(0, sign * tried["left"], sign * tried["right"]))
+def measure_breakaway(session: RobotSession) -> Generator[Event, Any, dict[Motion, float]]:
+    """The duty at which each wheel starts, by bisection of both wheels at once."""
+    duties = {}
+    for direction, sign in DIRECTIONS.items():
+        low = dict.fromkeys(SIDES, BREAKAWAY_DUTY_MIN)
+        high = dict.fromkeys(SIDES, BREAKAWAY_DUTY_MAX)
+        for number in range(BISECTIONS):
+            yield StepProgress(f"what starts the wheels {direction}", number, BISECTIONS)
+            trial = {side: (low[side] + high[side]) / 2 for side in SIDES}
+            before = session.latest_frame()
+            session.run_for(Duty(0, sign * trial["left"], sign * trial["right"]), BREAKAWAY_TIME_S)
+            session.stop_and_wait()
+            after = session.latest_frame()
             for side in SIDES:
-                (high if moved[side] else low)[side] = tried[side]
+                has_moved = getattr(after, side) != getattr(before, side)
+                (high if has_moved else low)[side] = trial[side]
         for side in SIDES:
-            found[f"{side} {way}"] = (low[side] + high[side]) / 2
-    return found
+            duties[side, direction] = (low[side] + high[side]) / 2
+    return duties
 
 
-def _moved_sides(rig: RobotSession, duty: Duty) -> dict[str, bool]:
-    """Which wheels turn out of rest."""
-    before = rig.latest()
-    rig.hold(duty, TRIAL_TIME_S)
-    rig.rest()
-    after = rig.latest()
-    return {"left": after.left != before.left, "right": after.right != before.right}
-
-
-def measure_speeds(rig: RobotSession) -> Generator[Event, Any, SpeedsByDuty]:
-    """Speeds at steady duties, both ways."""
-    turn = slots_by_side(rig.file.robot)
-    found: SpeedsByDuty = {}
-    for sign, way in ((1, "forward"), (-1, "backward")):
+def measure_speeds(session: RobotSession) -> Generator[Event, Any, SpeedsByMotion]:
+    """Speeds at steady duties in both directions."""
+    sides = drive_sides(session.file.robot)
+    speeds: SpeedsByMotion = {(side, direction): [] for direction in DIRECTIONS for side in SIDES}
+    for direction, sign in DIRECTIONS.items():
         for number, level in enumerate(DUTY_LEVELS):
-            yield StepProgress(f"speed at {level:g} of full power, {way}", number, len(DUTY_LEVELS))
+            text = f"speed at {level:g} of full power, {direction}"
+            yield StepProgress(text, number, len(DUTY_LEVELS))
             duty = Duty(0, sign * level, sign * level)
-            rig.hold(duty, SETTLING_TIME_S)
-            heard = rig.hold(duty, MEASURING_TIME_S).encoders
+            session.run_for(duty, SETTLING_TIME_S)
+            frames = session.run_for(duty, MEASURING_TIME_S).encoders
             for side in SIDES:
-                speed = motor_fit.mean_speed(heard, side == "left", turn[side])
-                found.setdefault(f"{side} {way}", []).append((level, abs(speed)))
-        rig.rest()
-    return found
+                speed = mean_speed(frames, side == "left", sides[side].encoder.slots)
+                speeds[side, direction].append((level, abs(speed)))
+        session.stop_and_wait()
+    return speeds
 
 
-def record_steps(rig: RobotSession) -> Generator[Event, Any, list[motor_fit.StepResponse]]:
-    """Steps up and down between two duties, timed by when they took hold; where the board does not
-    tell that, by when they were sent."""
-    told = not is_duty_board(rig.file.robot)
-    made = duty_staircase(rig.file.robot)
-    before = rig.hold(Duty(0, made.slow, made.slow), made.plateau)
-    found = []
-    for number in range(made.steps):
-        yield StepProgress("how late the wheels follow", number, made.steps)
-        up = number % 2 == 0
-        level = made.fast if up else made.slow
-        sent = rig.now * motor_fit.NS
-        after = rig.hold(Duty(0, level, level), made.plateau + number * made.longer)
-        frames = [*before.encoders, *after.encoders]
-        taken = _time_taken_effect(after, level, sent) if told else sent
-        found.append(motor_fit.StepResponse(frames, taken, up))
+def record_steps(session: RobotSession) -> Generator[Event, Any, list[StepResponse]]:
+    """Steps up and down between two duties.
+
+    The time of a step is when it took effect; when it was sent if the board does not report that.
+    """
+    robot = session.file.robot
+    staircase = duty_staircase(robot)
+    before = session.run_for(Duty(0, staircase.low, staircase.low), staircase.plateau)
+    steps = []
+    for number in range(staircase.steps):
+        yield StepProgress("how late the wheels follow", number, staircase.steps)
+        is_up = number % 2 == 0
+        level = staircase.high if is_up else staircase.low
+        sent = session.now * NS
+        plateau = staircase.plateau + number * staircase.increment
+        after = session.run_for(Duty(0, level, level), plateau)
+        time = sent if is_duty_board(robot) else _effect_time(after, level, sent)
+        steps.append(StepResponse([*before.encoders, *after.encoders], time, is_up))
         before = after
-    rig.rest()
-    return found
+    session.stop_and_wait()
+    return steps
 
 
 def duty_staircase(robot: Robot) -> DutyStaircase:
-    """The steps that suit this robot's board."""
+    """The steps that suit the board of this robot."""
     return STOCK_STAIRCASE if is_duty_board(robot) else STAIRCASE
 
 
-def _time_taken_effect(after: Received, level: float, sent: float) -> float:
-    """When (s) the board says that the duty took hold; `sent` where it does not say."""
-    for frame in after.encoders:
+def _effect_time(received: Received, level: float, sent: float) -> float:
+    """When (s) the board reports that the duty took effect; `sent` if it does not."""
+    for frame in received.encoders:
         if abs(frame.left_command - level) < 0.01 and frame.command_time is not None:
-            return frame.command_time * motor_fit.NS
+            return frame.command_time * NS
     return sent
 
 
-def check_creep(rig: RobotSession) -> Generator[Event, Any, list[str]]:
-    """A step from rest to a creep, with the loops as found: both wheels must start and settle."""
-    rig.meet()
-    robot = rig.file.robot
-    drive = {"left": robot.drive.left, "right": robot.drive.right}
-    wanted = {side: 2 * CREEP_SPEED_M_S / drive[side].wheel.diameter for side in SIDES}
+def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
+    """Start both wheels to a creep with the fitted loops. Returns a fault for each that fails."""
+    session.connect()
+    robot = session.file.robot
+    sides = drive_sides(robot)
+    target = {side: 2 * CREEP_SPEED_M_S / sides[side].wheel.diameter for side in SIDES}
     yield Message(f"The loops as found must start both wheels at {CREEP_SPEED_M_S * CM:g} cm/s.")
-    command = wheel_command(robot, wanted["left"], wanted["right"])
-    rig.hold(command, CREEP_TIME_S / 2)
-    heard = rig.hold(command, CREEP_TIME_S / 2).encoders
-    rig.rest()
+    command = wheel_command(robot, target["left"], target["right"])
+    session.run_for(command, CREEP_TIME_S / 2)
+    frames = session.run_for(command, CREEP_TIME_S / 2).encoders
+    session.stop_and_wait()
     faults = []
     for side in SIDES:
-        speed = motor_fit.mean_speed(heard, side == "left", drive[side].encoder.slots)
-        share = speed / wanted[side]
-        if abs(share - 1.0) > CREEP_ERROR_RATIO_MAX:
-            came = f"{share * CREEP_SPEED_M_S * CM:.1f} cm/s came of {CREEP_SPEED_M_S * CM:g}"
+        speed = mean_speed(frames, side == "left", sides[side].encoder.slots)
+        ratio = speed / target[side]
+        if abs(ratio - 1.0) > CREEP_ERROR_RATIO_MAX:
+            speeds = f"{ratio * CREEP_SPEED_M_S * CM:.1f} cm/s came of {CREEP_SPEED_M_S * CM:g}"
             faults.append(
-                f"the {side} wheel does not hold a creep: {came}. Is the gear dry, or the "
+                f"the {side} wheel does not hold a creep: {speeds}. Is the gear dry, or the "
                 "battery low? Then this motor cannot drive slower than it breaks loose"
             )
     return faults
-
-
-def slots_by_side(robot: Robot) -> dict[str, int]:
-    """Counts per turn of each wheel."""
-    return {"left": robot.drive.left.encoder.slots, "right": robot.drive.right.encoder.slots}

@@ -1,10 +1,10 @@
-"""Lag and dead time of wheels whose board does not tell when it took a command.
+"""Lag and dead time of wheels whose board does not report when a command took effect.
 
-Each wheel's angle is followed from when a step of the duty was sent: on at the speed before, until
-the dead time has passed; from then on towards the new speed with the lag. Such a board takes each
-command for each wheel at another moment, so every step has a lateness of its own beside the dead
-time, which scatters about nothing; without these, the mean of what happened to be late would pass
-for lag, four times as large. All are found at once by least squares (Gauss and Newton's way).
+The angle of each wheel is modelled from the time at which a duty step was sent: it continues at the
+previous speed until the dead time has passed, then approaches the new speed with the lag. Such a
+board applies each command to each wheel at a different moment, so every step has its own lateness
+beside the dead time, with a mean of zero; without these, the mean lateness of the sample would be
+fitted as lag, four times as large. All unknowns are found at once by Gauss-Newton least squares.
 """
 
 from __future__ import annotations
@@ -16,147 +16,144 @@ from math import pi
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
-from diffbotctl.calibrate.motor_fit import SLOT_ERROR_SD_PITCHES, LagFit, StepResponse, gather_edges
+from diffbotctl.calibrate.motor_fit import (
+    SLOT_ERROR_SD_PITCHES,
+    LagFit,
+    StepEdges,
+    StepResponse,
+    gather_edges,
+    line_slope,
+)
 
 ITERATIONS_MAX = 12
-TIME_TOLERANCE_S = 1e-5  # s; the rounds end when neither time moves further
-INITIAL_LAG_S = 0.1  # s, from where the search begins
-LAG_MIN_S = 0.01  # s, of a lag
-COUNT_SD_PITCHES = (
-    0.29  # pitches, sd of a place that is only known to lie somewhere in a slot: 1 / sqrt(12)
-)
+CONVERGENCE_TOLERANCE_S = 1e-5
+INITIAL_LAG_S = 0.1
+LAG_MIN_S = 0.01
+COUNT_SD_PITCHES = 0.29  # of a position anywhere within one slot: 1 / sqrt(12)
 
 
 @dataclass
 class LagModel:
-    """One wheel's edges, and what is found of it in turn."""
+    """The edges of one wheel and its unknowns, which `apply_step` changes."""
 
-    times: Floats
-    places: Floats
-    which: Floats
-    slot: Floats
-    ups: Floats
+    edges: StepEdges
     start: Floats
-    """rad, where it was when each step was sent"""
-    late: Floats
-    """s, what each step came later than the dead time"""
+    """(steps,): rad, angle at which each step was sent"""
+    lateness: Floats
+    """(steps,): s, additional delay of each step"""
     speeds: Floats
-    """rad/s at the lower and at the higher duty"""
-    uneven: Floats
-    """rad, by slot"""
+    """(2,): rad/s at the lower and at the higher duty"""
+    slot_errors: Floats
+    """(slots,): rad"""
 
-    def model(self, lag: float, dead: float) -> tuple[Floats, Floats]:
-        """Angles (edges,) in rad, and how they change with lag, dead time, and all of this wheel:
-        (edges, 2 + 2 steps + 2 + slots)."""
-        rows, steps, slots = len(self.times), len(self.start), len(self.uneven)
-        begun = np.where(self.ups, self.speeds[0], self.speeds[1])
-        change = np.where(self.ups, 1.0, -1.0) * (self.speeds[1] - self.speeds[0])
-        since = np.maximum(self.times - dead - self.late[self.which], 0.0)
-        fade = np.exp(-since / lag)
-        bend = since - lag * (1.0 - fade)
-        angles = self.start[self.which] + begun * self.times + change * bend
-        angles += self.uneven[self.slot]
-        matrix = np.zeros((rows, 2 + 2 * steps + 2 + slots))
-        every = np.arange(rows)
-        matrix[:, 0] = change * (fade - 1.0 + since / lag * fade)
-        matrix[:, 1] = matrix[every, 2 + steps + self.which] = -change * (1.0 - fade)
-        matrix[every, 2 + self.which] = 1.0
-        sign = np.where(self.ups, 1.0, -1.0)
-        matrix[:, 2 + 2 * steps] = np.where(self.ups, self.times, 0.0) - sign * bend
-        matrix[:, 3 + 2 * steps] = np.where(self.ups, 0.0, self.times) + sign * bend
-        matrix[every, 4 + 2 * steps + self.slot] = 1.0
-        return angles, matrix
+    def predict(self, lag: float, dead_time: float) -> tuple[Floats, Floats]:
+        """Angles (edges,) in rad, and their Jacobian (edges, 2 + 2 steps + 2 + slots).
 
-    def move(self, by: Floats) -> None:
-        """Change what is found of it."""
+        Columns: lag, dead time, start and lateness of each step, the two speeds, slot errors.
+        """
+        edges = self.edges
+        steps, slots = len(self.start), len(self.slot_errors)
+        initial_speed = np.where(edges.is_up, self.speeds[0], self.speeds[1])
+        sign = np.where(edges.is_up, 1.0, -1.0)
+        change = sign * (self.speeds[1] - self.speeds[0])
+        since = np.maximum(edges.times - dead_time - self.lateness[edges.steps], 0.0)
+        decay = np.exp(-since / lag)
+        transition = since - lag * (1.0 - decay)
+        angles = self.start[edges.steps] + initial_speed * edges.times + change * transition
+        angles += self.slot_errors[edges.slots]
+        jacobian = np.zeros((len(edges.times), 2 + 2 * steps + 2 + slots))
+        rows = np.arange(len(edges.times))
+        jacobian[:, 0] = change * (decay - 1.0 + since / lag * decay)
+        jacobian[:, 1] = jacobian[rows, 2 + steps + edges.steps] = -change * (1.0 - decay)
+        jacobian[rows, 2 + edges.steps] = 1.0
+        low, high = 2 + 2 * steps, 3 + 2 * steps
+        jacobian[:, low] = np.where(edges.is_up, edges.times, 0.0) - sign * transition
+        jacobian[:, high] = np.where(edges.is_up, 0.0, edges.times) + sign * transition
+        jacobian[rows, 4 + 2 * steps + edges.slots] = 1.0
+        return angles, jacobian
+
+    def apply_step(self, step: Floats) -> None:
+        """Add one Gauss-Newton step to the unknowns of this wheel."""
         steps = len(self.start)
-        self.start += by[:steps]
-        self.late += by[steps : 2 * steps]
-        self.speeds += by[2 * steps : 2 * steps + 2]
-        self.uneven += by[2 * steps + 2 :]
+        self.start += step[:steps]
+        self.lateness += step[steps : 2 * steps]
+        self.speeds += step[2 * steps : 2 * steps + 2]
+        self.slot_errors += step[2 * steps + 2 :]
 
 
 def fit_common_lag(steps: Sequence[StepResponse], slots: int, jitter: float) -> LagFit:
-    """Lag and dead time of both wheels, whose motors are of one kind, from steps that are timed by
-    when they were sent; when each was taken scatters by `jitter` (s, sd).
+    """The common lag and dead time of both wheels, whose motors are of one kind.
 
-    Raises ValueError when there are too few edges, or no such motion is in them.
+    The time of a step is when it was sent; `jitter` (s, standard deviation) is the scatter of when
+    it took effect. Raises ValueError if there are too few edges, or the fit does not converge.
     """
     wheels = [_initial_model(steps, left, slots) for left in (True, False)]
-    lag, dead, noise = INITIAL_LAG_S, INITIAL_LAG_S, COUNT_SD_PITCHES * 2 * pi / slots
+    lag, dead_time, noise = INITIAL_LAG_S, INITIAL_LAG_S, COUNT_SD_PITCHES * 2 * pi / slots
     for _ in range(ITERATIONS_MAX):
-        matrix, wanted = _normalized_system(wheels, lag, dead, noise, jitter)
-        by: Floats = np.asarray(np.linalg.lstsq(matrix, wanted, rcond=None)[0], dtype=float)
-        lag, before = max(lag + float(by[0]), LAG_MIN_S), lag
-        dead = max(dead + float(by[1]), 0.0)
-        each = (len(by) - 2) // 2
-        for number, wheel in enumerate(wheels):
-            wheel.move(by[2 + number * each : 2 + (number + 1) * each])
-        if abs(lag - before) + abs(by[1]) < TIME_TOLERANCE_S:
+        matrix, residuals = _normalized_system(wheels, lag, dead_time, noise, jitter)
+        step: Floats = np.asarray(np.linalg.lstsq(matrix, residuals, rcond=None)[0], dtype=float)
+        lag, previous = max(lag + float(step[0]), LAG_MIN_S), lag
+        dead_time = max(dead_time + float(step[1]), 0.0)
+        for wheel, part in zip(wheels, np.split(step[2:], len(wheels)), strict=True):
+            wheel.apply_step(part)
+        if abs(lag - previous) + abs(step[1]) < CONVERGENCE_TOLERANCE_S:
             break
     else:
         raise ValueError("how late they follow could not be told from the steps")
-    spread = np.linalg.inv(matrix.T @ matrix)
-    seen = sum(len(wheel.times) for wheel in wheels)
-    variance = float((wanted[:seen] ** 2).sum()) / (seen - len(by))
-    both = spread[0, 0] + spread[1, 1] + 2.0 * spread[0, 1]
-    return LagFit(
-        lag, dead, float(np.sqrt(both * variance)), float(np.sqrt(spread[0, 0] * variance))
-    )
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    edges = sum(len(wheel.edges.times) for wheel in wheels)
+    variance = float((residuals[:edges] ** 2).sum()) / (edges - len(step))
+    sum_variance = covariance[0, 0] + covariance[1, 1] + 2.0 * covariance[0, 1]
+    sd, split_sd = np.sqrt(sum_variance * variance), np.sqrt(covariance[0, 0] * variance)
+    return LagFit(lag, dead_time, float(sd), float(split_sd))
 
 
 def _initial_model(steps: Sequence[StepResponse], left: bool, slots: int) -> LagModel:
-    times, places, which, slot = gather_edges(steps, left, slots)
-    ups = np.array([step.up for step in steps])[which]
+    """First guesses from lines before and long after each step. Raises ValueError."""
+    edges = gather_edges(steps, left, slots)
+    times, angles, is_up = edges.times, edges.angles, edges.is_up
+    masks = [edges.steps == number for number in range(len(steps))]
     late = times > INITIAL_LAG_S * 10.0
-    speeds = np.array(
-        [
-            np.mean(
-                [
-                    _slope(times[rows], places[rows])
-                    for number in range(len(steps))
-                    if (rows := late & (which == number) & (ups == up)).any()
-                ]
-            )
-            for up in (False, True)
-        ]
-    )
-    start = np.array(
-        [
-            np.mean(places[rows] - np.where(ups[rows], speeds[0], speeds[1]) * times[rows])
-            for number in range(len(steps))
-            if (rows := (times < 0.0) & (which == number)).any()
-        ]
-    )
+    slopes: dict[bool, list[float]] = {False: [], True: []}
+    for up, mask in ((up, mask & late & (is_up == up)) for up in slopes for mask in masks):
+        if mask.any():
+            slopes[up].append(line_slope(times[mask], angles[mask]))
+    speeds = np.array([np.mean(slopes[up]) for up in (False, True)])
+    lines = angles - np.where(is_up, speeds[0], speeds[1]) * times
+    early = [mask & (times < 0.0) for mask in masks]
+    start = np.array([np.mean(lines[mask]) for mask in early if mask.any()])
     if len(start) < len(steps) or speeds[1] <= speeds[0]:
         raise ValueError("more duty did not turn it faster")
-    zeros = np.zeros(len(steps))
-    return LagModel(times, places, which, slot, ups, start, zeros, speeds, np.zeros(slots))
-
-
-def _slope(times: Floats, places: Floats) -> float:
-    return float(np.polyfit(times - times[0], places, 1)[0])
+    return LagModel(edges, start, np.zeros(len(steps)), speeds, np.zeros(slots))
 
 
 def _normalized_system(
-    wheels: Sequence[LagModel], lag: float, dead: float, noise: float, jitter: float
+    wheels: Sequence[LagModel], lag: float, dead_time: float, noise: float, jitter: float
 ) -> tuple[Floats, Floats]:
-    """The linear least squares of one round: what was seen, and then what is known beforehand."""
-    seen, missing, known, held = [], [], [], []
-    each = 2 * len(wheels[0].start) + 2 + len(wheels[0].uneven)
+    """The linear least squares of one iteration: first the edges, then the priors.
+
+    Each row is divided by its standard deviation: `noise` (rad) of an edge, `jitter` (s) of a
+    lateness, and that of a slot error.
+    """
+    edge_rows, edge_residuals, prior_rows, prior_residuals = [], [], [], []
+    steps, slots = len(wheels[0].start), len(wheels[0].slot_errors)
+    size = 2 * steps + 2 + slots
+    error = SLOT_ERROR_SD_PITCHES * 2 * pi / slots
     for number, wheel in enumerate(wheels):
-        angles, matrix = wheel.model(lag, dead)
-        columns = slice(2 + number * each, 2 + (number + 1) * each)
-        wide = np.zeros((len(matrix), 2 + each * len(wheels)))
-        wide[:, :2], wide[:, columns] = matrix[:, :2], matrix[:, 2:]
-        seen.append(wide / noise)
-        missing.append((wheel.places - angles) / noise)
-        steps, slots = len(wheel.start), len(wheel.uneven)
-        error = SLOT_ERROR_SD_PITCHES * 2 * pi / slots
-        prior = np.zeros((steps + slots, wide.shape[1]))
-        first = columns.start
+        angles, jacobian = wheel.predict(lag, dead_time)
+        first = 2 + number * size
+        rows = np.zeros((len(jacobian), 2 + size * len(wheels)))
+        rows[:, :2], rows[:, first : first + size] = jacobian[:, :2], jacobian[:, 2:]
+        edge_rows.append(rows / noise)
+        edge_residuals.append((wheel.edges.angles - angles) / noise)
+        prior = np.zeros((steps + slots, rows.shape[1]))
         prior[np.arange(steps), first + steps + np.arange(steps)] = 1.0 / jitter
         prior[steps + np.arange(slots), first + 2 * steps + 2 + np.arange(slots)] = 1.0 / error
-        known.append(prior)
-        held.append(np.concatenate([-wheel.late / jitter, -wheel.uneven / error]))
-    return np.concatenate([*seen, *known]), np.concatenate([*missing, *held])
+        prior_rows.append(prior)
+        prior_residuals.append(
+            np.concatenate([-wheel.lateness / jitter, -wheel.slot_errors / error])
+        )
+    return (
+        np.concatenate([*edge_rows, *prior_rows]),
+        np.concatenate([*edge_residuals, *prior_residuals]),
+    )

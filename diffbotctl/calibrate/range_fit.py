@@ -21,12 +21,13 @@ from diffbotctl.blocks.range_sensor import distance_at
 
 Floats: TypeAlias = NDArray[np.float64]
 
-RULER_DISTANCES_M = (0.04, 0.07, 0.10, 0.16, 0.25, 0.30)  # m; close where the curve bends most
-POINTS_MIN = 4  # one more than there are numbers to find
-NEAR_ERROR_MAX_M, FAR_FROM_M, FAR_ERROR_RATIO_MAX = 0.003, 0.20, 0.02  # m, m, share of the distance
-RULER_SD_M = 0.0005  # m; sd of a distance held by hand at a ruler
-SHIFT_MIN_M, SHIFT_MAX_M = 0.0, 0.05  # m; of b: what lies inside the case, as far as it can be
-SHIFT_TOLERANCE_RATIO = 1e-6  # of the range of b, to which it is found
+RULER_DISTANCES_M = (0.04, 0.07, 0.10, 0.16, 0.25, 0.30)  # denser where the curve bends most
+POINTS_MIN = 4  # one more than there are parameters
+NEAR_ERROR_MAX_M, FAR_FROM_M, FAR_ERROR_RATIO_MAX = 0.003, 0.20, 0.02
+RULER_SD_M = 0.0005  # of a card held at a ruler
+SHIFT_MIN_M, SHIFT_MAX_M = 0.0, 0.05  # of b: what lies inside the case
+SHIFT_TOLERANCE_RATIO = 1e-6  # of the range of b
+FOLD_DISTANCE_M = 0.05  # a point up to here may have been measured in the fold of the curve
 GOLDEN_RATIO = (sqrt(5.0) - 1.0) / 2.0
 
 
@@ -63,112 +64,114 @@ class RangeFit:
     points: tuple[RulerPoint, ...]
     """by rising distance"""
 
-    def told(self, point: RulerPoint) -> float:
-        """The distance (m) that the curve tells at the point's voltage."""
+    def distance(self, point: RulerPoint) -> float:
+        """The distance (m) of the curve at the point's voltage."""
         return distance_at(point.volts, self.a, self.b, self.c)
 
     def error(self, point: RulerPoint) -> float:
-        """m; told minus true."""
-        return self.told(point) - point.distance
+        """m; sensor minus ruler."""
+        return self.distance(point) - point.distance
 
-    def misses(self) -> list[RulerPoint]:
-        """Points that the curve tells worse than is asked."""
-        return [each for each in self.points if abs(self.error(each)) > error_limit(each.distance)]
+    def bad_points(self) -> list[RulerPoint]:
+        """Points whose error exceeds the limit."""
+        return [
+            point for point in self.points if abs(self.error(point)) > error_limit(point.distance)
+        ]
 
     @property
     def noise(self) -> float:
         """V; of one reading, over all points."""
-        return sqrt(sum(each.noise**2 for each in self.points) / len(self.points))
+        return sqrt(sum(point.noise**2 for point in self.points) / len(self.points))
 
 
 def error_limit(distance: float) -> float:
-    """How far a told distance may be from the true one, in m."""
+    """The largest acceptable error of a distance, in m."""
     return NEAR_ERROR_MAX_M if distance <= FAR_FROM_M else FAR_ERROR_RATIO_MAX * distance
 
 
 def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
-    """The curve whose distances are nearest to the ruler's, by least squares.
+    """The curve whose distances are nearest to those of the ruler, by least squares.
 
-    For a given b the other two are linear and follow at once; b is found by golden section.
-    Raises ValueError with the reason when the points cannot be those of such a sensor.
+    For a given b the other two parameters are linear; b is found by golden-section search. Raises
+    ValueError with the reason if such a sensor cannot have these points.
     """
-    ordered = tuple(sorted(points, key=lambda each: each.distance))
+    ordered = tuple(sorted(points, key=lambda point: point.distance))
     _check_points(ordered)
     b = _golden_section(lambda shift: _solve_linear(ordered, shift)[2], SHIFT_MIN_M, SHIFT_MAX_M)
-    a, c, left = _solve_linear(ordered, b)
+    a, c, mean_square = _solve_linear(ordered, b)
     if not a > 0.0:
         raise ValueError("the voltages do not fall as a Sharp sensor's do: is it the right pin?")
-    return RangeFit(a, b, c, _standard_deviations(ordered, a, b, left), ordered)
+    return RangeFit(a, b, c, _standard_deviations(ordered, a, b, mean_square), ordered)
 
 
 def _check_points(points: Sequence[RulerPoint]) -> None:
-    """Raise ValueError when no curve can be laid through the points."""
-    if len({each.distance for each in points}) < POINTS_MIN:
+    """Raises ValueError if no curve fits the points."""
+    if len({point.distance for point in points}) < POINTS_MIN:
         raise ValueError(f"{len(points)} distances; {POINTS_MIN} different ones are needed")
     for near, far in pairwise(points):
-        if far.distance == near.distance:
+        if far.distance == near.distance or near.volts >= far.volts:
             continue
-        if near.volts < far.volts:
-            raise ValueError(_rising_cause(near, far))
-
-
-def _rising_cause(near: RulerPoint, far: RulerPoint) -> str:
-    seen = (
-        f"{near.volts:.2f} V at {near.distance * 100:g} cm, "
-        f"and more, {far.volts:.2f} V, at {far.distance * 100:g} cm"
-    )
-    if near.distance <= 0.05:
-        return (
-            f"{seen}: nearer than 3 cm the voltage folds back, so the object stood too near; "
-            "measure from the sensor's front, not from the robot's"
+        readings = (
+            f"{near.volts:.2f} V at {near.distance * 100:g} cm, "
+            f"and more, {far.volts:.2f} V, at {far.distance * 100:g} cm"
         )
-    return f"{seen}: it must fall with distance; was one of the two not where it was said to be?"
+        if near.distance <= FOLD_DISTANCE_M:
+            raise ValueError(
+                f"{readings}: nearer than 3 cm the voltage folds back, so the object stood too "
+                "near; measure from the sensor's front, not from the robot's"
+            )
+        raise ValueError(
+            f"{readings}: it must fall with distance; was one of the two not where it was said to "
+            "be?"
+        )
 
 
-def _solve_linear(points: Sequence[RulerPoint], shift: float) -> tuple[float, float, float]:
-    """a and c for a given b, and the mean square of the distances' errors against what is allowed.
+def _solve_linear(points: Sequence[RulerPoint], b: float) -> tuple[float, float, float]:
+    """a and c for a given b, and the mean square of the distance errors relative to their limits.
 
-    A voltage's error divided by the slope a / (d + b)^2 is the distance's.
+    The error of a distance is that of the voltage divided by the slope a / (d + b)^2.
     """
-    distance = np.array([each.distance for each in points])
-    volts = np.array([each.volts for each in points])
-    weight = (distance + shift) ** 2 / np.array([error_limit(each) for each in distance])
-    table = np.column_stack((1.0 / (distance + shift), np.ones_like(distance)))
-    (a, c), *_ = np.linalg.lstsq(table * weight[:, None], volts * weight, rcond=None)
-    errors = (volts - table @ (a, c)) * weight / a
+    distance = np.array([point.distance for point in points])
+    volts = np.array([point.volts for point in points])
+    limits = np.array([error_limit(point.distance) for point in points])
+    weight = (distance + b) ** 2 / limits
+    matrix = np.column_stack((1.0 / (distance + b), np.ones_like(distance)))
+    (a, c), *_ = np.linalg.lstsq(matrix * weight[:, None], volts * weight, rcond=None)
+    errors = (volts - matrix @ (a, c)) * weight / a
     return float(a), float(c), float(np.mean(errors**2))
 
 
 def _golden_section(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Where `cost`, a function with one valley, is least between `low` and `high`."""
-    left, right = high - GOLDEN_RATIO * (high - low), low + GOLDEN_RATIO * (high - low)
-    at_left, at_right = cost(left), cost(right)
-    end = SHIFT_TOLERANCE_RATIO * (high - low)
-    while high - low > end:
-        if at_left < at_right:
-            high, right, at_right = right, left, at_left
-            left = high - GOLDEN_RATIO * (high - low)
-            at_left = cost(left)
+    """The minimum of the unimodal function `cost` between `low` and `high`."""
+    lower, upper = high - GOLDEN_RATIO * (high - low), low + GOLDEN_RATIO * (high - low)
+    lower_cost, upper_cost = cost(lower), cost(upper)
+    tolerance = SHIFT_TOLERANCE_RATIO * (high - low)
+    while high - low > tolerance:
+        if lower_cost < upper_cost:
+            high, upper, upper_cost = upper, lower, lower_cost
+            lower = high - GOLDEN_RATIO * (high - low)
+            lower_cost = cost(lower)
         else:
-            low, left, at_left = left, right, at_right
-            right = low + GOLDEN_RATIO * (high - low)
-            at_right = cost(right)
+            low, lower, lower_cost = lower, upper, upper_cost
+            upper = low + GOLDEN_RATIO * (high - low)
+            upper_cost = cost(upper)
     return 0.5 * (low + high)
 
 
 def _standard_deviations(
-    points: Sequence[RulerPoint], a: float, b: float, left: float
+    points: Sequence[RulerPoint], a: float, b: float, mean_square: float
 ) -> tuple[float, float, float]:
-    """Of a, b and c: the points' noise and the ruler's, or what the curve leaves over if more."""
-    distance = np.array([each.distance for each in points]) + b
+    """Of a, b and c, from the noise of points and ruler, or from the residuals if those are larger.
+
+    `mean_square`: of the distance errors relative to their limits.
+    """
+    distance = np.array([point.distance for point in points]) + b
     slope = a / distance**2
-    scale = np.array([error_limit(each.distance) for each in points])
-    table = np.column_stack((1.0 / distance, -slope, np.ones_like(distance))) / slope[:, None]
-    weighted = table / scale[:, None]
-    inverse = np.linalg.pinv(weighted)
-    known = (np.array([each.sd for each in points]) / slope) ** 2 + RULER_SD_M**2
-    spare = max(len(points) - 3, 1)
-    whole = np.maximum(known / scale**2, left * len(points) / spare)
-    variances = (inverse**2) @ whole
-    first, second, third = (float(each) for each in np.sqrt(variances))
-    return first, second, third
+    limits = np.array([error_limit(point.distance) for point in points])
+    jacobian = np.column_stack((1.0 / distance, -slope, np.ones_like(distance))) / slope[:, None]
+    inverse = np.linalg.pinv(jacobian / limits[:, None])
+    expected = (np.array([point.sd for point in points]) / slope) ** 2 + RULER_SD_M**2
+    freedom = max(len(points) - 3, 1)
+    variances = np.maximum(expected / limits**2, mean_square * len(points) / freedom)
+    sd_a, sd_b, sd_c = (float(sd) for sd in np.sqrt((inverse**2) @ variances))
+    return sd_a, sd_b, sd_c

@@ -1,6 +1,7 @@
-"""The steps in the order in which each finds what would spoil the next.
+"""Runs the steps of a calibration and keeps what they recorded.
 
-Runs steps: draws their events, has their questions answered, and keeps what they recorded.
+The order of STEPS is the order of the whole calibration: each step finds what would spoil the
+results of the next.
 """
 
 from __future__ import annotations
@@ -11,19 +12,15 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, assert_never
 
-from diffbotctl.calibrate.answers_file import Prompter
 from diffbotctl.calibrate.log_reader import fingerprint
 from diffbotctl.calibrate.result import Provenance, format_date
 from diffbotctl.calibrate.session import RobotSession, StopKey
 from diffbotctl.calibrate.step import (
     CurvePlot,
     Event,
-    ManualAction,
-    MarkFloor,
     Message,
-    MotionNotice,
     Outcome,
     ScatterPlot,
     Step,
@@ -35,59 +32,56 @@ from diffbotctl.engine.clock import PacedClock
 from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
-from diffbotctl.prompts.question import Answer, AnswerError, Question
+from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Prompter, Question
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.simulated_session import SimulatedTools
     from diffbotctl.plant.world import World
 
-# Name of the step's command -> where its class is; imported when used.
-STEPS = {
-    "encoders": "diffbotctl.calibrate.steps.encoders:EncoderStep",
-    "motors": "diffbotctl.calibrate.steps.motors:MotorStep",
-    "discs": "diffbotctl.calibrate.steps.discs:DiscStep",
-    "distance": "diffbotctl.calibrate.steps.distance:DistanceStep",
-    "geometry": "diffbotctl.calibrate.steps.squares:SquaresStep",
-    "range": "diffbotctl.calibrate.steps.range:RangeStep",
-    "battery": "diffbotctl.calibrate.steps.battery:BatteryStep",
+STEPS_PACKAGE = "diffbotctl.calibrate.steps"
+STEPS = {  # name of the step's command -> module and class, imported when used
+    "encoders": "encoders:EncoderStep",
+    "motors": "motors:MotorStep",
+    "discs": "discs:DiscStep",
+    "distance": "distance:DistanceStep",
+    "geometry": "squares:SquaresStep",
+    "range": "range:RangeStep",
+    "battery": "battery:BatteryStep",
 }
-
-GEOMETRY_METHODS = {
-    "squares": "diffbotctl.calibrate.steps.squares:SquaresStep",
-    "spin": "diffbotctl.calibrate.steps.spin:SpinStep",
-    "straight": "diffbotctl.calibrate.steps.straight:StraightStep",
+GEOMETRY_METHODS = {  # the first one finds track and wheel ratio, the others one of them
+    "squares": "squares:SquaresStep",
+    "spin": "spin:SpinStep",
+    "straight": "straight:StraightStep",
 }
-"""the ways to find a geometry; the first finds all of it"""
+NS = 1e-9  # s
+PROBE_TEXT = "".join(map(str, range(1000)))  # some kB, which do not fit on a full disk
 
 
 def make_step(name: str, **settings: object) -> Step:
-    """The step called `name`, with settings of its own such as how often it repeats.
+    """The step called `name` with its own settings, such as the number of repeats.
 
-    The setting `how` of geometry says which of its ways.
+    The setting `how` of `geometry` selects one of GEOMETRY_METHODS.
     """
-    way = settings.pop("how", None)
-    module, _, kind = (STEPS[name] if way is None else GEOMETRY_METHODS[str(way)]).partition(":")
-    made: Step = getattr(import_module(module), kind)(**settings)
-    return made
-
-
-ANSWER_ATTEMPTS_MAX = 5  # answers of no use, until a question is given up
-NS = 1e-9
+    method = settings.pop("how", None)
+    module, _, kind = (STEPS[name] if method is None else GEOMETRY_METHODS[str(method)]).partition(
+        ":"
+    )
+    step: Step = getattr(import_module(f"{STEPS_PACKAGE}.{module}"), kind)(**settings)
+    return step
 
 
 class Screen(Protocol):
-    """Draws what happens."""
+    """Shows what happens."""
 
     def say(self, text: str) -> None: ...
     def progress(self, progress: StepProgress) -> None: ...
-    def draw(self, drawing: ScatterPlot | CurvePlot) -> None: ...
+    def draw(self, plot: ScatterPlot | CurvePlot) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
 class StepDone:
-    """A step that was finished, and where its findings come from."""
+    """A finished step: the provenance of its findings, and the files that it left."""
 
-    outcome: Outcome
     origin: Provenance
     files: Sequence[Path]
     """recording and pictures"""
@@ -103,10 +97,10 @@ def open_session(
 ) -> tuple[RobotSession, SimulatedTools | None]:
     """The robot of `file` behind `port` (`sim`, `emulated` or a device), and tools to measure it.
 
-    Simulated and emulated robots live in virtual time, as fast as it goes. Raises RunError when the
-    port cannot be opened, EmulatorError when there is no emulator.
+    Simulated and emulated robots run in virtual time, as fast as possible; a real one has no tools.
+    Raises RunError if the port cannot be opened, EmulatorError if there is no emulator.
     """
-    if port == "sim" or port == "emulated":
+    if port in ("sim", "emulated"):
         # A real robot needs neither plant nor emulator.
         from diffbotctl.calibrate.simulated_session import open_simulated
 
@@ -120,77 +114,64 @@ def open_session(
     return RobotSession(file, make_driver, PacedClock(exact=False), key), None
 
 
-def run_step(step: Step, rig: RobotSession, attendant: Prompter, screen: Screen) -> Outcome:
-    """Run one step to its end; the robot stands still afterwards, however it ended.
+def run_step(step: Step, session: RobotSession, prompter: Prompter, screen: Screen) -> Outcome:
+    """Run one step to its end. The robot is stopped afterwards, however the step ended.
 
-    The rig goes on with what was found. Raises RunError when the step failed or was stopped,
-    ConfigurationError when what it found is not plausible.
+    The session continues with the findings. Raises RunError if the step failed or was stopped,
+    ConfigurationError if a finding is not plausible.
     """
-    running = step.run(rig)
-    sent: Any = None
+    events = step.run(session)
+    answer: Any = None
     try:
         while True:
-            event = running.send(sent)
-            sent = _handle(event, rig, attendant, screen)
+            answer = _handle(events.send(answer), session, prompter, screen)
     except StopIteration as end:
         outcome: Outcome = end.value
         if outcome.findings:
-            rig.attempt(outcome.findings)
+            session.try_findings(outcome.findings)
         return outcome
     finally:
-        running.close()
-        rig.allow(None)
-        rig.driver.stop(rig.now)
+        events.close()
+        session.limit_turns(None)
+        session.driver.stop(session.now)
 
 
-def _handle(event: Event, rig: RobotSession, attendant: Prompter, screen: Screen) -> Any:
-    if isinstance(event, Question):
-        return ask(event, attendant)
-    if isinstance(event, MotionNotice):
-        screen.say(event.text)
-        attendant.agree(event)
-        rig.allow(event.turns if event.watched else None)
-    elif isinstance(event, MarkFloor):
-        screen.say(event.text)
-        attendant.mark(event)
-    elif isinstance(event, ManualAction):
-        screen.say(event.text)
-        rig.allow(None)  # what a hand turns was not announced
-        attendant.act(event)
-    elif isinstance(event, Message):
-        screen.say(event.text)
-    elif isinstance(event, StepProgress):
-        screen.progress(event)
-    else:
-        screen.draw(event)
+def _handle(event: Event, session: RobotSession, prompter: Prompter, screen: Screen) -> Any:
+    """Do what the event asks for. Returns the answer to a question, else None."""
+    match event:
+        case Question():
+            return prompter.answer(event)
+        case MotionNotice():
+            screen.say(event.text)
+            prompter.confirm_motion(event)
+            session.limit_turns(event.turns if event.watched else None)
+        case MarkFloor():
+            screen.say(event.text)
+            prompter.mark_floor(event)
+        case ManualAction():
+            screen.say(event.text)
+            session.limit_turns(None)  # turning a wheel by hand is not limited
+            prompter.act(event)
+        case Message():
+            screen.say(event.text)
+        case StepProgress():
+            screen.progress(event)
+        case ScatterPlot() | CurvePlot():
+            screen.draw(event)
+        case _:
+            assert_never(event)
     return None
 
 
-def ask(question: Question, attendant: Prompter) -> Answer:
-    """The answer to a question that is asked again, with the reason, until it is one.
-
-    Raises RunError when that does not come about.
-    """
-    trouble = ""
-    for _ in range(ANSWER_ATTEMPTS_MAX):
-        try:
-            return attendant.answer(question, trouble)
-        except AnswerError as error:
-            trouble = str(error)
-    fix = "measure first, then run this step again"
-    raise RunError(Problem("E-CALIBRATE-ANSWER", question.name, trouble, fix))
-
-
-def save_result(step: Step, outcome: Outcome, rig: RobotSession, folder: Path) -> StepDone:
-    """Write the step's recording and pictures into `folder`. Raises RunError when it cannot."""
+def save_result(step: Step, outcome: Outcome, session: RobotSession, folder: Path) -> StepDone:
+    """Write the step's recording and pictures into `folder`. Raises RunError if it cannot."""
     now = datetime.now(UTC)
-    begins = f"{step.name}-{now:%Y%m%d-%H%M%S}"
-    rows, rig.recording = rig.recording, []
+    frames, session.recording = session.recording, []
     files = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        recording = _free_path(folder, begins, ".csv")
-        recording.write_text(encoder_table(rows))
+        recording = _free_path(folder, f"{step.name}-{now:%Y%m%d-%H%M%S}", ".csv")
+        recording.write_text(encoder_table(frames))
         files.append(recording)
         for name, text in outcome.pictures.items():
             picture = recording.with_name(f"{recording.stem}-{name}")
@@ -199,21 +180,18 @@ def save_result(step: Step, outcome: Outcome, rig: RobotSession, folder: Path) -
     except OSError as error:
         raise _unwritable(folder, error) from error
     origin = Provenance(outcome.method, format_date(now), outcome.volts, fingerprint([recording]))
-    return StepDone(outcome, origin, files)
+    return StepDone(origin, files)
 
 
 def refuse_unwritable(folder: Path) -> None:
-    """Raises RunError where nothing could be kept, before anybody has measured anything."""
+    """Raises RunError if nothing can be written into `folder`, before anybody measures anything."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        trial = folder / f".trial.{os.getpid()}"
-        trial.write_text("".join(map(str, range(PROBE_NUMBERS))))
-        trial.unlink()
+        probe = folder / f".trial.{os.getpid()}"
+        probe.write_text(PROBE_TEXT)
+        probe.unlink()
     except OSError as error:
         raise _unwritable(folder, error) from error
-
-
-PROBE_NUMBERS = 1000  # numbers: some kB, that a full disk does not take
 
 
 def _unwritable(folder: Path, error: OSError) -> RunError:
@@ -222,32 +200,25 @@ def _unwritable(folder: Path, error: OSError) -> RunError:
     return RunError(Problem("E-CALIBRATE-WRITE", str(folder), cause, fix))
 
 
-def _free_path(folder: Path, begins: str, suffix: str) -> Path:
-    """A name that is not taken; two steps may end in the same second."""
-    number, path = 1, folder / f"{begins}{suffix}"
+def _free_path(folder: Path, stem: str, suffix: str) -> Path:
+    """A path that does not exist; two steps may end in the same second."""
+    number, path = 1, folder / f"{stem}{suffix}"
     while path.exists():
         number += 1
-        path = folder / f"{begins}-{number}{suffix}"
+        path = folder / f"{stem}-{number}{suffix}"
     return path
 
 
 def encoder_table(frames: Sequence[Encoders]) -> str:
-    """Frames as the CSV text that `calibrate from-log` reads; more columns tell what drove them."""
+    """Frames as the CSV text that `calibrate from-log` reads, with edge times and commands."""
     lines = ["time,right,left,right_edge,left_edge,right_command,left_command,kind,boot"]
     for frame in frames:
         edges = [
             "" if edge is None else f"{edge * NS:.6f}"
             for edge in (frame.right_edge, frame.left_edge)
         ]
-        cells = [
-            f"{frame.time * NS:.6f}",
-            frame.right,
-            frame.left,
-            *edges,
-            f"{frame.right_command:.5f}",
-            f"{frame.left_command:.5f}",
-            frame.command_kind,
-            frame.boot,
-        ]
-        lines.append(",".join(map(str, cells)))
+        lines.append(
+            f"{frame.time * NS:.6f},{frame.right},{frame.left},{edges[0]},{edges[1]},"
+            f"{frame.right_command:.5f},{frame.left_command:.5f},{frame.command_kind},{frame.boot}"
+        )
     return "\n".join(lines) + "\n"

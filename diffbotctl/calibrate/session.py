@@ -1,67 +1,74 @@
-"""How far a wheel may turn: what was announced, and the error when it does not keep to it.
+"""The robot under calibration: driven directly, without blocks, and stopped by any trouble.
 
-What arrived from a robot under calibration, and the keys that stop it.
-
-The robot under calibration: moved directly, without blocks, and stopped by any trouble.
-
-Commands are repeated while they hold, so that the board's dead-man's time never runs out on
-purpose and always does when this program dies. A key, a link that falls silent, a board that stops
-by itself, or a wheel beyond what was announced end the step and the movement.
+A command is repeated while it is active, so that the dead-man's timer of the board never expires
+meanwhile and always does when this program dies. A key, a silent link, a board that stops by
+itself, or a wheel beyond the announced limit end the step and stop the robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol, TypeVar
+from types import TracebackType
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.robot_file import with_findings
 from diffbotctl.config.configuration import RobotFile
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import Robot, SideSection
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, RobotDriver
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_telemetry import RawEdge
-from diffbotctl.messages import Duty, Encoders, Link, Message, Stop, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders, Link, Message, Stop, Wheels
 from diffbotctl.time import SECOND
 
-COUNT_MARGIN = 1  # count; the edge that a wheel stood on
+COMMAND_PERIOD_NS = SECOND // 20  # six periods in the dead-man's time
+FRAME_TIMEOUT_NS = SECOND // 2  # while moving; the link reports silence after 250 ms
+CONNECT_TIMEOUT_NS = 20 * SECOND  # a board answers and takes its settings
+STOP_TIMEOUT_NS = 3 * SECOND
+STANDSTILL_TIME_NS = 3 * SECOND // 10  # without an edge: a wheel slower than 1 cm/s stands
+NOISE_STOP_TIME_NS = SECOND  # a stop is taken as confirmed where counts cannot show it
+NOISE_TEST_TIME_S = 1.0  # after a stop
+NOISE_COUNTS_MIN = 5  # in that time; a wheel that coasts gives fewer
+CAPTURE_TIME_S = 0.3  # the board starts to capture, or sends the remaining edges
+TURN_LIMIT_MARGIN = 1  # count; the edge at which a wheel stood
+KEY_STOP_FIX = "the robot was stopped; run the step again when you like"
+
+WheelCommand = Duty | Wheels
+DriverFactory = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
+"""The driver for a changed robot file, from the file, the previous driver or None, and the time"""
+Kind = TypeVar("Kind", bound=Message)
+
+
+def stopped_error(cause: str, fix: str) -> RunError:
+    """The error for a robot that had to be stopped."""
+    return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
 
 
 class TurnLimit:
-    """Turns that either wheel may be from where it began."""
+    """The number of turns by which a wheel may move away from its first position."""
 
     def __init__(self, turns: float) -> None:
         self.turns = turns
-        self._from: tuple[int, int] | None = None
+        self._start: tuple[int, int] | None = None
 
-    def begin(self) -> None:
-        """Counts start anew with the next frame."""
-        self._from = None
+    def restart(self) -> None:
+        """Count from the next frame on."""
+        self._start = None
 
     def check(self, frame: Encoders, robot: Robot) -> None:
-        """Raises RunError when a wheel is beyond."""
-        if self._from is None:
-            self._from = (frame.left, frame.right)
-        drive = robot.drive
-        for side, count, begun in zip(
-            (drive.left, drive.right), (frame.left, frame.right), self._from, strict=True
-        ):
-            if abs(count - begun) > self.turns * side.encoder.slots + COUNT_MARGIN:
+        """Raises RunError if a wheel exceeds the limit."""
+        counts = (frame.left, frame.right)
+        self._start = self._start or counts
+        sides = (robot.drive.left, robot.drive.right)
+        for side, count, start in zip(sides, counts, self._start, strict=True):
+            if abs(count - start) > self.turns * side.encoder.slots + TURN_LIMIT_MARGIN:
                 cause = f"a wheel turned more than the {self.turns:g} turns that were announced"
                 raise stopped_error(cause, "noise on its encoder, or a wrong count of slots?")
 
 
-def stopped_error(cause: str, fix: str) -> RunError:
-    """What to raise when the robot had to be stopped."""
-    return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
-
-
-Kind = TypeVar("Kind", bound=Message)
-
-
 class StopKey(Protocol):
-    """Ends a movement when a person wants it: `file` is readable, `cause` says why."""
+    """A key press that stops the robot: `file` becomes readable, then `cause` is not None."""
 
     file: int
 
@@ -69,281 +76,264 @@ class StopKey(Protocol):
     def cause(self) -> str | None: ...
 
 
+@runtime_checkable
+class EdgeCapture(Protocol):
+    """A driver, or the host half of its link, that captures every edge of both encoders."""
+
+    @property
+    def edges(self) -> list[Any]:
+        """(time in ns, 0 left or 1 right, level after the edge); the reader clears the list."""
+
+    def capture(self, now: int, on: bool) -> None:
+        """Start or end the capture."""
+
+
 class Received(NamedTuple):
-    """What arrived while something was done."""
+    """The deliveries during one action."""
 
     deliveries: list[Delivery]
 
     def of(self, kind: type[Kind], wire: str = "") -> list[Kind]:
-        """The messages of one class, in order; of one wire, when it is named."""
+        """The messages of one class, in order; only those of `wire` if it is given."""
         return [
-            each.message
-            for each in self.deliveries
-            if isinstance(each.message, kind) and wire in ("", each.wire)
+            delivery.message
+            for delivery in self.deliveries
+            if isinstance(delivery.message, kind) and wire in ("", delivery.wire)
         ]
 
     @property
     def encoders(self) -> list[Encoders]:
-        """All frames."""
+        """All encoder frames."""
         return self.of(Encoders)
 
-
-COMMAND_PERIOD_NS = (
-    SECOND // 20
-)  # ns between two sendings of a command that holds: six to a dead-man's time
-FRAME_TIMEOUT_NS = (
-    SECOND // 2
-)  # ns without a frame while moving; the host itself notices after 250 ms
-CONNECT_TIMEOUT_NS = 20 * SECOND  # ns until a board must have answered and taken its settings
-STOP_TIMEOUT_NS = 3 * SECOND  # ns until a stop must have shown
-STANDSTILL_TIME_NS = 3 * SECOND // 10  # ns without an edge: a wheel slower than 1 cm/s is at rest
-
-NOISE_TEST_TIME_S = 1.0  # s of listening, after a stop, for inputs that count by themselves
-CAPTURE_TIME_S = 0.3  # s until the board has heard of it, or has told the rest
-KEY_STOP_FIX = "the robot was stopped; run the step again when you like"
-NOISE_COUNTS_MIN = 5  # counts in that time; a wheel that rolls out gives fewer
-
-WheelCommand = Duty | Wheels
-DriverFactory = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
-
-
-class Capturing(Protocol):
-    """A robot, or the host half of its link, that gathers the flanks of both encoders."""
-
     @property
-    def edges(self) -> list[Any]:
-        """(time in ns, 0 left or 1 right, level after the flank), until they are taken"""
-
-    def capture(self, now: int, on: bool) -> None:
-        """Begin or end to."""
-
-
-def _capturing(driver: RobotDriver) -> Capturing | None:
-    found: list[Any] = [driver, getattr(driver, "host", None), getattr(driver, "protocol", None)]
-    for each in found:
-        if hasattr(each, "capture"):
-            capturing: Capturing = each
-            return capturing
-    return None
+    def battery_volts(self) -> float | None:
+        """The last battery voltage; None if the robot did not report one."""
+        batteries = self.of(Battery)
+        return batteries[-1].volts if batteries else None
 
 
 class RobotSession:
-    """A robot's driver and its clock, for one robot file that calibration may change.
+    """The driver and the clock of one robot, whose robot file the calibration may change.
 
-    `make` makes the driver anew when the file has changed, on the same robot: it is handed the
-    file, the driver before or None, and the time.
+    A context manager: leaving it stops the robot and closes the driver.
     """
 
     def __init__(
-        self,
-        file: RobotFile,
-        make: DriverFactory,
-        clock: Clock,
-        keys: StopKey | None = None,
+        self, file: RobotFile, make_driver: DriverFactory, clock: Clock, key: StopKey | None = None
     ) -> None:
         self.file = file
         self.clock = clock
-        self.keys = keys
+        self.key = key
         self.now = 0
         self.encoders: Encoders | None = None
-        self.heard_at = 0
+        self.frame_time = 0
         self.link: Link | None = None
         self.recording: list[Encoders] = []
         """all frames since it was last emptied"""
-        self.bound: TurnLimit | None = None
-        """what was announced last; None: nothing that could be watched"""
-        self.found: dict[str, Finding] = {}
-        """what this calibration has found so far, whether it was written or not"""
-        self.noisy = False
-        """whether an encoder counts while nothing turns, so that counts do not show a stop"""
-        self.still = (0, 0)
-        """what the left and right input counted in QUIET, with nothing turning"""
-        self._make = make
-        self.driver = make(file, None, 0)
+        self.turn_limit: TurnLimit | None = None
+        """the last announced limit; None if there is none, or if counts are not reliable"""
+        self.findings: dict[str, Finding] = {}
+        """all findings of this session by field, whether they were written or not"""
+        self.is_noisy = False
+        """whether an encoder counts at standstill, so that counts do not show a stop"""
+        self.standstill_counts = (0, 0)
+        """counts of the left and right input in NOISE_TEST_TIME_S, with nothing turning"""
+        self.stop_confirmed = False
+        """after `close`: whether the board confirmed the stop"""
+        self._make_driver = make_driver
+        self.driver = make_driver(file, None, 0)
 
-    def refit(self, file: RobotFile) -> None:
-        """Go on with what the robot file says now. The robot must be at rest."""
-        self.file = file
-        self.driver = self._make(file, self.driver, self.now)
+    def __enter__(self) -> RobotSession:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def try_findings(self, findings: Sequence[Finding]) -> None:
+        """Continue with a robot file that contains these findings, without writing the file.
+
+        The robot must be at rest. Raises ConfigurationError if a value is not plausible.
+        """
+        self.findings.update({finding.field: finding for finding in findings})
+        self.file = with_findings(self.file, list(self.findings.values()))
+        self.driver = self._make_driver(self.file, self.driver, self.now)
         self.encoders = self.link = None
-        if self.bound is not None:
-            self.bound.begin()  # a board that takes settings counts anew
+        if self.turn_limit is not None:
+            self.turn_limit.restart()  # a board that takes settings restarts its counts
 
-    def attempt(self, findings: Sequence[Finding]) -> None:
-        """Go on with a robot file that has these findings in it, though nothing is written yet.
+    def limit_turns(self, turns: float | None) -> None:
+        """From now on each wheel may turn this far; None removes the limit."""
+        self.turn_limit = None if turns is None else TurnLimit(turns)
 
-        Raises ConfigurationError when a value is not plausible.
+    def connect(self) -> None:
+        """Wait for frames and for a confirmed stop; from then on the board takes commands.
+
+        Detects an encoder that counts at standstill. Raises RunError on a timeout.
         """
-        self.found.update({finding.field: finding for finding in findings})
-        self.refit(with_findings(self.file, list(self.found.values())))
-
-    def allow(self, turns: float | None) -> None:
-        """What was announced: from here on either wheel may turn so far."""
-        self.bound = None if turns is None else TurnLimit(turns)
-
-    def meet(self) -> None:
-        """Wait until frames come and a stop has shown: from then on commands are taken.
-
-        An encoder that counts while nothing turns is noticed on the way. Raises RunError when
-        that does not come about.
-        """
-        self._hear()
+        self._wait_for_frame()
         self.driver.stop(self.now)
-        self.still = self._counts_in(self.listen(NOISE_TEST_TIME_S).encoders)
-        self.noisy = any(count >= NOISE_COUNTS_MIN for count in self.still)
-        self.rest()
-
-    def _hear(self) -> None:
-        """Wait for a frame over a link that is up. Raises RunError when none comes."""
-        begun = self.now
-        while self.encoders is None or self.heard_at <= begun or self._link_trouble():
-            if self.now - begun > CONNECT_TIMEOUT_NS:
-                cause = self._link_trouble() or "no frames came"
-                fix = "is it switched on, and does `diffbotctl blink` work?"
-                raise stopped_error(f"the board was not ready within 20 s: {cause}", fix)
-            self._turn(self.now + FRAME_TIMEOUT_NS)
-
-    def _link_trouble(self) -> str:
-        """Why no command would be taken, as far as the link tells."""
-        link = self.link
-        return "" if link is None or link.state == "up" else link.cause or link.state
-
-    def _counts_in(self, frames: list[Encoders]) -> tuple[int, int]:
+        frames = self.listen(NOISE_TEST_TIME_S).encoders
         first, last = frames[0], frames[-1]
-        return abs(last.left - first.left), abs(last.right - first.right)
+        self.standstill_counts = (abs(last.left - first.left), abs(last.right - first.right))
+        self.is_noisy = max(self.standstill_counts) >= NOISE_COUNTS_MIN
+        self.stop_and_wait()
 
-    def latest(self) -> Encoders:
-        """The last frame; one of now is waited for."""
-        self.awake()
+    def latest_frame(self) -> Encoders:
+        """The present frame."""
+        self.catch_up()
         assert self.encoders is not None
         return self.encoders
 
-    def hold(self, wanted: WheelCommand, seconds: float) -> Received:
-        """Keep a command for so long, and return what arrived. The robot goes on moving after it.
+    def run_for(self, command: WheelCommand, seconds: float) -> Received:
+        """Repeat a command for `seconds`. The robot continues to move afterwards.
 
         Raises RunError, with the robot stopped, on any trouble.
         """
-        return self.follow(lambda _: wanted, seconds)
-
-    def follow(self, wanted: Callable[[float], WheelCommand], seconds: float) -> Received:
-        """As `hold`, with a command for each moment: `wanted` is handed seconds since the start."""
-        self.awake()
-        begun, heard = self.now, Received([])
-        end = begun + round(seconds * SECOND)
+        self.catch_up()
+        received, end = Received([]), self.now + round(seconds * SECOND)
         try:
             while self.now < end:
-                command = wanted((self.now - begun) / SECOND)
                 self.driver.command(self.now, command._replace(time=self.now))
                 until = min(self.now + COMMAND_PERIOD_NS, end)
                 while self.now < until:
-                    self._take(heard, self._turn(until), moving=True)
+                    self._collect(received, until, moving=True)
         except BaseException:
             self.driver.stop(self.now)
             raise
-        return heard
+        return received
 
     def listen(self, seconds: float) -> Received:
-        """Let time pass without a command, and return what arrived."""
-        self.awake()
-        heard, end = Received([]), self.now + round(seconds * SECOND)
+        """Receive for `seconds` without sending a command."""
+        self.catch_up()
+        received, end = Received([]), self.now + round(seconds * SECOND)
         while self.now < end:
-            self._take(heard, self._turn(end), moving=False)
-        return heard
+            self._collect(received, end, moving=False)
+        return received
 
-    def rest(self) -> Received:
-        """Stop, and wait until both wheels stand. Raises RunError when the stop does not show."""
+    def stop_and_wait(self) -> Received:
+        """Stop, and wait until both wheels stand. Raises RunError if the stop is not confirmed."""
         self.driver.stop(self.now)
-        heard, begun, still, counts = Received([]), self.now, self.now, None
-        while not self._rests(begun, still):
-            if self.now - begun > STOP_TIMEOUT_NS:
+        received, begin, last_edge, counts = Received([]), self.now, self.now, None
+        while not self._stands(begin, last_edge):
+            if self.now - begin > STOP_TIMEOUT_NS:
                 fix = "switch the motors' battery off before you look for the cause"
                 raise stopped_error("the board did not confirm that it has stopped", fix)
-            self._take(heard, self._turn(self.now + COMMAND_PERIOD_NS), moving=False)
-            last = self.encoders
-            if last is not None and counts != (last.left, last.right):
-                counts, still = (last.left, last.right), self.now
-        return heard
+            self._collect(received, self.now + COMMAND_PERIOD_NS, moving=False)
+            frame = self.encoders
+            if frame is not None and counts != (frame.left, frame.right):
+                counts, last_edge = (frame.left, frame.right), self.now
+        return received
 
-    def _rests(self, begun: int, still: int) -> bool:
-        last = self.encoders
-        if self.noisy and last is not None:
-            told = not last.left_command and not last.right_command and last.time > begun
-            return told and self.now - begun >= SECOND
-        return self.driver.stopped and self.now - still >= STANDSTILL_TIME_NS
+    def capture_edges(self, on: bool) -> list[RawEdge] | None:
+        """Start or end the capture of every edge of both encoders, unfiltered.
 
-    def capture(self, on: bool) -> list[RawEdge] | None:
-        """Begin or end to gather every flank of both encoders, unfiltered.
-
-        At the end, what was gathered; None for a board that cannot tell.
+        Returns the captured edges at the end; None for a board that cannot capture.
         """
-        host = _capturing(self.driver)
-        if host is None or self.file.robot.link.protocol == "rosserial":
+        driver = self.driver  # some drivers leave it to the host half of their link
+        candidates = [driver, getattr(driver, "host", None), getattr(driver, "protocol", None)]
+        source = next((item for item in candidates if isinstance(item, EdgeCapture)), None)
+        if source is None or self.file.robot.link.protocol == "rosserial":
             return None
-        host.capture(self.now, on)
+        source.capture(self.now, on)
         self.listen(CAPTURE_TIME_S)
-        found = [RawEdge(*each) for each in host.edges]
-        host.edges.clear()
-        return found
+        edges = [RawEdge(*edge) for edge in source.edges]
+        source.edges.clear()
+        return edges
 
-    def close(self) -> bool:
-        """Stop and let go. False when the board did not confirm the stop."""
-        self.keys = None
+    def close(self) -> None:
+        """Stop the robot and close the driver; `stop_confirmed` is the result."""
+        self.key = None
         try:
             if self.encoders is not None:
-                self.rest()
-            return self.driver.stopped or self.encoders is None
+                self.stop_and_wait()
+            self.stop_confirmed = self.driver.stopped or self.encoders is None
         except RunError:
-            return False
+            self.stop_confirmed = False
         finally:
             self.driver.close()
             self.clock.close()
 
-    def note(self, now: int, frame: Encoders) -> None:
-        """A frame has arrived."""
-        self.encoders, self.heard_at = frame, now
+    def on_frame(self, now: int, frame: Encoders) -> None:
+        """Record a frame that has arrived."""
+        self.encoders, self.frame_time = frame, now
         self.recording.append(frame)
 
-    def awake(self) -> None:
-        """While a person was asked, nobody listened and time went by: catch up with both.
+    def catch_up(self) -> None:
+        """Receive what arrived while the program waited for input.
 
-        What counted meanwhile is heard before anything moves. Raises RunError when nothing is.
+        Frames from that time must arrive before anything moves. Raises RunError if none does.
         """
         self.now = max(self.now, self.clock.wait(self.now, [])[0])
         if self.encoders is None:
-            self.meet()
-        elif self.now - self.heard_at > FRAME_TIMEOUT_NS:
-            self._hear()
-            self.rest()
+            self.connect()
+        elif self.now - self.frame_time > FRAME_TIMEOUT_NS:
+            self._wait_for_frame()
+            self.stop_and_wait()
 
-    def _take(self, heard: Received, deliveries: list[Delivery], moving: bool) -> None:
-        heard.deliveries.extend(deliveries)
+    def _wait_for_frame(self) -> None:
+        """Wait for a frame over a link that is up. Raises RunError on a timeout."""
+        begin = self.now
+        while self.encoders is None or self.frame_time <= begin or self._link_fault():
+            if self.now - begin > CONNECT_TIMEOUT_NS:
+                cause = self._link_fault() or "no frames came"
+                fix = "is it switched on, and does `diffbotctl blink` work?"
+                raise stopped_error(f"the board was not ready within 20 s: {cause}", fix)
+            self._receive(self.now + FRAME_TIMEOUT_NS)
+
+    def _link_fault(self) -> str:
+        """Why the link would not carry a command; empty if it would."""
+        link = self.link
+        return "" if link is None or link.state == "up" else link.cause or link.state
+
+    def _stands(self, begin: int, last_edge: int) -> bool:
+        frame = self.encoders
+        if self.is_noisy and frame is not None:
+            no_command = not frame.left_command and not frame.right_command and frame.time > begin
+            return no_command and self.now - begin >= NOISE_STOP_TIME_NS
+        return self.driver.stopped and self.now - last_edge >= STANDSTILL_TIME_NS
+
+    def _collect(self, received: Received, until: int, moving: bool) -> None:
+        """Receive once, and check for faults. Raises RunError."""
+        deliveries = self._receive(until)
+        received.deliveries.extend(deliveries)
         for _, message in deliveries:
             if isinstance(message, Stop) and message.code:
                 fix = f"`diffbotctl explain {message.code}` tells more"
                 raise stopped_error(f"the board stopped the motors: {message.cause}", fix)
             if isinstance(message, Link) and message.state == "lost":
                 raise stopped_error("the link to the board was lost", "")
-        if moving and self.now - self.heard_at > FRAME_TIMEOUT_NS:
+        if moving and self.now - self.frame_time > FRAME_TIMEOUT_NS:
             raise stopped_error("no frames from the board for half a second", "")
-        if moving and self.bound is not None and self.encoders is not None:
-            self.bound.check(self.encoders, self.file.robot)
+        if moving and self.turn_limit is not None and self.encoders is not None:
+            self.turn_limit.check(self.encoders, self.file.robot)
 
-    def _turn(self, until: int) -> list[Delivery]:
-        """Wait for the next thing, not after `until`, and hear it."""
+    def _receive(self, until: int) -> list[Delivery]:
+        """Wait for the next event, at most until `until`, and return the deliveries."""
         due = self.driver.due()
         files = self.driver.files()
-        asked = files if self.keys is None else [*files, self.keys.file]
-        now, ready = self.clock.wait(max(self.now, min(due, until)), asked)
+        watched = files if self.key is None else [*files, self.key.file]
+        now, ready = self.clock.wait(max(self.now, min(due, until)), watched)
         self.now = max(self.now, now)
-        if self.keys is not None and self.keys.file in ready and self.keys.cause:
+        if self.key is not None and self.key.file in ready and self.key.cause:
             self.driver.stop(self.now)
-            raise stopped_error(self.keys.cause, KEY_STOP_FIX)
+            raise stopped_error(self.key.cause, KEY_STOP_FIX)
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)
         for _, message in deliveries:
             if isinstance(message, Encoders):
-                self.note(self.now, message)
+                self.on_frame(self.now, message)
             elif isinstance(message, Link):
                 self.link = message
         return deliveries
+
+
+def drive_sides(robot: Robot) -> dict[str, SideSection]:
+    """The sections of the left and right side, by name."""
+    return {"left": robot.drive.left, "right": robot.drive.right}

@@ -10,9 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import cos, hypot, pi, sin
 from random import Random
+from typing import assert_never
 
+from diffbotctl.calibrate.dead_reckoning import wrap_angle
 from diffbotctl.calibrate.session import DriverFactory, RobotSession, StopKey
+from diffbotctl.calibrate.wiring_detection import WheelMotion
 from diffbotctl.config.configuration import RobotFile
+from diffbotctl.config.robot import SIDES
 from diffbotctl.drivers.robot_link import board_settings, is_duty_board
 from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver, emulated_board
@@ -23,106 +27,102 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import PlantTruth, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import World
-from diffbotctl.prompts.question import Answer, AnswerError, Question
+from diffbotctl.prompts.question import Answer, AnswerError, MeasuredQuantity, Question
 
-# instrument -> quantities that it can read
-INSTRUMENT_QUANTITIES = {
+TOOL_QUANTITIES: dict[str, tuple[MeasuredQuantity, ...]] = {
     "tape": ("forward", "left", "distance"),
-    "protractor": ("turned", "facing"),
+    "protractor": ("facing",),
     "ruler": ("gap",),
     "meter": ("battery",),
     "eye": ("wheel",),
 }
-VISIBLE_TURN_MIN_RAD = pi / 36  # rad; a wheel that turned less than 5 degrees did not visibly turn
-HAND_SPEED_RAD_S = 1.5 * pi  # rad/s; three quarters of a turn a second
-HAND_TURN_SD_RAD = (
-    0.03  # rad, standard deviation: a mark on the tyre is stopped within a millimetre
-)
-PLACEMENT_SD_M = 0.001  # m, standard deviation: where a hand puts something beside a rule
-HAND_RELEASE_TIME_S = 1.0  # s until whoever turned a wheel has let go of it
+VISIBLE_TURN_MIN_RAD = pi / 36
+HAND_SPEED_RAD_S = 1.5 * pi
+HAND_TURN_SD_RAD = 0.03  # a mark on the tyre is stopped within a millimetre
+PLACEMENT_SD_M = 0.001  # of an object beside a ruler
+HAND_RELEASE_TIME_S = 1.0
 
 
 class SimulatedTools:
-    """The truth of one plant since the last mark."""
+    """Measures one simulated robot, relative to the last mark, and moves it as a person would."""
 
-    def __init__(
-        self, plant: SimulatedRobot, wait: Callable[[float], object], chance: Random
-    ) -> None:
-        """`wait` lets the robot's time pass, in s; `chance` makes instruments blunt."""
-        self._plant, self._wait, self._chance = plant, wait, chance
+    def __init__(self, plant: SimulatedRobot, wait: Callable[[float], object], rng: Random) -> None:
+        """`wait` lets the robot's time pass, in s; `rng` draws the errors of the measurements."""
+        self._plant, self._wait, self._rng = plant, wait, rng
         self._mark: PlantTruth = plant.truth()
         self._gap = 0.0
 
     @property
     def truth(self) -> PlantTruth:
-        """The plant's truth now, for figures that judge a calibration."""
+        """The actual state of the robot."""
         return self._plant.truth()
 
     def mark(self) -> None:
-        """Readings are taken from how the robot stands now."""
+        """Measure relative to the present pose and wheel angles from now on."""
         self._mark = self._plant.truth()
 
     def read(self, instrument: str, question: Question, noise: float) -> Answer:
-        """What `instrument` shows for `question`. Raises AnswerError where it cannot."""
-        able = INSTRUMENT_QUANTITIES.get(instrument)
-        if able is None:
-            raise AnswerError(
-                f"there is no instrument '{instrument}': {join_words(INSTRUMENT_QUANTITIES)}"
-            )
-        if question.quantity not in able:
-            wanted = [
-                name for name, reads in INSTRUMENT_QUANTITIES.items() if question.quantity in reads
-            ]
-            other = f"; take the {wanted[0]}" if wanted else "; type it"
-            raise AnswerError(f"no {instrument} can read this{other}")
-        if question.quantity == "wheel":
-            return question.read(self._turning())
-        value = self._value(question.quantity) + self._chance.gauss(0.0, noise)
-        return question.read(f"{value!r} {question.unit}")
+        """The reading of `instrument`. Raises AnswerError if it cannot measure the quantity."""
+        quantities = TOOL_QUANTITIES.get(instrument)
+        if quantities is None:
+            tools = join_words(TOOL_QUANTITIES)
+            raise AnswerError(f"there is no instrument '{instrument}': {tools}")
+        quantity = question.quantity
+        if quantity not in quantities:
+            suitable = [tool for tool, measured in TOOL_QUANTITIES.items() if quantity in measured]
+            hint = f"; take the {suitable[0]}" if suitable else "; type it"
+            raise AnswerError(f"no {instrument} can read this{hint}")
+        if quantity == "wheel":
+            return question.parse(self._wheel_motion())
+        value = self._value(quantity) + self._rng.gauss(0.0, noise)
+        return question.parse(f"{value!r} {question.unit}")
 
     def roll(self, wheel: str, turns: float) -> None:
-        """A hand turns one wheel, nearly as far as it was asked to."""
-        angle = 2 * pi * turns + self._chance.gauss(0.0, HAND_TURN_SD_RAD)
-        side = 0 if wheel == "left" else 1
-        end = self._plant.turn_by_hand(side, angle, HAND_SPEED_RAD_S)
+        """Turn one wheel by hand, with a small error at the end."""
+        angle = 2 * pi * turns + self._rng.gauss(0.0, HAND_TURN_SD_RAD)
+        end = self._plant.turn_by_hand(SIDES.index(wheel), angle, HAND_SPEED_RAD_S)
         self._wait((end - self._plant.now) * 1e-9 + HAND_RELEASE_TIME_S)
 
     def place(self, sensor: str, distance: float) -> None:
-        """A hand puts a board across a sensor's axis, nearly at `distance` (m) from its front."""
-        self._gap = distance + self._chance.gauss(0.0, PLACEMENT_SD_M)
+        """Put a card in front of a sensor, about `distance` (m) from its front."""
+        self._gap = distance + self._rng.gauss(0.0, PLACEMENT_SD_M)
         self._plant.put_before(sensor, self._gap)
         self._wait(HAND_RELEASE_TIME_S)
 
-    def _value(self, quantity: str) -> float:
-        if quantity == "gap":
-            return self._gap
-        if quantity == "battery":
-            return self._plant.supply()
-        begun, now = self._mark.pose, self._plant.truth().pose
-        x, y = now.x - begun.x, now.y - begun.y
-        if quantity == "forward":
-            return x * cos(begun.heading) + y * sin(begun.heading)
-        if quantity == "left":
-            return y * cos(begun.heading) - x * sin(begun.heading)
-        if quantity == "distance":
-            return hypot(x, y)
-        turned = now.heading - begun.heading
-        return turned if quantity == "turned" else (turned + pi) % (2 * pi) - pi
+    def _value(self, quantity: MeasuredQuantity) -> float:
+        start, pose = self._mark.pose, self._plant.truth().pose
+        x, y = pose.x - start.x, pose.y - start.y
+        match quantity:
+            case "gap":
+                return self._gap
+            case "battery":
+                return self._plant.supply()
+            case "forward":
+                return x * cos(start.heading) + y * sin(start.heading)
+            case "left":
+                return y * cos(start.heading) - x * sin(start.heading)
+            case "distance":
+                return hypot(x, y)
+            case "facing":
+                return wrap_angle(pose.heading - start.heading)
+            case "wheel" | "":
+                raise ValueError("not a number")
+            case _:
+                assert_never(quantity)
 
-    def _turning(self) -> str:
-        begun, now = self._mark, self._plant.truth()
-        ways = {
-            "left": now.left_angle - begun.left_angle,
-            "right": now.right_angle - begun.right_angle,
+    def _wheel_motion(self) -> WheelMotion:
+        start, end = self._mark, self._plant.truth()
+        turned = {
+            "left": end.left_angle - start.left_angle,
+            "right": end.right_angle - start.right_angle,
         }
-        moved = [side for side, way in ways.items() if abs(way) > VISIBLE_TURN_MIN_RAD]
+        moved = [side for side, angle in turned.items() if abs(angle) > VISIBLE_TURN_MIN_RAD]
         if not moved:
-            return "none"
-        forward = {ways[side] > 0.0 for side in moved}
-        if len(forward) == 2:
-            return "opposite ways"
-        which = moved[0] if len(moved) == 1 else "both"
-        return f"{which} {'forward' if forward.pop() else 'backward'}"
+            return WheelMotion.NONE
+        directions = {"forward" if turned[side] > 0.0 else "backward" for side in moved}
+        if len(directions) == 2:
+            return WheelMotion.OPPOSITE_WAYS
+        return WheelMotion(f"{moved[0] if len(moved) == 1 else 'both'} {directions.pop()}")
 
 
 def open_simulated(

@@ -2,11 +2,11 @@
 
 A step is a generator. It yields what is to be drawn, asked or done, and is sent the answer of what
 it asked; so the same step serves a person at a terminal, an answers file and a test. Whoever runs
-it (chain.py) draws the events, asks the questions and writes down the findings.
+it (runner.py) draws the events, asks the questions and writes down the findings.
 
-    def run(self, rig):
-        yield Announce("turns each wheel for half a second", turns=2.0)
-        frames = rig.hold(Duty(0, 0.5, 0.0), 0.5)
+    def run(self, session):
+        yield MotionNotice("turns each wheel for half a second", turns=2.0)
+        frames = session.run_for(Duty(0, 0.5, 0.0), 0.5)
         reading = yield Question("distance.reading", "What does the tape say?", "m", "mm")
         return Outcome("distance", [Finding(...)], ["what a person should know of it"])
 """
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.prompts.question import Question
+from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Question
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.session import RobotSession
@@ -30,43 +30,6 @@ class Message(NamedTuple):
     text: str
 
 
-class MotionNotice(NamedTuple):
-    """What will move next and how far; nothing moves before it is agreed to. Sent: nothing.
-
-    The rig is held to `turns` and `reach` afterwards: going beyond is an error that stops it.
-    """
-
-    text: str
-    turns: float | None = None
-    """of either wheel at most, with the wheels lifted"""
-    reach: float | None = None
-    """m that the middle of the axle moves away from where it stands, at most"""
-    watched: bool = True
-    """whether the encoders can be believed already, so that the rig may stop by their counts"""
-
-
-class MarkFloor(NamedTuple):
-    """A mark to be made on the floor at both wheels and the front: readings are taken from it.
-
-    Sent: nothing. For the eye, the mark is on the wheels.
-    """
-
-    text: str
-
-
-class ManualAction(NamedTuple):
-    """Something that only a hand can do, and that is waited for. Sent: nothing.
-
-    `roll` tells an answers file's hand which wheel to turn (`left`, `right`) and how many turns;
-    `place`, before which sensor to put something, and how many m away.
-    """
-
-    name: str
-    text: str
-    roll: tuple[str, float] | None = None
-    place: tuple[str, float] | None = None
-
-
 class StepProgress(NamedTuple):
     """How far the step is."""
 
@@ -76,7 +39,7 @@ class StepProgress(NamedTuple):
 
 
 class ScatterPlot(NamedTuple):
-    """A picture for the terminal: points by their kind, m, x to the right and y upwards."""
+    """Points for the terminal by their kind, m, x to the right and y upwards."""
 
     title: str
     points: dict[str, list[tuple[float, float]]]
@@ -88,9 +51,8 @@ class CurvePlot(NamedTuple):
     title: str
     points: dict[str, list[tuple[float, float]]]
     """by their kind, drawn one over the other"""
-    across: str
-    """what x is, with its unit"""
-    upwards: str
+    x_unit: str
+    y_unit: str
 
 
 Event = (
@@ -103,7 +65,7 @@ Event = (
     | CurvePlot
     | Question
 )
-Running = Generator[Event, Any, "Outcome"]
+StepRun = Generator[Event, Any, "Outcome"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,5 +93,5 @@ class Step(Protocol):
     lifted: bool
     """whether the wheels must be off the ground"""
 
-    def run(self, rig: RobotSession) -> Running:
+    def run(self, session: RobotSession) -> StepRun:
         """Do it. Raises RunError when it cannot be done, or was stopped."""

@@ -25,6 +25,12 @@ from typing import NamedTuple
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 
 SQUARE_SIDES = 4
+POSITION_SD_MIN_M = 0.001  # of a tape
+HEADING_SD_MIN_RAD = 0.005  # of a set square
+ITERATIONS = 6  # each reduces the error to a tenth or less
+SWAP_SIGNIFICANCE_SD = 5.0  # standard deviations of the means, above which a swap is reported
+SIDE_TRACK_RATIO_MAX = 8.0  # above, the errors are not small enough for the equations
+SIDE_MAX_M = 1.0
 QUARTER_TURN = pi / 2  # rad; one turn on the spot
 
 
@@ -62,7 +68,7 @@ def angles_from_positions(side: float, clockwise: EndError, counter: EndError) -
     return Angles((along.alpha + across.alpha) / 2, (along.beta + across.beta) / 2)
 
 
-def angles_from_headings(clockwise: EndError, counter: EndError) -> Angles:
+def angles_from_headings(side: float, clockwise: EndError, counter: EndError) -> Angles:
     """Angles from how two mean ends are turned; better than positions when sides are long."""
     return Angles(
         (clockwise.heading - counter.heading) / (2 * SQUARE_SIDES),
@@ -134,15 +140,8 @@ def _angles_from_y(side: float, clockwise: EndError, counter: EndError) -> Angle
     return Angles((clockwise.y - counter.y) / scale, (clockwise.y + counter.y) / scale)
 
 
-POSITION_SD_MIN_M = 0.001  # m: what a tape can tell
-HEADING_SD_MIN_RAD = 0.005  # rad: what a set square can tell
-ITERATIONS = 6  # each leaves a tenth of what the one before has left, or less
-SWAP_SIGNIFICANCE = (
-    5.0  # standard deviations of the means, from which on swapped directions are named
-)
-SIDE_TRACK_RATIO_MAX = (
-    8.0  # side over track, beyond which the errors are no longer small (sensing, UMBmark)
-)
+Rule = Callable[[float, EndError, EndError], Angles]
+"""From the side and the mean ends, clockwise and counter-clockwise, to the angles"""
 
 
 class SquareErrors(NamedTuple):
@@ -181,39 +180,39 @@ class UmbmarkResult(NamedTuple):
     """the same, as predicted with the new geometry"""
 
 
-def advised_side(track: float, longest: float = 1.0) -> float:
+def advised_side(track: float) -> float:
     """Side in m: the longer the more shows, but no longer than the equations hold."""
-    return min(longest, SIDE_TRACK_RATIO_MAX * track)
+    return min(SIDE_MAX_M, SIDE_TRACK_RATIO_MAX * track)
 
 
-def fit_umbmark(squares: SquareErrors, used: Geometry, share: float = 1.0) -> UmbmarkResult:
-    """The geometry that would have driven these squares right; `used` is what odometry took.
+def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> UmbmarkResult:
+    """The geometry with which these squares would have closed; odometry had `used`.
 
-    `share` of what they say is believed: all of it by itself; a half when `used` comes from as many
-    squares already, so that the outcome is the mean of both. Raises ValueError when they are too
-    far off, or nothing was read.
+    `weight` scales the correction: 1 for a first round; 1/2 if `used` is the result of as many
+    squares, so that the outcome is the mean of both rounds. Raises ValueError if the ends are too
+    far off, or neither positions nor headings were measured.
     """
-    rules = []
+    estimates = []
     if squares.has_positions:
-        rules.append((_solve_angles(squares, used, _by_positions), _position_sd(squares)))
+        angles = _solve_angles(squares, used, angles_from_positions)
+        estimates.append((angles, 1.0 / _position_sd(squares) ** 2))
     if squares.has_headings:
-        rules.append((_solve_angles(squares, used, _by_headings), _heading_sd(squares)))
-    if not rules:
+        angles = _solve_angles(squares, used, angles_from_headings)
+        estimates.append((angles, 1.0 / _heading_sd(squares) ** 2))
+    if not estimates:
         raise ValueError("neither places nor headings were read of every square")
-    weights = [1.0 / sd**2 for _, sd in rules]
+    total = sum(inverse_variance for _, inverse_variance in estimates)
     alpha, beta = (
-        sum(weight * angles[which] for weight, (angles, _) in zip(weights, rules, strict=True))
-        / sum(weights)
-        for which in (0, 1)
+        weight * (sum(inverse * angles[index] for angles, inverse in estimates) / total)
+        for index in (0, 1)
     )
-    alpha, beta = share * alpha, share * beta
-    sd = sqrt(share / sum(weights))
-    found = correct_geometry(used, squares.side, Angles(alpha, beta))
+    sd = sqrt(weight / total)
+    geometry = correct_geometry(used, squares.side, Angles(alpha, beta))
     before = after = nan
     if squares.has_positions:
         before = systematic_error(squares.clockwise, squares.counter)
-        after = max(hypot(end.x, end.y) for end in _residual_ends(squares, used, found))
-    return UmbmarkResult(found, Angles(alpha, beta), Angles(sd, sd), before, after)
+        after = max(hypot(end.x, end.y) for end in _residual_ends(squares, used, geometry))
+    return UmbmarkResult(geometry, Angles(alpha, beta), Angles(sd, sd), before, after)
 
 
 def squares_look_swapped(squares: SquareErrors) -> bool:
@@ -224,44 +223,33 @@ def squares_look_swapped(squares: SquareErrors) -> bool:
     size = systematic_error(*ways)
     noise = max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
     means = [mean_end(ends) for ends in ways]
-    return size > SWAP_SIGNIFICANCE * noise and ends_look_swapped(squares.side, *means)
-
-
-Rule = Callable[[float, EndError, EndError], Angles]
+    return size > SWAP_SIGNIFICANCE_SD * noise and ends_look_swapped(squares.side, *means)
 
 
 def _solve_angles(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
-    """The angles by which squares would end exactly there.
+    """The angles with which the squares would end exactly there.
 
-    A rule is of first order; applied again to what the geometry found so far does not explain, it
-    converges on the exact solution, as a second round on the floor would.
+    A rule is of first order. Applied again to the residual ends of the present solution, it
+    converges to the exact solution, as further rounds on the floor would.
     """
-    angles, found = Angles(0.0, 0.0), used
+    angles, geometry = Angles(0.0, 0.0), used
     for _ in range(ITERATIONS):
-        more = rule(squares.side, *_residual_ends(squares, used, found))
-        angles = Angles(angles.alpha + more.alpha, angles.beta + more.beta)
-        found = correct_geometry(used, squares.side, angles)
+        step = rule(squares.side, *_residual_ends(squares, used, geometry))
+        angles = Angles(angles.alpha + step.alpha, angles.beta + step.beta)
+        geometry = correct_geometry(used, squares.side, angles)
     return angles
 
 
 def _residual_ends(
-    squares: SquareErrors, used: Geometry, found: Geometry
+    squares: SquareErrors, used: Geometry, true: Geometry
 ) -> tuple[EndError, EndError]:
-    """What is left of the mean ends, clockwise and counter, if `found` is the true geometry."""
-    rest = []
+    """Mean ends, clockwise and counter-clockwise, minus those that `true` geometry explains."""
+    residuals = []
     for ends, clockwise in ((squares.clockwise, True), (squares.counter, False)):
-        middle = mean_end(ends)
-        explained = square_end(squares.side, used, found, clockwise)
-        rest.append(EndError(*(a - b for a, b in zip(middle, explained, strict=True))))
-    return rest[0], rest[1]
-
-
-def _by_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    return angles_from_positions(side, clockwise, counter)
-
-
-def _by_headings(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    return angles_from_headings(clockwise, counter)
+        predicted = square_end(squares.side, used, true, clockwise)
+        pairs = zip(mean_end(ends), predicted, strict=True)
+        residuals.append(EndError(*(measured - explained for measured, explained in pairs)))
+    return residuals[0], residuals[1]
 
 
 def _position_sd(squares: SquareErrors) -> float:

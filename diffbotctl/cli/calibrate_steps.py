@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,11 +16,11 @@ import click
 from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 
 if TYPE_CHECKING:
-    from diffbotctl.calibrate.answers_file import Prompter
     from diffbotctl.calibrate.session import RobotSession
     from diffbotctl.calibrate.simulated_session import SimulatedTools
     from diffbotctl.calibrate.step import Step
     from diffbotctl.prompts.keyboard import Keyboard
+    from diffbotctl.prompts.question import Prompter
     from diffbotctl.ui.calibration_screen import CalibrationScreen
 
 INTERRUPTED = "\nInterrupted: the robot stands, and nothing of this step was written."
@@ -62,120 +62,108 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def run(names: Sequence[str], wanted: CalibrateOptions, **settings: object) -> None:
-    """Run the steps called `names` one after the other on one robot; `settings` go to each."""
+def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> None:
+    """Run the steps called `names` in order on one robot; `settings` go to each."""
     from diffbotctl.calibrate.runner import make_step, refuse_unwritable
     from diffbotctl.ui.calibration_screen import CalibrationScreen
 
-    if not wanted.yes and not wanted.dry_run:
+    if not options.yes and not options.dry_run:
         refuse_nobody()
     refuse_unwritable(FOLDER)
     screen = CalibrationScreen()
     steps = [make_step(name, **settings) for name in names]
-    with _at_robot(wanted, screen) as (rig, attendant):
-        for number, each in enumerate(steps):
-            if len(steps) > 1 and not _is_wanted(each, number, len(steps), wanted):
+    with _open_robot(options) as (session, prompter):
+        for number, step in enumerate(steps, 1):
+            if len(steps) > 1 and not _confirm_step(step, number, len(steps), options):
                 continue
-            _one(each, rig, attendant, screen, wanted)
+            _run_step(step, session, prompter, screen, options)
 
 
-def _one(
-    each: Step,
-    rig: RobotSession,
-    attendant: Prompter,
+def _run_step(
+    step: Step,
+    session: RobotSession,
+    prompter: Prompter,
     screen: CalibrationScreen,
-    wanted: CalibrateOptions,
+    options: CalibrateOptions,
 ) -> None:
     from diffbotctl.calibrate.runner import run_step, save_result
+    from diffbotctl.errors import Problem, RunError
     from diffbotctl.ui.text import fold_text
 
     try:
-        outcome = run_step(each, rig, attendant, screen)
+        outcome = run_step(step, session, prompter, screen)
     finally:
         screen.rest()
     for line in outcome.report:
         click.echo(fold_text(line, hang=2))
-    done = save_result(each, outcome, rig, FOLDER)
+    done = save_result(step, outcome, session, FOLDER)
     for file in done.files:
         click.echo(f"kept: {file}")
-    if outcome.findings and not wanted.dry_run:
-        keep(rig.file.file, outcome.findings, done.origin, wanted.yes)
+    if outcome.findings and not options.dry_run:
+        keep(session.file.file, outcome.findings, done.origin, options.yes)
     if outcome.faults:
-        _refuse(each, outcome.faults)
+        # The next steps would measure these faults.
+        fix = f"mend it, then run `diffbotctl calibrate {step.name}` again"
+        raise RunError(
+            Problem("E-CALIBRATE-ROBOT", step.name, fault, fix) for fault in outcome.faults
+        )
 
 
-def _refuse(each: Step, faults: Sequence[str]) -> None:
-    """Faults that only a hand can mend end the chain: the next steps would measure them."""
-    from diffbotctl.errors import Problem, RunError
-
-    fix = f"mend it, then run `diffbotctl calibrate {each.name}` again"
-    raise RunError(Problem("E-CALIBRATE-ROBOT", each.name, fault, fix) for fault in faults)
-
-
-def _is_wanted(each: Step, number: int, count: int, wanted: CalibrateOptions) -> bool:
+def _confirm_step(step: Step, number: int, count: int, options: CalibrateOptions) -> bool:
     from diffbotctl.ui.text import fold_text
 
-    where = "wheels off the ground" if each.lifted else "on the floor"
-    click.echo(fold_text(f"\nStep {number + 1} of {count}: {each.name}, {each.title} ({where})"))
-    if wanted.yes or wanted.answers is not None:
+    where = "wheels off the ground" if step.lifted else "on the floor"
+    click.echo(fold_text(f"\nStep {number} of {count}: {step.name}, {step.title} ({where})"))
+    if options.yes or options.answers is not None:
         return True
     return click.confirm("Do this step?", default=True)
 
 
 @contextmanager
-def _at_robot(
-    wanted: CalibrateOptions, screen: CalibrationScreen
-) -> Iterator[tuple[RobotSession, Prompter]]:
-    """The robot, and whoever stands beside it; in the end it is stopped and let go."""
+def _open_robot(options: CalibrateOptions) -> Iterator[tuple[RobotSession, Prompter]]:
+    """The robot and the prompter; at the end the robot is stopped and its port closed."""
     from diffbotctl.calibrate.runner import open_session
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
     from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+    from diffbotctl.prompts.keyboard import Keyboard
 
-    port = choose_port(radio=True) if wanted.port == "auto" else wanted.port
-    real = port not in VIRTUAL_PORTS
-    file = load_robot(wanted.robot)
-    if not wanted.dry_run:
+    port = choose_port(radio=True) if options.port == "auto" else options.port
+    is_real = port not in VIRTUAL_PORTS
+    file = load_robot(options.robot)
+    if not options.dry_run:
         file = load_robot(str(own(file.file).absolute()))
-    click.echo(f"robot {display_path(file.file)}, {port if real else f'{port}: SIMULATED'}")
-    keyboard = _keyboard()
-    made, truths = open_session(file, port, wanted.seed, keyboard, click.echo)
-    interrupted = False
+    click.echo(f"robot {display_path(file.file)}, {port if is_real else f'{port}: SIMULATED'}")
+    keyboard = Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
+    session, tools = open_session(file, port, options.seed, keyboard, click.echo)
+    was_interrupted = False
     try:
-        attendant = _attendant(wanted, truths, keyboard)
-        if keyboard is None:
-            yield made, attendant
-        else:
-            with keyboard.watching():
-                yield made, attendant
+        with session:
+            prompter = _prompter(options, tools, keyboard)
+            with nullcontext() if keyboard is None else keyboard.watching():
+                yield session, prompter
     except (click.Abort, KeyboardInterrupt):
-        interrupted = True
+        was_interrupted = True
         raise
     finally:
-        if not made.close() and real:
+        if not session.stop_confirmed and is_real:
             click.echo("The stop was NOT CONFIRMED: switch the motors' battery off.", err=True)
-        elif interrupted:
+        elif was_interrupted:
             click.echo(INTERRUPTED, err=True)
 
 
-def _keyboard() -> Keyboard | None:
-    from diffbotctl.prompts.keyboard import Keyboard
-
-    return Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
-
-
-def _attendant(
-    wanted: CalibrateOptions, truths: SimulatedTools | None, keyboard: Keyboard | None
+def _prompter(
+    options: CalibrateOptions, tools: SimulatedTools | None, keyboard: Keyboard | None
 ) -> Prompter:
-    from diffbotctl.calibrate.answers_file import AnswersFile
+    from diffbotctl.prompts.answers_file import AnswersFile
     from diffbotctl.ui.terminal_prompter import TerminalPrompter
 
-    if wanted.answers is not None:
-        return AnswersFile(wanted.answers, truths)
+    if options.answers is not None:
+        return AnswersFile(options.answers, tools)
     if keyboard is None:
         raise click.UsageError("Nobody is there to answer: give --answers FILE.")
-    return TerminalPrompter(keyboard, wanted.yes)
+    return TerminalPrompter(keyboard, options.yes)
 
 
 @click.command("encoders")

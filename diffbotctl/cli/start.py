@@ -31,20 +31,20 @@ def command(
     First a simulated robot; then, with a board plugged in, yours. Leave at any time with Ctrl-C:
     the next `diffbotctl start` in this folder goes on where you left.
     """
-    from diffbotctl.cli.start_guide import Walk
-    from diffbotctl.start.guide_answers import GuideAnswers
+    from diffbotctl.cli.start_guide import SetupGuide
     from diffbotctl.start.progress import GuideProgress, state_path
+    from diffbotctl.start.steps import read_answers
 
-    record = GuideProgress(state_path(), str(Path.cwd()))
+    progress = GuideProgress(state_path(), str(Path.cwd()))
     if again:
-        record.forget()
-    attendant = None if answers is None else GuideAnswers(answers)
-    walk = Walk(record, robot, None if port == "auto" else port, radio, attendant)
+        progress.reset()
+    answers_file = None if answers is None else read_answers(answers)
+    guide = SetupGuide(progress, robot, None if port == "auto" else port, radio, answers_file)
     if status:
-        walk.tell()
+        guide.show_status()
         return 0
     try:
-        return walk.go()
+        return guide.run()
     except (click.Abort, KeyboardInterrupt):
         click.echo("\nLeft here. `diffbotctl start` goes on from this point.")
         raise click.Abort from None

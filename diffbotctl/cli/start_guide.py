@@ -1,31 +1,34 @@
-"""The walk along the chapters of `diffbotctl start`: what each does, by the commands there are.
-
-Whoever answers the questions of `diffbotctl start`: a person at the terminal, or a file.
-"""
+"""The guided setup of `diffbotctl start`: chapter after chapter, to the first goal."""
 
 from __future__ import annotations
 
 import os
 import sys
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, assert_never
 
 import click
 
-from diffbotctl.start.guide_answers import QUESTIONS
-from diffbotctl.start.steps import CHAPTERS, Chapter, headline
+from diffbotctl.start.steps import (
+    ANSWER_CODE,
+    CHAPTERS,
+    FLOOR,
+    LIFTED,
+    MEASURE,
+    Chapter,
+    ChapterKey,
+    headline,
+)
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from diffbotctl.config.configuration import RobotFile
-    from diffbotctl.start.guide_answers import GuideAnswers
+    from diffbotctl.prompts.answers_file import AnswersFile
+    from diffbotctl.prompts.question import Question
     from diffbotctl.start.progress import GuideProgress
 
 NEW_ROBOT = "my_robot"
-# What each further step of the calibration finds, and its file knows once it is done.
+# Calibration step -> the entry of the robot file that exists once it is done
 MEASURED = {
     "motors": "drive.left.motor.lag",
     "distance": "drive.left.wheel.diameter",
@@ -41,274 +44,269 @@ try all this on, and says which ports to give here:
 STOCK = """\
 {robot} says link: {{protocol: rosserial}}:
 the board keeps the book's firmware. It drives as it is:
-    diffbotctl run goal --robot {robot} --port {port}
+    diffbotctl run goal --robot {robot} --port {drive_port}
 This path is for ours, which stops by itself when the host falls silent. Say
 link: {{protocol: diffbot}} in the file, and start again."""
 END = """\
 That is the whole path. From here:
     diffbotctl calibrate show        what was measured, and what was not
-    diffbotctl run square --robot {robot} --port {port}
+    diffbotctl run square --robot {robot} --port {drive_port}
     diffbotctl why                   whenever it stands and you wonder"""
 
 
-class Walk:
-    """One visit: goes on from the first chapter that is not done."""
+class SetupGuide:
+    """One visit: continues with the first chapter that is not done."""
 
     def __init__(
         self,
-        record: GuideProgress,
+        progress: GuideProgress,
         robot: str | None,
         port: str | None,
         radio: str | None,
-        answers: GuideAnswers | None,
+        answers: AnswersFile | None,
     ) -> None:
-        self.record, self.radio = record, radio
-        self.attendant = GuidePrompter(answers)
-        notes = record.notes
+        self.progress, self.radio, self.stated_port = progress, radio, port
+        self.prompter = GuidePrompter(answers)
+        notes = progress.notes
         if robot is not None:
-            self._take(robot)
-        self.given = port
+            self._use_robot(robot)
         if port is not None and notes.get("port") != port:
             notes["port"] = port
-            self._undo("board", "firmware")
+            self._undo_board()
         if "robot" in notes and not os.path.exists(notes["robot"]):
-            del notes["robot"]  # deleted since: what was done with it does not count
-            record.done[:] = [key for key in record.done if key == CHAPTERS[0].key]
+            del notes["robot"]  # deleted since
+            self._undo_robot()
         if "port" in notes and not os.path.exists(notes["port"]):
-            self._undo("board", "firmware")  # unplugged since, or its name has changed
+            self._undo_board()  # unplugged since, or its name has changed
 
-    def _take(self, robot: str) -> None:
-        """Go on with this robot; what was done with another one does not count."""
+    def _use_robot(self, robot: str) -> None:
+        """Continue with this robot; what was done with another one does not count."""
         from diffbotctl.config import lookup
 
         path = str(lookup.robot(robot))
-        if self.record.notes.get("robot", path) != path:
-            self.record.done[:] = [key for key in self.record.done if key == CHAPTERS[0].key]
-        self.record.notes["robot"] = path
+        if self.progress.notes.get("robot", path) != path:
+            self._undo_robot()
+        self.progress.notes["robot"] = path
 
-    def _undo(self, *keys: str) -> None:
-        self.record.done[:] = [key for key in self.record.done if key not in keys]
+    def _undo_robot(self) -> None:
+        """Only the chapter without a robot of one's own stays done."""
+        self.progress.done[:] = [key for key in self.progress.done if key == ChapterKey.SIMULATED]
+
+    def _undo_board(self) -> None:
+        board_keys = (ChapterKey.BOARD, ChapterKey.FIRMWARE)
+        self.progress.done[:] = [key for key in self.progress.done if key not in board_keys]
 
     @property
     def robot(self) -> str | None:
-        """The robot's file or name; None until there is one."""
-        return self.record.notes.get("robot")
+        """The robot's file or name; None before there is one."""
+        return self.progress.notes.get("robot")
 
     @property
     def port(self) -> str:
         """The board's USB port."""
-        return self.record.notes.get("port", "a port yet to be found")
+        return self.progress.notes.get("port", "a port yet to be found")
 
-    def tell(self) -> Chapter | None:
-        """Say what is true now, and what comes next. Returns the next chapter."""
+    @property
+    def drive_port(self) -> str:
+        """The port over which the robot drives."""
+        return self.radio or self.port
+
+    def show_status(self) -> None:
+        """Print what is true now, and what comes next."""
         following = None
         for chapter in CHAPTERS:
-            if chapter.key in self.record.done:
-                _told("done", chapter, self._worded(chapter.truth))
+            if chapter.key in self.progress.done:
+                _print_chapter("done", chapter, self._format(chapter.truth))
             elif following is None:
                 following = chapter
         if following is None:
-            click.echo(END.format(robot=self.robot, port=self.radio or self.port))
+            click.echo(self._format(END))
         else:
-            _told("next", following, following.ahead)
-        return following
+            _print_chapter("next", following, following.ahead)
 
-    def go(self) -> int:
-        """Walk to the end, or as far as there is a board. Returns the exit code."""
-        if self.record.done:
-            self.tell()
+    def run(self) -> int:
+        """Run all open chapters, or as many as possible without a board. Returns the exit code."""
+        if self.progress.done:
+            self.show_status()
         for chapter in CHAPTERS:
-            if chapter.key in self.record.done:
+            if chapter.key in self.progress.done:
                 continue
             click.echo(f"\n{click.style(headline(chapter.key), bold=True)}")
-            _say(f"  next: {chapter.ahead}")
+            _print(f"  next: {chapter.ahead}")
             try:
-                getattr(self, f"_{chapter.key}")()
-            except StopGuide as why:
-                _say(str(why))
+                self._run_chapter(chapter.key)
+            except StopGuide as reason:
+                _print(str(reason))
                 return 0
-            self.record.finish(chapter.key)
-            _say(f"  now: {self._worded(chapter.truth)}")
-        click.echo("\n" + END.format(robot=self.robot, port=self.radio or self.port))
+            self.progress.finish(chapter.key)
+            _print(f"  now: {self._format(chapter.truth)}")
+        click.echo("\n" + self._format(END))
         return 0
 
-    def _worded(self, text: str) -> str:
-        return text.format(robot=self.robot, port=self.port)
+    def _format(self, text: str) -> str:
+        return text.format(robot=self.robot, port=self.port, drive_port=self.drive_port)
 
-    # --- the chapters ---
+    def _run_chapter(self, key: ChapterKey) -> None:
+        match key:
+            case ChapterKey.SIMULATED:
+                self._run_pipeline("goal", "sim")
+            case ChapterKey.ROBOT:
+                self._make_robot_file()
+            case ChapterKey.BOARD:
+                self._find_board()
+            case ChapterKey.FIRMWARE:
+                self._flash_firmware()
+            case ChapterKey.WHEELS:
+                self._identify_wheels()
+            case ChapterKey.MEASURE:
+                self._calibrate_missing()
+            case ChapterKey.METRE:
+                self.prompter.confirm(FLOOR)
+                self._run_pipeline("distance", self.drive_port)
+            case ChapterKey.GOAL:
+                self.prompter.confirm(FLOOR)
+                _print("  Put it back to where it started from, if you like it to end up there.")
+                self._run_pipeline("goal", self.drive_port)
+            case _:
+                assert_never(key)
 
-    def _simulated(self) -> None:
-        self._run("goal", "sim")
-
-    def _robot(self) -> None:
+    def _make_robot_file(self) -> None:
+        from diffbotctl.calibrate.robot_file import writable_copy
         from diffbotctl.cli import new
         from diffbotctl.config import lookup
         from diffbotctl.config.load import load_robot
-        from diffbotctl.start.own_file import make_own_copy, refuse_shipped_folder
+        from diffbotctl.errors import Problem, UsageError
 
         path = lookup.robot(self.robot)
         if self.robot is None and lookup.is_shipped(path):
-            own_name = Path("robots") / f"{NEW_ROBOT}.yaml"
-            refuse_shipped_folder(own_name)
-            if not own_name.exists():
-                _say("  It is the book's kit; change what differs on yours.")
+            path = Path("robots") / f"{NEW_ROBOT}.yaml"
+            if lookup.is_shipped(path):
+                cause = "this is the folder of diffbotctl itself, whose files stay as they are"
+                fix = "change to a folder of your own: mkdir ~/robot; cd ~/robot; diffbotctl start"
+                raise UsageError(Problem("E-FILE-WRITE", str(path), cause, fix))
+            if not path.exists():
+                _print("  It is the book's kit; change what differs on yours.")
                 new.write("robot", NEW_ROBOT)
-            path = own_name
-        self.record.notes["robot"] = str(make_own_copy(path))
+        self.progress.notes["robot"] = str(writable_copy(path)[0])
         for warning in load_robot(self.robot).warnings:
             click.echo(warning.render())
-        _say(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
+        _print(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
 
-    def _board(self) -> None:
+    def _find_board(self) -> None:
         from diffbotctl.cli.choose_port import choose_port
         from diffbotctl.drivers.board_errors import NoBoardError
 
-        if self.given is None:
+        if self.stated_port is None:
             try:
-                self.record.notes["port"] = choose_port()
+                self.progress.notes["port"] = choose_port()
             except NoBoardError:
-                if not self.attendant.is_person:
+                if self.prompter.answers is not None:
                     raise
                 raise StopGuide(NO_BOARD) from None
 
-    def _firmware(self) -> None:
+    def _flash_firmware(self) -> None:
         from diffbotctl.board.session import is_diffbot
         from diffbotctl.cli import flash
 
-        if self._file().robot.link.protocol != "diffbot":
-            raise StopGuide(STOCK.format(robot=self.robot, port=self.radio or self.port))
-        if is_diffbot(self.port, self._file().robot):
-            _say("  It runs our firmware already: nothing to write.")
+        robot = self._file().robot
+        if robot.link.protocol != "diffbot":
+            raise StopGuide(self._format(STOCK))
+        if is_diffbot(self.port, robot):
+            _print("  It runs our firmware already: nothing to write.")
             return
-        _say("  It does not run our firmware. What is on it now will be written over.")
-        self.attendant.agree("lifted")
+        _print("  It does not run our firmware. What is on it now will be written over.")
+        self.prompter.confirm(LIFTED)
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
-        _typed(flash.flash, *words)
+        _run_command(flash.flash, *words)
 
-    def _wheels(self) -> None:
+    def _identify_wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":
-            _say("  Its file says that this was seen before.")
+            _print("  Its file says that this was seen before.")
             return
-        self.attendant.agree("lifted")
+        self.prompter.confirm(LIFTED)
         self._calibrate("encoders", rolls=0)
 
-    def _measure(self) -> None:
-        left = [step for step, field in MEASURED.items() if not self._is_known(field)]
-        if not left:
-            _say("  Its file says that all of it was measured before.")
+    def _calibrate_missing(self) -> None:
+        calibration = self._file().robot.calibration
+        missing = [step for step, field in MEASURED.items() if field not in calibration]
+        if not missing:
+            _print("  Its file says that all of it was measured before.")
             return
-        answer = self.attendant.ask("measure")
-        for step in left:
+        answer = self.prompter.ask(MEASURE)
+        for step in missing:
             if answer == "later" or (answer == "motors" and step != "motors"):
-                _say(f"  Later, then: diffbotctl calibrate {step}")
+                _print(f"  Later, then: diffbotctl calibrate {step}")
                 continue
-            self.attendant.agree("lifted" if step == "motors" else "floor")
+            self.prompter.confirm(LIFTED if step == "motors" else FLOOR)
             self._calibrate(step)
-
-    def _metre(self) -> None:
-        self.attendant.agree("floor")
-        self._run("distance", self.radio or self.port)
-
-    def _goal(self) -> None:
-        self.attendant.agree("floor")
-        _say("  Put it back to where it started from, if you like it to end up there.")
-        self._run("goal", self.radio or self.port)
-
-    # --- what they share ---
 
     def _file(self) -> RobotFile:
         from diffbotctl.config.load import load_robot
 
         return load_robot(self.robot)
 
-    def _is_known(self, field: str) -> bool:
-        return field in self._file().robot.calibration
-
     def _calibrate(self, step: str, **settings: object) -> None:
         from diffbotctl.cli.calibrate_steps import CalibrateOptions, run
 
-        answers = self.attendant.file
-        wanted = CalibrateOptions(self.robot, self.port, 0, answers, answers is not None, False)
-        run([step], wanted, **settings)
+        answers = self.prompter.answers
+        path = None if answers is None else answers.path
+        options = CalibrateOptions(self.robot, self.port, 0, path, path is not None, False)
+        run([step], options, **settings)
 
-    def _run(self, pipeline: str, port: str) -> None:
+    def _run_pipeline(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run
 
-        watched = sys.stdout.isatty() and self.attendant.is_person
+        is_watched = sys.stdout.isatty() and self.prompter.answers is None
         words = [pipeline, "--port", port]
         words += [] if self.robot is None else ["--robot", self.robot]
-        words += [] if watched else ["--fast", "--quiet"]
-        code = _typed(run.command, *words)
-        if code:
+        words += [] if is_watched else ["--fast", "--quiet"]
+        if _run_command(run.command, *words):
             raise click.ClickException("it did not get there; start again when that is mended")
 
 
-def _told(state: str, chapter: Chapter, text: str) -> None:
+class GuidePrompter:
+    """Asks the questions of one visit: the answers file, or the person at the terminal."""
+
+    def __init__(self, answers: AnswersFile | None) -> None:
+        self.answers = answers
+        self._confirmed: set[str] = set()
+
+    def confirm(self, question: Question) -> None:
+        """Ask once in a visit. Raises StopGuide if the answer is not yes."""
+        if question.name not in self._confirmed and self.ask(question) != "yes":
+            raise StopGuide("Then do that first; `diffbotctl start` goes on here.")
+        self._confirmed.add(question.name)
+
+    def ask(self, question: Question) -> str:
+        """The answer. Raises UsageError if nobody can answer."""
+        from diffbotctl.errors import Problem, UsageError
+        from diffbotctl.ui.terminal_prompter import TerminalPrompter
+
+        if self.answers is not None:
+            answer = self.answers.answer(question)
+            _print(f"  {question.text} {answer}")
+        elif sys.stdin.isatty():
+            answer = TerminalPrompter().answer(question)
+        else:
+            fix = f"give --answers FILE with a line such as {question.name}: {question.choices[0]}"
+            raise UsageError(
+                Problem(ANSWER_CODE, question.name, "nobody is there to be asked", fix)
+            )
+        return str(answer)
+
+
+class StopGuide(Exception):  # noqa: N818 - not an error
+    """The guide ends here for now; nothing is wrong."""
+
+
+def _print_chapter(state: str, chapter: Chapter, text: str) -> None:
     click.echo(fold_text(f"{state}   {headline(chapter.key)}: {text}", hang=len("done   ")))
 
 
-def _say(text: str) -> None:
-    """Words of the path itself, between what its commands print."""
+def _print(text: str) -> None:
     click.echo(fold_text(text))
 
 
-def _typed(command: Any, *words: str) -> int:
-    """A command's own function, as typed at the prompt. Returns its exit code."""
+def _run_command(command: Any, *words: str) -> int:
+    """Run a command as typed at the prompt. Returns its exit code."""
     return int(command.main(words, standalone_mode=False) or 0)
-
-
-class StopGuide(Exception):  # noqa: N818 - no error
-    """The walk ends here for now, and nothing is wrong."""
-
-
-class GuidePrompter:
-    """Asks each question of one visit where it has to be asked."""
-
-    def __init__(self, answers: GuideAnswers | None) -> None:
-        self._answers = answers
-        self._agreed: set[str] = set()
-
-    @property
-    def is_person(self) -> bool:
-        """True when no file answers."""
-        return self._answers is None
-
-    @property
-    def file(self) -> Path | None:
-        """The answers file."""
-        return None if self._answers is None else self._answers.path
-
-    def agree(self, name: str) -> None:
-        """Have something agreed to, once a visit. Raises Enough when it is not."""
-        if name not in self._agreed and self.ask(name) != "yes":
-            raise StopGuide("Then do that first; `diffbotctl start` goes on here.")
-        self._agreed.add(name)
-
-    def ask(self, name: str) -> str:
-        """The answer to the question called `name`. Raises UsageError when nobody answers."""
-        from diffbotctl.errors import Problem, UsageError
-
-        question = QUESTIONS[name]
-        if self._answers is not None:
-            answer = self._answers.answer(question)
-            click.echo(fold_text(f"  {question.text} {answer}"))
-            return answer
-        if not sys.stdin.isatty():
-            fix = f"give --answers FILE with a line such as {name}: {question.choices[0]}"
-            raise UsageError(Problem("E-START-ANSWER", name, "nobody is there to be asked", fix))
-        found: str = click.prompt(
-            fold_text(f"  {question.text} ({', '.join(question.choices)})"),
-            value_proc=partial(_chosen, question.choices),
-        )
-        return found
-
-
-def _chosen(choices: tuple[str, ...], typed: str) -> str:
-    """The choice that begins like what was typed. Raises BadParameter for none, or several."""
-    from diffbotctl.errors import join_words
-
-    word = typed.strip().lower()
-    begun = [each for each in choices if word and each.startswith(word)]
-    if len(begun) != 1:
-        raise click.BadParameter(f"answer {join_words(choices)}")
-    return begun[0]

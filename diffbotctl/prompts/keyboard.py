@@ -1,4 +1,4 @@
-"""Any key as a stop: the terminal hands over single keys while something moves."""
+"""The keyboard of a terminal, where any key stops the robot while it moves."""
 
 from __future__ import annotations
 
@@ -8,45 +8,45 @@ import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-KEYS = 64  # bytes read at once: more than any key sends
+READ_BYTES = 64  # more than any key sends
 
 
 class Keyboard:
-    """The terminal behind file `file`, which is a terminal. `cause` is set once a key came."""
+    """The terminal with the file descriptor `file`."""
 
     def __init__(self, file: int) -> None:
         self.file = file
         self._cause: str | None = None
-        self._usual = termios.tcgetattr(file)
+        self._normal = termios.tcgetattr(file)
 
     @property
     def cause(self) -> str | None:
-        """Why to stop: a key was pressed since the last look of a person at the terminal."""
+        """Why to stop: a key was pressed. None if none was."""
         if self._cause is None and select.select([self.file], [], [], 0)[0]:
             with suppress(OSError):
-                os.read(self.file, KEYS)
+                os.read(self.file, READ_BYTES)
             self._cause = "a key was pressed"
         return self._cause
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """While it lasts any key counts; what was typed before does not."""
+        """Detect single keys; what was typed before is discarded."""
         self._cause = None
         single = termios.tcgetattr(self.file)
-        single[3] &= ~(termios.ICANON | termios.ECHO)  # local modes; signals stay as they are
+        single[3] &= ~(termios.ICANON | termios.ECHO)  # local modes; signals remain enabled
         termios.tcsetattr(self.file, termios.TCSAFLUSH, single)
         try:
             yield
         finally:
-            termios.tcsetattr(self.file, termios.TCSAFLUSH, self._usual)
+            termios.tcsetattr(self.file, termios.TCSAFLUSH, self._normal)
 
     @contextmanager
     def resting(self) -> Iterator[None]:
-        """While it lasts lines are typed as usual, within `watching`."""
-        now = termios.tcgetattr(self.file)
-        termios.tcsetattr(self.file, termios.TCSAFLUSH, self._usual)
+        """Normal line input, within `watching`."""
+        single = termios.tcgetattr(self.file)
+        termios.tcsetattr(self.file, termios.TCSAFLUSH, self._normal)
         try:
             yield
         finally:
             self._cause = None
-            termios.tcsetattr(self.file, termios.TCSAFLUSH, now)
+            termios.tcsetattr(self.file, termios.TCSAFLUSH, single)

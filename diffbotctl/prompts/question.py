@@ -1,113 +1,147 @@
-"""What a person is asked during a calibration, and what counts as an answer."""
+"""What a person beside the robot is asked to answer, allow or do."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import inf, isfinite, pi
+from typing import Literal, NamedTuple, Protocol
 
 from diffbotctl.errors import closest_match, join_words
 from diffbotctl.params import with_unit
 from diffbotctl.units import UNITS, UnitError, quantity
 
 Answer = float | str
+MeasuredQuantity = Literal["", "forward", "left", "distance", "facing", "gap", "battery", "wheel"]
 
 
 class AnswerError(ValueError):
-    """An answer that cannot be one; its words say why, so that the question can be asked again."""
+    """An answer that is not valid. Its text is the reason."""
+
+
+class MotionNotice(NamedTuple):
+    """What moves next, and how far. Nothing moves before the person agrees.
+
+    The session enforces `turns` and `reach` afterwards: exceeding them stops the robot.
+    """
+
+    text: str
+    turns: float | None = None
+    """maximum for each wheel; the wheels are off the ground"""
+    reach: float | None = None
+    """m; maximum distance of the middle of the axle from its present position"""
+    watched: bool = True
+    """whether the encoder counts are reliable enough to enforce the limit"""
+
+
+class MarkFloor(NamedTuple):
+    """A request to mark the floor at both wheels and the front: readings are taken from the mark.
+
+    For questions that are answered by eye, the mark is on the wheels.
+    """
+
+    text: str
+
+
+class ManualAction(NamedTuple):
+    """An action that only a person can do. The step waits until it is done.
+
+    `roll` is the wheel to turn (`left` or `right`) and the number of turns; `place` is the sensor
+    and the distance (m) at which to put an object in front of it. Simulated tools read these two.
+    """
+
+    name: str
+    text: str
+    roll: tuple[str, float] | None = None
+    place: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """One question. Its `name`, such as `distance.reading`, is what an answers file calls it."""
+    """One question. An answers file answers it by its `name`, such as `distance.reading`."""
 
     name: str
     text: str
-    """what to look at or measure, and how"""
+    """what to measure or observe, and how"""
     unit: str = ""
-    """SI unit of a number (`m`, `rad`, `V`, `1`); empty: a choice"""
-    written: str = ""
-    """unit of a number that is typed without one, such as `mm`"""
-    least: float = -float("inf")
-    most: float = float("inf")
-    why: str = ""
-    """what it would mean to be beyond `least` or `most`"""
+    """SI unit of a number (`m`, `rad`, `V`, `1`); empty for a choice"""
+    default_unit: str = ""
+    """unit of a number without one, such as `mm`"""
+    minimum: float = -inf
+    maximum: float = inf
+    limit_reason: str = ""
+    """why no valid answer is outside of `minimum` and `maximum`"""
     choices: tuple[str, ...] = ()
-    quantity: str = ""
-    """which truth of a simulated robot an instrument would read for it, see instruments.py"""
+    quantity: MeasuredQuantity = ""
+    """quantity that a simulated tool measures for this question"""
     default: Answer | None = None
-    """what Enter alone means"""
+    """answer for an empty line"""
 
-    def read(self, answer: object) -> Answer:
-        """The answer as SI number or choice. Raises AnswerError with the reason."""
+    def parse(self, answer: object) -> Answer:
+        """The answer as a number in SI or a choice. Raises AnswerError with the reason."""
         if answer is None or (isinstance(answer, str) and not answer.strip()):
             if self.default is None:
-                raise AnswerError(f"an answer is needed: {self.wanted}")
+                raise AnswerError(f"an answer is needed: {self.expected}")
             return self.default
         if isinstance(answer, bool) or not isinstance(answer, str | int | float):
-            raise AnswerError(f"{answer!r} is no answer: {self.wanted}")
-        return self._choice(str(answer)) if self.choices else self._number(answer)
+            raise AnswerError(f"{answer!r} is no answer: {self.expected}")
+        return self._parse_choice(str(answer)) if self.choices else self._parse_number(str(answer))
 
     @property
-    def wanted(self) -> str:
-        """What an answer looks like."""
+    def expected(self) -> str:
+        """What a valid answer looks like."""
         if self.choices:
             return join_words(self.choices, "or")
-        written = self.written if self.written not in ("", "1") else ""
-        return f"a number in {written}" if written else "a number"
+        return f"a number in {self.default_unit}" if self.default_unit else "a number"
 
-    def _choice(self, answer: str) -> str:
+    def _parse_choice(self, answer: str) -> str:
         word = answer.strip().lower()
         if word in self.choices:
             return word
-        begun = [each for each in self.choices if each.startswith(word)]
-        if len(begun) == 1:
-            return begun[0]
+        candidates = [choice for choice in self.choices if choice.startswith(word)]
+        if len(candidates) == 1:
+            return candidates[0]
         near = closest_match(word, self.choices)
         hint = f"; did you mean {near}?" if near else ""
-        raise AnswerError(f"'{answer}' is none of {self.wanted}{hint}")
+        raise AnswerError(f"'{answer}' is none of {self.expected}{hint}")
 
-    def _number(self, answer: str | int | float) -> float:
-        text = str(answer).strip()
+    def _parse_number(self, answer: str) -> float:
+        text = answer.strip()
         try:
-            # A decimal comma is what a good part of the world types.
-            bare = float(text.replace(",", "."))
+            # Many locales write a decimal comma.
+            value = float(text.replace(",", ".")) * UNITS.get(self.default_unit, ("", 1.0))[1]
         except ValueError:
             try:
                 value = quantity(text, self.unit)
             except UnitError as error:
                 raise AnswerError(str(error)) from None
-        else:
-            value = bare * (UNITS[self.written][1] if self.written in UNITS else 1.0)
         if not isfinite(value):
             raise AnswerError(f"{text} is not a number that a rule can show")
-        if not self.least <= value <= self.most:
-            raise AnswerError(self._beyond(value))
+        if not self.minimum <= value <= self.maximum:
+            limits = f"{self._format(self.minimum)} and {self._format(self.maximum)}"
+            reason = f": {self.limit_reason}" if self.limit_reason else ""
+            raise AnswerError(f"{self._format(value)} is not between {limits}{reason}")
         return value
 
-    def _beyond(self, value: float) -> str:
-        why = f": {self.why}" if self.why else ""
-        return f"{self.shown(value)} is not between {self._bounds()}{why}"
-
-    def _bounds(self) -> str:
-        return f"{self.shown(self.least)} and {self.shown(self.most)}"
-
-    def shown(self, value: float) -> str:
-        """`value` (SI) in the unit in which a person would write it."""
-        if self.written in UNITS and self.written != "%":
-            return f"{value / UNITS[self.written][1]:.6g} {self.written}"
+    def _format(self, value: float) -> str:
+        """`value` (SI) in the unit that a person would write."""
+        if self.default_unit in UNITS and self.default_unit != "%":
+            return f"{value / UNITS[self.default_unit][1]:.6g} {self.default_unit}"
         if self.unit == "rad":
             return f"{value * 180 / pi:.6g} deg"
         return with_unit(value, self.unit)
 
 
-FACING = Question(
-    "geometry.facing",
-    "How far is it turned from how it stood at the start, counter-clockwise?",
-    unit="rad",
-    written="deg",
-    least=-pi,
-    most=pi,
-    why="more than half a turn is less the other way round",
-    quantity="facing",
-)
-"""Where a robot looks that was to look as before: after squares, and after a spin."""
+class Prompter(Protocol):
+    """Puts requests to the person beside the robot, or answers them from a file."""
+
+    def confirm_motion(self, notice: MotionNotice) -> None:
+        """Wait until the robot may move. Raises RunError if it must not."""
+
+    def mark_floor(self, mark: MarkFloor) -> None:
+        """Wait until the floor is marked where the robot stands."""
+
+    def act(self, action: ManualAction) -> None:
+        """Wait until the action is done. Raises RunError if nobody can do it."""
+
+    def answer(self, question: Question) -> Answer:
+        """A valid answer. Raises RunError if there is none."""

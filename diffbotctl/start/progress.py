@@ -1,4 +1,4 @@
-"""What of the path is done, kept between two visits, for each robot file."""
+"""Which chapters of the guided setup are done, kept for each robot folder."""
 
 from __future__ import annotations
 
@@ -11,60 +11,58 @@ from diffbotctl.errors import Problem, RunError
 
 
 class GuideProgress:
-    """The chapters done with one robot, in a file below the user's state folder.
+    """The chapters that are done, in a file below the user's state folder.
 
-    `notes` are other things to remember, such as the port. What a look at the robot or its file
-    tells better, is not kept here.
+    `notes` are other values to keep, such as the port. What the robot or its file can show is not
+    kept here.
     """
 
-    def __init__(self, path: Path, robot: str) -> None:
-        """`robot`: the robot file's absolute path. A damaged file counts as empty."""
-        self.path, self.robot = path, robot
-        entry = _read(path).get(robot)
+    def __init__(self, path: Path, key: str) -> None:
+        """`key`: the absolute path of the robot folder. A damaged file counts as empty."""
+        self.path, self.key = path, key
+        entry = _read(path).get(key)
         entry = entry if isinstance(entry, dict) else {}
-        done = entry.get("done", [])
-        self.done: list[str] = [str(each) for each in done] if isinstance(done, list) else []
-        notes = entry.get("notes", {})
+        done, notes = entry.get("done"), entry.get("notes")
+        self.done: list[str] = list(map(str, done)) if isinstance(done, list) else []
         self.notes: dict[str, str] = notes if isinstance(notes, dict) else {}
 
     def finish(self, chapter: str) -> None:
-        """This chapter is done. Raises RunError when that cannot be written."""
+        """Mark a chapter as done. Raises RunError if the file cannot be written."""
         if chapter not in self.done:
             self.done.append(chapter)
-        self.save()
+        self._write()
 
-    def forget(self) -> None:
-        """Begin anew with this robot. Raises RunError."""
+    def reset(self) -> None:
+        """Forget everything about this folder. Raises RunError if the file cannot be written."""
         self.done.clear()
         self.notes.clear()
-        self.save()
+        self._write()
 
-    def save(self) -> None:
-        """Write it, whole or not at all. Raises RunError."""
-        everything = _read(self.path)
-        everything[self.robot] = {"done": self.done, "notes": self.notes}
-        beside = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+    def _write(self) -> None:
+        """Replace the file atomically."""
+        entries = _read(self.path) | {self.key: {"done": self.done, "notes": self.notes}}
+        temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}")
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            beside.write_text(json.dumps(everything, indent=1))
-            beside.replace(self.path)
+            temporary.write_text(json.dumps(entries, indent=1))
+            temporary.replace(self.path)
         except OSError as error:
             with suppress(OSError):
-                beside.unlink()
+                temporary.unlink()
             cause = f"how far you have come cannot be kept there: {error.strerror}"
             fix = "make room or give rights there, or set XDG_STATE_HOME to another folder"
             raise RunError(Problem("E-FILE-WRITE", str(self.path), cause, fix)) from error
 
 
 def state_path() -> Path:
-    """Where the record lies: below the user's state folder."""
+    """The file below the user's state folder."""
     root = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
     return Path(root) / "diffbotctl" / "start.json"
 
 
 def _read(path: Path) -> dict[str, object]:
     with suppress(OSError, ValueError):
-        found = json.loads(path.read_text())
-        if isinstance(found, dict):
-            return found
+        entries = json.loads(path.read_text())
+        if isinstance(entries, dict):
+            return entries
     return {}

@@ -8,12 +8,13 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.simulated_session import SimulatedTools
-from diffbotctl.calibrate.step import MotionNotice, Outcome
+from diffbotctl.calibrate.step import Outcome
 from diffbotctl.config.load import load_robot
+from diffbotctl.prompts.answers_file import AnswersFile
+from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice
 
 ANSWERS = """\
 encoders: {measure: eye}
@@ -125,26 +126,26 @@ class Watched(AnswersFile):
         """most of an announced bound that was used"""
         self._announced: MotionNotice | None = None
         self._from = truths.truth
-        note = made.note
+        note = made.on_frame
 
         def look(now: int, frame: Any) -> None:
             note(now, frame)
             self._look()
 
-        made.note = look  # type: ignore[method-assign]
+        made.on_frame = look  # type: ignore[method-assign]
 
-    def agree(self, announced: MotionNotice) -> None:
+    def confirm_motion(self, notice: MotionNotice) -> None:
         """The bound holds from here."""
-        self._announced, self._from = announced, self.truths.truth
+        self._announced, self._from = notice, self.truths.truth
 
-    def act(self, act: Any) -> None:
+    def act(self, action: ManualAction) -> None:
         """What a hand turns was not announced."""
         self._announced = None
-        super().act(act)
+        super().act(action)
 
-    def mark(self, mark: Any) -> None:
+    def mark_floor(self, mark: MarkFloor) -> None:
         """Whoever marks the start has put the robot back to it."""
-        super().mark(mark)
+        super().mark_floor(mark)
         if self._announced is not None and self._announced.reach is not None:
             self._from = self.truths.truth
 
@@ -166,15 +167,15 @@ class Watched(AnswersFile):
 class Chained(NamedTuple):
     """A robot after the chain."""
 
-    rig: RobotSession
+    session: RobotSession
     truths: SimulatedTools
     outcomes: dict[str, Outcome]
-    attendant: Watched
+    prompter: Watched
 
     @property
     def worst(self) -> float:
         """Most of an announced bound that was used."""
-        return self.attendant.worst
+        return self.prompter.worst
 
     def named(self) -> list[str]:
         """All that the encoders step said was wrong."""
@@ -183,15 +184,15 @@ class Chained(NamedTuple):
 
     def run(self, name: str) -> None:
         """Run one more step."""
-        self.outcomes[name] = run_step(make_step(name), self.rig, self.attendant, SilentScreen())
-        self.rig.recording.clear()
+        self.outcomes[name] = run_step(make_step(name), self.session, self.prompter, SilentScreen())
+        self.session.recording.clear()
 
     def switch_off_and_on(self, chance: Random) -> None:
         """The board starts anew, with both discs somewhere else under their light barriers."""
         for side in SIDES:
             self.truths.roll(side, chance.uniform(1.0, 2.0))
-        self.rig.refit(self.rig.file)
-        self.rig.meet()
+        self.session.try_findings([])
+        self.session.connect()
 
 
 def chained(
@@ -208,8 +209,8 @@ def chained(
     answers.write_text(ANSWERS)
     made, truths = open_session(load_robot(str(file)), port, seed)
     assert truths is not None
-    attendant = Watched(answers, truths, made)
-    found = Chained(made, truths, {}, attendant)
+    prompter = Watched(answers, truths, made)
+    found = Chained(made, truths, {}, prompter)
     for name in names:
         found.run(name)
     return found

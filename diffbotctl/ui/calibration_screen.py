@@ -53,7 +53,7 @@ class CalibrationScreen:
         self.rest()
         self.console.print(plot.title, markup=False)
         if isinstance(plot, CurvePlot):
-            self.console.print(render_curve(plot.points, plot.across, plot.upwards))
+            self.console.print(render_curve(plot.points, plot.x_unit, plot.y_unit))
         else:
             self.console.print(render_scatter(plot.points))
 
@@ -74,13 +74,13 @@ def fit_report(fit: GeometryFit) -> Iterator[str]:
     yield f"{'':<24} {'stated':>10} {'fitted':>10}   95 % confidence"
     confidence, fitted, stated = fit.confidence, fit.geometry, fit.stated
     for name, before, after, half in (
-        ("right wheel diameter", stated.right, fitted.right, confidence.right.half),
-        ("left wheel diameter", stated.left, fitted.left, confidence.left.half),
-        ("track", stated.track, fitted.track, confidence.track.half),
+        ("right wheel diameter", stated.right, fitted.right, confidence.right.half_width),
+        ("left wheel diameter", stated.left, fitted.left, confidence.left.half_width),
+        ("track", stated.track, fitted.track, confidence.track.half_width),
     ):
         error = f"+- {MM * after * half:.3f} mm ({100 * half:.2f} %)"
         yield f"{name:<24} {MM * before:>7.3f} mm {MM * after:>7.3f} mm   {error}"
-    half = confidence.ratio.half
+    half = confidence.ratio.half_width
     ratios = f"{stated.ratio:>10.5f} {fitted.ratio:>10.5f}"
     yield f"{'right over left':<24} {ratios}   +- {fitted.ratio * half:.5f} ({100 * half:.3f} %)"
     yield ""

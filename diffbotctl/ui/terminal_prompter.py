@@ -1,4 +1,4 @@
-"""The person beside the robot: reads, agrees, measures, types."""
+"""Questions and requests to the person at the terminal."""
 
 from __future__ import annotations
 
@@ -10,56 +10,66 @@ import click
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
-
-    from diffbotctl.calibrate.step import ManualAction, MarkFloor, MotionNotice
     from diffbotctl.prompts.keyboard import Keyboard
-    from diffbotctl.prompts.question import Answer, Question
+    from diffbotctl.prompts.question import (
+        Answer,
+        ManualAction,
+        MarkFloor,
+        MotionNotice,
+        Question,
+    )
 
 ANY_KEY = "Any key stops it. Press Enter to begin"
+ANSWER_ATTEMPTS_MAX = 5
 
 
 class TerminalPrompter:
-    """An attendant at a terminal. `agreed`: movements need no consent any more (--yes)."""
+    """A prompter at a terminal. `agreed`: motions need no further consent (--yes)."""
 
-    def __init__(self, keyboard: Keyboard | None, agreed: bool) -> None:
+    def __init__(self, keyboard: Keyboard | None = None, agreed: bool = False) -> None:
         self.keyboard = keyboard
         self.agreed = agreed
 
-    def agree(self, announced: MotionNotice) -> None:
-        """Wait for Enter. Raises RunError when the person does not want it."""
+    def confirm_motion(self, notice: MotionNotice) -> None:
+        """Wait for Enter. Raises RunError if the person refuses."""
         from diffbotctl.errors import Problem, RunError
 
         if self.agreed:
             return
-        with self._typing():
-            said = click.prompt(f"{ANY_KEY}, or type no", default="", show_default=False)
-        if said.strip().lower() in ("n", "no", "q", "quit"):
+        typed = self._type(f"{ANY_KEY}, or type no")
+        if typed.strip().lower() in ("n", "no", "q", "quit"):
             raise RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", "you did not want it", ""))
 
-    def mark(self, mark: MarkFloor) -> None:
-        """Wait until it is made."""
-        self._wait("Press Enter when you are ready")
+    def mark_floor(self, mark: MarkFloor) -> None:
+        """Wait until it is marked."""
+        self._type("Press Enter when you are ready")
 
-    def act(self, act: ManualAction) -> None:
+    def act(self, action: ManualAction) -> None:
         """Wait until it is done."""
-        self._wait("Press Enter when it is done")
+        self._type("Press Enter when it is done")
 
-    def answer(self, question: Question, trouble: str) -> Answer:
-        """What is typed. Raises AnswerError with the reason when it is of no use."""
-        if trouble:
-            click.echo(fold_text(f"No: {trouble}", hang=2))
-        hint = f" ({question.wanted})"
+    def answer(self, question: Question) -> Answer:
+        """A valid answer; an invalid one is followed by the reason and the same question.
+
+        Raises RunError after too many invalid answers.
+        """
+        from diffbotctl.errors import Problem, RunError
+        from diffbotctl.prompts.question import AnswerError
+
+        reason = ""
+        text = fold_text(f"{question.text} ({question.expected})", hang=2)
         default = "" if question.default is None else str(question.default)
-        with self._typing():
-            typed = click.prompt(
-                fold_text(question.text + hint, hang=2), default=default, show_default=bool(default)
-            )
-        return question.read(typed)
+        for _ in range(ANSWER_ATTEMPTS_MAX):
+            try:
+                return question.parse(self._type(text, default))
+            except AnswerError as error:
+                reason = str(error)
+                click.echo(fold_text(f"No: {reason}", hang=2))
+        fix = "measure first, then run this step again"
+        raise RunError(Problem("E-CALIBRATE-ANSWER", question.name, reason, fix))
 
-    def _wait(self, text: str) -> None:
-        with self._typing():
-            click.prompt(text, default="", show_default=False)
-
-    def _typing(self) -> AbstractContextManager[None]:
-        return nullcontext() if self.keyboard is None else self.keyboard.resting()
+    def _type(self, text: str, default: str = "") -> str:
+        """A line of text; while it is typed, keys do not stop the robot."""
+        with nullcontext() if self.keyboard is None else self.keyboard.resting():
+            typed: str = click.prompt(text, default=default, show_default=bool(default))
+        return typed

@@ -2,9 +2,9 @@
 
 import pytest
 
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.step import ManualAction
 from diffbotctl.errors import RunError, UsageError
+from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.prompts.question import Question
 
 READING = Question("distance.reading", "How far?", "m", "mm", 0.5, 2.0, quantity="distance")
@@ -41,23 +41,23 @@ def file(tmp_path):
 
 def test_a_list_holds_one_answer_a_repeat(file):
     made = file("distance.reading: [998 mm, 1.003 m, 1001]")
-    assert [made.answer(READING, "") for _ in range(3)] == pytest.approx([0.998, 1.003, 1.001])
+    assert [made.answer(READING) for _ in range(3)] == pytest.approx([0.998, 1.003, 1.001])
     with pytest.raises(RunError, match="asked 4 times and has 3 answers"):
-        made.answer(READING, "")
+        made.answer(READING)
 
 
 def test_the_longest_name_answers(file):
     instruments = Fixed(0.25)
     text = "geometry: {measure: tape, noise: 1 mm}\ngeometry.facing: -3\n"
     made = file(text, instruments)
-    assert made.answer(LEFT, "") == 0.25
-    assert made.answer(FACING, "") == pytest.approx(-0.05236, abs=1e-5)  # 3 degrees
+    assert made.answer(LEFT) == 0.25
+    assert made.answer(FACING) == pytest.approx(-0.05236, abs=1e-5)  # 3 degrees
     assert instruments.asked == [("tape", "geometry.left", 0.001)]
 
 
 def test_a_default_needs_no_entry(file):
     asked = Question("geometry.swapped", "?", choices=("yes", "no"), default="yes")
-    assert file("{}").answer(asked, "") == "yes"
+    assert file("{}").answer(asked) == "yes"
 
 
 def test_a_hand_turns_a_wheel(file):
@@ -79,7 +79,7 @@ def test_a_hand_turns_a_wheel(file):
 )
 def test_what_cannot_answer_says_why(file, text, instruments, words):
     with pytest.raises(RunError) as raised:
-        file(text, instruments).answer(READING, "")
+        file(text, instruments).answer(READING)
     assert words in " ".join(str(raised.value).split())
 
 

@@ -3,12 +3,12 @@
 import pytest
 
 from diffbotctl.calibrate import encoder_fit
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.result import PartResult
 from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
+from diffbotctl.prompts.answers_file import AnswersFile
 
 MS = 1_000_000
 ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open for 15 ms
@@ -81,7 +81,8 @@ def test_the_firmwares_capture_shows_it(tmp_path):
         step = EncoderStep(turns=2, rolls=2)
         found = run_step(step, made, AnswersFile(answers, truths), Quiet())
     finally:
-        assert made.close()
+        made.close()
+        assert made.stop_confirmed
     values = {each.field: each.value for each in found.findings}
     assert values["drive.left.encoder.glitch"] == pytest.approx(0.004)
     assert found.faults == [] and values["drive.polarity"] == "calibrated"

@@ -47,16 +47,16 @@ def test_the_end_of_one_drive_proves_little():
     true = Geometry(0.0655, 0.0652, 0.1417)
     found = fit_geometry([drive("one", wander(5), true)], STATED)
     assert not found.sees_diameter
-    assert found.confidence.track.half > 0.002
+    assert found.confidence.track.half_width > 0.002
 
 
 def test_slip_leaves_the_truth_within_the_stated_confidence():
     found = fit_geometry(squares(TRUE, slip=0.0005), STATED)
     assert found.strays == []
-    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half
-    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half
-    assert found.confidence.ratio.half < 0.001
-    assert found.confidence.track.half < 0.003
+    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half_width
+    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half_width
+    assert found.confidence.ratio.half_width < 0.001
+    assert found.confidence.track.half_width < 0.003
 
 
 def test_squares_leave_the_mean_diameter_as_stated():
@@ -105,8 +105,8 @@ def test_twenty_slots_on_known_paths():
         drive(f"run-{k}", wander(k, 2000), TRUE, ticks=20, seed=k, all_poses=True) for k in range(6)
     ]
     found = fit_geometry(drives, STATED)
-    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half
-    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half
+    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half_width
+    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half_width
 
 
 def test_slopes_are_those_of_the_end():

@@ -2,11 +2,11 @@
 
 import pytest
 
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_link import wheel_command
 from diffbotctl.messages import Duty, Wheels
+from diffbotctl.prompts.answers_file import AnswersFile
 
 ANSWERS = """\
 distance.reading: {measure: tape, noise: 1 mm}
@@ -24,7 +24,7 @@ class Quiet:
 
 @pytest.fixture
 def prepared(tmp_path):
-    """A robot whose motors are calibrated, and its attendant."""
+    """A robot whose motors are calibrated, and its prompter."""
 
     def prepare(base="book_2wd", seed=3):
         robot, answers = tmp_path / "mine.yaml", tmp_path / "answers.yaml"
@@ -34,16 +34,16 @@ def prepared(tmp_path):
         )
         answers.write_text(ANSWERS)
         made, truths = open_session(load_robot(str(robot)), "sim", seed)
-        attendant = AnswersFile(answers, truths)
-        run_step(make_step("motors"), made, attendant, Quiet())
-        return made, attendant, truths._plant.body
+        prompter = AnswersFile(answers, truths)
+        run_step(make_step("motors"), made, prompter, Quiet())
+        return made, prompter, truths._plant.body
 
     return prepare
 
 
 def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
-    made, attendant, body = prepared()
-    run_step(make_step("geometry", how="spin", repeats=1), made, attendant, Quiet())
+    made, prompter, body = prepared()
+    run_step(make_step("geometry", how="spin", repeats=1), made, prompter, Quiet())
     # It turns by way over track: with the stated diameter the track is off by as much as that.
     true = body.track * 0.065 / (body.left_radius + body.right_radius)
     assert made.file.robot.drive.track == pytest.approx(true, rel=0.003)
@@ -51,8 +51,8 @@ def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
 
 
 def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
-    made, attendant, body = prepared()
-    run_step(make_step("geometry", how="straight"), made, attendant, Quiet())
+    made, prompter, body = prepared()
+    run_step(make_step("geometry", how="straight"), made, prompter, Quiet())
     drive = made.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.0015)
@@ -60,9 +60,9 @@ def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
 
 
 def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(prepared):
-    made, attendant, body = prepared()
-    run_step(make_step("geometry", how="spin", repeats=1), made, attendant, Quiet())
-    found = run_step(make_step("distance", repeats=3), made, attendant, Quiet())
+    made, prompter, body = prepared()
+    run_step(make_step("geometry", how="spin", repeats=1), made, prompter, Quiet())
+    found = run_step(make_step("distance", repeats=3), made, prompter, Quiet())
     drive = made.file.robot.drive
     assert drive.left.wheel.diameter == drive.right.wheel.diameter
     assert drive.left.wheel.diameter == pytest.approx(
@@ -73,8 +73,8 @@ def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(pre
 
 
 def test_squares_on_a_board_with_the_books_firmware(prepared):
-    made, attendant, body = prepared("book_2wd_stock")
-    run_step(make_step("geometry", runs=3, side=0.8), made, attendant, Quiet())
+    made, prompter, body = prepared("book_2wd_stock")
+    run_step(make_step("geometry", runs=3, side=0.8), made, prompter, Quiet())
     drive = made.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.003)

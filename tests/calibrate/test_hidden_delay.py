@@ -3,12 +3,12 @@
 import pytest
 
 from diffbotctl.calibrate import motor_experiments, motor_fit
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
 from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
+from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
 
 MS = 1_000_000
@@ -24,11 +24,11 @@ def ended(running):
 
 
 def stock(seed, delay):
-    """A rig of the book's robot whose commands take `delay` ms, which its file does not know."""
+    """A session of the stock robot; its commands take `delay` ms, which its file does not state."""
     made, truths = open_session(load_robot("book_2wd_stock"), "sim", seed)
     board = truths._plant.board
     board.kind = board.kind._replace(command_delay=delay * MS)
-    made.meet()
+    made.connect()
     return made, truths._plant
 
 
@@ -38,9 +38,9 @@ def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     found = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
     lag = sum(motor.lag for motor in plant.motors) / 2
     # Each wheel takes each of 24 commands up to 25 ms early or late: 2 ms of their mean.
-    assert found.lag + found.dead == pytest.approx(lag + delay / 1000, abs=0.01)
-    assert found.dead == pytest.approx(delay / 1000, abs=3.5 * found.parted)
-    assert 0.002 < found.parted < 0.008
+    assert found.lag + found.dead_time == pytest.approx(lag + delay / 1000, abs=0.01)
+    assert found.dead_time == pytest.approx(delay / 1000, abs=3.5 * found.split_sd)
+    assert 0.002 < found.split_sd < 0.008
 
 
 def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):

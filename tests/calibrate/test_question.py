@@ -10,10 +10,10 @@ READING = Question(
     "distance.reading",
     "How far?",
     unit="m",
-    written="mm",
-    least=0.65,
-    most=1.35,
-    why="is it millimetres?",
+    default_unit="mm",
+    minimum=0.65,
+    maximum=1.35,
+    limit_reason="is it millimetres?",
 )
 FACING = Question("geometry.facing", "How far round?", "rad", "deg", -pi, pi)
 WHICH = Question("encoders.wheel", "Which?", choices=("none", "left forward", "left backward"))
@@ -35,7 +35,7 @@ WHICH = Question("encoders.wheel", "Which?", choices=("none", "left forward", "l
     ],
 )
 def test_an_answer_is_read(question, typed, value):
-    assert question.read(typed) == (value if isinstance(value, str) else pytest.approx(value))
+    assert question.parse(typed) == (value if isinstance(value, str) else pytest.approx(value))
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_an_answer_is_read(question, typed, value):
 )
 def test_nonsense_is_refused_with_the_reason(question, typed, words):
     with pytest.raises(AnswerError, match=words.replace("?", r"\?")):
-        question.read(typed)
+        question.parse(typed)
 
 
 def test_enter_means_the_default_where_there_is_one():
     asked = Question("geometry.swapped", "Exchange?", choices=("yes", "no"), default="yes")
-    assert asked.read("") == "yes" and asked.read(None) == "yes"
+    assert asked.parse("") == "yes" and asked.parse(None) == "yes"

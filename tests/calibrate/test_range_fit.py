@@ -71,7 +71,7 @@ def test_points_of_a_curve_give_that_curve_back(a, b, c):
     points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in RULER_DISTANCES_M]
     found = fit_curve(points)
     assert (found.a, found.b, found.c) == pytest.approx((a, b, c), rel=1e-3, abs=1e-4)
-    assert not found.misses()
+    assert not found.bad_points()
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -112,4 +112,4 @@ def test_points_of_no_such_sensor_are_refused(points, word):
 def test_a_point_that_stood_in_the_fold_is_missed_by_the_curve():
     # 2 cm read as 4 cm: 2.22 V where the other points ask for 2.72 V
     found = fit_curve([RulerPoint(0.04, 2.22, 0.0, 1), *exact()[1:]])
-    assert found.misses()
+    assert found.bad_points()

@@ -43,19 +43,19 @@ def robot(tmp_path):
 @pytest.fixture
 def made(robot):
     one, truths = open_session(robot, "sim", seed=1)
-    one.meet()
+    one.connect()
     yield one, truths
     one.close()
 
 
 def stands(one, truths):
-    one.rest()
+    one.stop_and_wait()
     return truths.truth.left_speed == truths.truth.right_speed == 0.0
 
 
 def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itself(made):
     one, truths = made
-    heard = one.hold(FORWARD, 1.0)
+    heard = one.run_for(FORWARD, 1.0)
     assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
     one.listen(2.0)  # nobody says stop: the dead-man does, after 300 ms
     assert truths.truth.left_speed == 0.0
@@ -75,49 +75,50 @@ def test_a_person_who_thinks_for_long_takes_nothing_from_the_next_movement(made)
     one, truths = made
     one.clock = Wall()
     one.clock.passed = one.now + 100 * SECOND
-    heard = one.hold(FORWARD, 1.0)
+    heard = one.run_for(FORWARD, 1.0)
     assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
 
 
 def test_counts_are_those_of_now_when_a_wheel_was_turned_while_a_person_thought(made):
     one, _ = made
-    before = one.latest()
+    before = one.latest_frame()
     one.driver.robot.turn_by_hand(0, 6 * pi, 2 * pi)  # three turns in three seconds
     one.clock = Wall()
     one.clock.passed = one.now + 10 * SECOND
-    assert one.latest().left - before.left == pytest.approx(60, abs=1)  # 20 slots a turn
+    assert one.latest_frame().left - before.left == pytest.approx(60, abs=1)  # 20 slots a turn
 
 
 def test_a_key_stops_it(robot):
     keys = Pipe()
     one, truths = open_session(robot, "sim", seed=1, key=keys)
-    one.meet()
-    one.hold(FORWARD, 1.0)
+    one.connect()
+    one.run_for(FORWARD, 1.0)
     os.write(keys.end, b" ")
     with pytest.raises(RunError, match="a key was pressed"):
-        one.hold(FORWARD, 60.0)
-    one.keys = None
+        one.run_for(FORWARD, 60.0)
+    one.key = None
     assert stands(one, truths)
-    assert one.close()
+    one.close()
+    assert one.stop_confirmed
 
 
 def test_a_key_stops_an_outing(robot):
     keys = Pipe()
     one, truths = open_session(robot, "sim", seed=1, key=keys)
-    one.meet()
+    one.connect()
     os.write(keys.end, b"q")
     with pytest.raises(RunError, match="a key was pressed"):
         autonomous_drive.drive_to(one, [(1.0, 0.0, None)], 2.0)
     assert truths.truth.pose.x < 0.5
-    one.keys = None
+    one.key = None
     assert stands(one, truths)
 
 
 def test_nothing_turns_further_than_was_announced(made):
     one, truths = made
-    one.allow(2.0)
+    one.limit_turns(2.0)
     with pytest.raises(RunError, match="more than the 2 turns that were announced"):
-        one.hold(FORWARD, 60.0)
+        one.run_for(FORWARD, 60.0)
     assert stands(one, truths)
     assert truths.truth.left_angle / 6.2832 < 2.6  # it rolls out a little
 
@@ -132,22 +133,23 @@ def test_an_outing_ends_where_its_reach_ends(made):
 def test_a_cable_that_is_pulled_ends_the_movement_and_the_board_stops_by_itself(robot):
     one, truths = open_session(robot, "emulated", seed=1)
     try:
-        one.meet()
-        one.hold(FORWARD, 1.0)
+        one.connect()
+        one.run_for(FORWARD, 1.0)
         one.driver.radio = 10**6 * SECOND  # nothing arrives any more, in either direction
         with pytest.raises(RunError, match="no frames from the board for half a second"):
-            one.hold(FORWARD, 10.0)
+            one.run_for(FORWARD, 10.0)
         one.driver.board.advance(one.now + 2 * SECOND)
         assert truths.truth.left_speed == truths.truth.right_speed == 0.0
-        assert not one.close()  # nothing has confirmed that
+        one.close()
+        assert not one.stop_confirmed
     finally:
         one.driver.close()
 
 
 def test_findings_go_to_the_board_and_add_up(made):
     one, _ = made
-    one.attempt([Finding("drive.left.motor.loop.static", 0.2)])
-    one.attempt([Finding("drive.right.motor.loop.static", 0.3)])
+    one.try_findings([Finding("drive.left.motor.loop.static", 0.2)])
+    one.try_findings([Finding("drive.right.motor.loop.static", 0.3)])
     drive = one.file.robot.drive
     assert (drive.left.motor.loop.static, drive.right.motor.loop.static) == (0.2, 0.3)
     assert one.file.nominal.drive.left.motor.loop.static == 0.1
@@ -158,14 +160,14 @@ def test_findings_go_to_the_board_and_add_up(made):
 def test_what_is_not_plausible_is_not_tried(made):
     one, _ = made
     with pytest.raises(ConfigurationError, match="times the stated"):
-        one.attempt([Finding("drive.track", 0.25)])
+        one.try_findings([Finding("drive.track", 0.25)])
 
 
 def test_an_unproven_robot_drives_slowly(made):
     one, _ = made
     fastest = []
-    note = one.note
-    one.note = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
+    note = one.on_frame
+    one.on_frame = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
     autonomous_drive.drive_to(one, [(0.4, 0.0, None)], 1.0, autonomous_drive.DEFAULT_STYLE)
     # 0.1 m/s with a radius of 32.5 mm, and a little for steering
     assert 2.0 < max(fastest) < 3.5
@@ -177,17 +179,17 @@ class Breaking:
     name, title, lifted = "breaking", "", True
 
     def run(self, one):
-        one.meet()
+        one.connect()
         yield MotionNotice("moves", 100.0)
-        one.hold(Wheels(0, 5.0, 5.0), 1.0)
+        one.run_for(Wheels(0, 5.0, 5.0), 1.0)
         yield Message("and now?")
         return Outcome("breaking", [])
 
 
 class Deaf:
-    """An attendant and screen that fails when it is spoken to."""
+    """An prompter and screen that fails when it is spoken to."""
 
-    def agree(self, announced):
+    def confirm_motion(self, notice):
         pass
 
     def say(self, text):
@@ -205,11 +207,12 @@ def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(made):
 def test_the_emulated_board_takes_duty_and_says_when_it_took_hold(robot):
     one, truths = open_session(robot, "emulated", seed=1)
     try:
-        one.meet()
-        heard = one.hold(Duty(0, 0.5, -0.5), 1.0).encoders[-1]
+        one.connect()
+        heard = one.run_for(Duty(0, 0.5, -0.5), 1.0).encoders[-1]
         assert heard.command_kind == "duty" and heard.command_time is not None
         assert (heard.left_command, heard.right_command) == pytest.approx((0.5, -0.5), abs=1e-3)
         assert truths.truth.left_speed > 3.0 and truths.truth.right_speed < -3.0
         assert stands(one, truths)
     finally:
-        assert one.close()
+        one.close()
+        assert one.stop_confirmed

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.calibrate import encoder_fit
-from diffbotctl.calibrate.answers_file import AnswersFile
 from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
+from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
 
 MS = 1_000_000

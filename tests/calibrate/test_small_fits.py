@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 
 from diffbotctl.calibrate import encoder_fit, motor_fit, umbmark
 from diffbotctl.calibrate.confidence import robust_mean
-from diffbotctl.calibrate.dead_reckoning import Geometry
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from diffbotctl.time import SECOND
@@ -47,10 +47,10 @@ def test_a_stray_roll_is_named():
 
 def test_a_mean_leaves_out_a_stray_reading():
     found = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], finest=0.001)
-    assert found.strays == (4,)
+    assert found.outliers == (4,)
     assert found.value == pytest.approx(0.99975)
     # four readings, sd 0.0017: 0.00085 of the mean, times t = 3.18 for three degrees of freedom
-    assert found.half == pytest.approx(3.18 * 0.000854, rel=0.01)
+    assert found.half_width == pytest.approx(3.18 * 0.000854, rel=0.01)
 
 
 def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
@@ -60,7 +60,7 @@ def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
 
 def test_a_line_through_exact_points_is_found_again():
     # duty = 0.1 + 0.08 speed; the wheel that did not turn tells nothing
-    found = motor_fit.fit_line([0.05, 0.3, 0.5, 0.9, -0.9], [0.0, 2.5, 5.0, 10.0, -10.0])
+    found = motor_fit.fit_line([(0.05, 0.0), (0.3, 2.5), (0.5, 5.0), (0.9, 10.0), (-0.9, -10.0)])
     assert (found.static, found.slope) == pytest.approx((0.1, 0.08))
     assert found.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
 
@@ -74,7 +74,7 @@ def test_a_line_through_exact_points_is_found_again():
 )
 def test_a_wheel_that_does_not_follow_is_refused(duties, speeds, words):
     with pytest.raises(ValueError, match=words):
-        motor_fit.fit_line(duties, speeds)
+        motor_fit.fit_line(list(zip(duties, speeds, strict=True)))
 
 
 def steps(lag, dead, uneven=0.0, seed=1):
@@ -110,9 +110,9 @@ def steps(lag, dead, uneven=0.0, seed=1):
 )
 def test_a_lag_is_found_again(lag, dead, uneven):
     found = motor_fit.fit_lag(steps(lag, dead, uneven), True, 20)
-    assert found.lag + found.dead == pytest.approx(lag + dead, abs=0.003)
+    assert found.lag + found.dead_time == pytest.approx(lag + dead, abs=0.003)
     assert found.lag == pytest.approx(lag, rel=0.1)
-    assert found.dead == pytest.approx(dead, abs=0.008)
+    assert found.dead_time == pytest.approx(dead, abs=0.008)
 
 
 def test_steps_without_edges_are_refused():
@@ -173,10 +173,7 @@ def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
         noise = umbmark.SquareErrors(
             1.0,
             *(
-                [
-                    umbmark.EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan)
-                    for _ in range(5)
-                ]
+                [EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan) for _ in range(5)]
                 for _ in range(2)
             ),
         )
@@ -184,7 +181,7 @@ def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
 
 
 def test_squares_nobody_read_tell_nothing():
-    nothing = [umbmark.EndError(nan, nan, nan)]
+    nothing = [EndError(nan, nan, nan)]
     with pytest.raises(ValueError, match="neither places nor headings"):
         umbmark.fit_umbmark(umbmark.SquareErrors(1.0, nothing, nothing), USED)
 

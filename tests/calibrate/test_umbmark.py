@@ -45,7 +45,7 @@ def test_angles_by_headings():
     # Four sides gain beta each, whichever way round; four turns miss alpha each, in their own
     # direction: clockwise 4 (beta + alpha), counter-clockwise 4 (beta - alpha).
     found = angles_from_headings(
-        EndError(0, 0, 4 * (0.003 + 0.01)), EndError(0, 0, 4 * (0.003 - 0.01))
+        1.0, EndError(0, 0, 4 * (0.003 + 0.01)), EndError(0, 0, 4 * (0.003 - 0.01))
     )
     assert found == pytest.approx((0.01, 0.003))
 

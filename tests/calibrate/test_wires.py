@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.calibrate import wiring_detection
-from diffbotctl.calibrate.wiring_detection import MotorPulse
+from diffbotctl.calibrate.wiring_detection import MotorPulse, WheelMotion
 from diffbotctl.config.load import load_robot
 
 QUIET = {"left": 0, "right": 0}
@@ -12,7 +12,7 @@ QUIET = {"left": 0, "right": 0}
 def found(left, right, resting=QUIET):
     """`left`, `right`: what was seen and the counts of both sockets, by the channel pulsed."""
     pulses = {
-        channel: MotorPulse(channel, seen, {"left": a, "right": b})
+        channel: MotorPulse(channel, WheelMotion(seen), {"left": a, "right": b})
         for channel, (seen, a, b) in (("left", left), ("right", right))
     }
     return wiring_detection.detect_wiring(pulses, resting)
@@ -43,8 +43,8 @@ def begins(faults):
 )
 def test_what_settings_can_mend(left, right, mended):
     made = found(left, right)
-    assert begins(made.mended) == mended
-    assert made.faults == [] and made.proven
+    assert begins(made.corrections) == mended
+    assert made.faults == [] and made.is_complete
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_what_settings_can_mend(left, right, mended):
 )
 def test_what_only_a_hand_can_mend(left, right, resting, faults, mended):
     made = found(left, right, resting)
-    assert (begins(made.faults), begins(made.mended)) == (faults, mended)
+    assert (begins(made.faults), begins(made.corrections)) == (faults, mended)
 
 
 def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
@@ -122,5 +122,5 @@ def test_encoders_change_their_pins():
 
 def test_nothing_is_exchanged_on_half_a_proof():
     made = found(("none", 0, 0), ("left forward", 4, 0))
-    assert not made.proven
+    assert not made.is_complete
     assert wiring_detection.wiring_findings(made, load_robot("book_2wd").robot) == []

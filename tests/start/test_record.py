@@ -22,7 +22,7 @@ def test_one_robot_does_not_forget_for_another(tmp_path):
     path = tmp_path / "start.json"
     GuideProgress(path, "one").finish("board")
     GuideProgress(path, "two").finish("wheels")
-    GuideProgress(path, "one").forget()
+    GuideProgress(path, "one").reset()
     assert (GuideProgress(path, "one").done, GuideProgress(path, "two").done) == ([], ["wheels"])
 
 

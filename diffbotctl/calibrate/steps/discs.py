@@ -1,10 +1,8 @@
-"""Where the slots of both encoders' discs lie, learnt from what the board told of a drive.
+"""`calibrate discs`: the positions of the slots of both encoder discs, learned from lifted wheels.
 
-It is what odometry does while it drives (`estimation/slot_errors.py`), with two differences: the
-flanks that are seen going backward are learnt slot by slot too, and it never leaves off learning.
-Any recording will do in which the wheels turn a few times each way; lifted wheels are best.
-
-`calibrate discs`: where the slots of both encoders' discs lie, from lifted wheels that turn.
+The learner is odometry (`estimation/slot_errors.py`) with two differences: the edges seen in
+backward motion are learned slot by slot too, and learning never ends. Any recording in which the
+wheels turn a few times in each direction is enough; lifted wheels are best.
 """
 
 from __future__ import annotations
@@ -17,43 +15,48 @@ from typing import NamedTuple
 
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import MotionNotice, Outcome, Running, StepProgress
-from diffbotctl.config.robot import Robot
+from diffbotctl.calibrate.session import RobotSession, drive_sides
+from diffbotctl.calibrate.step import Outcome, StepProgress, StepRun
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.slot_errors import SlotErrors
 from diffbotctl.estimation.wheel_odometer import LinkTiming, WheelOdometer
 from diffbotctl.messages import Battery, Encoders, Wheels
+from diffbotctl.prompts.question import MotionNotice
+from diffbotctl.runs.build_graph import build_block
 
-SPEED_WANDER_RATIO = (
-    0.35  # of what odometry expects the wheels' speeds to wander: nothing gets in their way
-)
-SLOT_SD_MAX_PITCHES = (
-    0.015  # pitches: half of what slots are usually cut to; less sure than this is not learnt
-)
+SPEED_WANDER_RATIO = 0.35  # of the noise that odometry assumes for the speeds on a floor
+SLOT_SD_MAX_PITCHES = 0.015  # half of the usual cutting error; above, a disc is not learned
 NO_EDGE_TIMES = "the board does not tell when edges came: set `board: {edge_times: true}`"
+RATED_SPEED_RATIO = 0.75  # of the slower motor; at lower speeds the motor ripple is larger
+STEADY_TIME_S = 10.0  # in each direction
+RAMP = ((0.3, 0.4), (0.3, 0.7))  # s, ratio of the speed
+EDGES_PER_FRAME_MAX = 0.8  # so that the time of each edge is reported
+TURNS_MARGIN = 1.3  # times the expected turns
+REPORTED_ERROR_MIN_PITCHES = 0.05
+MOTOR_RIPPLE_SD_PITCHES = 0.007  # ripple in phase with the wheel looks like slot errors
 
 
-class LearntDisc(NamedTuple):
-    """One wheel's disc, its slots in the order of turning forward from an unknown one."""
+class LearnedDisc(NamedTuple):
+    """The slots of one disc, in the order of forward rotation from an arbitrary slot."""
 
     forward: tuple[float, ...]
-    """(slots,): pitches, how far each flank lies from its even place, on average nothing"""
+    """(slots,): pitches, position error of each edge; the mean is 0"""
     backward: tuple[float, ...]
-    """the same of the flanks seen going backward, about the mean of these; empty: not learnt.
-    How far apart both means lie, the open share, is not told: that hangs on a single reversal"""
+    """(slots,): likewise for the edges seen in backward motion, about their own mean; empty if not
+    learned. The distance of the two means (the slot duty) is unknown: it depends on one reversal"""
     sd: float
-    """pitches, of a place, one standard deviation"""
+    """pitches, standard deviation of a position"""
 
 
 class LearningWheel(WheelOdometer):
-    """A wheel whose both flanks are learnt, for as long as it turns."""
+    """A wheel that learns both edges of each slot for as long as it turns."""
 
     __slots__ = ()
 
-    def learn(self, slots: int) -> LearningWheel:
-        """Begin to."""
-        self.filter.known_edges = None  # what was learnt before is not leant on
+    def start_learning(self, slots: int) -> LearningWheel:
+        """Replace what is known of the disc by wide priors."""
+        self.filter.known_edges = None
         motion = self.filter.motion
         priors = motion.priors
         motion.priors = priors._replace(model_noise=SPEED_WANDER_RATIO * priors.model_noise)
@@ -62,20 +65,19 @@ class LearningWheel(WheelOdometer):
         )
         return self
 
-    def disc(self) -> LearntDisc:
-        """What is learnt so far. Raises ValueError with the reason when that is too little."""
-        places = self.filter.motion.disc
-        assert isinstance(places, SlotErrors)
-        slots = places.slots
-        forward, sd = _centred(places, range(slots))
+    def learned_disc(self) -> LearnedDisc:
+        """The disc as learned so far. Raises ValueError with the reason if that is too little."""
+        disc = self.filter.motion.disc
+        assert isinstance(disc, SlotErrors)
+        forward, sd = _about_mean(disc, range(disc.slots))
         if sd > SLOT_SD_MAX_PITCHES:
             raise ValueError(
                 f"places are known to {sd:.1%} of a pitch only; let the wheel turn a few times more"
             )
-        backward, doubt = _centred(places, range(slots, 2 * slots))
-        if doubt > SLOT_SD_MAX_PITCHES:
-            return LearntDisc(forward, (), sd)
-        return LearntDisc(forward, backward, max(sd, doubt))
+        backward, backward_sd = _about_mean(disc, range(disc.slots, 2 * disc.slots))
+        if backward_sd > SLOT_SD_MAX_PITCHES:
+            return LearnedDisc(forward, (), sd)
+        return LearnedDisc(forward, backward, max(sd, backward_sd))
 
 
 class DiscLearner(OdometryBlock):
@@ -85,13 +87,16 @@ class DiscLearner(OdometryBlock):
         timing = LinkTiming(0.0, 0.0, has_edge_times=True)
         left = LearningWheel(self.left_side, encoders.time, encoders.left, timing)
         right = LearningWheel(self.right_side, encoders.time, encoders.right, timing)
-        return left.learn(self.left_side.encoder.slots), right.learn(self.right_side.encoder.slots)
+        slots = self.left_side.encoder.slots, self.right_side.encoder.slots
+        return left.start_learning(slots[0]), right.start_learning(slots[1])
 
 
-def learn_discs(odometry: DiscLearner, frames: Iterable[Encoders]) -> tuple[LearntDisc, LearntDisc]:
+def learn_discs(
+    odometry: DiscLearner, frames: Iterable[Encoders]
+) -> tuple[LearnedDisc, LearnedDisc]:
     """The discs of the left and the right wheel.
 
-    Raises ValueError with the reason when the frames do not tell them.
+    Raises ValueError with the reason if the frames are not sufficient.
     """
     boot = None
     for frame in frames:
@@ -101,54 +106,42 @@ def learn_discs(odometry: DiscLearner, frames: Iterable[Encoders]) -> tuple[Lear
         odometry.react(frame.time, frame)
     if odometry.wheels is None:
         raise ValueError("the board told no counts")
-    found = []
-    for side, wheel in zip(("left", "right"), odometry.wheels, strict=True):
+    discs = []
+    for side, wheel in zip(SIDES, odometry.wheels, strict=True):
         assert isinstance(wheel, LearningWheel)
         try:
-            found.append(wheel.disc())
+            discs.append(wheel.learned_disc())
         except ValueError as error:
             raise ValueError(f"{side} wheel: {error}") from None
-    return found[0], found[1]
+    return discs[0], discs[1]
 
 
-def _centred(places: SlotErrors, entries: Sequence[int]) -> tuple[tuple[float, ...], float]:
-    """Errors of some entries about their mean, and their standard deviation."""
-    errors = [places.errors[each] for each in entries]
-    middle, count = fmean(errors), len(errors)
-    own = [fmean(places.covariance[one][each] for each in entries) for one in entries]
-    whole = fmean(own)
-    variance = sum(places.covariance[each][each] for each in entries) / count - whole
-    return tuple(each - middle for each in errors), sqrt(max(variance, 0.0))
-
-
-RATED_SPEED_RATIO = 0.75  # of the slower motor's rated speed: slower, the motors' ripple hides more
-STEADY_TIME_S = 10.0  # s at that speed each way
-RAMP = ((0.3, 0.4), (0.3, 0.7))  # s, share of the speed
-EDGES_PER_FRAME_MAX = 0.8  # edges between two frames at most, so that each one's time is told
-TURNS_MARGIN = 1.3  # times the turns that are expected
-REPORTED_ERROR_MIN_PITCHES = 0.05  # pitches; a slot that is off by more is named
-MOTOR_RIPPLE_SD_PITCHES = (
-    0.007  # pitches: the motor's ripple goes round with the wheel and passes for slots
-)
+def _about_mean(disc: SlotErrors, entries: Sequence[int]) -> tuple[tuple[float, ...], float]:
+    """Errors of some entries relative to their mean, and their standard deviation."""
+    errors = [disc.errors[entry] for entry in entries]
+    mean = fmean(errors)
+    covariance = disc.covariance
+    row_means = [fmean(covariance[row][entry] for entry in entries) for row in entries]
+    trace = sum(covariance[entry][entry] for entry in entries)
+    variance = trace / len(errors) - fmean(row_means)
+    return tuple(error - mean for error in errors), sqrt(max(variance, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
 class DiscStep:
-    """The step: `seconds` of steady turning each way."""
+    """The step: `seconds` of steady rotation in each direction."""
 
     seconds: float = STEADY_TIME_S
     name: str = "discs"
     title: str = "where the slots of both discs lie"
     lifted: bool = True
 
-    def run(self, rig: RobotSession) -> Running:
-        """Turn both wheels forward, and then backward; learn the discs from the edges' times."""
-        robot = rig.file.robot
+    def run(self, session: RobotSession) -> StepRun:
+        """Turn both wheels forward, then backward; learn the discs from the edge times."""
+        robot = session.file.robot
         if robot.link.protocol == "rosserial" or not robot.board.edge_times:
-            raise RunError(
-                Problem("E-CALIBRATE-ROBOT", "discs", NO_EDGE_TIMES, "then run it again")
-            )
-        rig.meet()
+            raise _error(NO_EDGE_TIMES, "then run it again")
+        session.connect()
         speed = turning_speed(robot)
         turns = TURNS_MARGIN * (self.seconds + 1.0) * speed / (2 * pi)
         yield MotionNotice(
@@ -156,67 +149,51 @@ class DiscStep:
             f"each, at {speed / (2 * pi):.1f} turns a second.",
             turns=turns,
         )
-        frames, volts = [rig.latest()], None
-        for number, way in enumerate((1.0, -1.0)):
+        frames, volts = [session.latest_frame()], None
+        for number, sign in enumerate((1.0, -1.0)):
             yield StepProgress("turning", number, 2)
-            for seconds, share in (*RAMP, (self.seconds, 1.0)):
-                held = way * share * speed
-                heard = rig.hold(Wheels(rig.now, held, held), seconds)
-                frames += heard.encoders
-                volts = next((each.volts for each in heard.of(Battery)), volts)
-            frames += rig.rest().encoders
-        found = self._learnt(robot, frames)
-        return Outcome("discs", list(_findings(found)), list(_report(found)), volts=volts)
-
-    def _learnt(self, robot: Robot, frames: list[Encoders]) -> tuple[LearntDisc, LearntDisc]:
+            for seconds, ratio in (*RAMP, (self.seconds, 1.0)):
+                target = sign * ratio * speed
+                received = session.run_for(Wheels(session.now, target, target), seconds)
+                frames += received.encoders
+                volts = next((battery.volts for battery in received.of(Battery)), volts)
+            frames += session.stop_and_wait().encoders
+        learner = build_block(DiscLearner, robot)
+        learner.reset()
         try:
-            return learn_discs(disc_learner(robot), frames)
+            discs = dict(zip(SIDES, learn_discs(learner, frames), strict=True))
         except ValueError as error:
             fix = "are the wheels off the ground, and did `calibrate encoders` find no fault?"
-            raise RunError(Problem("E-CALIBRATE-ROBOT", "discs", str(error), fix)) from error
+            raise _error(str(error), fix) from error
+        return Outcome("discs", list(_findings(discs)), list(_report(discs)), volts=volts)
 
 
-def disc_learner(robot: Robot) -> DiscLearner:
-    """The odometry that learns the discs of `robot`."""
-    drive, link = robot.drive, robot.link
-    made = DiscLearner(
-        command_delay=link.command_delay,
-        command_jitter=link.command_jitter,
-        stamp_jitter=link.stamp_jitter,
-        telemetry=robot.board.telemetry,
-        edge_times=robot.board.edge_times,
-        track=drive.track,
-        left_side=drive.left,
-        right_side=drive.right,
-    )
-    made.reset()
-    return made
+def _error(cause: str, fix: str) -> RunError:
+    return RunError(Problem("E-CALIBRATE-ROBOT", "discs", cause, fix))
 
 
 def turning_speed(robot: Robot) -> float:
-    """rad/s at which both wheels turn steadily, and each edge's time arrives."""
-    sides = (robot.drive.left, robot.drive.right)
-    by_motor = RATED_SPEED_RATIO * min(side.motor.rated for side in sides)
+    """The speed (rad/s) at which both wheels turn steadily, and each edge time is reported."""
+    sides = drive_sides(robot).values()
+    motor_limit = RATED_SPEED_RATIO * min(side.motor.rated for side in sides)
     slots = max(side.encoder.slots for side in sides)
-    return float(min(by_motor, EDGES_PER_FRAME_MAX * robot.board.telemetry * 2 * pi / slots))
+    return float(min(motor_limit, EDGES_PER_FRAME_MAX * robot.board.telemetry * 2 * pi / slots))
 
 
-def _findings(discs: tuple[LearntDisc, LearntDisc]) -> Iterator[Finding]:
-    for side, disc in zip(("left", "right"), discs, strict=True):
+def _findings(discs: dict[str, LearnedDisc]) -> Iterator[Finding]:
+    for side, disc in discs.items():
         sd = sqrt(disc.sd**2 + MOTOR_RIPPLE_SD_PITCHES**2)
         yield Finding(f"drive.{side}.encoder.slot_errors", disc.forward, sd)
         if disc.backward:
             yield Finding(f"drive.{side}.encoder.back_errors", disc.backward, sd)
 
 
-def _report(discs: tuple[LearntDisc, LearntDisc]) -> Iterator[str]:
-    for side, disc in zip(("left", "right"), discs, strict=True):
+def _report(discs: dict[str, LearnedDisc]) -> Iterator[str]:
+    for side, disc in discs.items():
         errors = disc.forward
-        spread = sqrt(sum(each * each for each in errors) / len(errors))
-        far = [
-            number for number, each in enumerate(errors) if abs(each) > REPORTED_ERROR_MIN_PITCHES
-        ]
-        named = f"; {len(far)} of them by more than {REPORTED_ERROR_MIN_PITCHES:.0%}" if far else ""
+        spread = sqrt(sum(error * error for error in errors) / len(errors))
+        large = sum(abs(error) > REPORTED_ERROR_MIN_PITCHES for error in errors)
+        named = f"; {large} of them by more than {REPORTED_ERROR_MIN_PITCHES:.0%}" if large else ""
         yield (
             f"{side} disc: {len(errors)} slots lie {spread:.1%} of a pitch from their even places"
             f"{named}; known to {disc.sd:.1%}"

@@ -1,30 +1,22 @@
-"""`calibrate distance`: the scale of all lengths, from a metre by the tape."""
+"""`calibrate distance`: the scale of all lengths, from straight drives measured with a tape."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot
 
-from diffbotctl.calibrate import autonomous_drive
+from diffbotctl.calibrate.autonomous_drive import drive_to
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import (
-    MarkFloor,
-    Message,
-    MotionNotice,
-    Outcome,
-    Running,
-    StepProgress,
-)
-from diffbotctl.prompts.question import Question
+from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
+from diffbotctl.config.robot import Robot
+from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 
 REPEATS = 5
-TAPE_SD_RATIO = 0.001  # of the distance: what a tape on the floor and an eye can tell
-REACH_MARGIN_RATIO = 0.25  # of the commanded distance: what a wrong wheel size may add
-READING_ERROR_RATIO_MAX = (
-    0.35  # of the commanded distance that a reading may differ; more is a slip of the pen
-)
+TAPE_SD_RATIO = 0.001  # of the distance
+REACH_MARGIN_RATIO = 0.25  # of the distance, for a wrong wheel diameter
+READING_ERROR_RATIO_MAX = 0.35  # of the distance; more is a mistake in writing
 MM = 1000.0
 
 
@@ -38,9 +30,9 @@ class DistanceStep:
     title: str = "the size of the wheels, by the tape"
     lifted: bool = False
 
-    def run(self, rig: RobotSession) -> Running:
-        """Drive, have it measured, again; the scale is the tape's over the odometry's."""
-        rig.meet()
+    def run(self, session: RobotSession) -> StepRun:
+        """Drive and have the distance measured, repeatedly; the scale is tape over odometry."""
+        session.connect()
         reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and never "
@@ -51,15 +43,15 @@ class DistanceStep:
         for number in range(self.repeats):
             yield StepProgress("metre by metre", number, self.repeats)
             yield MarkFloor("Put the robot at the start and mark the floor beside both tyres.")
-            end = autonomous_drive.drive_to(rig, [(self.metres, 0.0, None)], reach)
-            gone = hypot(end.x, end.y)
-            reading = yield self._question(number)
-            scales.append(float(reading) / gone)
-            yield Message(
-                f"the wheels told {gone * MM:.0f} mm, the tape {float(reading) * MM:.0f} mm"
-            )
+            end = drive_to(session, [(self.metres, 0.0, None)], reach)
+            odometry = hypot(end.x, end.y)
+            tape = float((yield self._question(number)))
+            scales.append(tape / odometry)
+            yield Message(f"the wheels told {odometry * MM:.0f} mm, the tape {tape * MM:.0f} mm")
         scale = robust_mean(scales, TAPE_SD_RATIO)
-        return Outcome("distance", _findings(rig, scale), self._report(rig, scale, scales))
+        return Outcome(
+            "distance", _findings(session.file.robot, scale), self._report(scale, scales)
+        )
 
     def _question(self, number: int) -> Question:
         return Question(
@@ -67,33 +59,33 @@ class DistanceStep:
             f"Drive {number + 1} of {self.repeats}: how far did it go, from mark to tyre, by the "
             "tape?",
             unit="m",
-            written="mm",
-            least=self.metres * (1 - READING_ERROR_RATIO_MAX),
-            most=self.metres * (1 + READING_ERROR_RATIO_MAX),
-            why="no tyre is so far off its stated size; is it millimetres?",
+            default_unit="mm",
+            minimum=self.metres * (1 - READING_ERROR_RATIO_MAX),
+            maximum=self.metres * (1 + READING_ERROR_RATIO_MAX),
+            limit_reason="no tyre is so far off its stated size; is it millimetres?",
             quantity="distance",
         )
 
-    def _report(self, rig: RobotSession, scale: RobustMean, scales: list[float]) -> list[str]:
+    def _report(self, scale: RobustMean, scales: list[float]) -> list[str]:
         lines = [
             f"drive {number + 1} left out: {scales[number]:.4f} times, unlike the others"
-            for number in scale.strays
+            for number in scale.outliers
         ]
         lines.append(
-            f"the robot goes {scale.value:.4f} times as far as it believed, +- {scale.half:.4f} "
-            f"(95 %), spread of one drive {scale.spread * self.metres * MM:.1f} mm"
+            f"the robot goes {scale.value:.4f} times as far as it believed, +- "
+            f"{scale.half_width:.4f} (95 %), spread of one drive "
+            f"{scale.spread * self.metres * MM:.1f} mm"
         )
         return lines
 
 
-def _findings(rig: RobotSession, scale: RobustMean) -> list[Finding]:
-    """Both diameters. A track that was found by turning goes with them: what was told by turning
-    is the share of track and diameter, and that stays."""
-    drive = rig.file.robot.drive
-    found = [
-        Finding(path, side.wheel.diameter * scale.value, side.wheel.diameter * scale.sd)
-        for path, side in ((RIGHT_DIAMETER, drive.right), (LEFT_DIAMETER, drive.left))
+def _findings(robot: Robot, scale: RobustMean) -> list[Finding]:
+    """Both diameters. A track that was calibrated by turning is scaled with them: turning
+    determines the ratio of track and diameter."""
+    drive = robot.drive
+    lengths = {RIGHT_DIAMETER: drive.right.wheel.diameter, LEFT_DIAMETER: drive.left.wheel.diameter}
+    if TRACK in robot.calibration:
+        lengths[TRACK] = drive.track
+    return [
+        Finding(field, length * scale.value, length * scale.sd) for field, length in lengths.items()
     ]
-    if TRACK in rig.file.robot.calibration:
-        found.append(Finding(TRACK, drive.track * scale.value, drive.track * scale.sd))
-    return found

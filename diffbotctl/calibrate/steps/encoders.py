@@ -1,7 +1,8 @@
-"""`calibrate encoders`: which wire is which, which way is forward, how many slots, how much bounce.
+"""`calibrate encoders`: wiring, directions, slots and bounce of motors and encoders.
 
-Pulses are short and go to one motor at a time, without any closed loop: a loop whose motor turns
-the wrong way only pushes harder. What the pulses prove lifts the speed cap of unproven robots.
+The pulses are short and go to one motor at a time, without a closed loop: a loop whose motor turns
+the wrong way only increases the duty. Directions that the pulses prove lift the speed limit of
+unproven robots.
 """
 
 from __future__ import annotations
@@ -11,46 +12,32 @@ from dataclasses import dataclass
 from math import pi
 from typing import Any
 
-from diffbotctl.calibrate import encoder_fit, wiring_detection
+from diffbotctl.calibrate import encoder_fit
 from diffbotctl.calibrate.result import Finding, PartResult
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import (
-    Event,
-    ManualAction,
-    MarkFloor,
-    Message,
-    MotionNotice,
-    Outcome,
-    Running,
-    StepProgress,
+from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.wiring_detection import (
+    MotorPulse,
+    WheelMotion,
+    detect_wiring,
+    wiring_findings,
 )
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Duty
-from diffbotctl.prompts.question import Question
+from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Question
 
-# The board takes a wheel without edges for stalled after 0.5 s above 0.3 of duty.
-PULSE_TIME_S = 0.4  # s
-GENTLE_DUTY, STRONG_DUTY = 0.45, 0.8  # duty: three times a usual dead band; what a stiff gear needs
-RATED_SPEED_RATIO_MAX = 1.6  # times the rated speed: what the robot file may understate it by
-LISTEN_TIME_S = 0.5  # s after a pulse, until the last edge has been told
-MOTION_CHOICES = (
-    "none",
-    "left forward",
-    "left backward",
-    "right forward",
-    "right backward",
-    "both forward",
-    "both backward",
-    "opposite ways",
-)
-TURNS_PER_ROLL = 10  # by hand; a miss of 5 degrees at the end is a seventh of a per cent
-ROLLS_PER_WHEEL = 3  # repeats, so that one that was miscounted shows
+PULSE_TIME_S = 0.4  # the board detects a stall after 0.5 s without edges above 0.3 of duty
+WEAK_DUTY, STRONG_DUTY = 0.45, 0.8  # three times a usual dead band; enough for a stiff gear
+RATED_SPEED_RATIO_MAX = 1.6  # the robot file may state a rated speed that is too low by this
+ROLL_LISTEN_TIME_S = 0.5  # until the last edge is reported
+TURNS_PER_ROLL = 10  # an error of 5 degrees at the end is 0.14 %
+ROLLS_PER_WHEEL = 3  # so that a miscounted one is detected
 
 
 @dataclass(frozen=True, slots=True)
 class EncoderStep:
-    """The step. `rolls` of `turns` turns by hand for each wheel; 0: the slots are not counted."""
+    """The step: for each wheel, `rolls` of `turns` turns by hand; 0: do not count the slots."""
 
     turns: int = TURNS_PER_ROLL
     rolls: int = ROLLS_PER_WHEEL
@@ -58,135 +45,125 @@ class EncoderStep:
     title: str = "which wire is which, which way is forward, how many slots"
     lifted: bool = True
 
-    def run(self, rig: RobotSession) -> Running:
-        """Pulses, what they show, a proof of it, then turns by hand."""
-        rig.meet()
-        resting = dict(zip(SIDES, rig.still, strict=True))
-        yield _motion_notice(rig, "first the left, then the right motor")
+    def run(self, session: RobotSession) -> StepRun:
+        """Pulse the motors, detect the wiring, prove the directions, then have wheels turned."""
+        session.connect()
+        noise = dict(zip(SIDES, session.standstill_counts, strict=True))
+        yield _motion_notice(session, "first the left, then the right motor")
         pulses = {}
-        for channel in SIDES:
-            pulses[channel] = yield from _pulse(rig, channel)
-        found = wiring_detection.detect_wiring(pulses, resting)
-        for fault in found.mended:
-            yield Message(f"found: {fault}. Settings make up for it, the wires may stay.")
-        if rig.noisy:
-            # The board takes settings only at rest, which it cannot see now.
-            counted = yield from self._slots(rig, found.socket)
-            report = [*found.mended, *counted.report]
-            return Outcome("encoders", [], report, [*found.faults, *counted.faults])
-        findings = wiring_detection.wiring_findings(found, rig.file.robot)
+        for output in SIDES:
+            pulses[output] = yield from _pulse(session, output)
+        wiring = detect_wiring(pulses, noise)
+        for correction in wiring.corrections:
+            yield Message(f"found: {correction}. Settings make up for it, the wires may stay.")
+        if session.is_noisy:
+            # The board takes settings only at standstill, which it cannot detect now.
+            slots = yield from self._count_slots(session, wiring.input)
+            report = [*wiring.corrections, *slots.report]
+            return Outcome("encoders", [], report, [*wiring.faults, *slots.faults])
+        findings = wiring_findings(wiring, session.file.robot)
         if findings:
-            rig.attempt(findings)
-        if found.proven:
-            findings += yield from _prove_directions(rig)
-        gathers = rig.capture(True) is not None
-        # From here on the board hears each wheel as its own side.
-        heard = {side: socket and side for side, socket in found.socket.items()}
-        counted = yield from self._slots(rig, heard)
-        flanks = rig.capture(False) or [] if gathers else []
-        findings += counted.findings
-        faults = [*found.faults, *counted.faults]
-        report = [*found.mended, *_wiring_report(found), *counted.report]
+            session.try_findings(findings)
+        if wiring.is_complete:
+            findings += yield from _prove_directions(session)
+        can_capture = session.capture_edges(True) is not None
+        # With the findings applied, each encoder counts at the input of its own side.
+        inputs = {side: side if socket else None for side, socket in wiring.input.items()}
+        parts = [(yield from self._count_slots(session, inputs))]
+        edges = session.capture_edges(False) or [] if can_capture else []
         if self.rolls:
-            robot = rig.file.robot
-            told = [encoder_fit.measure_glitch(flanks, robot)] if gathers else []
-            if not faults:  # with one, this step is run again when it is mended
-                told.append(encoder_fit.measure_slot_duty(flanks, robot))
-            for each in told:
-                findings += each.findings
-                faults += each.faults
-                report += each.report
+            robot = session.file.robot
+            if can_capture:
+                parts.append(encoder_fit.measure_glitch(edges, robot))
+            if not wiring.faults and not parts[0].faults:  # with a fault, this step is repeated
+                parts.append(encoder_fit.measure_slot_duty(edges, robot))
+        report = [*wiring.corrections]
+        if not wiring.corrections and not wiring.faults:
+            report.append("wires, directions and encoders are as the robot file states")
+        faults = [*wiring.faults]
+        for part in parts:
+            findings += part.findings
+            faults += part.faults
+            report += part.report
         return Outcome("encoders", findings, report, faults)
 
-    def _slots(
-        self, rig: RobotSession, sockets: Mapping[str, str | None]
+    def _count_slots(
+        self, session: RobotSession, inputs: Mapping[str, str | None]
     ) -> Generator[Event, Any, PartResult]:
-        """Turn by hand each wheel whose encoder answers, at the socket where it does."""
+        """Have each wheel with a working encoder turned by hand, and count at its input."""
         rolls: dict[str, list[int]] = {}
         for side in SIDES:
-            socket = sockets[side]
-            if socket is None or not self.rolls:
+            encoder = inputs[side]
+            if encoder is None or not self.rolls:
                 continue
             rolls[side] = []
             for number in range(self.rolls):
                 yield StepProgress(f"{side} wheel by hand", number, self.rolls)
-                rolls[side].append((yield from self._roll(rig, side, socket)))
-        return encoder_fit.count_slots(rolls, self.turns, rig.file.robot)
+                rolls[side].append((yield from self._roll(session, side, encoder)))
+        return encoder_fit.count_slots(rolls, self.turns, session.file.robot)
 
-    def _roll(self, rig: RobotSession, side: str, socket: str) -> Generator[Event, Any, int]:
-        """Counts at a socket while a wheel is turned by hand."""
-        before = _counts(rig)
+    def _roll(self, session: RobotSession, side: str, encoder: str) -> Generator[Event, Any, int]:
+        """Counts at an input while a wheel is turned by hand."""
+        before = _counts(session)
         turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
         text = (
             f"Turn the {side} wheel by hand, forward, through exactly {turns}, "
             "no faster than a turn a second; a mark on the tyre helps."
         )
         yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
-        rig.listen(LISTEN_TIME_S)
-        return abs(_counts(rig)[socket] - before[socket])
+        session.listen(ROLL_LISTEN_TIME_S)
+        return abs(_counts(session)[encoder] - before[encoder])
 
 
-def _motion_notice(rig: RobotSession, which: str) -> MotionNotice:
-    most = _turns_max(rig)
+def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
+    drive = session.file.robot.drive
+    rated = max(drive.left.motor.rated, drive.right.motor.rated)
+    # The most by which the pulses of one notice can turn a wheel.
+    turns = (WEAK_DUTY + STRONG_DUTY) * RATED_SPEED_RATIO_MAX * rated * PULSE_TIME_S / (2 * pi)
     text = (
         "The wheels must be off the ground. Each motor gets short pulses, "
-        f"{which}: no wheel turns more than {most:.1f} turns."
+        f"{motors}: no wheel turns more than {turns:.1f} turns."
     )
-    # The pulses are short enough by themselves; the counts are what is to be found out.
-    return MotionNotice(text, most, watched=False)
+    # The pulses are short enough to need no limit; the counts are still unknown.
+    return MotionNotice(text, turns, watched=False)
 
 
-def _turns_max(rig: RobotSession) -> float:
-    """What the pulses of one announcement can turn a wheel by, at worst."""
-    drive = rig.file.robot.drive
-    rated = max(drive.left.motor.rated, drive.right.motor.rated)
-    return (GENTLE_DUTY + STRONG_DUTY) * RATED_SPEED_RATIO_MAX * rated * PULSE_TIME_S / (2 * pi)
-
-
-def _pulse(rig: RobotSession, channel: str) -> Generator[Event, Any, wiring_detection.MotorPulse]:
-    """Push one motor; more strongly when nothing has moved."""
-    seen, counts = "none", dict.fromkeys(SIDES, 0)
-    for duty in (GENTLE_DUTY, STRONG_DUTY):
-        yield MarkFloor(f"Look at both wheels: the {channel} motor's pins are driven now.")
-        before = _counts(rig)
-        rig.hold(_single_motor(channel, duty), PULSE_TIME_S)
-        rig.rest()
-        counts = {side: abs(now - before[side]) for side, now in _counts(rig).items()}
-        seen = yield _motion_question("encoders.wheel", "Which wheel turned, and which way?")
-        if seen != "none":
+def _pulse(session: RobotSession, output: str) -> Generator[Event, Any, MotorPulse]:
+    """Pulse one motor; with a stronger pulse if nothing moved."""
+    seen, counts = WheelMotion.NONE, dict.fromkeys(SIDES, 0)
+    for duty in (WEAK_DUTY, STRONG_DUTY):
+        yield MarkFloor(f"Look at both wheels: the {output} motor's pins are driven now.")
+        before = _counts(session)
+        pulse = Duty(0, duty, 0.0) if output == "left" else Duty(0, 0.0, duty)
+        session.run_for(pulse, PULSE_TIME_S)
+        session.stop_and_wait()
+        counts = {side: abs(count - before[side]) for side, count in _counts(session).items()}
+        seen = yield from _ask_motion("encoders.wheel", "Which wheel turned, and which way?")
+        if seen is not WheelMotion.NONE:
             break
-    return wiring_detection.MotorPulse(channel, seen, counts)
+    return MotorPulse(output, seen, counts)
 
 
-def _prove_directions(rig: RobotSession) -> Generator[Event, Any, list[Finding]]:
-    """Both motors forward with what was found: only the eye can tell that it is true."""
-    rig.meet()
-    yield _motion_notice(rig, "both at once and forward")
+def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Finding]]:
+    """Drive both motors forward with the findings applied; only a person can see the result."""
+    session.connect()
+    yield _motion_notice(session, "both at once and forward")
     yield MarkFloor("Look at both wheels: both motors are driven forward now.")
-    rig.hold(Duty(0, GENTLE_DUTY, GENTLE_DUTY), PULSE_TIME_S)
-    rig.rest()
-    seen = yield _motion_question("encoders.proof", "Which wheels turned, and which way?")
-    if seen == "both forward":
+    session.run_for(Duty(0, WEAK_DUTY, WEAK_DUTY), PULSE_TIME_S)
+    session.stop_and_wait()
+    seen = yield from _ask_motion("encoders.proof", "Which wheels turned, and which way?")
+    if seen is WheelMotion.BOTH_FORWARD:
         return [Finding("drive.polarity", "calibrated")]
     cause = f"both motors were driven forward, and what turned was: {seen}"
     fix = "was a wheel taken for the other, or its front for its back? Run this step again"
     raise RunError(Problem("E-CALIBRATE-ROBOT", "encoders", cause, fix))
 
 
-def _motion_question(name: str, text: str) -> Question:
-    return Question(name, text, choices=MOTION_CHOICES, quantity="wheel")
+def _ask_motion(name: str, text: str) -> Generator[Event, Any, WheelMotion]:
+    choices = tuple(motion.value for motion in WheelMotion)
+    return WheelMotion((yield Question(name, text, choices=choices, quantity="wheel")))
 
 
-def _single_motor(channel: str, duty: float) -> Duty:
-    return Duty(0, duty, 0.0) if channel == "left" else Duty(0, 0.0, duty)
-
-
-def _counts(rig: RobotSession) -> dict[str, int]:
-    last = rig.latest()
-    return {"left": last.left, "right": last.right}
-
-
-def _wiring_report(found: wiring_detection.DetectedWiring) -> list[str]:
-    if found.mended or found.faults:
-        return []
-    return ["wires, directions and encoders are as the robot file states"]
+def _counts(session: RobotSession) -> dict[str, int]:
+    frame = session.latest_frame()
+    return {"left": frame.left, "right": frame.right}

@@ -1,7 +1,4 @@
-"""From what was measured of two motors to the fields of the robot file, and to words.
-
-`calibrate motors`: dead band, speed against duty, lag; from these the wheels' speed loops.
-"""
+"""`calibrate motors`: dead band, speed against duty and lag of both motors, for the speed loops."""
 
 from __future__ import annotations
 
@@ -9,94 +6,177 @@ from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
 
-from diffbotctl.calibrate import motor_experiments, motor_fit
 from diffbotctl.calibrate.motor_experiments import (
+    CM,
+    DIRECTIONS,
     DUTY_LEVELS,
     MEASURING_TIME_S,
     SETTLING_TIME_S,
-    SpeedsByDuty,
+    Motion,
+    SpeedsByMotion,
+    check_creep,
+    duty_staircase,
+    measure_breakaway,
+    measure_speeds,
+    record_steps,
 )
-from diffbotctl.calibrate.motor_fit import DEAD_TIME_STEP_S, LagFit, SpeedDutyLine
+from diffbotctl.calibrate.motor_fit import (
+    DEAD_TIME_STEP_S,
+    LagFit,
+    SpeedDutyLine,
+    StepResponse,
+    fit_lag,
+    fit_line,
+)
 from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import MotionNotice, Outcome, Running
+from diffbotctl.calibrate.session import RobotSession, drive_sides
+from diffbotctl.calibrate.step import Outcome, StepRun
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import is_duty_board
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.messages import Battery
+from diffbotctl.prompts.question import MotionNotice
 
-INTEGRAL_GAIN_PER_S = (
-    0.25  # 1/s; integral gain over kV: what is missing is made good within some seconds
-)
-PROPORTIONAL_GAIN_RATIO = (
-    0.0  # of kV: the speed of one slot alone is 4 % wrong, and would be passed on
-)
-SPEED_LIMIT_RATIO = (
-    0.95  # of full power's speed: the loops need the rest, and so does a weaker battery
-)
-CM = 100  # in a metre; limits are rounded down to whole ones
-DIRECTION_DIFFERENCE_MAX = (
-    0.15  # between the directions of one motor: more is a fault of its gear or driver
-)
+INTEGRAL_GAIN_RATIO = 0.25  # 1/s; over the feed-forward slope: a deficit is corrected in seconds
+PROPORTIONAL_GAIN_RATIO = 0.0  # the speed over one slot has an error of 4 %, and would be amplified
+SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a weaker battery
+STATIC_DUTY_MAX = 0.75
+DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
+COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
+RATED_SPEED_RATIO_MAX = 1.6  # the robot file may state a rated speed that is too low by this
+BATTERY_LISTEN_TIME_S = 1.0
 
 
 class MotorFit(NamedTuple):
-    """What was measured of one motor."""
+    """The parameters of one motor."""
 
-    start: dict[str, float]
-    """duty that breaks it loose, by direction"""
+    breakaway: dict[str, float]
+    """duty at which it starts, by direction"""
     lines: dict[str, SpeedDutyLine]
     """by direction"""
     line: SpeedDutyLine
-    """of both directions together"""
+    """for both directions"""
     lag: LagFit
 
 
-def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
-    """Motors and loops of both sides, and a speed limit that both can keep."""
+@dataclass(frozen=True, slots=True)
+class MotorStep:
+    """The step."""
+
+    name: str = "motors"
+    title: str = "dead band, speed, lag; sets the speed loops"
+    lifted: bool = True
+
+    def run(self, session: RobotSession) -> StepRun:
+        """Measure breakaway duties, speeds and step responses, then try the fitted loops."""
+        session.connect()
+        robot = session.file.robot
+        yield _motion_notice(robot)
+        breakaway = yield from measure_breakaway(session)
+        speeds = yield from measure_speeds(session)
+        steps = yield from record_steps(session)
+        lags = _fit_lags(robot, steps)
+        motors = {side: _fit_motor(side, breakaway, speeds, lags[side]) for side in SIDES}
+        findings = [*_motor_findings(robot, motors), *_delay_findings(session.file.nominal, motors)]
+        session.try_findings(findings)
+        faults = [*_direction_faults(motors), *(yield from check_creep(session))]
+        volts = session.listen(BATTERY_LISTEN_TIME_S).battery_volts
+        return Outcome("motors", findings, _report(robot, motors), faults, volts=volts)
+
+
+def _motion_notice(robot: Robot) -> MotionNotice:
+    rated = max(robot.drive.left.motor.rated, robot.drive.right.motor.rated)
+    # The longest motion in one direction: all levels, or all steps.
+    levels = sum(DUTY_LEVELS) * (SETTLING_TIME_S + MEASURING_TIME_S)
+    duty_seconds = max(levels, duty_staircase(robot).duty_seconds)
+    turns = RATED_SPEED_RATIO_MAX * rated * duty_seconds / (2 * pi)
+    duration = "two and a half minutes" if is_duty_board(robot) else "a minute and a half"
+    return MotionNotice(
+        "The wheels must be off the ground. Both motors are driven together, forward and backward, "
+        f"slowly at first, then up to 0.9 of full power: about {duration}, at most "
+        f"{turns:.0f} turns one way.",
+        turns,
+    )
+
+
+def _fit_lags(robot: Robot, steps: list[StepResponse]) -> dict[str, LagFit]:
+    """The lag of each wheel. Raises RunError if the wheels did not follow the steps."""
+    side = "left or the right"
+    try:
+        if is_duty_board(robot):
+            jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S)
+            lag = fit_common_lag(steps, robot.drive.left.encoder.slots, jitter)
+            return dict.fromkeys(SIDES, lag)
+        lags = {}
+        for side, section in drive_sides(robot).items():
+            lags[side] = fit_lag(steps, side == "left", section.encoder.slots)
+        return lags
+    except ValueError as error:
+        raise _unusable_wheel(side, error) from error
+
+
+def _unusable_wheel(side: str, error: ValueError) -> RunError:
+    fix = "run `diffbotctl calibrate encoders`, which finds dead motors and encoders"
+    return RunError(Problem("E-CALIBRATE-ROBOT", "motors", f"the {side} wheel: {error}", fix))
+
+
+def _fit_motor(
+    side: str, breakaway: dict[Motion, float], speeds: SpeedsByMotion, lag: LagFit
+) -> MotorFit:
+    """Raises RunError if the wheel did not follow the duties."""
+    points = {direction: speeds[side, direction] for direction in DIRECTIONS}
+    try:
+        lines = {direction: fit_line(points[direction]) for direction in DIRECTIONS}
+        line = fit_line([*points["forward"], *points["backward"]])
+    except ValueError as error:
+        raise _unusable_wheel(side, error) from error
+    return MotorFit({name: breakaway[side, name] for name in DIRECTIONS}, lines, line, lag)
+
+
+def _motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
+    """The motor and the loop of each side, and a speed limit that both motors can keep."""
     slope = sum(motor.line.slope for motor in motors.values()) / len(motors)
-    made = []
+    findings = []
     for side, motor in motors.items():
         line, path = motor.line, f"drive.{side}.motor"
-        static = min(max(line.static, 0.0), 0.75)
-        made += [
+        static = min(max(line.static, 0.0), STATIC_DUTY_MAX)
+        findings += [
             Finding(f"{path}.rated", line.rated, line.rated * line.slope_sd / line.slope),
-            Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.parted)),
+            Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.split_sd)),
             Finding(f"{path}.loop.static", static, line.static_sd),
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", PROPORTIONAL_GAIN_RATIO * slope),
-            Finding(f"{path}.loop.integral", INTEGRAL_GAIN_PER_S * slope),
+            Finding(f"{path}.loop.integral", INTEGRAL_GAIN_RATIO * slope),
         ]
-    return [*made, *_speed_limit(robot, motors)]
+    speed = min(
+        motors[side].line.rated * section.wheel.diameter / 2
+        for side, section in drive_sides(robot).items()
+    )
+    limit = floor(SPEED_LIMIT_RATIO * speed * CM) / CM
+    if limit < robot.limits.speed:
+        findings.append(Finding("limits.speed", limit))
+    return findings
 
 
-def _speed_limit(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
-    """A speed limit that both motors can keep, where the stated one is too much for them."""
-    drive = {"left": robot.drive.left, "right": robot.drive.right}
-    reach = min(motors[side].line.rated * drive[side].wheel.diameter / 2 for side in SIDES)
-    kept = floor(SPEED_LIMIT_RATIO * reach * CM) / CM
-    return [Finding("limits.speed", kept)] if kept < robot.limits.speed else []
+def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
+    """The delay from a command to the motors, if it differs from the stated one.
 
-
-def delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
-    """The time from a command to the motors, where it is another than the file states.
-
-    A board that tells when a command took hold leaves only the motors' own dead time to be added
-    to what is stated of the link.
+    If the board reports when a command took effect, only the dead time of the motors is added to
+    the stated delay of the link.
     """
     lags = [motor.lag for motor in motors.values()]
-    dead = sum(lag.dead for lag in lags) / len(lags)
-    parted = max(lag.parted for lag in lags)
+    dead_time = sum(lag.dead_time for lag in lags) / len(lags)
     if is_duty_board(nominal):
-        return [Finding("link.command_delay", dead, hypot(lags[0].sd, parted))]
-    if not dead:
+        sd = hypot(lags[0].sd, max(lag.split_sd for lag in lags))
+        return [Finding("link.command_delay", dead_time, sd)]
+    if not dead_time:
         return []
-    return [Finding("link.command_delay", nominal.link.command_delay + dead, DEAD_TIME_STEP_S)]
+    delay = nominal.link.command_delay + dead_time
+    return [Finding("link.command_delay", delay, DEAD_TIME_STEP_S)]
 
 
-def direction_faults(motors: dict[str, MotorFit]) -> list[str]:
-    """Motors that run one way much better than the other."""
+def _direction_faults(motors: dict[str, MotorFit]) -> list[str]:
+    """Motors that are much faster in one direction than in the other."""
     faults = []
     for side, motor in motors.items():
         forward, backward = motor.lines["forward"].rated, motor.lines["backward"].rated
@@ -108,110 +188,21 @@ def direction_faults(motors: dict[str, MotorFit]) -> list[str]:
     return faults
 
 
-def motor_report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
-    """The table of both motors, and the slowest speed that can be had of them."""
+def _report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
+    """The table of both motors, and the lowest speed at which both wheels start."""
     lines = [f"{'':<15} {'starts':>7} {'keeps':>7} {'full power':>12} {'lag':>8} {'dead time':>10}"]
     for side, motor in motors.items():
-        for way, line in motor.lines.items():
+        for direction, line in motor.lines.items():
             lines.append(
-                f"{side + ' ' + way:<15} {motor.start[way]:>7.3f} {line.static:>7.3f} "
-                f"{line.rated:>6.2f} rad/s {motor.lag.lag * 1000:>5.0f} ms "
-                f"{motor.lag.dead * 1000:>7.0f} ms"
+                f"{side + ' ' + direction:<15} {motor.breakaway[direction]:>7.3f} "
+                f"{line.static:>7.3f} {line.rated:>6.2f} rad/s {motor.lag.lag * 1000:>5.0f} ms "
+                f"{motor.lag.dead_time * 1000:>7.0f} ms"
             )
-    slowest = max(
-        max(max(motor.start.values()) - motor.line.static, 0.0) / motor.line.slope
+    speed = max(
+        max(max(motor.breakaway.values()) - motor.line.static, 0.0) / motor.line.slope
         for motor in motors.values()
     )
     radius = max(robot.drive.left.wheel.diameter, robot.drive.right.wheel.diameter) / 2
-    slowest *= radius * CM
-    lines.append(f"slowest speed at which both wheels start by themselves: {slowest:.1f} cm/s")
+    speed *= radius * CM
+    lines.append(f"slowest speed at which both wheels start by themselves: {speed:.1f} cm/s")
     return lines
-
-
-COMMAND_JITTER_MIN_S = 0.005  # s, sd of when a board that does not tell takes a command
-RATED_SPEED_RATIO_MAX = 1.6  # times the rated speed: what the robot file may understate it by
-
-
-@dataclass(frozen=True, slots=True)
-class MotorStep:
-    """The step."""
-
-    name: str = "motors"
-    title: str = "dead band, speed, lag; sets the speed loops"
-    lifted: bool = True
-
-    def run(self, rig: RobotSession) -> Running:
-        """Dead bands, then speeds, then steps, then the loops are tried."""
-        rig.meet()
-        yield _motion_notice(rig)
-        starts = yield from motor_experiments.measure_breakaway(rig)
-        levels = yield from motor_experiments.measure_speeds(rig)
-        steps = yield from motor_experiments.record_steps(rig)
-        robot = rig.file.robot
-        lags = _fit_lags(robot, steps)
-        motors = {side: _fit_motor(side, starts, levels, lags[side]) for side in SIDES}
-        findings = motor_findings(robot, motors)
-        findings += delay_findings(rig.file.nominal, motors)
-        rig.attempt(findings)
-        faults = [*direction_faults(motors), *(yield from motor_experiments.check_creep(rig))]
-        report = motor_report(robot, motors)
-        return Outcome("motors", findings, report, faults, volts=_battery_volts(rig))
-
-
-def _motion_notice(rig: RobotSession) -> MotionNotice:
-    drive = rig.file.robot.drive
-    rated = max(drive.left.motor.rated, drive.right.motor.rated)
-    # The longest way in one direction: all levels, or all steps.
-    levels = sum(DUTY_LEVELS) * (SETTLING_TIME_S + MEASURING_TIME_S)
-    way = max(levels, motor_experiments.duty_staircase(rig.file.robot).way)
-    most = RATED_SPEED_RATIO_MAX * rated * way / (2 * pi)
-    return MotionNotice(
-        "The wheels must be off the ground. Both motors are driven together, forward and backward, "
-        f"slowly at first, then up to 0.9 of full power: about {_duration_text(rig.file.robot)}, "
-        f"at most {most:.0f} turns one way.",
-        most,
-    )
-
-
-def _duration_text(robot: Robot) -> str:
-    return "two and a half minutes" if is_duty_board(robot) else "a minute and a half"
-
-
-def _fit_lags(robot: Robot, steps: list[motor_fit.StepResponse]) -> dict[str, LagFit]:
-    """Raises RunError when the wheels do not do what is to be measured."""
-    slots = motor_experiments.slots_by_side(robot)
-    side = "left or the right"
-    try:
-        if is_duty_board(robot):
-            jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S)
-            return dict.fromkeys(SIDES, fit_common_lag(steps, slots["left"], jitter))
-        found = {}
-        for side in SIDES:
-            found[side] = motor_fit.fit_lag(steps, side == "left", slots[side])
-        return found
-    except ValueError as error:
-        raise _unusable_wheel(side, error) from error
-
-
-def _unusable_wheel(side: str, error: ValueError) -> RunError:
-    fix = "run `diffbotctl calibrate encoders`, which finds dead motors and encoders"
-    return RunError(Problem("E-CALIBRATE-ROBOT", "motors", f"the {side} wheel: {error}", fix))
-
-
-def _fit_motor(side: str, starts: dict[str, float], levels: SpeedsByDuty, lag: LagFit) -> MotorFit:
-    """Raises RunError when the wheel does not do what is to be measured."""
-    ways = {way: levels[f"{side} {way}"] for way in ("forward", "backward")}
-    try:
-        lines = {
-            way: motor_fit.fit_line(*zip(*points, strict=True)) for way, points in ways.items()
-        }
-        both = motor_fit.fit_line(*zip(*ways["forward"], *ways["backward"], strict=True))
-    except ValueError as error:
-        raise _unusable_wheel(side, error) from error
-    return MotorFit({way: starts[f"{side} {way}"] for way in ways}, lines, both, lag)
-
-
-def _battery_volts(rig: RobotSession) -> float | None:
-    """The battery's voltage, where the robot measures it."""
-    heard = rig.listen(1.0).of(Battery)
-    return heard[-1].volts if heard else None

@@ -1,4 +1,4 @@
-"""`calibrate geometry` by squares: UMBmark, driven by the robot itself, measured by a person.
+"""`calibrate geometry` with squares: UMBmark, driven by the robot and measured by a person.
 
 Source of the procedure: Borenstein & Feng 1996, see umbmark.py.
 """
@@ -8,94 +8,107 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass
 from math import degrees, hypot, isnan, nan, pi, sqrt
-from typing import Any
+from typing import Any, Literal
 
-from diffbotctl.calibrate import autonomous_drive, umbmark
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate import umbmark
+from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import (
-    Event,
-    MarkFloor,
-    Message,
-    MotionNotice,
-    Outcome,
-    Running,
-    ScatterPlot,
-    StepProgress,
-)
-from diffbotctl.calibrate.umbmark import UmbmarkResult
+from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
+from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
-from diffbotctl.prompts.question import FACING, Question
+from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 from diffbotctl.render import end_error_svg
 from diffbotctl.units import quantity
 
-RUNS_PER_DIRECTION = 5  # squares each way round
-DIAGONAL_RATIO = sqrt(2.0)  # of the side: how far the far corner is
-REACH_MARGIN_RATIO = 0.25  # of the side: what a wrong geometry may add
+RUNS_PER_DIRECTION = 5
+REACH_RATIO = sqrt(2.0) + 0.25  # of the side: the diagonal, and a margin for a wrong geometry
 MM = 1000.0
 CLOCKWISE, COUNTER = "clockwise", "counter-clockwise"
-READ_MODES = ("places", "headings", "both")
+ReadMode = Literal["places", "headings", "both"]
+
+FACING = Question(
+    "geometry.facing",
+    "How far is it turned from how it stood at the start, counter-clockwise?",
+    unit="rad",
+    default_unit="deg",
+    minimum=-pi,
+    maximum=pi,
+    limit_reason="more than half a turn is less the other way round",
+    quantity="facing",
+)
+SWAPPED = (
+    "These ends look as if clockwise and counter-clockwise had been exchanged: read the other way "
+    "round, both of UMBmark's rules agree; as they are, they contradict each other."
+)
 
 
 @dataclass(frozen=True, slots=True)
 class SquaresStep:
-    """The step: `runs` squares each way; `side` in m, 0 for the one that suits the track."""
+    """The step: `runs` squares in each direction.
+
+    `side` in m, 0 for the one that suits the track; `read`: what is measured at each end.
+    """
 
     side: float = 0.0
     runs: int = RUNS_PER_DIRECTION
     rounds: int = 1
-    read: str = "places"
+    read: ReadMode = "places"
     name: str = "geometry"
     title: str = "track and wheel ratio, by squares driven both ways round"
     lifted: bool = False
 
-    def run(self, rig: RobotSession) -> Running:
-        """Drive the squares, have their ends read, correct; as many rounds as wanted."""
-        rig.meet()
-        side = self.side or umbmark.advised_side(rig.file.robot.drive.track)
+    def run(self, session: RobotSession) -> StepRun:
+        """Drive the squares, have their ends measured, correct the geometry; in each round."""
+        session.connect()
+        side = self.side or umbmark.advised_side(session.file.robot.drive.track)
         report: list[str] = []
         findings: list[Finding] = []
         pictures = {}
-        for number in range(self.rounds):
-            ends = yield from self._round(rig, side)
-            used = stated_geometry(rig)
+        for number in range(1, self.rounds + 1):
+            squares = yield from self._drive_squares(session, side)
+            used = stated_geometry(session.file.robot)
             try:
-                found = umbmark.fit_umbmark(ends, used, share=1 / (number + 1))
+                result = umbmark.fit_umbmark(squares, used, weight=1 / number)
             except ValueError as error:
-                raise _unusable_ends(str(error)) from error
-            findings = umbmark_findings(rig.file.robot, found, side)
-            report += _report(side, used, found)
-            drawing = _end_plot(side, ends)
-            pictures[f"ends-{number + 1}.svg"] = end_error_svg.ends(drawing.title, drawing.points)
-            yield drawing
-            rig.attempt(findings)
+                fix = "was every end read from the start mark, with its sign, in millimetres?"
+                problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
+                raise RunError(problem) from error
+            findings = _findings(session.file.robot, result, side)
+            report += _report(side, used, result)
+            plot = _end_plot(squares)
+            pictures[f"ends-{number}.svg"] = end_error_svg.ends(plot.title, plot.points)
+            yield plot
+            session.try_findings(findings)
         return Outcome("umbmark", findings, report, pictures=pictures)
 
-    def _round(self, rig: RobotSession, side: float) -> Generator[Event, Any, umbmark.SquareErrors]:
-        reach = side * (DIAGONAL_RATIO + REACH_MARGIN_RATIO)
+    def _drive_squares(
+        self, session: RobotSession, side: float
+    ) -> Generator[Event, Any, SquareErrors]:
+        """The end errors of one round; exchanged if the person confirms that they were swapped."""
+        reach = side * REACH_RATIO
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and never further than {reach:.2f} m from its start. It "
             "begins along the first side; clockwise the square lies on its right.",
             reach=reach,
         )
-        ways = []
-        for way in (CLOCKWISE, COUNTER):
-            ends = []
+        ends: dict[str, list[EndError]] = {CLOCKWISE: [], COUNTER: []}
+        for direction, errors in ends.items():
+            waypoints = corners(side, direction == CLOCKWISE)
             for number in range(self.runs):
-                yield StepProgress(f"squares {way}", number, self.runs)
+                yield StepProgress(f"squares {direction}", number, self.runs)
                 yield MarkFloor(
-                    f"Square {number + 1} of {self.runs}, {way}: put the robot at the start, "
+                    f"Square {number + 1} of {self.runs}, {direction}: put the robot at the start, "
                     "looking along the first side; mark the floor beside both tyres."
                 )
-                end = autonomous_drive.drive_to(rig, corners(side, way == CLOCKWISE), reach)
-                ends.append((yield from self._read(side, end)))
-            ways.append(ends)
-        read = umbmark.SquareErrors(side, ways[0], ways[1])
-        if umbmark.squares_look_swapped(read):
+                odometry = drive_to(session, waypoints, reach)
+                errors.append((yield from self._end_error(side, odometry)))
+        squares = SquareErrors(side, ends[CLOCKWISE], ends[COUNTER])
+        if umbmark.squares_look_swapped(squares):
             yield Message(SWAPPED)
             answer = yield Question(
                 "geometry.swapped",
@@ -103,29 +116,22 @@ class SquaresStep:
                 choices=("yes", "no"),
                 default="yes",
             )
-            return read.exchanged() if answer == "yes" else read
-        return read
+            return squares.exchanged() if answer == "yes" else squares
+        return squares
 
-    def _read(self, side: float, end: Odometry) -> Generator[Event, Any, EndError]:
-        """The true end less the one of odometry, in the frame of the start."""
+    def _end_error(self, side: float, odometry: Odometry) -> Generator[Event, Any, EndError]:
+        """The measured end minus that of odometry, in the frame of the start."""
         x = y = heading = nan
         if self.read != "headings":
-            x = float((yield _position_question("forward", side))) - end.x
-            y = float((yield _position_question("left", side))) - end.y
+            x = float((yield _position_question("forward", side))) - odometry.x
+            y = float((yield _position_question("left", side))) - odometry.y
         if self.read != "places":
-            facing = yield FACING
-            heading = wrap_angle(float(facing) - end.heading)
+            heading = wrap_angle(float((yield FACING)) - odometry.heading)
         return EndError(x, y, heading)
 
 
-SWAPPED = (
-    "These ends look as if clockwise and counter-clockwise had been exchanged: read the other way "
-    "round, both of UMBmark's rules agree; as they are, they contradict each other."
-)
-
-
-def corners(side: float, clockwise: bool) -> list[autonomous_drive.Waypoint]:
-    """The square from the origin along x, turning on the spot in each corner."""
+def corners(side: float, clockwise: bool) -> list[Waypoint]:
+    """The square from the origin along x, with a turn on the spot at each corner."""
     turn = -1.0 if clockwise else 1.0
     return [
         (side, 0.0, turn * pi / 2),
@@ -135,40 +141,33 @@ def corners(side: float, clockwise: bool) -> list[autonomous_drive.Waypoint]:
     ]
 
 
-def wrap_angle(angle: float) -> float:
-    """`angle` (rad) within half a turn of none."""
-    return (angle + pi) % (2 * pi) - pi
-
-
-def stated_geometry(rig: RobotSession) -> Geometry:
-    """What odometry takes now."""
-    drive = rig.file.robot.drive
+def stated_geometry(robot: Robot) -> Geometry:
+    """The geometry that odometry uses now."""
+    drive = robot.drive
     return Geometry(drive.right.wheel.diameter, drive.left.wheel.diameter, drive.track)
 
 
-def umbmark_findings(robot: Robot, found: UmbmarkResult, side: float) -> list[Finding]:
-    """Both diameters and the track; what the squares leave open of them.
+def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]:
+    """Both diameters and the track, with their standard deviations.
 
-    The mean diameter is as unsure as it was: squares say nothing of it.
+    Squares do not change the uncertainty of the mean diameter.
     """
-    geometry = found.geometry
-    # A quarter turn misses alpha of pi/2; along a side beta turns it by b/L of the ratio.
-    track_sd = geometry.track * found.sd.alpha / (pi / 2)
-    ratio_sd = geometry.track / side * found.sd.beta
-    right, left = (
-        hypot(diameter * ratio_sd / 2, known_sd(robot, path))
-        for diameter, path in ((geometry.right, RIGHT_DIAMETER), (geometry.left, LEFT_DIAMETER))
-    )
-    return [
-        Finding(RIGHT_DIAMETER, geometry.right, right),
-        Finding(LEFT_DIAMETER, geometry.left, left),
-        Finding(TRACK, geometry.track, track_sd),
+    geometry = result.geometry
+    # A quarter turn misses alpha of pi/2; along a side, beta changes the heading by b/L of the
+    # ratio.
+    track_sd = geometry.track * result.sd.alpha / (pi / 2)
+    ratio_sd = geometry.track / side * result.sd.beta
+    diameters = {RIGHT_DIAMETER: geometry.right, LEFT_DIAMETER: geometry.left}
+    findings = [
+        Finding(field, diameter, hypot(diameter * ratio_sd / 2, _known_sd(robot, field)))
+        for field, diameter in diameters.items()
     ]
+    return [*findings, Finding(TRACK, geometry.track, track_sd)]
 
 
-def known_sd(robot: Robot, path: str) -> float:
-    """Standard deviation (m) that an earlier step gave to a length; 0 when none did."""
-    entry = robot.calibration.get(path)
+def _known_sd(robot: Robot, field: str) -> float:
+    """Standard deviation (m) of a length from an earlier step; 0 if there is none."""
+    entry = robot.calibration.get(field)
     return 0.0 if entry is None or entry.sd is None else quantity(str(entry.sd), "m")
 
 
@@ -178,56 +177,46 @@ POSITION_QUESTIONS = {
 }
 
 
-def _position_question(which: str, side: float) -> Question:
+def _position_question(direction: Literal["forward", "left"], side: float) -> Question:
     return Question(
-        f"geometry.{which}",
-        POSITION_QUESTIONS[which],
+        f"geometry.{direction}",
+        POSITION_QUESTIONS[direction],
         unit="m",
-        written="mm",
-        least=-side,
-        most=side,
-        why="that is further off than the square is long",
-        quantity=which,
+        default_unit="mm",
+        minimum=-side,
+        maximum=side,
+        limit_reason="that is further off than the square is long",
+        quantity=direction,
     )
 
 
-def _unusable_ends(cause: str) -> RunError:
-    fix = "was every end read from the start mark, with its sign, in millimetres?"
-    return RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
+def _end_plot(squares: SquareErrors) -> ScatterPlot:
+    points: dict[str, list[tuple[float, float]]] = {CLOCKWISE: [], COUNTER: []}
+    if squares.has_positions:
+        ends = {CLOCKWISE: squares.clockwise, COUNTER: squares.counter}
+        centres = [umbmark.mean_end(errors) for errors in ends.values()]
+        points = {name: [(end.x, end.y) for end in errors] for name, errors in ends.items()}
+        points["centres"] = [(centre.x, centre.y) for centre in centres]
+    return ScatterPlot(f"where squares of {squares.side:g} m ended, less odometry, mm", points)
 
 
-def _end_plot(side: float, ends: umbmark.SquareErrors) -> ScatterPlot:
-    points = {
-        way: [(end.x, end.y) for end in many]
-        for way, many in ((CLOCKWISE, ends.clockwise), (COUNTER, ends.counter))
-    }
-    if not ends.has_positions:
-        points = {way: [] for way in points}
-    else:
-        points["centres"] = [
-            (middle.x, middle.y)
-            for middle in (umbmark.mean_end(ends.clockwise), umbmark.mean_end(ends.counter))
-        ]
-    return ScatterPlot(f"where squares of {side:g} m ended, less odometry, mm", points)
-
-
-def _report(side: float, used: Geometry, found: UmbmarkResult) -> list[str]:
-    new = found.geometry
+def _report(side: float, used: Geometry, result: UmbmarkResult) -> list[str]:
+    new, sd = result.geometry, result.sd
     lines = [
         f"{'':<22} {'before':>12} {'found':>12} {'+- (95 %)':>11}",
         f"{'right wheel diameter':<22} {used.right * MM:>9.3f} mm {new.right * MM:>9.3f} mm",
         f"{'left wheel diameter':<22} {used.left * MM:>9.3f} mm {new.left * MM:>9.3f} mm",
         f"{'track':<22} {used.track * MM:>9.3f} mm {new.track * MM:>9.3f} mm "
-        f"{2 * new.track * found.sd.alpha / (pi / 2) * MM:>8.3f} mm",
+        f"{2 * new.track * sd.alpha / (pi / 2) * MM:>8.3f} mm",
         f"{'Ed, right over left':<22} {used.ratio:>12.5f} {new.ratio:>12.5f} "
-        f"{2 * new.track / side * found.sd.beta:>11.5f}",
+        f"{2 * new.track / side * sd.beta:>11.5f}",
         f"Eb, track found over before: {new.track / used.track:.5f}",
-        f"each quarter turn missed {degrees(found.angles.alpha):+.2f} deg, each side of {side:g} m "
-        f"gained {degrees(found.angles.beta):+.2f} deg",
+        f"each quarter turn missed {degrees(result.angles.alpha):+.2f} deg, each side of {side:g} "
+        f"m gained {degrees(result.angles.beta):+.2f} deg",
     ]
-    if not isnan(found.before):
+    if not isnan(result.before):
         lines.append(
-            f"E_max,syst: {found.before * MM:.1f} mm before, {found.after * MM:.1f} mm predicted "
+            f"E_max,syst: {result.before * MM:.1f} mm before, {result.after * MM:.1f} mm predicted "
             "from now on"
         )
     return lines

@@ -1,8 +1,8 @@
-"""`calibrate geometry --how straight`: the wheels' ratio alone, from runs along a string both ways.
+"""`calibrate geometry --how straight`: the ratio of the wheel diameters, from runs along a string.
 
-A robot whose right wheel is larger curves left by beta along a way L, and ends L beta / 2 beside
-the string. A string that is not quite where the robot looks shows with the other sign when it is
-followed from the other end, so the mean of both is the wheels' alone.
+A robot whose right wheel is larger turns left by beta along a length L, and ends L beta / 2 beside
+the string. An initial heading that is not along the string changes sign when the string is followed
+from its other end, so the mean of both directions is the effect of the wheels alone.
 """
 
 from __future__ import annotations
@@ -11,24 +11,25 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
-from diffbotctl.calibrate import autonomous_drive, umbmark
+from diffbotctl.calibrate.autonomous_drive import drive_to
 from diffbotctl.calibrate.confidence import robust_mean
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import Event, MarkFloor, MotionNotice, Outcome, Running, StepProgress
+from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.squares import stated_geometry
-from diffbotctl.calibrate.umbmark import Angles
-from diffbotctl.prompts.question import Question
+from diffbotctl.calibrate.umbmark import Angles, correct_geometry
+from diffbotctl.config.robot import Robot
+from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 
-REPEATS = 4  # there and back
-REACH_MARGIN_RATIO = 0.25  # of the way: what a wrong wheel size may add
-OFFSET_SD_M = 0.001  # m: what a rule beside a string tells
+REPEATS = 4  # from each end
+REACH_MARGIN_RATIO = 0.25  # of the length, for a wrong wheel diameter
+OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
 MM = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
 class StraightStep:
-    """The step: `repeats` runs of `metres` each way."""
+    """The step: `repeats` runs of `metres` from each end."""
 
     metres: float = 1.0
     repeats: int = REPEATS
@@ -36,9 +37,9 @@ class StraightStep:
     title: str = "the wheels' ratio, by straight runs both ways"
     lifted: bool = False
 
-    def run(self, rig: RobotSession) -> Running:
-        """Run along the string, have the offset read, from the other end; as often as wanted."""
-        rig.meet()
+    def run(self, session: RobotSession) -> StepRun:
+        """Drive along the string and have the offset measured, from alternating ends."""
+        session.connect()
         reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
@@ -47,47 +48,46 @@ class StraightStep:
         )
         offsets: dict[str, list[float]] = {"one": [], "other": []}
         for number in range(self.repeats):
-            for end, found in offsets.items():
-                yield StepProgress("along the string", len(found), 2 * self.repeats)
-                found.append((yield from self._once(rig, end, reach, number)))
-        there, back = (robust_mean(each, OFFSET_SD_M) for each in offsets.values())
+            for end, readings in offsets.items():
+                yield StepProgress("along the string", len(readings), 2 * self.repeats)
+                yield MarkFloor(
+                    f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
+                    "string, its middle above it, looking along it."
+                )
+                readings.append((yield from self._offset(session, reach)))
+        there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
         offset = (there.value + back.value) / 2
         sd = (there.sd**2 + back.sd**2) ** 0.5 / 2
-        return self._outcome(rig, offset, sd)
+        return self._outcome(session.file.robot, offset, sd)
 
-    def _once(
-        self, rig: RobotSession, end: str, reach: float, number: int
-    ) -> Generator[Event, Any, float]:
-        yield MarkFloor(
-            f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the string, "
-            "its middle above it, looking along it."
-        )
-        pose = autonomous_drive.drive_to(rig, [(self.metres, 0.0, None)], reach)
+    def _offset(self, session: RobotSession, reach: float) -> Generator[Event, Any, float]:
+        """The measured offset (m) to the left, minus that of odometry, after one run."""
+        pose = drive_to(session, [(self.metres, 0.0, None)], reach)
         answer = yield Question(
             "geometry.left",
             "How far to the left of the string did it end? To the right is less than 0.",
             unit="m",
-            written="mm",
-            least=-self.metres / 2,
-            most=self.metres / 2,
-            why="no robot leaves a string so far",
+            default_unit="mm",
+            minimum=-self.metres / 2,
+            maximum=self.metres / 2,
+            limit_reason="no robot leaves a string so far",
             quantity="left",
         )
         return float(answer) - pose.y
 
-    def _outcome(self, rig: RobotSession, offset: float, sd: float) -> Outcome:
-        used = stated_geometry(rig)
+    def _outcome(self, robot: Robot, offset: float, sd: float) -> Outcome:
+        used = stated_geometry(robot)
         beta, beta_sd = 2 * offset / self.metres, 2 * sd / self.metres
-        found = umbmark.correct_geometry(used, self.metres, Angles(0.0, beta))
+        fitted = correct_geometry(used, self.metres, Angles(0.0, beta))
         ratio_sd = used.track / self.metres * beta_sd
         findings = [
-            Finding(RIGHT_DIAMETER, found.right, found.right * ratio_sd / 2),
-            Finding(LEFT_DIAMETER, found.left, found.left * ratio_sd / 2),
+            Finding(RIGHT_DIAMETER, fitted.right, fitted.right * ratio_sd / 2),
+            Finding(LEFT_DIAMETER, fitted.left, fitted.left * ratio_sd / 2),
         ]
         lines = [
             f"it ends {offset * MM:+.1f} mm beside the string after {self.metres:g} m, "
             f"+- {2 * sd * MM:.1f} mm",
-            f"Ed, right over left: {used.ratio:.5f} before, {found.ratio:.5f} found, "
+            f"Ed, right over left: {used.ratio:.5f} before, {fitted.ratio:.5f} found, "
             f"+- {2 * ratio_sd:.5f} (95 %)",
         ]
         return Outcome("straight", findings, lines)

@@ -1,0 +1,132 @@
+"""Answers from a YAML file, for a calibration or a guided setup without a person.
+
+    encoders.wheel: {measure: eye}              # what the wheel of a simulated robot really did
+    distance.reading: [998 mm, 1001 mm, 999 mm] # one for each repeat
+    geometry: {measure: tape, noise: 1 mm}      # every length whose name begins with `geometry.`
+
+The longest name that matches a question answers it. `measure` reads the actual value from a
+simulated or emulated robot with a simulated tool, with `noise` (standard deviation) added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import yaml
+
+from diffbotctl.errors import Problem, RunError, UsageError, UserError
+from diffbotctl.prompts.question import (
+    Answer,
+    AnswerError,
+    ManualAction,
+    MarkFloor,
+    MotionNotice,
+    Question,
+)
+from diffbotctl.units import UnitError, quantity
+
+
+class MeasuringTools(Protocol):
+    """Reads the actual state of a simulated robot and moves it, as a person would."""
+
+    def mark(self) -> None: ...
+    def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
+    def roll(self, wheel: str, turns: float) -> None: ...
+    def place(self, sensor: str, distance: float) -> None: ...
+
+
+class AnswersFile:
+    """A prompter that answers from a file and agrees to every motion.
+
+    `code` and `error` belong to the problems that it raises.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        tools: MeasuringTools | None = None,
+        code: str = "E-CALIBRATE-ANSWER",
+        error: type[UserError] = RunError,
+    ) -> None:
+        """`tools` is None for a real robot. Raises UsageError for an unusable file."""
+        self.path, self.tools, self.code, self.error = path, tools, code, error
+        self.answers = _read(path, code)
+        self._used: dict[str, int] = {}
+
+    def confirm_motion(self, notice: MotionNotice) -> None:
+        """The author of the file agreed in advance."""
+
+    def mark_floor(self, mark: MarkFloor) -> None:
+        """The simulated tools measure from here."""
+        if self.tools is not None:
+            self.tools.mark()
+
+    def act(self, action: ManualAction) -> None:
+        """Do it with the simulated tools. Raises an error if they cannot."""
+        if self.tools is None or (action.roll is None and action.place is None):
+            raise self._problem(action.name, f"needs a hand: {action.text}")
+        if action.roll is not None:
+            self.tools.roll(*action.roll)
+        if action.place is not None:
+            self.tools.place(*action.place)
+
+    def answer(self, question: Question) -> Answer:
+        """The file's answer, or the question's default. Raises an error if there is none."""
+        name = self._matching_name(question.name)
+        if name is None:
+            if question.default is not None:
+                return question.default
+            raise self._problem(question.name, "is not answered there")
+        entry = self.answers[name]
+        try:
+            if isinstance(entry, Mapping):
+                return self._measure(entry, question)
+            return question.parse(self._next(name, entry))
+        except AnswerError as error:
+            raise self._problem(name, str(error)) from None
+
+    def _matching_name(self, question: str) -> str | None:
+        parts = question.split(".")
+        names = (".".join(parts[:count]) for count in range(len(parts), 0, -1))
+        return next((name for name in names if name in self.answers), None)
+
+    def _next(self, name: str, entry: Any) -> Any:
+        if not isinstance(entry, list):
+            return entry
+        number = self._used.get(name, 0)
+        if number >= len(entry):
+            raise AnswerError(f"it was asked {number + 1} times and has {number} answers")
+        self._used[name] = number + 1
+        return entry[number]
+
+    def _measure(self, entry: Mapping[str, Any], question: Question) -> Answer:
+        if set(entry) - {"measure", "noise"} or not isinstance(entry.get("measure"), str):
+            raise AnswerError("a measured answer looks like {measure: tape, noise: 1 mm}")
+        if self.tools is None:
+            raise AnswerError("a real robot's truth can only be measured by you")
+        try:
+            noise = quantity(str(entry.get("noise", 0)), question.unit) if question.unit else 0.0
+        except UnitError as error:
+            raise AnswerError(f"noise: {error}") from None
+        return self.tools.read(entry["measure"], question, noise)
+
+    def _problem(self, name: str, cause: str) -> UserError:
+        fix = "mend the answers file, or leave --answers out and answer yourself"
+        return self.error(Problem(self.code, str(self.path), f"{name}: {cause}", fix))
+
+
+def _read(path: Path, code: str) -> dict[str, Any]:
+    """Entries by the name of the question. Raises UsageError."""
+    try:
+        # Every scalar stays a string: the question determines its type.
+        entries = yaml.load(path.read_text(), Loader=yaml.CBaseLoader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        cause = f"cannot be read: {' '.join(str(error).split())}"
+    else:
+        if isinstance(entries, dict) and all(isinstance(name, str) for name in entries):
+            return entries
+        cause = "is no list of questions and answers"
+    fix = "write one a line, such as `distance.reading: [998 mm, 1002 mm]` or `lifted: yes`"
+    raise UsageError(Problem(code, str(path), cause, fix))
