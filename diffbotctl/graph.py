@@ -9,12 +9,44 @@ The rules it keeps, at each instant `now` (one logical time with everything that
 3. An input holds the last message of its wire; where it declares `fresh_for`, older is None.
 
 A hop is an assignment to a local variable: the graph is written out as the source of one function
-per run, because walking a list of wires costs twice as much as the call itself.
+per run, because walking a list of wires costs twice as much as the call itself. A talker with a
+timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, recorded, become
+
+    def make():
+        next_talker_tick = 1000000000
+        fresh_echo_heard = None
+        deadline_echo_heard = NEVER
+        def instant(now):
+            nonlocal next_talker_tick, fresh_echo_heard, deadline_echo_heard
+            new_talker_text = new_echo_text = None
+            fired_talker_tick = None
+            if now >= next_talker_tick:
+                fired_talker_tick = next_talker_tick
+                next_talker_tick += 1000000000
+            if fired_talker_tick is not None:
+                new_talker_text = react_talker(now, fired_talker_tick)
+            expired_echo_heard = False
+            if new_talker_text is not None:
+                fresh_echo_heard = new_talker_text
+                deadline_echo_heard = now + 500000000
+            elif now >= deadline_echo_heard:
+                fresh_echo_heard = None
+                deadline_echo_heard = NEVER
+                expired_echo_heard = True
+            if new_talker_text is not None or expired_echo_heard:
+                new_echo_text = react_echo(now, fresh_echo_heard)
+            record((now, new_talker_text, new_echo_text))
+        def due():
+            return min(next_talker_tick, deadline_echo_heard)
+        def timers():
+            return [next_talker_tick]
+        return instant, due, timers
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 
@@ -89,17 +121,29 @@ class Graph:
         """
         sinks = dict(sinks)
         publish = self._publisher(sinks.pop(LOG, None), record)
-        heard = {wire: listeners[wire] for wire in self.wires if listeners and wire in listeners}
-        writer = _Writer(self, list(sinks), record is not None, list(heard))
+        listeners = {
+            wire: listeners[wire] for wire in self.wires if listeners and wire in listeners
+        }
+        writer = _Writer(self, list(sinks), record is not None, list(listeners))
+        source = writer.source()
         names: dict[str, Any] = {"NEVER": NEVER, "record": record, "publish": publish}
         names["lines"] = [] if self.book is None else self.book.lines
-        names.update({f"r{i}": node.block.react for i, node in enumerate(self.nodes)})
-        names.update({f"s{i}": sink for i, sink in enumerate(sinks.values())})
-        names.update({f"h{i}": listener for i, listener in enumerate(heard.values())})
-        exec(compile(writer.source(), GENERATED, "exec"), names)  # the graph's own source
+        names.update({f"react_{writer.nodes[node.name]}": node.block.react for node in self.nodes})
+        names.update({f"sink_{writer.wires[wire]}": sinks[wire] for wire in sinks})
+        names.update({f"listener_{writer.wires[wire]}": listeners[wire] for wire in listeners})
+        exec(compile(source, GENERATED, "exec"), names)  # the graph's own source
         instant, due, timers = names["make"]()
         return Compiled(
-            instant, due, writer.source(), writer.line_owner, publish, names, timers, writer.timers
+            instant=instant,
+            due=due,
+            source=source,
+            line_owner=writer.line_owner,
+            publish=publish,
+            names=names,
+            timers=timers,
+            timer_owners=writer.timer_owners,
+            nodes=writer.nodes,
+            former_names=writer.former_names,
         )
 
     def _publisher(
@@ -126,7 +170,8 @@ class Compiled(NamedTuple):
     `instant(now, message or None for each source)` runs one instant; `due()` is the time at which
     the graph wants an instant of its own accord; `publish(now)` hands out the lines of the log that
     an instant which raised has left. `timers()` are the timers' next times, `timer_owners` their
-    nodes and periods in ns.
+    nodes and periods in ns. `line_owner` maps a line of `source` to the node that it calls, `nodes`
+    a node to its name in `source`, `former_names` a name in `source` to the one of version 0.1.
     """
 
     instant: Instant
@@ -135,21 +180,26 @@ class Compiled(NamedTuple):
     line_owner: dict[int, str]
     publish: Callable[[int], None]
     names: dict[str, Any]
-    timers: Callable[[], tuple[int, ...]]
+    timers: Callable[[], list[int]]
     timer_owners: list[tuple[str, int]]
+    nodes: dict[str, str]
+    former_names: dict[str, str]
 
-    def swap(self, place: int, react: Callable[..., Any]) -> None:
-        """From the next instant on call `react` for the node at `place` in `Graph.nodes`."""
-        self.names[f"r{place}"] = react
+    def swap(self, node: str, react: Callable[..., Any]) -> None:
+        """From the next instant on call `react` for the node of this name."""
+        self.names[f"react_{self.nodes[node]}"] = react
 
     def state(self) -> dict[str, Any]:
         """What wires and timers hold between two instants, by the names in `source`."""
         return {name: cell.cell_contents for name, cell in self._cells().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Bring back a `state` of an equal graph. Raises KeyError when a name is missing."""
+        """Bring back a `state` of an equal graph, also one that version 0.1 saved.
+
+        Raises KeyError when a name is missing.
+        """
         for name, cell in self._cells().items():
-            cell.cell_contents = state[name]
+            cell.cell_contents = state[name if name in state else self.former_names[name]]
 
     def _cells(self) -> dict[str, Any]:
         closure: Any = self.instant
@@ -194,126 +244,191 @@ def nanoseconds(block: Block, seconds: float | str) -> int:
     return round(value * SECOND)
 
 
+def _identifiers(texts: Iterable[str]) -> dict[str, str]:
+    """A distinct part of an identifier for each text, such as `robot_link` for `robot.link`."""
+    names: dict[str, str] = {}
+    for text in texts:
+        name = base = re.sub(r"\W", "_", text)
+        number = 1
+        while name in names.values():
+            number += 1
+            name = f"{base}_{number}"
+        names[text] = name
+    return names
+
+
+class _Input(NamedTuple):
+    """What the source has for one input: lines before the reaction, the conditions under which it
+    reaches the node, and the argument."""
+
+    lines: list[str]
+    conditions: list[str]
+    argument: str
+
+
 class _Writer:
-    """Writes the source. n = new on wire, v = held on wire, f = held while fresh, x = its deadline,
-    q = a timer's next time, k = its firing."""
+    """Writes the source of a graph's functions.
+
+    The variables are, for a wire, new_ (its message in this instant) and held_ (the last one); for
+    an input with `fresh_for`, fresh_ (the last message until its deadline_) and expired_ (True in
+    the instant of the deadline); for a timer, next_ (its next time) and fired_ (the time at which
+    it fired in this instant).
+    """
 
     def __init__(
         self, graph: Graph, sinks: list[str], recording: bool, listeners: list[str]
     ) -> None:
-        self.number = {wire: i for i, wire in enumerate(graph.wires)}
-        self.lines: list[str] = []
-        self.state: dict[str, str] = {}
+        self.graph = graph
+        self.nodes = _identifiers(node.name for node in graph.nodes)
+        self.wires = _identifiers(graph.wires)
+        self.ports = _identifiers(
+            f"{node.name}.{port}" for node in graph.nodes for port in inputs(type(node.block))
+        )
+        self.initial: dict[str, str] = {}  # of each variable that outlives an instant
+        self.former_names: dict[str, str] = {}
         self.deadlines: list[str] = []
+        self.timers: list[str] = []
+        self.timer_owners: list[tuple[str, int]] = []
         self.line_owner: dict[int, str] = {}
-        self.timers: list[tuple[str, int]] = []
-        self.reactions: list[tuple[str, list[str]]] = [
-            (node.name, self.reaction(i, node)) for i, node in enumerate(graph.nodes)
-        ]
-        self.arguments = [f"n{self.number[wire]}=None" for wire in graph.sources]
-        self.inner = [w for w in graph.wires if w not in graph.sources and w != LOG]
-        self.sinks = [
-            f"if n{self.number[w]} is not None: s{i}(now, n{self.number[w]})"
-            for i, w in enumerate(sinks)
-        ]
-        self.sinks += [
-            f"if n{self.number[w]} is not None: h{i}(now, n{self.number[w]})"
-            for i, w in enumerate(listeners)
-        ]
-        everything = ", ".join("None" if w == LOG else f"n{i}" for w, i in self.number.items())
-        self.last = [f"record((now, {everything}))"] if recording else []
-        self.last += ["if lines: publish(now)"] if graph.book is not None else []
-
-    def reaction(self, index: int, node: Node) -> list[str]:
-        """The lines that decide whether the node is reached and let it react."""
-        reached: list[str] = []
-        arguments = ["now"]
-        lines: list[str] = []
-        for port, declaration in inputs(type(node.block)).items():
-            key = f"{index}_{port}"
-            if isinstance(declaration, Every):
-                period = nanoseconds(node.block, declaration.period)
-                lines += self.timer(key, period)
-                self.timers.append((node.name, period))
-                reached.append(f"k{key} is not None")
-                arguments.append(f"k{key}")
-            elif port not in node.wires:
-                arguments.append("None")
-            else:
-                arguments.append(self.input(key, node, port, declaration, lines, reached))
-        call = f"r{index}({', '.join(arguments)})"
-        return [*lines, *self.call(reached, call, node)]
-
-    def timer(self, key: str, period: int) -> list[str]:
-        self.state[f"q{key}"] = str(period)
-        self.deadlines.append(f"q{key}")
-        return [f"k{key} = None", f"if now >= q{key}: k{key} = q{key}; q{key} += {period}"]
-
-    def input(
-        self, key: str, node: Node, port: str, declared: In, lines: list[str], reached: list[str]
-    ) -> str:
-        wire = self.number[node.wires[port]]
-        if declared.trigger:
-            reached.append(f"n{wire} is not None")
-        if declared.fresh_for is None:
-            self.state[f"v{wire}"] = "None"
-            return f"v{wire}"
-        self.state[f"f{key}"] = "None"
-        self.state[f"x{key}"] = "NEVER"
-        self.deadlines.append(f"x{key}")
-        span = nanoseconds(node.block, declared.fresh_for)
-        lines.append(f"e{key} = False")
-        lines.append(f"if n{wire} is not None: f{key} = n{wire}; x{key} = now + {span}")
-        lines.append(f"elif now >= x{key}: f{key} = None; x{key} = NEVER; e{key} = True")
-        reached.append(f"e{key}")
-        return f"f{key}"
-
-    def call(self, reached: list[str], call: str, node: Node) -> list[str]:
-        outs = [self.number[f"{node.name}.{port}"] for port in outputs(type(node.block))]
-        if not reached:
-            return []
-        lines = [f"if {' or '.join(reached)}:"]
-        if not outs:
-            return [*lines, f"    {call}"]
-        if len(outs) == 1:
-            lines.append(f"    n{outs[0]} = {call}")
-        else:
-            lines.append(f"    o = {call}")
-            lines.append(f"    if o is not None: {', '.join(f'n{i}' for i in outs)} = o")
-        return lines
+        self.reactions = [self._reaction(place, node) for place, node in enumerate(graph.nodes)]
+        self.final = [self._call_when_new(wire, "sink") for wire in sinks]
+        self.final += [self._call_when_new(wire, "listener") for wire in listeners]
+        if recording:
+            messages = ["None" if wire == LOG else self._new(wire) for wire in graph.wires]
+            self.final.append([f"record(({', '.join(['now', *messages])}))"])
+        if graph.book is not None:
+            self.final.append(["if lines:", "    publish(now)"])
 
     def source(self) -> str:
-        """The text of `make`, which returns (instant, due); fills `line_owner` on the way."""
-        held = [name for name in self.state if name.startswith("v")]
+        """The text of `make`, which returns (instant, due, timers); fills `line_owner`."""
+        inner = [
+            self._new(wire)
+            for wire in self.graph.wires
+            if wire not in self.graph.sources and wire != LOG
+        ]
+        arguments = ["now", *(f"{self._new(wire)}=None" for wire in self.graph.sources)]
         lines = ["def make():"]
-        lines += [f"    {name} = {value}" for name, value in self.state.items()]
-        lines.append(f"    def instant({', '.join(['now', *self.arguments])}):")
-        if self.state:
-            lines.append(f"        nonlocal {', '.join(self.state)}")
-        inner = [f"n{self.number[wire]}" for wire in self.inner]
-        if inner:
-            lines.append(f"        {' = '.join(inner)} = None")
-        keep = {name: f"if n{name[1:]} is not None: {name} = n{name[1:]}" for name in held}
-        given = {f"v{self.number[w]}" for w in self.number} - {f"v{i[1:]}" for i in inner}
-        lines += [f"        {keep[name]}" for name in held if name in given]
-        for owner, reaction in self.reactions:
-            for line in reaction:
-                lines.append(f"        {line}")
-                self.line_owner[len(lines)] = owner
-            lines += [
-                f"        {keep[f'v{self.number[w]}']}"
-                for w in self.inner
-                if w.split(".")[0] == owner and f"v{self.number[w]}" in keep
-            ]
-        lines += [f"        {line}" for line in [*self.sinks, *self.last] or ["pass"]]
-        lines.append("    def due():")
-        lines.append(f"        return {self.earliest()}")
-        lines.append("    def timers():")
-        lines.append(f"        return ({''.join(f'{q}, ' for q in self.state if q[0] == 'q')})")
+        lines += [f"    {name} = {value}" for name, value in self.initial.items()]
+        lines.append(f"    def instant({', '.join(arguments)}):")
+        body = [f"nonlocal {', '.join(self.initial)}"] if self.initial else []
+        body += [f"{' = '.join(inner)} = None"] if inner else []
+        for wire in self.graph.sources:
+            body += self._hold(wire)
+        for node, reaction in zip(self.graph.nodes, self.reactions, strict=True):
+            first = len(lines) + len(body) + 1
+            body += reaction
+            self.line_owner.update(
+                {number: node.name for number in range(first, first + len(reaction))}
+            )
+            for port in outputs(type(node.block)):
+                body += self._hold(f"{node.name}.{port}")
+        for final in self.final:
+            body += final
+        lines += [f"        {line}" for line in body or ["pass"]]
+        lines += ["    def due():", f"        return {self._earliest()}"]
+        lines += ["    def timers():", f"        return [{', '.join(self.timers)}]"]
         lines.append("    return instant, due, timers")
         return "\n".join(lines) + "\n"
 
-    def earliest(self) -> str:
+    def _new(self, wire: str) -> str:
+        return f"new_{self.wires[wire]}"
+
+    def _variable(self, name: str, initial: str, former_name: str) -> str:
+        """Declare a variable that outlives an instant; returns its name."""
+        self.initial[name] = initial
+        self.former_names[name] = former_name
+        return name
+
+    def _hold(self, wire: str) -> list[str]:
+        held = f"held_{self.wires[wire]}"
+        if held not in self.initial:
+            return []
+        return [f"if {self._new(wire)} is not None:", f"    {held} = {self._new(wire)}"]
+
+    def _call_when_new(self, wire: str, callee: str) -> list[str]:
+        new = self._new(wire)
+        return [f"if {new} is not None:", f"    {callee}_{self.wires[wire]}(now, {new})"]
+
+    def _reaction(self, place: int, node: Node) -> list[str]:
+        """The lines that decide whether the node is reached and let it react."""
+        ports = [
+            self._input(node, port, declaration, f"{place}_{port}")
+            for port, declaration in inputs(type(node.block)).items()
+        ]
+        conditions = [condition for port in ports for condition in port.conditions]
+        if not conditions:
+            return [line for port in ports for line in port.lines]
+        arguments = ["now", *(port.argument for port in ports)]
+        call = f"react_{self.nodes[node.name]}({', '.join(arguments)})"
+        return [
+            *(line for port in ports for line in port.lines),
+            f"if {' or '.join(conditions)}:",
+            *(f"    {line}" for line in self._call(node, call)),
+        ]
+
+    def _input(self, node: Node, port: str, declaration: In | Every, former_key: str) -> _Input:
+        name = self.ports[f"{node.name}.{port}"]
+        if isinstance(declaration, Every):
+            period = nanoseconds(node.block, declaration.period)
+            self.timer_owners.append((node.name, period))
+            return self._timer(name, period, former_key)
+        if port not in node.wires:
+            return _Input([], [], "None")
+        wire = node.wires[port]
+        conditions = [f"{self._new(wire)} is not None"] if declaration.trigger else []
+        if declaration.fresh_for is None:
+            former_name = f"v{self.graph.wires.index(wire)}"
+            held = self._variable(f"held_{self.wires[wire]}", "None", former_name)
+            return _Input([], conditions, held)
+        lifetime = nanoseconds(node.block, declaration.fresh_for)
+        return self._fresh_input(name, self._new(wire), lifetime, conditions, former_key)
+
+    def _timer(self, name: str, period: int, former_key: str) -> _Input:
+        next_time = self._variable(f"next_{name}", str(period), f"q{former_key}")
+        self.deadlines.append(next_time)
+        self.timers.append(next_time)
+        fired = f"fired_{name}"
+        lines = [
+            f"{fired} = None",
+            f"if now >= {next_time}:",
+            f"    {fired} = {next_time}",
+            f"    {next_time} += {period}",
+        ]
+        return _Input(lines, [f"{fired} is not None"], fired)
+
+    def _fresh_input(
+        self, name: str, new: str, lifetime: int, conditions: list[str], former_key: str
+    ) -> _Input:
+        fresh = self._variable(f"fresh_{name}", "None", f"f{former_key}")
+        deadline = self._variable(f"deadline_{name}", "NEVER", f"x{former_key}")
+        self.deadlines.append(deadline)
+        expired = f"expired_{name}"
+        lines = [
+            f"{expired} = False",
+            f"if {new} is not None:",
+            f"    {fresh} = {new}",
+            f"    {deadline} = now + {lifetime}",
+            f"elif now >= {deadline}:",
+            f"    {fresh} = None",
+            f"    {deadline} = NEVER",
+            f"    {expired} = True",
+        ]
+        return _Input(lines, [*conditions, expired], fresh)
+
+    def _call(self, node: Node, call: str) -> list[str]:
+        """The lines that call a block and put what it returns on its wires."""
+        news = [self._new(f"{node.name}.{port}") for port in outputs(type(node.block))]
+        if not news:
+            return [call]
+        if len(news) == 1:
+            return [f"{news[0]} = {call}"]
+        return [
+            f"messages = {call}",
+            "if messages is not None:",
+            f"    {', '.join(news)} = messages",
+        ]
+
+    def _earliest(self) -> str:
         """An expression for the earliest deadline."""
         if not self.deadlines:
             return "NEVER"

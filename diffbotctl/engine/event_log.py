@@ -150,8 +150,3 @@ class EventLogger:
 
 def _away(state: GoalState) -> str:
     return f"{state.distance * 1000:.0f} mm, {abs(degrees(state.turn)):.1f} deg"
-
-
-def chronicle(graph: Graph) -> dict[str, Sink]:
-    """The sinks that put a run into words; none for a graph without a book."""
-    return {} if graph.book is None else EventLogger(graph, graph.book).sinks()

@@ -73,8 +73,8 @@ class Engine:
         self.place = {wire: i for i, wire in enumerate(graph.sources)}
         self.empty: list[Any] = [None] * len(graph.sources)
         self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
-        self.chronicle = None if graph.book is None else EventLogger(graph, graph.book)
-        told = {} if self.chronicle is None else self.chronicle.sinks()
+        self.event_logger = None if graph.book is None else EventLogger(graph, graph.book)
+        told = {} if self.event_logger is None else self.event_logger.sinks()
         self.compiled = graph.compile(self.sinks, record, told)
         self.last = -1
         self.over = 0

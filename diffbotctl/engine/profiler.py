@@ -43,7 +43,7 @@ class BlockProfiler:
         if not self.is_on:
             self.is_on = True
             for place, node in enumerate(self.engine.graph.nodes):
-                self.engine.compiled.swap(place, self._timed(place, node.block.react))
+                self.engine.compiled.swap(node.name, self._timed(place, node.block.react))
             self._begin(now)
 
     def idle(self) -> dict[str, BlockLoad] | None:
@@ -51,8 +51,8 @@ class BlockProfiler:
         now = time.perf_counter_ns()
         if now > self.wanted_until:
             self.is_on = False
-            for place, node in enumerate(self.engine.graph.nodes):
-                self.engine.compiled.swap(place, node.block.react)
+            for node in self.engine.graph.nodes:
+                self.engine.compiled.swap(node.name, node.block.react)
         span = now - self.since
         if span < PERIOD:
             return None

@@ -36,7 +36,7 @@ class StateError(ValueError):
 def take_snapshot(engine: Engine) -> bytes:
     """The state after the last instant. Raises StateError when a block holds what has no bytes."""
     blocks = {node.name: _own(vars(node.block)) for node in engine.graph.nodes}
-    told = None if engine.chronicle is None else engine.chronicle.state()
+    told = None if engine.event_logger is None else engine.event_logger.state()
     try:
         # In one piece: what blocks and wires share stays shared.
         state = (blocks, engine.compiled.state(), _said(engine.graph.book), told)
@@ -57,8 +57,8 @@ def restore_snapshot(data: bytes, engine: Engine) -> None:
         engine.compiled.restore(wires)
         if engine.graph.book is not None and said is not None:
             _say_on(engine.graph.book, *said)
-        if engine.chronicle is not None and told is not None:
-            engine.chronicle.restore(told)
+        if engine.event_logger is not None and told is not None:
+            engine.event_logger.restore(told)
     except StateError:
         raise
     except Exception as error:  # a damaged state fails in any way

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import pytest
 
+import diffbotctl.graph as graph_module
 from diffbotctl.block import Block, Every, In, Out
 from diffbotctl.graph import Graph, LoopError, Node, in_order
 from diffbotctl.messages import Text, Twist, Wheels
@@ -181,3 +182,61 @@ def test_react_must_name_the_inputs_in_order():
 
             def react(self, now, speed):
                 return None
+
+
+class Talker(Block):
+    """Publishes a text each second."""
+
+    tick = Every(1.0)
+    text = Out(Text)
+
+    def react(self, now, tick):
+        return Text(now, "hello")
+
+
+class Echo(Block):
+    """Publishes the text that it received, until it is stale."""
+
+    heard = In(Text, fresh_for=0.5)
+    text = Out(Text)
+
+    def react(self, now, heard):
+        return heard
+
+
+def talker_and_echo():
+    nodes = [Node("talker", Talker(), {}), Node("echo", Echo(), {"heard": "talker.text"})]
+    return Graph(nodes, {}).compile({}, lambda instant: None)
+
+
+def test_the_docstring_shows_the_source_that_is_generated():
+    example = graph_module.__doc__.partition("    def make():")[2]
+    lines = ("    def make():" + example).rstrip().splitlines()
+    assert talker_and_echo().source.splitlines() == [line.removeprefix("    ") for line in lines]
+
+
+def test_a_state_of_version_0_1_is_restored():
+    message = Text(1, "hello")
+    compiled = talker_and_echo()
+    compiled.restore({"q0_tick": 5, "f1_heard": message, "x1_heard": 7})
+    assert compiled.state() == {
+        "next_talker_tick": 5,
+        "fresh_echo_heard": message,
+        "deadline_echo_heard": 7,
+    }
+    assert compiled.due() == 5
+
+
+def test_wires_with_like_names_do_not_share_a_variable():
+    nodes = [
+        Node("drive_twist", Double(), {"twist": "drive.twist"}),
+        Node("drive", Double(), {"twist": "drive_twist.out"}),
+    ]
+    graph = Graph(
+        nodes, {"drive.twist": Twist, "drive_twist.out_": Twist, "drive.twist_out": Twist}
+    )
+    seen = []
+    graph.compile({}, seen.append).instant(1, Twist(1, 1.0, 0.0))
+    values = dict(zip(graph.wires, seen[0][1:], strict=True))
+    assert values["drive_twist.out"].linear == 2.0 and values["drive.out"].linear == 4.0
+    assert values["drive.twist_out"] is None

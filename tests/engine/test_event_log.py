@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.engine.event_log import chronicle
+from diffbotctl.engine.event_log import EventLogger
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook
 from diffbotctl.messages import (
@@ -49,9 +49,10 @@ SOURCES = {
 def told(*deliveries):
     """The lines over instants with one message each: (level, source, text)."""
     wires = {"stop_in": "drive.stop", "state_in": "drive.state"}
-    graph = Graph([Node("guard", Ends(), wires)], SOURCES, Logbook())
+    book = Logbook()
+    graph = Graph([Node("guard", Ends(), wires)], SOURCES, book)
     seen = []
-    compiled = graph.compile({}, seen.append, chronicle(graph))
+    compiled = graph.compile({}, seen.append, EventLogger(graph, book).sinks())
     for now, (wire, message) in enumerate(deliveries):
         compiled.instant(now, *(message if each == wire else None for each in graph.sources))
     return [tuple(instant[-1][1:]) for instant in seen if type(instant[-1]) is LogLine]
@@ -153,9 +154,8 @@ def test_a_driver_is_heard_at_its_source_s_own_level():
     book = Logbook()
     graph = Graph([], SOURCES, book)
     seen = []
-    compiled = graph.compile({}, seen.append, chronicle(graph))
+    compiled = graph.compile({}, seen.append, EventLogger(graph, book).sinks())
     book.set_level("engine", "error")
-    compiled.instant(
-        0, **{f"n{graph.wires.index('operator.log')}": LogLine(0, "info", "engine", "x")}
-    )
+    line = LogLine(0, "info", "engine", "x")
+    compiled.instant(0, *(line if wire == "operator.log" else None for wire in graph.sources))
     assert not [instant for instant in seen if type(instant[-1]) is LogLine]
