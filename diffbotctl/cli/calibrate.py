@@ -10,6 +10,7 @@ import click
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show_results, undo
+from diffbotctl.cli.options import robot_option, yes_option
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
@@ -60,11 +61,11 @@ command.add_command(undo)
 
 @command.command("from-log")
 @click.argument("files", nargs=-1, required=True, type=A_FILE, metavar="FILE...")
-@click.option("--robot", help="Robot file with the stated geometry; the rules of `run` for none.")
+@robot_option
 @click.option("--ends", type=A_FILE, help="CSV file with the end pose of each drive.")
 @click.option("--truth", type=A_FILE, multiple=True, help="CSV file of true poses; one a FILE.")
 @click.option("--save", is_flag=True, help="Write the result into the robot file.")
-@click.option("--yes", is_flag=True, help="Write it without asking.")
+@yes_option
 def from_log(
     files: tuple[Path, ...],
     robot: str | None,

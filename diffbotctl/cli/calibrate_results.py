@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import robot_option
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
@@ -83,7 +85,7 @@ def _agreed() -> bool:
 
 
 @click.command("show")
-@click.option("--robot", help="Robot file or name; the rules of `run` for none.")
+@robot_option
 def show_results(robot: str | None) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
     from datetime import UTC, datetime
@@ -123,7 +125,7 @@ def _grouped(rows: Sequence[CalibrationEntry]) -> Iterator[str]:
 
 
 @click.command()
-@click.option("--robot", help="Robot file or name; the rules of `run` for none.")
+@robot_option
 def undo(robot: str | None) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone

@@ -14,6 +14,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
+from diffbotctl.cli.options import (
+    answers_option,
+    port_option,
+    robot_option,
+    seed_option,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.session import RobotSession
@@ -41,21 +48,12 @@ class CalibrateOptions(NamedTuple):
 def common(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options that every step has."""
     options = (
-        click.option("--robot", help="Robot file or name; the rules of `run` for none."),
-        click.option(
-            "--port",
-            default="auto",
-            show_default=True,
-            help="sim, emulated, auto, or the board's port.",
-        ),
-        click.option("--seed", default=0, help="Which simulated robot is drawn."),
-        click.option(
-            "--answers",
-            type=click.Path(path_type=Path),
-            help="YAML file that answers every question.",
-        ),
-        click.option("--yes", is_flag=True, help="Move and write without asking."),
-        click.option("--dry-run", is_flag=True, help="Write nothing into the robot file."),
+        robot_option,
+        port_option("auto"),
+        seed_option,
+        answers_option,
+        yes_option,
+        click.option("--dry-run", is_flag=True, help="Do not write the robot file."),
     )
     for option in reversed(options):
         command = option(command)

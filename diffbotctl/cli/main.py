@@ -75,14 +75,14 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
             ("flash, blink", "Write the firmware to the board; blink its light"),
             ("ports, doctor", "List the serial ports; check this machine"),
             ("bluetooth", "Find, pair and test a Bluetooth module"),
-            ("service", "Print a systemd unit that starts a run with the machine"),
+            ("service", "Print a systemd unit that starts a run at boot"),
             ("completion", "Print the completion script of a shell"),
         ),
     ),
     (
         "Run",
         (
-            ("run", "Run a pipeline; simulated unless --port names a board"),
+            ("run", "Run a pipeline; simulated unless --port is given"),
             ("emulate", "Start a virtual board that runs the real firmware"),
         ),
     ),
@@ -108,8 +108,8 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     (
         "Record",
         (
-            ("replay", "Replay a recording, unchanged or with other parameters"),
-            ("bag", "Inspect recordings: info, plot, export, diff, recover"),
+            ("replay", "Replay a recording, unchanged or changed"),
+            ("bag", "Recordings: info, plot, export, diff, recover"),
         ),
     ),
     (
@@ -118,7 +118,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
             ("new", "Write a new robot, pipeline or block"),
             ("check, explain", "Check files; explain an error code"),
             ("wiring, show", "Draw the wiring of a robot; draw the robot"),
-            ("frames, export", "Print a robot's coordinate frames; write it as URDF"),
+            ("frames, export", "Print coordinate frames; write URDF"),
         ),
     ),
 )

@@ -67,6 +67,9 @@ json_option = click.option(
     "--json", "as_json", is_flag=True, help="Print JSON, one object on a line."
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite an existing file.")
+answers_option = click.option(
+    "--answers", metavar="FILE", type=FILE, help="YAML file with the answers to all questions."
+)
 yes_option = click.option("--yes", is_flag=True, help="Do not ask for confirmation.")
 for_option = click.option(
     "--for",

@@ -6,18 +6,20 @@ from pathlib import Path
 
 import click
 
+from diffbotctl.cli.options import answers_option, port_option
+
 
 @click.command()
-@click.option("--robot", help="Your robot's file; without it the one in ./robots, or a new one.")
-@click.option("--port", default="auto", show_default=True, help="The board's USB port, or auto.")
-@click.option("--radio", metavar="PORT", help="Drive over this port; without it over the cable.")
 @click.option(
-    "--answers",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="A YAML file that answers the questions.",
+    "--robot",
+    metavar="ROBOT",
+    help="Your robot file; default: the only one in ./robots.",
 )
-@click.option("--status", is_flag=True, help="Only say what is true now and what comes next.")
-@click.option("--again", is_flag=True, help="From the beginning, whatever is done already.")
+@port_option("auto", only_board=True)
+@click.option("--radio", metavar="PORT", help="Port to drive over; default: the USB cable.")
+@answers_option
+@click.option("--status", is_flag=True, help="Print the state and the next step only.")
+@click.option("--again", is_flag=True, help="Start from the beginning.")
 def command(
     robot: str | None,
     port: str,
@@ -26,10 +28,10 @@ def command(
     status: bool,
     again: bool,
 ) -> int:
-    """Go from nothing to a robot that drives to a goal, one step after another.
+    """Guided setup: from nothing to a robot that drives to a goal, step by step.
 
-    First a simulated robot; then, with a board plugged in, yours. Leave at any time with Ctrl-C:
-    the next `diffbotctl start` in this folder goes on where you left.
+    First on a simulated robot; then, with a board connected, on yours. Ctrl-C leaves at any time;
+    the next `diffbotctl start` in this folder continues from there.
     """
     from diffbotctl.cli.start_guide import SetupGuide
     from diffbotctl.start.progress import GuideProgress, state_path

@@ -1,0 +1,166 @@
+"""What all commands have in common: help, options, errors, exit codes, interrupts."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections import defaultdict
+
+import click
+import pytest
+
+from diffbotctl.cli.main import COMMANDS, GROUPS, program
+
+HELP_ROWS_MAX = 24
+# Options that mean the same in every command that has them, so that their text is the same.
+SHARED = ("--engine", "--force", "--json", "--robot", "--seed", "--set", "--yes")
+DIFFERENT = {  # command, option: why its text differs
+    ("show", "--robot"), ("frames", "--robot"), ("urdf", "--robot"),  # also the argument
+    ("wiring", "--robot"), ("emulate", "--robot"),
+    ("start", "--robot"),  # a new file is made without it
+}  # fmt: skip
+
+
+def run(*words, stdin=subprocess.DEVNULL, **variables):
+    return subprocess.run(
+        [sys.executable, "-m", "diffbotctl", *words],
+        stdin=stdin, capture_output=True, text=True, env=os.environ | variables, timeout=60,
+    )  # fmt: skip
+
+
+def commands(group=program, path=()):
+    """Every command with its path, below the groups too."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        yield (*path, name), command
+        if isinstance(command, click.Group):
+            yield from commands(command, (*path, name))
+
+
+def test_every_command_has_its_place_in_the_help_and_the_help_fits():
+    rows = [row for _, group in GROUPS for row in group]
+    named = [name for names, _ in rows for name in names.split(", ")]
+    assert sorted([*named, "help"]) == sorted(COMMANDS)
+    lines = run("--help").stdout.splitlines()
+    assert len(rows) <= HELP_ROWS_MAX
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("words", [["run"], ["topic", "echo"], ["calibrate", "motors"]])
+def test_help_shows_the_help_of_a_command(words):
+    assert run("help", *words).stdout == run(*words, "--help").stdout != ""
+
+
+def test_the_version_has_a_short_option():
+    assert run("-V").stdout == run("--version").stdout != ""
+
+
+@pytest.mark.parametrize("option", SHARED)
+def test_an_option_means_the_same_everywhere(option):
+    texts = defaultdict(list)
+    for path, command in commands():
+        for parameter in command.params:
+            if option in parameter.opts and (path[-1], option) not in DIFFERENT:
+                texts[parameter.help, parameter.metavar, parameter.is_flag].append(" ".join(path))
+    assert len(texts) == 1, f"{option} is described differently: take it from cli/options.py"
+
+
+def test_a_time_limit_is_called_for_everywhere():
+    for path, command in commands():
+        for parameter in command.params:
+            if "--for" in parameter.opts:
+                assert parameter.metavar == "TIME", " ".join(path)
+                assert type(parameter.type).__name__ == "Quantity", " ".join(path)
+
+
+@pytest.mark.parametrize(
+    "words, code, cause",
+    [
+        (["explain", "E-NONE"], 2, "E-CODE"),
+        (["run", "nowhere"], 2, "E-FILE-NAME"),
+        (["runn"], 2, "There is no command 'runn'. Did you mean 'run'?"),
+        (["run", "goal", "--for", "3 m"], 2, "--for"),
+        (["run", "goal", "--for", "-1s"], 2, "--for"),
+        (["help", "nothing"], 2, "There is no command 'nothing'."),
+    ],
+)
+def test_an_error_is_marked_and_goes_to_standard_error(words, code, cause):
+    done = run(*words)
+    assert done.returncode == code and done.stdout == ""
+    marked = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(marked) == 1 and cause in done.stderr
+    assert "\x1b" not in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_the_mark_is_red_on_a_terminal_unless_no_color_is_set(plain):
+    terminal, ours = os.openpty()
+    environment = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
+    environment |= {"NO_COLOR": "1"} if plain else {}
+    subprocess.run(
+        [sys.executable, "-m", "diffbotctl", "explain", "E-NONE"],
+        stdin=subprocess.DEVNULL, stdout=ours, stderr=ours, env=environment, timeout=60,
+    )  # fmt: skip
+    os.close(ours)
+    text = os.read(terminal, 4096).decode()
+    os.close(terminal)
+    assert ("\x1b[31m" in text) is not plain and "error:" in text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["show", "book_2wd"], ["wiring", "book_2wd"], ["export", "urdf", "book_2wd"],
+    ],
+)  # fmt: skip
+def test_output_files_of_others_are_not_overwritten(words, tmp_path):
+    suffix = ".urdf" if words[0] == "export" else ".svg"
+    file = tmp_path / f"x{suffix}"
+    assert run(*words, "--output", file).returncode == 0
+    ours = file.read_text()
+    assert run(*words, "--output", file).returncode == 0  # diffbotctl made it
+    file.write_text("somebody's work")
+    refused = run(*words, "--output", file)
+    assert refused.returncode == 2 and "E-OUTPUT" in refused.stderr
+    assert file.read_text() == "somebody's work"
+    assert run(*words, "--output", file, "--force").returncode == 0
+    assert file.read_text() == ours
+
+
+def test_the_suffix_decides_the_format(tmp_path):
+    done = run("wiring", "book_2wd", "--output", tmp_path / "x.png")
+    assert done.returncode == 2 and ".svg" in done.stderr
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_the_robot_is_accepted_as_argument_and_as_option():
+    assert run("frames", "book_2wd").stdout == run("frames", "--robot", "book_2wd").stdout != ""
+    assert run("frames", "book_2wd", "--robot", "book_2wd").returncode == 2
+
+
+@pytest.mark.parametrize("words", [["--help"], ["run", "goal", "--fast", "--quiet"]])
+def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
+    """From the first line of ours on; before it, Python itself has not started."""
+    rng = random.Random(5)
+    start = (
+        "import os, runpy, sys\n"
+        "os.write(1, b'ready')\n"
+        f"sys.argv = ['diffbotctl', *{words!r}]\n"
+        "runpy.run_module('diffbotctl', run_name='__main__')"
+    )
+    codes = set()
+    for _ in range(12):
+        process = subprocess.Popen(
+            [sys.executable, "-S", "-c", f"import sys; sys.path[:0] = {sys.path!r}\n{start}"],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        assert os.read(process.stdout.fileno(), 5) == b"ready"
+        time.sleep(0.02 + rng.uniform(0, 0.4))
+        process.send_signal(signal.SIGINT)
+        _, complaint = process.communicate(timeout=60)
+        assert b"Traceback" not in complaint, complaint.decode()
+        codes.add(process.returncode)
+    assert codes <= {0, 130}
