@@ -85,11 +85,9 @@ def _schema(kind: str) -> str:
 
 
 def _check_word(name: str, what: str) -> None:
-    import re
+    from diffbotctl.config.node_ports import is_name
 
-    from diffbotctl.config.node_ports import NODE_NAME
-
-    if not re.fullmatch(NODE_NAME.strip("^$"), name):
+    if not is_name(name):
         cause = f"'{name}' cannot name a {what}: small letters, digits and _ make a name"
         raise _refused("E-NAME", name, cause, "say it with those, a letter first")
 

@@ -16,13 +16,7 @@ from diffbotctl.config import lookup, registry, robot_tree, source_tree, yaml_re
 from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.configuration import (
-    BlockEntry,
-    BlockUse,
-    Configuration,
-    Pipeline,
-    RobotFile,
-)
+from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.yaml_tree import Value
@@ -35,11 +29,7 @@ TreeReader: TypeAlias = Callable[
 
 
 def load(
-    pipeline: str,
-    robot: str | None = None,
-    sets: Sequence[str] = (),
-    *,
-    real: bool = False,
+    pipeline: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 

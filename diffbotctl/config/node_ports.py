@@ -1,7 +1,8 @@
-"""What can stand at the ends of a wire: the blocks, and the two drivers every pipeline has."""
+"""What can be at the ends of a wire: the blocks, and the two drivers every pipeline has."""
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from diffbotctl import block, messages
@@ -39,6 +40,11 @@ class NodePorts(NamedTuple):
 
     outputs: dict[str, type]
     inputs: dict[str, block.In]
+
+
+def is_name(name: str) -> bool:
+    """True for a word that can name a block or a sensor."""
+    return re.fullmatch(NODE_NAME.strip("^$"), name) is not None
 
 
 def of_block(kind: type[block.Block]) -> NodePorts:

@@ -176,12 +176,7 @@ class MotorSection(Section):
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
     lag = Param(
-        float,
-        unit="s",
-        default=0.1,
-        above=0.0,
-        below=2.0,
-        help="Time constant from duty to speed.",
+        float, unit="s", default=0.1, above=0.0, below=2.0, help="Time constant from duty to speed."
     )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="The wheel's speed loop.")
 
@@ -248,11 +243,7 @@ class DriveSection(Section):
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
     track = Param(
-        float,
-        unit="m",
-        above=0.02,
-        below=2.0,
-        help="Distance between the middles of the tyres.",
+        float, unit="m", above=0.02, below=2.0, help="Distance between the middles of the tyres."
     )
     polarity: Polarity = Choice(
         Polarity,
@@ -368,10 +359,7 @@ class BatterySection(Section):
         help="Voltage of the full battery, for the wiring checks; none: not checked.",
     )
     pin = Param(
-        Pin,
-        none=True,
-        default=None,
-        help="Analog pin that reads it through a divider, or none.",
+        Pin, none=True, default=None, help="Analog pin that reads it through a divider, or none."
     )
     divider = Param(
         float,

@@ -52,11 +52,7 @@ SYNTAX = [
         "this line is indented unlike the lines that it belongs to",
         "give all keys of one mapping the same indentation",
     ),
-    (
-        r"cannot start any token",
-        "no value can begin with this character",
-        "put the text in quotes",
-    ),
+    (r"cannot start any token", "no value can begin with this character", "put the text in quotes"),
 ]
 
 

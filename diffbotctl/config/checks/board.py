@@ -9,7 +9,7 @@ from math import floor
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.checks.graph import entries
+from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.checks.pins import PINLESS
 from diffbotctl.config.harness import has_radio
 from diffbotctl.config.robot import SIDES
@@ -74,7 +74,11 @@ def check_channels(context: CheckContext) -> None:
 
 def _listeners(context: CheckContext, sensor: str) -> dict[str, Value]:
     """The wires from this sensor, by the node that they lead to."""
-    wires = {node: found for node, value in entries(context).items() if (found := value.at("in"))}
+    wires = {
+        node: found
+        for node, value in nodes_with_inputs(context).items()
+        if (found := value.at("in"))
+    }
     return {
         node: source
         for node, inputs in wires.items()
