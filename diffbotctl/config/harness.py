@@ -9,7 +9,7 @@ What no picture of the wires shows, and a person must see to before the battery 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.robot import Robot, SideSection
@@ -110,85 +110,74 @@ def harness(robot: Robot) -> Harness:
     return Harness(_parts(robot, board, wires), tuple(wires), _printed(robot, board))
 
 
-def has_radio(robot: Robot) -> bool:
-    """True when a Bluetooth module sits on the link's port; on the USB port only if it is said."""
-    if robot.link.radio is None:
-        return bool(robot.link.uart != 0)
-    return bool(robot.link.radio == "hc05")
+def _wire(
+    part: str, pin: str, to_part: str, to_pin: str, colour: str, purpose: str, through: str = ""
+) -> HarnessWire:
+    start, end = HarnessPin(part, pin), HarnessPin(to_part, to_pin)
+    return HarnessWire(start, end, colour, purpose, through)
 
 
 def _power(robot: Robot) -> Iterator[HarnessWire]:
-    yield HarnessWire(
-        HarnessPin(CELLS, "+"), HarnessPin(DRIVER, "12V"), SUPPLY, "motor supply, through a switch"
-    )
-    yield HarnessWire(HarnessPin(CELLS, "-"), HarnessPin(DRIVER, "GND"), GROUND, "motor supply")
-    if robot.board.supply == "vin":
-        yield HarnessWire(
-            HarnessPin(DRIVER, "12V"), HarnessPin(BOARD, "VIN"), SUPPLY, "board's supply, 7 to 12 V"
-        )
-    elif robot.board.supply == "regulator":
-        yield HarnessWire(
-            HarnessPin(DRIVER, "5V"), HarnessPin(BOARD, "5V"), SUPPLY, "board's supply, 5 V"
-        )
-    yield HarnessWire(HarnessPin(DRIVER, "GND"), HarnessPin(BOARD, "GND"), GROUND, "common ground")
+    yield _wire(CELLS, "+", DRIVER, "12V", SUPPLY, "motor supply, through a switch")
+    yield _wire(CELLS, "-", DRIVER, "GND", GROUND, "motor supply")
+    match robot.board.supply:
+        case "vin":
+            yield _wire(DRIVER, "12V", BOARD, "VIN", SUPPLY, "board's supply, 7 to 12 V")
+        case "regulator":
+            yield _wire(DRIVER, "5V", BOARD, "5V", SUPPLY, "board's supply, 5 V")
+        case "usb":
+            pass
+        case _:
+            assert_never(robot.board.supply)
+    yield _wire(DRIVER, "GND", BOARD, "GND", GROUND, "common ground")
 
 
 def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
-    enable, first, second, out_first, out_second = HALVES[name]
+    enable, first, second, first_output, second_output = HALVES[name]
     motor, key = side.motor, f"{name} motor"
     for pin, input_, colour, purpose in (
         (motor.enable, enable, ENABLE, "speed (PWM)"),
         (motor.in1, first, FIRST, "direction"),
         (motor.in2, second, SECOND, "direction"),
     ):
-        at = HarnessPin(BOARD, board.named(str(pin)))
-        yield HarnessWire(at, HarnessPin(DRIVER, input_), colour, f"{name} motor: {purpose}")
-    yield HarnessWire(HarnessPin(DRIVER, out_first), HarnessPin(key, "+"), SUPPLY, key)
-    yield HarnessWire(HarnessPin(DRIVER, out_second), HarnessPin(key, "-"), GROUND, key)
+        yield _wire(BOARD, board.named(str(pin)), DRIVER, input_, colour, f"{key}: {purpose}")
+    yield _wire(DRIVER, first_output, key, "+", SUPPLY, key)
+    yield _wire(DRIVER, second_output, key, "-", GROUND, key)
 
 
-def _supplied(key: str, supply: str, ground: str, what: str) -> Iterator[HarnessWire]:
-    yield HarnessWire(HarnessPin(BOARD, "5V"), HarnessPin(key, supply), SUPPLY, f"{what}: 5 V")
-    yield HarnessWire(HarnessPin(BOARD, "GND"), HarnessPin(key, ground), GROUND, f"{what}: ground")
+def _supplied(key: str, supply: str, ground: str, title: str) -> Iterator[HarnessWire]:
+    yield _wire(BOARD, "5V", key, supply, SUPPLY, f"{title}: 5 V")
+    yield _wire(BOARD, "GND", key, ground, GROUND, f"{title}: ground")
 
 
 def _radio(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
-    if not has_radio(robot):
+    if not robot.link.has_radio:
         return
     receive, transmit = board.uarts[robot.link.uart]
     yield from _supplied(RADIO, "VCC", "GND", "HC-05")
-    yield HarnessWire(
-        HarnessPin(RADIO, "TXD"), HarnessPin(BOARD, receive), TO_BOARD, "data to the board"
-    )
+    yield _wire(RADIO, "TXD", BOARD, receive, TO_BOARD, "data to the board")
     through = DIVIDER if robot.link.level == "divider" else ""
-    yield HarnessWire(
-        HarnessPin(BOARD, transmit), HarnessPin(RADIO, "RXD"), FROM_BOARD, "data", through
-    )
+    yield _wire(BOARD, transmit, RADIO, "RXD", FROM_BOARD, "data", through)
 
 
 def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
-    key = f"{name} encoder"
+    key, pin = f"{name} encoder", board.named(str(side.encoder.pin))
     yield from _supplied(key, "VCC", "GND", key)
-    pin = HarnessPin(BOARD, board.named(str(side.encoder.pin)))
-    yield HarnessWire(HarnessPin(key, "OUT"), pin, ENCODER, f"{key}: edges")
+    yield _wire(key, "OUT", BOARD, pin, ENCODER, f"{key}: edges")
 
 
 def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     for name, sensor in robot.sensors.items():
-        key = f"{name} sensor"
+        key, pin = f"{name} sensor", board.named(str(sensor.pin))
         yield from _supplied(key, "VCC", "GND", key)
-        pin = HarnessPin(BOARD, board.named(str(sensor.pin)))
-        yield HarnessWire(HarnessPin(key, "Vo"), pin, SENSOR, f"{key}: 0 to 3.1 V")
+        yield _wire(key, "Vo", BOARD, pin, SENSOR, f"{key}: 0 to 3.1 V")
 
 
 def _button(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
-    if robot.board.stop_button is None:
-        return
-    pin = HarnessPin(BOARD, board.named(str(robot.board.stop_button)))
-    yield HarnessWire(pin, HarnessPin(STOP, "1"), BUTTON, "stop button: closed is pressed")
-    yield HarnessWire(
-        HarnessPin(BOARD, "GND"), HarnessPin(STOP, "2"), GROUND, "stop button: ground"
-    )
+    if robot.board.stop_button is not None:
+        pin = board.named(str(robot.board.stop_button))
+        yield _wire(BOARD, pin, STOP, "1", BUTTON, "stop button: closed is pressed")
+        yield _wire(BOARD, "GND", STOP, "2", GROUND, "stop button: ground")
 
 
 def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str, HarnessPart]:
@@ -211,7 +200,7 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
 
 
 def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
-    if not has_radio(robot):
+    if not robot.link.has_radio:
         return {}
     receive, transmit = board.uarts[robot.link.uart]
     number = str(robot.link.uart or "")  # port 0 is printed RX and TX
@@ -235,7 +224,7 @@ def notes(robot: Robot) -> Iterator[str]:
         f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a "
         "motor; the kit's motors are made for 5 to 9 V."
     )
-    if has_radio(robot) and robot.link.level == "divider":
+    if robot.link.has_radio and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
     if robot.sensors:
         yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in gulps."

@@ -69,7 +69,7 @@ def _update_mapping(
         match change:
             case RetiredKey():
                 cause = f"{key} has no effect any more: {change.reason}"
-                problems.append(_warning(value.key_place or value.place, cause, "remove the key"))
+                problems.append(_warning(value.name_place, cause, "remove the key"))
                 continue
             case RenamedValue():
                 cause = f"{change.old} is now called {change.new}"
@@ -77,7 +77,7 @@ def _update_mapping(
                 problems.append(_warning(value.value_place, cause, fix))
                 value = replace(value, data=change.new, text=change.new)
             case RenamedKey():
-                place = value.key_place or value.place
+                place = value.name_place
                 cause = f"{change.old} is now called {change.new}"
                 fix = f"write `{_line_with(place, change.new)}`"
                 problems.append(_warning(place, cause, fix))

@@ -111,6 +111,11 @@ class LinkSection(Section):
         help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
     )
 
+    @property
+    def has_radio(self) -> bool:
+        """True when a Bluetooth module is on the link's port; on the USB port only if stated."""
+        return self.radio == "hc05" or (self.radio is None and self.uart != 0)
+
 
 class WheelSection(Section):
     """One wheel."""

@@ -39,7 +39,7 @@ def overlay_calibration(robot: Value, problems: list[Problem]) -> Value:
     section = robot.entries.get("calibration")
     for path, entry in (section.entries if section else {}).items():
         if field(path) is None:
-            problems.append(_unknown_field(path, entry.key_place or entry.place))
+            problems.append(_unknown_field(path, entry.name_place))
             continue
         value = entry.entries.get("value")
         if value is not None:

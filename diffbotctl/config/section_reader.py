@@ -152,7 +152,7 @@ class _Reader:
                 also = ", which must be given" if is_missing and near not in value.entries else ""
                 fix = f"did you mean '{near}'{also}?"
             cause = f"unknown key '{name}' in {self._within(path)}"
-            place = entry.key_place or entry.place
+            place = entry.name_place
             self.problems.append(Problem("E-KEY-UNKNOWN", place, cause, fix))
 
     def _check_missing(

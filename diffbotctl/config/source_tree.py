@@ -185,7 +185,7 @@ def _substitute(tree: Value, problems: list[Problem]) -> Value:
     for name in substitution.variables.keys() - substitution.used:
         value = substitution.variables[name]
         cause, fix = f"the variable {name} is never used", f"remove it, or write ${name} somewhere"
-        place = value.key_place or value.value_place
+        place = value.name_place
         problems.append(Problem("W-VAR-UNUSED", place, cause, fix, "warning"))
     return replace(tree, data=entries)
 

@@ -92,6 +92,11 @@ class Value:
         return self.value_place
 
     @property
+    def name_place(self) -> Place:
+        """The place of its key, for a message about the key; its own place where it has none."""
+        return self.key_place or self.value_place
+
+    @property
     def entries(self) -> dict[str, Value]:
         """The entries of a mapping; none for anything else."""
         return self.data if isinstance(self.data, dict) else {}

@@ -5,7 +5,7 @@ import pytest
 from diffbotctl.config.board_pins import ATMEGA_328P, BOARDS, MEGA_2560
 from diffbotctl.config.checks import graph
 from diffbotctl.config.checks.drive import resolution
-from diffbotctl.config.checks.pins import able
+from diffbotctl.config.checks.pins import pins_for
 from diffbotctl.config.load import check, load
 from diffbotctl.links import bandwidth
 from diffbotctl.links.diffbot_frames import WIRE, CountsFrame, StateFrame
@@ -123,7 +123,7 @@ def test_loops(sources, found):
     ],
 )
 def test_what_pins_can_do(board, role, protocol, pins):
-    assert able(board, role, protocol) == pins.split()
+    assert pins_for(board, role, protocol) == pins.split()
 
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.board_pins import MEGA_2560
-from diffbotctl.config.checks.pins import able, serial_pins
+from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
 from diffbotctl.links import bandwidth
 from diffbotctl.links import diffbot_frames as frames
@@ -47,7 +47,7 @@ def test_the_board_has_the_pins_of_the_host_s_table(table):
 
 
 def test_pins_with_pwm_and_their_timers(table):
-    believed = {int(pin): MEGA_2560.pwm[pin] for pin in able(MEGA_2560, "pwm", "diffbot")}
+    believed = {int(pin): MEGA_2560.pwm[pin] for pin in pins_for(MEGA_2560, "pwm", "diffbot")}
     found = {number: TIMERS[pwm // 3] for number, (pwm, _) in enumerate(table) if pwm != NOTHING}
     assert believed == found, differ("timers of PWM pins", believed, found, BOARDS)
 

@@ -22,6 +22,8 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     drive.check_tolerance,
     drive.check_edges,
     drive.check_polarity,
-    board.check_wiring,
+    board.check_radio,
+    board.check_led_pin,
+    board.check_supply,
     calibration.check_calibration,
 )

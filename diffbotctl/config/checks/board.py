@@ -1,7 +1,4 @@
-"""The serial line carries what the board wants to say.
-
-A board tells one distance: both firmwares have one channel for it in each frame.
-"""
+"""Checks of the board and what is wired to it: line capacity, sensor channels, voltages."""
 
 from __future__ import annotations
 
@@ -10,156 +7,142 @@ from math import floor
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
-from diffbotctl.config.checks.pins import PINLESS
-from diffbotctl.config.harness import has_radio
+from diffbotctl.config.checks.pins import PINLESS_SENSORS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.links import bandwidth
 
+# V at the input of a linear regulator of 5 V (Mega's VIN; 78M05 of an L298N board): it needs 2 V
+# more than it gives, and 12 V at 0.2 A are 1.4 W of heat, the most that its bare case sheds.
+SUPPLY_MIN_V, SUPPLY_MAX_V = 7.0, 12.0
+DRIVER_SUPPLY_MAX_V = 35.0  # the L298N board's supply (data sheet of the module)
+LED_PIN = "13"  # the pin of the light L, on all boards here
+
 
 def check_budget(context: CheckContext) -> None:
     """Compare the telemetry's bytes a second with what the line carries."""
-    known = context.values(
+    values = context.values(
         "board.telemetry", "board.edge_times", "link.protocol", "link.baud", "link.uart"
     )
-    if known is None or context.robot is None:
+    if values is None or context.robot is None or context.robot.board.type == SIMULATED:
         return
-    if context.robot.board.type == SIMULATED:
-        return  # no line carries anything
-    rate, has_edge_times, protocol, _, _ = known
+    rate, has_edge_times, protocol, _, _ = values
     baud = bandwidth.baud_of(context.robot.link)
     frame = bandwidth.frame_bytes(protocol, has_edge_times)
-    load, room = rate * frame, bandwidth.capacity(baud)
-    if load <= bandwidth.COMFORTABLE * room:
+    load, capacity = rate * frame, bandwidth.capacity(baud)
+    if load <= bandwidth.COMFORTABLE * capacity:
         return
     cause = (
         f"{rate:g} frames of {frame} bytes are {load:.0f} bytes a second; "
-        f"at {baud} baud the line carries {room:.0f}"
+        f"at {baud} baud the line carries {capacity:.0f}"
     )
-    most = floor(bandwidth.COMFORTABLE * room / frame)
-    fix = f"at most {most} Hz leaves room for replies; or raise link.baud"
+    rate_max = floor(bandwidth.COMFORTABLE * capacity / frame)
+    fix = f"at most {rate_max} Hz leaves room for replies; or raise link.baud"
     if has_edge_times and protocol == "diffbot":
         fix += ", or set edge_times: false"
     place = context.error_place("board.telemetry", "link.baud", "board.edge_times")
-    if load > room:
+    if load > capacity:
         context.error("E-LINK-BUDGET", place, cause, fix)
     else:
         context.warn("W-LINK-BUDGET", place, f"{cause}: replies will be late", fix)
 
 
 def check_channels(context: CheckContext) -> None:
-    """Say of every further sensor that it is silent on a real board; refuse to wait for it."""
+    """Say of every further sensor that it is silent on a real board; refuse to wait for it.
+
+    Both firmwares have one channel for a distance in each frame.
+    """
     if context.robot is None or context.values("board.type") in (None, (SIMULATED,)):
         return
-    sensors = context.robot.sensors or {}
-    told, *silent = [
+    names = [
         name
-        for name, sensor in sensors.items()
-        if sensor is not None and sensor.type not in PINLESS
-    ] or [""]
-    for name in silent:
-        waiting = _listeners(context, name)
-        if context.real and waiting:
-            _refuse(context, name, told, waiting)
-        else:
-            cause = (
-                f"a board tells one distance in each frame, that of '{told}'; on a real board "
-                f"'{name}' would stay silent, only the simulator has it"
-            )
-            fix = "remove it, or set board: {type: simulated} for a robot that is never built"
-            place = context.robot_value("sensors", name)
-            spot = place.key_place or place.place if place else context.robot_place("sensors")
-            context.warn("W-BOARD-SENSOR", spot, cause, fix)
+        for name, sensor in (context.robot.sensors or {}).items()
+        if sensor is not None and sensor.type not in PINLESS_SENSORS
+    ]
+    for name in names[1:]:
+        wires = _wires_from(context, name)
+        if context.real and wires:
+            _refuse_wires(context, name, names[0], wires)
+            continue
+        cause = (
+            f"a board tells one distance in each frame, that of '{names[0]}'; on a real board "
+            f"'{name}' would stay silent, only the simulator has it"
+        )
+        fix = "remove it, or set board: {type: simulated} for a robot that is never built"
+        sensor = context.robot_value("sensors", name)
+        place = sensor.name_place if sensor else context.robot_place("sensors")
+        context.warn("W-BOARD-SENSOR", place, cause, fix)
 
 
-def _listeners(context: CheckContext, sensor: str) -> dict[str, Value]:
+def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
     """The wires from this sensor, by the node that they lead to."""
-    wires = {
-        node: found
-        for node, value in nodes_with_inputs(context).items()
-        if (found := value.at("in"))
-    }
     return {
         node: source
-        for node, inputs in wires.items()
+        for node, value in nodes_with_inputs(context).items()
+        if (inputs := value.at("in"))
         for source in inputs.entries.values()
         if source.data == f"robot.{sensor}"
     }
 
 
-def _refuse(context: CheckContext, name: str, told: str, waiting: dict[str, Value]) -> None:
-    for node, source in waiting.items():
+def _refuse_wires(context: CheckContext, name: str, measured: str, wires: dict[str, Value]) -> None:
+    for node, source in wires.items():
         cause = (
             f"'{node}' waits for the sensor '{name}', but a board tells one distance in each "
-            f"frame, that of '{told}': this wire would stay silent"
+            f"frame, that of '{measured}': this wire would stay silent"
         )
-        fix = f"wire it to robot.{told}, or leave the block out"
+        fix = f"wire it to robot.{measured}, or leave the block out"
         context.error("E-BOARD-SENSOR", source.place, cause, fix)
 
 
-# V at the input of a linear regulator of 5 V (Mega's VIN; 78M05 of an L298N board): it needs 2 V
-# more than it gives, and 12 V at 0.2 A are 1.4 W of heat, the most that its bare context sheds.
-LEAST_SUPPLY, MOST_SUPPLY = 7.0, 12.0
-MOST_DRIVER = 35.0  # V; the L298N board's supply (data sheet of the module)
-LIGHT = "13"  # the pin of the light L, on all boards here
-
-
-def check_wiring(context: CheckContext) -> None:
-    """Warn of what the wiring would make of a robot whose pins and ports are right."""
-    _check_radio(context)
-    _check_light(context)
-    _check_supply(context)
-
-
-def _check_radio(context: CheckContext) -> None:
-    known = context.values("link.uart", "link.level", "board.type")
-    if known is None or context.robot is None or not has_radio(context.robot):
+def check_radio(context: CheckContext) -> None:
+    """Warn of a radio module whose input gets 5 V, or that shares the USB port's pins."""
+    values = context.values("link.uart", "link.level", "board.type")
+    if values is None or context.robot is None or not context.robot.link.has_radio:
         return
-    uart, level, kind = known
+    uart, level, board = values
     if level == "direct":
         cause = "the board's 5 V go straight into the HC-05's RXD, which is made for 3.3 V"
         fix = "put 1 kOhm into the wire and 2 kOhm from RXD to GND, and say level: divider"
         context.warn("W-WIRING-LEVEL", context.error_place("link.level"), cause, fix)
     if uart == 0:
-        others = [str(each) for each in BOARDS[kind].links["diffbot"] if each]
+        others = [port for port in BOARDS[board].links["diffbot"] if port]
         cause = "the HC-05 shares pins 0 and 1 with the USB port: flashing fails while it is there"
         fix = f"use uart: {others[0]}" if others else "unplug it before you plug in the USB cable"
         context.warn("W-WIRING-SHARED", context.error_place("link.radio", "link.uart"), cause, fix)
 
 
-def _check_light(context: CheckContext) -> None:
+def check_led_pin(context: CheckContext) -> None:
+    """Warn of a motor or button on the pin that also drives the board's light."""
     for side in SIDES:
-        pin = context.values(f"drive.{side}.motor.enable")
-        if pin is not None and str(pin[0]) == LIGHT:
+        if context.values(f"drive.{side}.motor.enable") == (LED_PIN,):
             cause = (
                 "the board's light hangs on pin 13, and the bootloader blinks it at each start: "
                 f"the {side} wheel will jerk"
             )
             place = context.robot_place("drive", side, "motor", "enable")
             context.warn("W-WIRING-LIGHT", place, cause, "give the motor another pin with PWM")
-    button = context.values("board.stop_button")
-    if button is not None and str(button[0]) == LIGHT:
+    if context.values("board.stop_button") == (LED_PIN,):
         cause = "the board's light pulls pin 13 down, so the button may seem pressed for ever"
         place = context.robot_place("board", "stop_button")
         context.warn("W-WIRING-LIGHT", place, cause, "give the button another pin")
 
 
-def _check_supply(context: CheckContext) -> None:
-    known = context.values("battery.full", "board.supply")
-    if known is None:
+def check_supply(context: CheckContext) -> None:
+    """Warn of a battery voltage that the motor driver or the board's regulator does not stand."""
+    values = context.values("battery.full", "board.supply")
+    if values is None:
         return
-    full, supply = known
+    full, supply = values
     place = context.error_place("battery.full", "board.supply")
-    if full > MOST_DRIVER:
-        cause = f"{full:g} V are more than the L298N stands ({MOST_DRIVER:g} V)"
+    if full > DRIVER_SUPPLY_MAX_V:
+        cause = f"{full:g} V are more than the L298N stands ({DRIVER_SUPPLY_MAX_V:g} V)"
         context.warn("W-WIRING-SUPPLY", place, cause, "take a battery of 7 to 12 V")
-    elif supply != "usb" and not LEAST_SUPPLY <= full <= MOST_SUPPLY:
-        who = "the board's VIN" if supply == "vin" else "the L298N's 5 V regulator"
-        why = (
-            "the board would restart whenever a motor starts"
-            if full < LEAST_SUPPLY
-            else "it would get too hot"
-        )
-        cause = f"{who} takes {LEAST_SUPPLY:g} to {MOST_SUPPLY:g} V, not {full:g} V: {why}"
+    elif supply != "usb" and not SUPPLY_MIN_V <= full <= SUPPLY_MAX_V:
+        part = "the board's VIN" if supply == "vin" else "the L298N's 5 V regulator"
+        effect = "it would get too hot"
+        if full < SUPPLY_MIN_V:
+            effect = "the board would restart whenever a motor starts"
+        cause = f"{part} takes {SUPPLY_MIN_V:g} to {SUPPLY_MAX_V:g} V, not {full:g} V: {effect}"
         fix = "take two lithium cells (8.4 V), or feed the board from USB (board.supply: usb)"
         context.warn("W-WIRING-SUPPLY", place, cause, fix)

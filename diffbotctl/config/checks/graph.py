@@ -27,13 +27,13 @@ def check_names(context: CheckContext) -> None:
         _check_name(context, name, value, "block")
         if name in RESERVED:
             cause = f"'{name}' is the name of a node that every pipeline has"
-            place = value.key_place or value.place
+            place = value.name_place
             context.error("E-NAME", place, cause, "give the block another name")
     for name, value in sensors.entries.items() if sensors else ():
         _check_name(context, name, value, "sensor")
         if name in ROBOT:
             cause = f"'{name}' is already an output of the robot"
-            place = value.key_place or value.place
+            place = value.name_place
             context.error("E-NAME", place, cause, "give the sensor another name")
 
 
@@ -44,7 +44,7 @@ def _check_name(context: CheckContext, name: str, value: Value, kind: str) -> No
     if not plain[:1].isalpha():
         plain = f"{kind}_{plain}".rstrip("_")
     cause = f"'{name}' cannot name a {kind}: small letters, digits and _ make a name"
-    context.error("E-NAME", value.key_place or value.place, cause, f"call it {plain}")
+    context.error("E-NAME", value.name_place, cause, f"call it {plain}")
 
 
 def check_loops(context: CheckContext) -> None:
@@ -137,7 +137,7 @@ class _Wiring:
         sources = wires.entries if wires else {}
         unknown = [port for port in sources if port not in ports]
         for port in unknown:
-            place = sources[port].key_place or sources[port].place
+            place = sources[port].name_place
             cause = f"'{name}' has no input '{port}'"
             self.context.error("E-WIRE-INPUT", place, cause, _did_you_mean(port, ports, "input"))
         free = [port for port in ports if port not in sources]
@@ -158,7 +158,7 @@ class _Wiring:
         else:
             fix = f"connect it to one of {join_words(outputs)}"
         cause = f"input '{port}' of '{name}' is not connected; it needs a {kind}"
-        self.context.error("E-WIRE-MISSING", value.key_place or value.place, cause, fix)
+        self.context.error("E-WIRE-MISSING", value.name_place, cause, fix)
 
     def _check_source(self, name: str, port: str, kind: type, source: Value) -> None:
         if not isinstance(source.data, str):
