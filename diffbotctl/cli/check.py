@@ -55,12 +55,8 @@ def _problems(file: str, robot: str | None, sets: tuple[str, ...], real: bool) -
     from diffbotctl.config.registry import clashes
     from diffbotctl.errors import Problem
 
-    clash_problems = [
-        Problem(clash.code, "installation", str(clash), clash.fix)
-        for group in ("diffbotctl.blocks", "diffbotctl.drivers")
-        for clash in clashes(group)
-    ]
-    return [*clash_problems, *check_files(file, robot, sets, real=real)]
+    conflicts = [Problem(clash.code, "installation", str(clash), clash.fix) for clash in clashes()]
+    return [*conflicts, *check_files(file, robot, sets, real=real)]
 
 
 def _count_text(count: int, noun: str) -> str:

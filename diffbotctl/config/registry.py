@@ -1,4 +1,4 @@
-"""Which kinds of blocks and drivers there are, and the class behind each name.
+"""Which kinds of blocks there are, and the class behind each name.
 
 A built-in name always means the built-in class, and is found without looking at what else is
 installed, which takes 30 ms. A package that claims such a name too is reported by `clashes`, which
@@ -13,6 +13,7 @@ from typing import Any
 from diffbotctl.block import Block
 from diffbotctl.errors import closest_match
 
+ENTRY_POINT_GROUP = "diffbotctl.blocks"
 BLOCKS = {
     "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
@@ -30,12 +31,7 @@ BLOCKS = {
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
 }
 
-DRIVERS: dict[str, str] = {}
-
-TABLES = {"diffbotctl.blocks": BLOCKS, "diffbotctl.drivers": DRIVERS}
-
-
-MEND = "mend or remove the package that brings it"
+IMPORT_FIX = "mend or remove the package that brings it"
 
 
 class RegistryError(LookupError):
@@ -49,55 +45,43 @@ class RegistryError(LookupError):
 
 def block(name: str) -> type[Block]:
     """The block class called `name`. Only its own module is imported. Raises RegistryError."""
-    found, path = _found(name, "diffbotctl.blocks")
-    if not (isinstance(found, type) and issubclass(found, Block)):
-        cause = f"'{name}' ({path}) is no block: it does not derive from diffbotctl.block.Block"
-        raise RegistryError("E-BLOCK-IMPORT", cause, MEND)
-    return found
+    path = BLOCKS.get(name) or _path_in_packages(name)
+    module, _, attribute = path.partition(":")
+    try:
+        candidate = getattr(import_module(module), attribute)
+    except Exception as error:
+        cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
+        raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
+    if isinstance(candidate, type) and issubclass(candidate, Block):
+        return candidate
+    cause = f"'{name}' ({path}) is no block: it does not derive from diffbotctl.block.Block"
+    raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
 
 
-def driver(name: str) -> Any:
-    """The driver called `name`. Raises RegistryError."""
-    return _found(name, "diffbotctl.drivers")[0]
+def names() -> list[str]:
+    """Every known name, built in or from other packages."""
+    return sorted({*BLOCKS, *(point.name for point in _entry_points())})
 
 
-def names(group: str = "diffbotctl.blocks") -> list[str]:
-    """Every known name of `group`, built in or from other packages."""
-    return sorted({*TABLES[group], *(point.name for point in _entry_points(group))})
-
-
-def clashes(group: str = "diffbotctl.blocks") -> list[RegistryError]:
+def clashes() -> list[RegistryError]:
     """The names that more than one package claims."""
-    owners: dict[str, list[str]] = {name: ["diffbotctl"] for name in TABLES[group]}
-    for point in _entry_points(group):
+    owners: dict[str, list[str]] = {name: ["diffbotctl"] for name in BLOCKS}
+    for point in _entry_points():
         owners.setdefault(point.name, []).append(_owner(point))
     return [_clash(name, packages) for name, packages in owners.items() if len(packages) > 1]
 
 
-def _found(name: str, group: str) -> tuple[Any, str]:
-    """What `name` stands for, imported, and its dotted path."""
-    path = TABLES[group].get(name)
-    if path is None:
-        points = [point for point in _entry_points(group) if point.name == name]
-        if not points:
-            raise _unknown(name, group)
-        if len(points) > 1:
-            raise _clash(name, [_owner(point) for point in points])
-        path = points[0].value
-    module, _, attribute = path.partition(":")
-    try:
-        return getattr(import_module(module), attribute), path
-    except Exception as error:
-        cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
-        raise RegistryError("E-BLOCK-IMPORT", cause, MEND) from error
-
-
-def _unknown(name: str, group: str) -> RegistryError:
-    known = names(group)
-    near = closest_match(name, known)
-    what = group.rsplit(".", 1)[1].removesuffix("s")
-    fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {', '.join(known)}"
-    return RegistryError("E-BLOCK-UNKNOWN", f"there is no {what} called '{name}'", fix)
+def _path_in_packages(name: str) -> str:
+    """`module:Class` of the one other package that has a block called `name`."""
+    points = [point for point in _entry_points() if point.name == name]
+    if len(points) > 1:
+        raise _clash(name, [_owner(point) for point in points])
+    if points:
+        return str(points[0].value)
+    near = closest_match(name, names())
+    listed = ", ".join(names())
+    fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {listed}"
+    raise RegistryError("E-BLOCK-UNKNOWN", f"there is no block called '{name}'", fix)
 
 
 def _clash(name: str, packages: list[str]) -> RegistryError:
@@ -109,7 +93,7 @@ def _owner(point: Any) -> str:
     return str(point.dist.name if point.dist else point.value)
 
 
-def _entry_points(group: str) -> list[Any]:
-    from importlib.metadata import entry_points
+def _entry_points() -> list[Any]:
+    from importlib.metadata import entry_points  # 30 ms; not needed for built-in blocks
 
-    return list(entry_points(group=group))
+    return list(entry_points(group=ENTRY_POINT_GROUP))
