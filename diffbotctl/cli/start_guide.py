@@ -83,7 +83,7 @@ class SetupGuide:
         """Continue with this robot; what was done with another one does not count."""
         from diffbotctl.config import lookup
 
-        path = str(lookup.robot(robot))
+        path = str(lookup.find_robot(robot))
         if self.progress.notes.get("robot", path) != path:
             self._undo_robot()
         self.progress.notes["robot"] = path
@@ -177,7 +177,7 @@ class SetupGuide:
         from diffbotctl.config.load import load_robot
         from diffbotctl.errors import Problem, UsageError
 
-        path = lookup.robot(self.robot)
+        path = lookup.find_robot(self.robot)
         if self.robot is None and lookup.is_shipped(path):
             path = Path("robots") / f"{NEW_ROBOT}.yaml"
             if lookup.is_shipped(path):

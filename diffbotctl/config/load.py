@@ -67,11 +67,7 @@ def check(
 
 def _is_robot(name: str) -> bool:
     if not lookup.is_path(name):
-        try:
-            lookup.pipeline(name)
-        except UserError:
-            return lookup.is_known(name, "robots")
-        return False
+        return not lookup.is_known(name, "pipelines") and lookup.is_known(name, "robots")
     try:
         kind = yaml_reader.read(name).entries.get("kind")
     except ConfigurationError:
@@ -90,7 +86,7 @@ class _Loader:
         self.files: list[Path] = []
 
     def load_pipeline(self, name: str, robot: str | None) -> Configuration:
-        file = self._find(lookup.pipeline, name)
+        file = self._find(lookup.find_pipeline, name)
         tree = self._read_tree(file, source_tree.read_pipeline) if file else None
         if tree is not None:
             self._read_pipeline(tree)
@@ -191,7 +187,7 @@ class _Loader:
         A problem of the robot file as a whole is shown where the pipeline names it.
         """
         count = len(self.problems)
-        file = self._find(lookup.robot, name)
+        file = self._find(lookup.find_robot, name)
         if lookup.is_path(name):
             file = self._read_robot(self._folder_of(use) / name)
         self.problems[count:] = [
@@ -210,7 +206,7 @@ class _Loader:
         return Path()
 
     def _find_and_read_robot(self, name: str | None) -> Path | None:
-        file = self._find(lookup.robot, name)
+        file = self._find(lookup.find_robot, name)
         return self._read_robot(file) if file else None
 
     def _read_robot(self, file: Path) -> Path:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from diffbotctl.errors import Problem, UsageError, closest_match
 
-FOLDERS = ("robots", "pipelines", "schemas", "firmware")
+DEFAULT_ROBOT = "book_2wd"
 
 
 def folder(name: str) -> Path:
@@ -30,26 +30,26 @@ def names(kind: str) -> list[str]:
     return sorted(path.stem for path in folder(kind).glob("*.yaml"))
 
 
-DEFAULT_ROBOT = "book_2wd"
-
-
-def pipeline(name: str) -> Path:
+def find_pipeline(name: str) -> Path:
     """The pipeline file meant by `name`. Raises UsageError."""
     return find(name, "pipelines")
 
 
-def robot(name: str | None) -> Path:
+def find_robot(name: str | None) -> Path:
     """The robot file meant by `name`, or by nothing said. Raises UsageError."""
     if name is not None:
         return find(name, "robots")
-    own = sorted(Path("robots").glob("*.yaml"))
-    names = [path.stem for path in own]
-    if len(own) > 1 and DEFAULT_ROBOT not in names:
-        cause = f"./robots holds {len(own)} files: {', '.join(names)}"
-        raise UsageError(
-            Problem("E-ROBOT-WHICH", "robots", cause, f"say which: --robot {names[0]}")
-        )
-    return own[0] if len(own) == 1 else find(DEFAULT_ROBOT, "robots")
+    own = _own_names("robots")
+    if len(own) > 1 and DEFAULT_ROBOT not in own:
+        cause = f"./robots holds {len(own)} files: {', '.join(own)}"
+        fix = f"say which: --robot {own[0]}"
+        raise UsageError(Problem("E-ROBOT-WHICH", "robots", cause, fix))
+    return find(own[0] if len(own) == 1 else DEFAULT_ROBOT, "robots")
+
+
+def _own_names(kind: str) -> list[str]:
+    """The names of the user's YAML files in ./`kind`, without their ending."""
+    return sorted(path.stem for path in Path(kind).glob("*.yaml"))
 
 
 def is_known(name: str, kind: str) -> bool:
@@ -97,7 +97,7 @@ def is_shipped(path: Path) -> bool:
 
 
 def _not_found(name: str, kind: str) -> UsageError:
-    known = sorted({*names(kind), *(path.stem for path in Path(kind).glob("*.yaml"))})
+    known = sorted({*names(kind), *_own_names(kind)})
     near = closest_match(name, known)
     what = kind.removesuffix("s")
     fix = f"did you mean {near}?" if near else f"known are {', '.join(known)}, or give a path"

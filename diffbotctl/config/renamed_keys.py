@@ -5,107 +5,102 @@ A file that still has one is accepted, with a warning that shows the new line.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+from diffbotctl.config.robot import SIDES
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
 
 CODE = "W-OUTDATED"
+Steps = tuple[str, ...]
 
 
 class RenamedKey(NamedTuple):
-    """`path` is a regular expression of the dotted path, without the last key."""
+    """The key at the end of `path` is now called `new`. `*` in a path stands for any key."""
 
-    path: str
-    old: str
+    path: Steps
     new: str
 
 
 class RenamedValue(NamedTuple):
-    """`path` is a regular expression of the whole dotted path."""
+    """The value `old` at `path` is now called `new`."""
 
-    path: str
+    path: Steps
     old: str
     new: str
 
 
 class RetiredKey(NamedTuple):
-    """`path` is a regular expression of the whole dotted path."""
+    """The key at the end of `path` has no effect any more, for `reason`."""
 
-    path: str
+    path: Steps
     reason: str
 
 
 Change = RenamedKey | RenamedValue | RetiredKey
 
+DUTIES = ("start_duty", "keep_duty")
+DUTY_REASON = "the speed loop uses loop.static, the simulation simulation.motor.start_duty"
 ROBOT_CHANGES: tuple[Change, ...] = (
-    RenamedValue(r"drive\.polarity", "by_hand", "checked_by_hand"),
-    RetiredKey(r"link\.range_formula", "the firmware with rosserial has one formula, 13/V"),
-    RetiredKey(
-        r"(calibration\.)?drive\.((left|right)\.)?motor\.(start_duty|keep_duty)",
-        "the speed loop uses loop.static, the simulation simulation.motor.start_duty",
+    RenamedValue(("drive", "polarity"), "by_hand", "checked_by_hand"),
+    RetiredKey(("link", "range_formula"), "the firmware with rosserial has one formula, 13/V"),
+    *(RetiredKey(("drive", "motor", duty), DUTY_REASON) for duty in DUTIES),
+    *(RetiredKey(("drive", "*", "motor", duty), DUTY_REASON) for duty in DUTIES),
+    *(
+        RetiredKey(("calibration", f"drive.{side}.motor.{duty}"), DUTY_REASON)
+        for side in SIDES
+        for duty in DUTIES
     ),
 )
 PIPELINE_CHANGES: tuple[Change, ...] = ()
 
 
-def update_tree(tree: Value, changes: Sequence[Change], problems: list[Problem]) -> Value:
+def update_tree(tree: Value, changes: Iterable[Change], problems: list[Problem]) -> Value:
     """`tree` with the present keys and values; a warning for each change goes to `problems`."""
-    return _update_mapping(tree, "", changes, problems)
-
-
-def _update_mapping(
-    mapping: Value, prefix: str, changes: Sequence[Change], problems: list[Problem]
-) -> Value:
-    if not isinstance(mapping.data, dict):
-        return mapping
-    entries: dict[str, Value] = {}
-    for key, value in mapping.data.items():
-        path = f"{prefix}{key}"
-        change = _change_of(path, key, value, changes)
-        match change:
-            case RetiredKey():
-                cause = f"{key} has no effect any more: {change.reason}"
-                problems.append(_warning(value.name_place, cause, "remove the key"))
-                continue
-            case RenamedValue():
-                cause = f"{change.old} is now called {change.new}"
-                fix = f"write `{_line_with(value.value_place, change.new)}`"
-                problems.append(_warning(value.value_place, cause, fix))
-                value = replace(value, data=change.new, text=change.new)
-            case RenamedKey():
-                place = value.name_place
-                cause = f"{change.old} is now called {change.new}"
-                fix = f"write `{_line_with(place, change.new)}`"
-                problems.append(_warning(place, cause, fix))
-                key, path = change.new, f"{prefix}{change.new}"
-        entries[key] = _update_mapping(value, f"{path}.", changes, problems)
-    return replace(mapping, data=entries)
-
-
-def _change_of(path: str, key: str, value: Value, changes: Sequence[Change]) -> Change | None:
     for change in changes:
-        match change:
-            case RetiredKey():
-                applies = re.fullmatch(change.path, path) is not None
-            case RenamedValue():
-                applies = value.text == change.old and re.fullmatch(change.path, path) is not None
-            case RenamedKey():
-                parent = path[: -len(key)].rstrip(".")
-                applies = key == change.old and re.fullmatch(change.path, parent) is not None
-        if applies:
-            return change
-    return None
+        for path in _paths(tree, change.path):
+            value = tree.at(*path)
+            if value is not None:
+                tree = _apply(change, tree, path, value, problems)
+    return tree
 
 
-def _line_with(place: Place, new: str) -> str:
-    """The line at `place` with `new` in place of what is marked there."""
-    line = place.source.line(place.line)
-    start = place.column - 1
-    return (line[:start] + new + line[start + place.length :]).strip()
+def _paths(tree: Value, pattern: Steps) -> Iterator[Steps]:
+    """The paths that are in `tree` and match `pattern`."""
+    if not pattern:
+        yield ()
+        return
+    for name, value in tree.entries.items():
+        if pattern[0] in ("*", name):
+            for rest in _paths(value, pattern[1:]):
+                yield (name, *rest)
+
+
+def _apply(
+    change: Change, tree: Value, path: Steps, value: Value, problems: list[Problem]
+) -> Value:
+    match change:
+        case RetiredKey():
+            cause = f"{path[-1]} has no effect any more: {change.reason}"
+            problems.append(_warning(value.name_place, cause, "remove the key"))
+            return tree.with_entry(path, None)
+        case RenamedKey():
+            problems.append(_renamed(value.name_place, path[-1], change.new))
+            return tree.with_entry(path, None).with_entry((*path[:-1], change.new), value)
+        case RenamedValue():
+            if value.text != change.old:
+                return tree
+            problems.append(_renamed(value.value_place, change.old, change.new))
+            return tree.with_entry(path, replace(value, data=change.new, text=change.new))
+
+
+def _renamed(place: Place, old: str, new: str) -> Problem:
+    """The fix is the line at `place` with `new` in place of what is marked there."""
+    line, start = place.source.line(place.line), place.column - 1
+    new_line = (line[:start] + new + line[start + place.length :]).strip()
+    return _warning(place, f"{old} is now called {new}", f"write `{new_line}`")
 
 
 def _warning(place: Place, cause: str, fix: str) -> Problem:

@@ -57,7 +57,7 @@ def field(path: str) -> Declaration | None:
             continue
         if not _is_section(kind):
             return None
-        by_key = {each.key: each for each in declared(kind).values()}
+        by_key = {setting.key: setting for setting in declared(kind).values()}
         declaration = by_key.get(step)
         if declaration is None:
             return None

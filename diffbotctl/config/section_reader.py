@@ -170,9 +170,9 @@ class _Reader:
             cause = f"{self._within(path)} has no '{name}'"
             self.problems.append(Problem("E-KEY-MISSING", value.place, cause, fix))
 
-    def _wrong_kind(self, value: Value, wanted: tuple[str, str], path: Path) -> None:
+    def _wrong_kind(self, value: Value, expected: tuple[str, str], path: Path) -> None:
         within = self._within(path)
-        words, fix = wanted
+        words, fix = expected
         if value.data is None and not value.text:
             problem = Problem("E-VALUE-EMPTY", value.place, f"{within} is empty", fix)
             self.problems.append(problem)
@@ -186,14 +186,14 @@ class _Reader:
             fix = TWO_WIRES
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))
 
-    def _check_count(self, value: Value, wanted: int, path: Path) -> None:
+    def _check_count(self, value: Value, expected: int, path: Path) -> None:
         count = len(value.items)
-        if count == wanted:
+        if count == expected:
             return
         entries = "entry" if count == 1 else "entries"
-        cause = f"{self._within(path)} has {count} {entries}, but {wanted} are wanted"
-        fix = f"write {wanted} values between the brackets"
-        if count > wanted and any(item.text[-1:].isdecimal() for item in value.items):
+        cause = f"{self._within(path)} has {count} {entries}, but {expected} are wanted"
+        fix = f"write {expected} values between the brackets"
+        if count > expected and any(item.text[-1:].isdecimal() for item in value.items):
             fix += "; a comma separates them, so a decimal is written with a point: 1.5 m"
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))
 

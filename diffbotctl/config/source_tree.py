@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from diffbotctl.config import lookup, renamed_keys, yaml_reader
-from diffbotctl.config.yaml_tree import ScalarError, Value, resolve
+from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import (
     ConfigurationError,
     Place,
@@ -223,8 +223,8 @@ class _Substitution:
         data: bool | int | float | str | None = text
         if not value.quoted:
             try:
-                data = resolve(text)
-            except ScalarError as error:
+                data = yaml_reader.resolve(text)
+            except yaml_reader.ScalarError as error:
                 problem = Problem("E-YAML-NUMBER", value.value_place, str(error), error.fix)
                 self.problems.append(problem)
         return replace(value, data=data, text=text)

@@ -18,19 +18,18 @@ def with_entry(text: str, path: Sequence[str], written: str) -> str:
     if not isinstance(root, yaml.MappingNode):
         raise ValueError("it is no mapping")
     node: Any = root
-    left = list(path)
-    while left:
+    for depth, step in enumerate(path):
         if not isinstance(node, yaml.MappingNode):
-            raise ValueError(f"there is a plain value where {left[0]} should stand")
-        below = next((value for key, value in node.value if key.value == left[0]), None)
-        if below is None:
-            return _checked(text, _with_new(text, node, left, written), path, written)
-        node, left = below, left[1:]
+            raise ValueError(f"there is a plain value where {step} should stand")
+        value = next((value for key, value in node.value if key.value == step), None)
+        if value is None:
+            return _checked(text, _with_new(text, node, path[depth:], written), path, written)
+        node = value
     changed = text[: node.start_mark.index] + written + text[node.end_mark.index :]
     return _checked(text, changed, path, written)
 
 
-def _with_new(text: str, node: Any, keys: list[str], written: str) -> str:
+def _with_new(text: str, node: Any, keys: Sequence[str], written: str) -> str:
     """`text` with an entry more at the end of the mapping `node`."""
     entry = written
     for key in reversed(keys[1:]):
@@ -54,21 +53,21 @@ def _last(node: Any) -> Any:
 
 def _checked(before: str, after: str, path: Sequence[str], written: str) -> str:
     """`after`, if it reads as `before` with exactly that one value changed."""
-    wanted = _unshared(yaml.load(before, Loader=yaml.CSafeLoader))
-    place = wanted
+    expected = _unshared(yaml.load(before, Loader=yaml.CSafeLoader))
+    parent = expected
     for step in path[:-1]:
-        place = place.setdefault(step, {})
-    place[path[-1]] = yaml.load(written, Loader=yaml.CSafeLoader)
-    return reads_as(after, wanted)
+        parent = parent.setdefault(step, {})
+    parent[path[-1]] = yaml.load(written, Loader=yaml.CSafeLoader)
+    return reads_as(after, expected)
 
 
-def reads_as(after: str, wanted: Any) -> str:
-    """The text `after`, if it reads as `wanted`. Raises ValueError when it does not."""
+def reads_as(after: str, expected: Any) -> str:
+    """The text `after`, if it reads as `expected`. Raises ValueError when it does not."""
     try:
-        found = yaml.load(after, Loader=yaml.CSafeLoader)
+        content = yaml.load(after, Loader=yaml.CSafeLoader)
     except yaml.YAMLError:
-        found = None
-    if found != wanted:
+        content = None
+    if content != expected:
         raise ValueError("its layout is too uncommon to change it safely")
     return after
 
@@ -76,5 +75,5 @@ def reads_as(after: str, wanted: Any) -> str:
 def _unshared(value: Any) -> Any:
     """A copy in which what an alias names is no longer the same object twice."""
     if isinstance(value, dict):
-        return {key: _unshared(each) for key, each in value.items()}
-    return [_unshared(each) for each in value] if isinstance(value, list) else value
+        return {key: _unshared(entry) for key, entry in value.items()}
+    return [_unshared(item) for item in value] if isinstance(value, list) else value

@@ -1,5 +1,9 @@
 """Reads a YAML file into a tree of values, or says why it cannot be read.
 
+YAML 1.1 turns `on` into true, `12:30` into 750, `017` into 15 and `1e-3` into text. Here an
+unquoted word is a number when it looks like a decimal number, a boolean when it is true or false,
+and otherwise text.
+
 Nothing here recurses on the nesting of a file: levels are counted, and an alias counts with all the
 values that it stands for.
 """
@@ -14,12 +18,22 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
 from diffbotctl.config import yaml_syntax
-from diffbotctl.config.yaml_tree import Data, ScalarError, Value, resolve
+from diffbotctl.config.yaml_tree import Data, Scalar, Value
 from diffbotctl.errors import ConfigurationError, Place, Problem, Source
+from diffbotctl.units import NUMBER
 
 FILE_SIZE_MAX_BYTES = 256 * 1024  # the longest shipped file has 4 kB
 NESTING_MAX_LEVELS = 40  # a robot file has 6
 VALUES_MAX_COUNT = 20_000  # after every alias is expanded; a robot file has about 150
+INTEGER = re.compile(r"[-+]?[0-9]+\Z")
+DECIMAL = re.compile(NUMBER + r"\Z")
+NOT_DECIMAL = re.compile(r"[-+]?(0[0-9_]+|0o[0-7_]+|0x[0-9a-fA-F_]+|0b[01_]+)\Z")
+NUMBER_MAX_LENGTH = 40  # characters; longer ones are slow to convert
+KEYWORDS: dict[str, bool | None] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -66,6 +80,44 @@ def parse_any(source: Source, text: str) -> Value | None:
     if builder.problems:
         raise ConfigurationError(builder.problems)
     return builder.root
+
+
+class ScalarError(ValueError):
+    """A word looks like a number but cannot be one; `fix` says how to write it."""
+
+    def __init__(self, cause: str, fix: str) -> None:
+        super().__init__(cause)
+        self.fix = fix
+
+
+def resolve(text: str) -> Scalar:
+    """The value of the unquoted `text`.
+
+    Raises ScalarError for octal, hexadecimal and binary numbers, which readers of YAML disagree
+    about, and for numbers too large to hold.
+    """
+    if text in KEYWORDS:
+        return KEYWORDS[text]
+    if NOT_DECIMAL.match(text):
+        raise ScalarError(
+            f"'{text}' is read as {_other_reading(text)} by some programs and not by others",
+            "write the number in decimal, without leading zeros",
+        )
+    if not DECIMAL.match(text):
+        return text
+    number = float(text)
+    if len(text) > NUMBER_MAX_LENGTH or abs(number) == float("inf"):
+        raise ScalarError("this number is too large", "check the number of digits")
+    return int(text) if INTEGER.match(text) else number
+
+
+def _other_reading(text: str) -> str:
+    digits = text.lower().replace("_", "")
+    has_prefix = digits.strip("+-0")[:1] in ("o", "x", "b")
+    try:
+        return str(int(digits, 0 if has_prefix else 8))
+    except ValueError:
+        return "an octal number"
 
 
 def read_text(path: str, name: str) -> str:

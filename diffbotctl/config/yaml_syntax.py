@@ -76,7 +76,7 @@ def _unexpected_key(source: Source, colon: Place) -> Problem:
 
 def _indented_by_tab(source: Source, number: int) -> Place | None:
     for candidate in (number, number - 1):
-        found = re.match(r"[ ]*(\t)", source.line(candidate))
-        if found:
-            return Place(source, candidate, found.start(1) + 1)
+        tab = re.match(r"[ ]*(\t)", source.line(candidate))
+        if tab:
+            return Place(source, candidate, tab.start(1) + 1)
     return None

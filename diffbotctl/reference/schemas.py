@@ -82,13 +82,13 @@ def _as_written(whole: Schema) -> Schema:
 def _with_variables(schema: Any) -> Any:
     """`schema` with a `$name` allowed wherever a single value stands."""
     if isinstance(schema, list):
-        return [_with_variables(each) for each in schema]
+        return [_with_variables(item) for item in schema]
     if not isinstance(schema, dict):
         return schema
     changed = {}
     for key, value in schema.items():
         if key == "properties":
-            changed[key] = {name: _or_variable(each) for name, each in value.items()}
+            changed[key] = {name: _or_variable(entry) for name, entry in value.items()}
         elif key in ("items", "additionalProperties") and isinstance(value, dict):
             changed[key] = _or_variable(value)
         else:
@@ -136,16 +136,16 @@ def of_parameters(owner: type) -> Schema:
 
 def of_declaration(declaration: Declaration, definitions: Schema, merged: bool = False) -> Schema:
     """The schema of one declared setting, with its sentence of help."""
-    made = _of_kind(declaration.kind, declaration, definitions, merged)
+    schema = _of_kind(declaration.kind, declaration, definitions, merged)
     if declaration.none:
-        made = {"anyOf": [made, {"type": "null"}, {"const": "none"}]}
-    made["description"] = declaration.help
+        schema = {"anyOf": [schema, {"type": "null"}, {"const": "none"}]}
+    schema["description"] = declaration.help
     if declaration.unit:
-        made["x-unit"] = declaration.unit
+        schema["x-unit"] = declaration.unit
     default = _default(declaration)
     if default is not None:
-        made["default"] = default
-    return made
+        schema["default"] = default
+    return schema
 
 
 def _reference(kind: type[Section], definitions: Schema, merged: bool, is_partial: bool) -> Schema:
@@ -158,7 +158,7 @@ def _reference(kind: type[Section], definitions: Schema, merged: bool, is_partia
 
 def _object(owner: type, definitions: Schema, merged: bool, is_partial: bool) -> Schema:
     settings = declared(owner)
-    made: Schema = {
+    schema: Schema = {
         "description": (owner.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " "),
         "type": "object",
         "additionalProperties": False,
@@ -168,7 +168,7 @@ def _object(owner: type, definitions: Schema, merged: bool, is_partial: bool) ->
         },
     }
     required = [] if is_partial else _required(settings, merged)
-    return {**made, "required": required} if required else made
+    return {**schema, "required": required} if required else schema
 
 
 def _required(settings: dict[str, Declaration], merged: bool) -> list[str]:
@@ -187,14 +187,16 @@ def _of_kind(kind: Any, declaration: Declaration, definitions: Schema, merged: b
     if isinstance(kind, type) and issubclass(kind, Section):
         is_partial = declaration.shared and not (merged and declaration.is_required)
         return _reference(kind, definitions, merged, is_partial)
-    inside = [_of_kind(each, declaration, definitions, merged) for each in get_args(kind)]
+    arguments = [
+        _of_kind(argument, declaration, definitions, merged) for argument in get_args(kind)
+    ]
     if get_origin(kind) is list:
-        return {"type": "array", "items": inside[0]}
+        return {"type": "array", "items": arguments[0]}
     if get_origin(kind) is tuple:
-        count = len(inside)
-        return {"type": "array", "items": inside[0], "minItems": count, "maxItems": count}
+        count = len(arguments)
+        return {"type": "array", "items": arguments[0], "minItems": count, "maxItems": count}
     if get_origin(kind) is dict:
-        return {"type": "object", "additionalProperties": inside[1]}
+        return {"type": "object", "additionalProperties": arguments[1]}
     return _leaf(kind, declaration)
 
 

@@ -13,19 +13,24 @@ from diffbotctl.errors import Source
     [
         (
             "a: {old: 5, b: 6}\n",
-            RenamedKey("a", "old", "new"),
-            {"a": {"new": 5, "b": 6}},
+            RenamedKey(("a", "old"), "new"),
+            {"a": {"b": 6, "new": 5}},
             "write `a: {new: 5, b: 6}`",
         ),
         (
             "a:\n  c: former  # a comment\n",
-            RenamedValue(r"a\.c", "former", "present"),
+            RenamedValue(("a", "c"), "former", "present"),
             {"a": {"c": "present"}},
             "write `c: present  # a comment`",
         ),
-        ("a: {c: 1, d: 2}\n", RetiredKey(r"a\.c", "not read"), {"a": {"d": 2}}, "remove the key"),
-        ("a: {c: 1}\n", RenamedKey("b", "c", "d"), {"a": {"c": 1}}, None),
-        ("a: {c: 1}\n", RenamedValue(r"a\.c", "2", "3"), {"a": {"c": 1}}, None),
+        (
+            "a: {c: 1}\nd: 2\n",
+            RetiredKey(("a", "*"), "not read"),
+            {"a": {}, "d": 2},
+            "remove the key",
+        ),
+        ("a: {c: 1}\n", RenamedKey(("b", "c"), "d"), {"a": {"c": 1}}, None),
+        ("a: {c: 1}\n", RenamedValue(("a", "c"), "2", "3"), {"a": {"c": 1}}, None),
     ],
 )
 def test_a_former_key_or_value_becomes_the_present_one(text, change, updated, fix):

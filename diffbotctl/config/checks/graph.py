@@ -195,13 +195,13 @@ class _Wiring:
         self.context.error("E-WIRE-NODE", source.place, cause, fix)
 
     def _report_mismatch(
-        self, name: str, port: str, source: Value, carried: type, wanted: type
+        self, name: str, port: str, source: Value, carried: type, expected: type
     ) -> None:
         cause = (
             f"{source.data} carries {_with_units(carried)}, "
-            f"but input '{port}' of '{name}' takes {_with_units(wanted)}"
+            f"but input '{port}' of '{name}' takes {_with_units(expected)}"
         )
-        outputs = self._outputs_of(wanted, name)
+        outputs = self._outputs_of(expected, name)
         fix = "put a block that converts it between"
         if outputs:
             fix = f"wire it from {join_words(outputs)}"
