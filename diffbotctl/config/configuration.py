@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from diffbotctl.block import Block
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Place, Problem
-from diffbotctl.params import Param, Section
+from diffbotctl.params import Choice, Param, Section
+
+SensorMessage = Literal["Volts", "Scan"]
 
 
 class RobotUse(Section):
@@ -37,9 +39,8 @@ class BlockEntry(Section):
     block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
     wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
-    needs = Param(
-        str,
-        choices=("Volts", "Scan"),
+    needs: SensorMessage | None = Choice(
+        SensorMessage,
         none=True,
         default=None,
         help="Leave the block out, and pass on what it was given, where no sensor of the robot "

@@ -6,7 +6,15 @@ them; that is what makes a simulated figure worth something.
 
 from __future__ import annotations
 
-from diffbotctl.params import Param, Section
+from typing import Literal
+
+from diffbotctl.params import Choice, Param, Section
+
+Coasting = Literal["linear", "coulomb"]
+SlotPhase = Literal["random", "zero"]
+MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
+EncoderPlugs = Literal["plain", "swapped"]
+EncoderWiring = Literal["plain", "dead", "floating"]
 
 
 class MotorTruth(Section):
@@ -56,10 +64,9 @@ class MotorTruth(Section):
         maximum=0.5,
         help="Amplitude of the torque ripple.",
     )
-    coasting = Param(
-        str,
+    coasting: Coasting = Choice(
+        Coasting,
         default="linear",
-        choices=("linear", "coulomb"),
         help="Without drive the speed dies exponentially, or dry friction stops it in finite time.",
     )
 
@@ -67,11 +74,8 @@ class MotorTruth(Section):
 class EncoderTruth(Section):
     """Spreads of the two slotted discs and their light barriers."""
 
-    phase = Param(
-        str,
-        default="random",
-        choices=("random", "zero"),
-        help="Where in a slot the wheels stand at the start.",
+    phase: SlotPhase = Choice(
+        SlotPhase, default="random", help="Where in a slot the wheels stand at the start."
     )
     slot_spread = Param(
         float,
@@ -158,34 +162,27 @@ class Start(Section):
 class WiringTruth(Section):
     """How the simulated robot was soldered together."""
 
-    left = Param(
-        str,
+    left: MotorWiring = Choice(
+        MotorWiring,
         default="plain",
-        choices=("plain", "reversed", "swapped", "dead", "floating"),
         help="Left side: motor leads, motors exchanged, motor dead, encoder pin floating.",
     )
-    right = Param(
-        str,
+    right: MotorWiring = Choice(
+        MotorWiring,
         default="plain",
-        choices=("plain", "reversed", "swapped", "dead", "floating"),
         help="Right side: motor leads, motors exchanged, motor dead, encoder pin floating.",
     )
-    encoders = Param(
-        str,
-        default="plain",
-        choices=("plain", "swapped"),
-        help="Whether the plugs of the two encoders were exchanged.",
+    encoders: EncoderPlugs = Choice(
+        EncoderPlugs, default="plain", help="Whether the plugs of the two encoders were exchanged."
     )
-    left_encoder = Param(
-        str,
+    left_encoder: EncoderWiring = Choice(
+        EncoderWiring,
         default="plain",
-        choices=("plain", "dead", "floating"),
         help="The encoder at the left wheel: its light barrier dead, or its wire off.",
     )
-    right_encoder = Param(
-        str,
+    right_encoder: EncoderWiring = Choice(
+        EncoderWiring,
         default="plain",
-        choices=("plain", "dead", "floating"),
         help="The encoder at the right wheel: its light barrier dead, or its wire off.",
     )
 
