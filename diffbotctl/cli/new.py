@@ -88,8 +88,8 @@ def _check_word(name: str, what: str) -> None:
     from diffbotctl.config.node_ports import is_name
 
     if not is_name(name):
-        cause = f"'{name}' cannot name a {what}: small letters, digits and _ make a name"
-        raise _refused("E-NAME", name, cause, "say it with those, a letter first")
+        cause = f"'{name}' is not a valid {what} name: use lower-case letters, digits and _"
+        raise _refused("E-NAME", name, cause, "begin it with a letter")
 
 
 def _write(path: Path, template: str, fields: dict[str, str]) -> None:

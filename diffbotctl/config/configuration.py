@@ -1,4 +1,4 @@
-"""The pipeline file, declared, and the checked configuration that a pipeline and a robot become."""
+"""The sections of a pipeline file, and the checked configuration of a pipeline and its robot."""
 
 from __future__ import annotations
 
@@ -15,36 +15,34 @@ SensorMessage = Literal["Volts", "Scan"]
 
 
 class RobotUse(Section):
-    """The node `robot`: which one, and what drives its wheels."""
+    """The node `robot`: which robot file, and the source of its wheel commands."""
 
     use = Param(str, none=True, default=None, help="Name or path of a robot file.")
     wires = Param(
-        dict[str, str], key="in", default={}, help="What feeds the robot's inputs: block.output."
+        dict[str, str], key="in", default={}, help="Source of each robot input: block.output."
     )
 
 
 class GoalEntry(Section):
-    """A pose to reach, in the frame odom: where the robot starts is 0, 0, looking along x."""
+    """A pose to reach, in the frame odom: the robot starts at 0, 0, heading along x."""
 
-    x = Param(float, unit="m", default=0.0, help="Forward of the start.")
-    y = Param(float, unit="m", default=0.0, help="Left of the start.")
-    heading = Param(
-        float, unit="rad", none=True, default=None, help="Final heading; none: any will do."
-    )
+    x = Param(float, unit="m", default=0.0, help="x coordinate.")
+    y = Param(float, unit="m", default=0.0, help="y coordinate.")
+    heading = Param(float, unit="rad", none=True, default=None, help="Final heading; none: any.")
 
 
 class BlockEntry(Section):
-    """One block: its kind, what feeds its inputs, and its parameters."""
+    """One block: its kind, the sources of its inputs, its parameters."""
 
     block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
-    wires = Param(dict[str, str], key="in", default={}, help="What feeds each input: block.output.")
+    wires = Param(dict[str, str], key="in", default={}, help="Source of each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
     needs: SensorMessage | None = Choice(
         SensorMessage,
         none=True,
         default=None,
-        help="Leave the block out, and pass on what it was given, where no sensor of the robot "
-        "has this message.",
+        help="Leave the block out, and pass its input on, when no sensor of the robot has this "
+        "message.",
     )
 
 
@@ -58,14 +56,14 @@ class WallEntry(Section):
 class ObstacleEntry(Section):
     """A round obstacle of the simulated world."""
 
-    at = Param(tuple[float, float], unit="m", help="Its middle: [x, y].")
-    radius = Param(float, unit="m", above=0.0, help="Its radius.")
+    at = Param(tuple[float, float], unit="m", help="Centre: [x, y].")
+    radius = Param(float, unit="m", above=0.0, help="Radius.")
 
 
 class WorldEntry(Section):
-    """What stands around the simulated robot, in the world's frame.
+    """Walls and obstacles around the simulated robot, in the frame of the world.
 
-    That is the frame odom, unless the robot's `simulation.start` says where in the world it begins.
+    That is the frame odom, unless the robot's `simulation.start` sets another start pose.
     """
 
     field = Param(
@@ -73,38 +71,38 @@ class WorldEntry(Section):
         unit="m",
         none=True,
         default=None,
-        help="A walled field from [0, 0] to here, which no simulated robot can leave.",
+        help="Walled field from [0, 0] to this corner, which the robot cannot leave.",
     )
     walls = Param(list[WallEntry], default=[], help="Straight walls.")
     obstacles = Param(list[ObstacleEntry], default=[], help="Round obstacles.")
 
 
 class Pipeline(Section):
-    """What one run does."""
+    """One pipeline: robot, blocks, goals and world of a run."""
 
-    format = Param(int, choices=(1,), help="Version of this file's shape.")
-    kind = Param(str, choices=("pipeline",), help="What this file describes.")
+    format = Param(int, choices=(1,), help="Version of the file format.")
+    kind = Param(str, choices=("pipeline",), help="Kind of file.")
     include: Any = Param(
         object,
         none=True,
         default=None,
-        help="A pipeline file, or a list of them, that this one changes.",
+        help="A pipeline file, or a list of them, whose values this file overrides.",
     )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
     robot = Param(
-        RobotUse, none=True, default=None, help="The robot; left out, the pipeline has none."
+        RobotUse, none=True, default=None, help="The robot; absent: the pipeline has none."
     )
-    goals = Param(list[GoalEntry], default=[], help="Poses to reach, in this order.")
+    goals = Param(list[GoalEntry], default=[], help="Poses to reach, in order.")
     blocks = Param(dict[str, BlockEntry], help="The blocks by name.")
-    world = Param(WorldEntry, default=WorldEntry(), help="What stands around a simulated robot.")
+    world = Param(WorldEntry, default=WorldEntry(), help="Simulated walls and obstacles.")
 
 
 @dataclass(frozen=True)
 class BlockUse:
-    """One block of a pipeline: `cls(**values)` makes it, `wires` maps its inputs to sources.
+    """One block of a pipeline: `cls(**values)` creates it, `wires` maps its inputs to sources.
 
     A source is `node.port`, where the node is another block, `robot` or `operator`. `values` holds
-    SI numbers, and the robot's fields that the block asked for.
+    SI numbers, and the fields of the robot file that the block declares.
     """
 
     name: str
@@ -117,8 +115,10 @@ class BlockUse:
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A checked robot. `nominal` is the robot before calibration: what the simulation starts from,
-    so that calibrating a simulated robot does not change it."""
+    """A checked robot. `nominal` is the robot before calibration.
+
+    The simulation starts from it, so that calibrating a simulated robot does not change that robot.
+    """
 
     robot: Robot
     nominal: Robot

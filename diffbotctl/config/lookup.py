@@ -1,7 +1,4 @@
-"""The one place that finds the folders shipped beside the code.
-
-From what a person types to a file: `goal`, `pipelines/goal.yaml`, `--robot mine`.
-"""
+"""Finds shipped folders, and the file behind a name such as `goal` or `--robot mine`."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ DEFAULT_ROBOT = "book_2wd"
 def folder(name: str) -> Path:
     """The shipped folder `name`: inside the package when installed, beside it in a checkout.
 
-    Raises FileNotFoundError when the installation is damaged.
+    Raises FileNotFoundError when the installation is incomplete.
     """
     package = Path(__file__).resolve().parent.parent
     for candidate in (package / name, package.parent / name):
@@ -36,13 +33,16 @@ def find_pipeline(name: str) -> Path:
 
 
 def find_robot(name: str | None) -> Path:
-    """The robot file meant by `name`, or by nothing said. Raises UsageError."""
+    """The robot file meant by `name`; None: the only one in ./robots, or the default.
+
+    Raises UsageError.
+    """
     if name is not None:
         return find(name, "robots")
     own = _own_names("robots")
     if len(own) > 1 and DEFAULT_ROBOT not in own:
-        cause = f"./robots holds {len(own)} files: {', '.join(own)}"
-        fix = f"say which: --robot {own[0]}"
+        cause = f"./robots contains {len(own)} robot files: {', '.join(own)}"
+        fix = f"choose one: --robot {own[0]}"
         raise UsageError(Problem("E-ROBOT-WHICH", "robots", cause, fix))
     return find(own[0] if len(own) == 1 else DEFAULT_ROBOT, "robots")
 
@@ -75,12 +75,12 @@ def find(name: str, kind: str) -> Path:
 
 
 def is_path(name: str) -> bool:
-    """True when `name` is meant as a file rather than looked up."""
+    """True when `name` is a path, not a name to look up."""
     return "/" in name or os.sep in name or name.endswith((".yaml", ".yml"))
 
 
 def display_path(path: Path) -> str:
-    """`path` as a person would write it from here; shipped files stand below `diffbotctl/`."""
+    """`path` relative to the working directory; shipped files are shown below `diffbotctl/`."""
     try:
         return str(path.resolve().relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -100,6 +100,6 @@ def _not_found(name: str, kind: str) -> UsageError:
     known = sorted({*names(kind), *_own_names(kind)})
     near = closest_match(name, known)
     what = kind.removesuffix("s")
-    fix = f"did you mean {near}?" if near else f"known are {', '.join(known)}, or give a path"
-    cause = f"there is no {what} called '{name}' in ./{kind} nor among the shipped ones"
+    fix = f"did you mean {near}?" if near else f"use one of {', '.join(known)}, or a path"
+    cause = f"there is no {what} '{name}' in ./{kind} or among the shipped files"
     return UsageError(Problem("E-FILE-NAME", name, cause, fix))

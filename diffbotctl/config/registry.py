@@ -1,8 +1,8 @@
-"""Which kinds of blocks there are, and the class behind each name.
+"""Registry of blocks: finds the class of a block by its name.
 
-A built-in name always means the built-in class, and is found without looking at what else is
-installed, which takes 30 ms. A package that claims such a name too is reported by `clashes`, which
-`check` and `blocks` call; of two other packages with one name neither is taken.
+A built-in name always means the built-in class; it is found without searching the installed
+packages, which takes 30 ms. `clashes` reports packages that register a built-in name too. When two
+other packages register one name, neither is used.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ BLOCKS = {
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
 }
 
-IMPORT_FIX = "mend or remove the package that brings it"
+IMPORT_FIX = "correct or remove the package that provides it"
 
 
 class RegistryError(LookupError):
-    """A name stands for no class, or for two; `fix` says what to do."""
+    """A name has no class, or more than one; `fix` is the remedy."""
 
     def __init__(self, code: str, cause: str, fix: str) -> None:
         super().__init__(cause)
@@ -54,7 +54,7 @@ def block(name: str) -> type[Block]:
         raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
     if isinstance(candidate, type) and issubclass(candidate, Block):
         return candidate
-    cause = f"'{name}' ({path}) is no block: it does not derive from diffbotctl.block.Block"
+    cause = f"'{name}' ({path}) is not a block: it is not derived from diffbotctl.block.Block"
     raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
 
 
@@ -64,7 +64,7 @@ def names() -> list[str]:
 
 
 def clashes() -> list[RegistryError]:
-    """The names that more than one package claims."""
+    """The names that more than one package registers."""
     owners: dict[str, list[str]] = {name: ["diffbotctl"] for name in BLOCKS}
     for point in _entry_points():
         owners.setdefault(point.name, []).append(_owner(point))
@@ -81,11 +81,11 @@ def _path_in_packages(name: str) -> str:
     near = closest_match(name, names())
     listed = ", ".join(names())
     fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {listed}"
-    raise RegistryError("E-BLOCK-UNKNOWN", f"there is no block called '{name}'", fix)
+    raise RegistryError("E-BLOCK-UNKNOWN", f"there is no block '{name}'", fix)
 
 
 def _clash(name: str, packages: list[str]) -> RegistryError:
-    cause = f"the name '{name}' is claimed by {' and by '.join(packages)}"
+    cause = f"the name '{name}' is registered by {' and by '.join(packages)}"
     return RegistryError("E-BLOCK-CLASH", cause, "uninstall all but one of these packages")
 
 

@@ -1,4 +1,8 @@
-"""The robot file, declared: board, pins, wheels, encoders, sensors, link, limits, body, truth."""
+"""The sections of a robot file: board, link, drive, sensors, body, limits, battery, calibration.
+
+Lengths are in m, angles in rad, in the frame base_link (REP-103): x forward, y left, z up, origin
+in the middle of the axle.
+"""
 
 from __future__ import annotations
 
@@ -25,24 +29,19 @@ SensorType = Literal["sharp_gp2y0a41sk0f", "lds01", "overhead_camera"]
 
 
 class BoardSection(Section):
-    """The microcontroller board and how it speaks."""
+    """The microcontroller board."""
 
     type: BoardType = Choice(
         BoardType,
         default="mega2560",
-        help="Kind of board: its pins decide what can be connected where. simulated: none, the "
-        "robot lives in the simulator alone and its pins are `none`.",
+        help="Board type; it decides what each pin can do. simulated: no board, the robot exists "
+        "only in the simulator and all its pins are `none`.",
     )
     telemetry = Param(
-        float,
-        unit="Hz",
-        default=40.0,
-        minimum=1.0,
-        maximum=100.0,
-        help="How often the board reports counts, edge times and sensor voltages.",
+        float, unit="Hz", default=40.0, minimum=1.0, maximum=100.0, help="Telemetry frame rate."
     )
     edge_times = Param(
-        bool, default=True, help="Report when the last edge of each encoder came, not only counts."
+        bool, default=True, help="Report the time of each encoder's last edge besides its count."
     )
     deadman = Param(
         float,
@@ -50,41 +49,42 @@ class BoardSection(Section):
         default=0.3,
         minimum=0.1,
         maximum=0.5,
-        help="The board stops its motors by itself when no valid command came for so long.",
-        reason="shorter stops the robot between two commands, longer lets it drive blind",
+        help="The board stops the motors when no valid command has arrived for this time.",
+        reason="a shorter time stops the robot between two commands, a longer one lets it drive on "
+        "without any",
     )
-    stop_button = Param(
-        Pin, none=True, default=None, help="Pin of an emergency stop button, or none."
-    )
+    stop_button = Param(Pin, none=True, default=None, help="Pin of an emergency stop button.")
     supply: BoardSupply = Choice(
         BoardSupply,
         default="vin",
-        help="What feeds it: the battery at VIN, the motor driver's 5 V regulator, or USB alone.",
+        help="Board supply: the battery at VIN, the motor driver's 5 V regulator, or USB.",
     )
 
 
 class LinkSection(Section):
-    """The serial line between host and board."""
+    """The serial link between host and board."""
 
     protocol: Protocol = Choice(
-        Protocol, default="diffbot", help="diffbot: our firmware. rosserial: the book's firmware."
+        Protocol,
+        default="diffbot",
+        help="Protocol: diffbot (our firmware) or rosserial (the book's firmware).",
     )
     uart = Param(
-        int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB."
+        int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB port."
     )
     baud: BaudRate = Choice(
-        BaudRate, default=9600, help="Baud rate of that port. A USB port always means 115200."
+        BaudRate, default=9600, help="Baud rate of the port; the USB port always runs at 115200."
     )
     radio: Radio | None = Choice(
         Radio,
         none=True,
         default=None,
-        help="What is on that port; left out: an HC-05, or on port 0 the USB cable.",
+        help="Device on the port; default: HC-05, on port 0 the USB cable.",
     )
     level: LevelShift = Choice(
         LevelShift,
         default="divider",
-        help="How the board's 5 V signal reaches the module's 3.3 V input.",
+        help="Connection of the board's 5 V signal to the module's 3.3 V input.",
     )
     command_delay = Param(
         float,
@@ -92,7 +92,7 @@ class LinkSection(Section):
         default=0.015,
         minimum=0.0,
         maximum=1.0,
-        help="From the host to the motor: the wire, the radio, the board's loop.",
+        help="Delay of a command from host to motor: serial line, radio, board loop.",
     )
     command_jitter = Param(
         float,
@@ -100,7 +100,7 @@ class LinkSection(Section):
         default=0.0,
         minimum=0.0,
         maximum=0.1,
-        help="How much that delay scatters, sd; 0 where the board tells when a command took hold.",
+        help="Standard deviation of command_delay; 0 when the board reports the time of effect.",
     )
     stamp_jitter = Param(
         float,
@@ -108,7 +108,7 @@ class LinkSection(Section):
         default=0.0,
         minimum=0.0,
         maximum=0.1,
-        help="How much the times of telemetry scatter, sd; 0 where the board stamps its frames.",
+        help="Standard deviation of telemetry times; 0 when the board stamps its frames.",
     )
 
     @property
@@ -120,15 +120,16 @@ class LinkSection(Section):
 class WheelSection(Section):
     """One wheel."""
 
-    diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter of the wheel.")
-    width = Param(
-        float, unit="m", default=0.026, above=0.001, below=0.3, help="How wide its tyre is."
-    )
-    mass = Param(float, unit="kg", default=0.035, above=0.0, help="What it weighs.")
+    diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter.")
+    width = Param(float, unit="m", default=0.026, above=0.001, below=0.3, help="Tyre width.")
+    mass = Param(float, unit="kg", default=0.035, above=0.0, help="Mass.")
 
 
 class SpeedLoopSection(Section):
-    """Feed-forward and PI of one wheel's speed, run on the board, or on the host for PWM boards."""
+    """Speed loop of one wheel: feed-forward and PI controller.
+
+    It runs on the board, or on the host for a board that takes PWM duties.
+    """
 
     static = Param(
         float,
@@ -136,7 +137,7 @@ class SpeedLoopSection(Section):
         default=0.10,
         minimum=0.0,
         maximum=0.75,
-        help="Duty that just overcomes friction.",
+        help="Duty that overcomes friction.",
     )
     speed = Param(
         float,
@@ -144,7 +145,7 @@ class SpeedLoopSection(Section):
         default=None,
         above=0.0,
         maximum=0.75,
-        help="Duty per rad/s above the static part; none: the rest of the duty at rated speed.",
+        help="Duty per rad/s above static; none: full duty at rated speed.",
     )
     proportional = Param(
         float, default=0.0, minimum=0.0, maximum=0.75, help="Duty per rad/s of speed error."
@@ -155,24 +156,20 @@ class SpeedLoopSection(Section):
 
 
 class MotorSection(Section):
-    """One motor and its half of the driver chip."""
+    """One motor and its channel of the motor driver."""
 
     driver: MotorDriver = Choice(
-        MotorDriver,
-        default="l298n",
-        help="Motor driver chip; none: of a robot that is simulated only.",
+        MotorDriver, default="l298n", help="Motor driver chip; none: simulated robots only."
     )
     rated = Param(
         float,
         unit="rad/s",
         above=0.0,
         default=100 * RPM,
-        help="Speed of the wheel at full duty and full battery.",
+        help="Wheel speed at full duty and full battery.",
     )
     idle: IdleMode = Choice(
-        IdleMode,
-        default="coast",
-        help="What a motor at rest does: turn freely, or short its windings.",
+        IdleMode, default="coast", help="At rest: turn freely, or brake by shorted windings."
     )
     enable = Param(Pin, none=True, help="Pin of the driver's EN input; carries the PWM.")
     in1 = Param(Pin, none=True, help="Pin of the driver's first direction input.")
@@ -183,36 +180,35 @@ class MotorSection(Section):
     lag = Param(
         float, unit="s", default=0.1, above=0.0, below=2.0, help="Time constant from duty to speed."
     )
-    loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="The wheel's speed loop.")
+    loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
 
 
 class EncoderSection(Section):
     """One wheel encoder."""
 
     channels = Param(
-        int, choices=(1,), default=1, help="Channels; one channel cannot tell the direction."
+        int, choices=(1,), default=1, help="Channels; one channel does not show the direction."
     )
     slots = Param(
         int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
     )
-    edge: CountedEdge = Choice(CountedEdge, default="rising", help="Which flank of a slot counts.")
+    edge: CountedEdge = Choice(CountedEdge, default="rising", help="Edge that is counted.")
     glitch = Param(
         float,
         unit="s",
         default=0.002,
         minimum=0.0,
         maximum=0.05,
-        help="An edge this soon after the last is noise and is not counted.",
+        help="An edge this soon after the previous one is noise and is not counted.",
     )
-    pin = Param(Pin, none=True, help="Pin of the encoder's output; must raise interrupts.")
+    pin = Param(Pin, none=True, help="Pin of the encoder's output; needs an interrupt.")
     slot_errors = Param(
         list[float],
         unit="1",
         default=[],
         minimum=-0.4,
         maximum=0.4,
-        help="How far each slot's flank lies from its even place, in pitches, in the order of "
-        "turning forward; empty: not known.",
+        help="Angle error of each slot's edge in pitches, in forward order; empty: unknown.",
     )
     back_errors = Param(
         list[float],
@@ -220,8 +216,7 @@ class EncoderSection(Section):
         default=[],
         minimum=-0.4,
         maximum=0.4,
-        help="The same of the flanks seen backward, beyond their place by open_share; empty: not "
-        "known.",
+        help="As slot_errors, for the edges counted backward, after open_share; empty: unknown.",
     )
     open_share = Param(
         float,
@@ -230,125 +225,103 @@ class EncoderSection(Section):
         default=None,
         minimum=0.1,
         maximum=0.9,
-        help="Share of a pitch during which the pin keeps the level that a counted flank brought: "
-        "how far apart the flanks seen forward and backward lie; none: not known, about half.",
+        help="Share of a pitch between the edge counted forward and the one counted backward: the "
+        "pin keeps its level between them; none: unknown, about half.",
     )
 
 
 class SideSection(Section):
-    """One side of the drive: what is written here, over what both sides share."""
+    """One side of the drive. Its values override those that both sides share."""
 
-    wheel = Param(WheelSection, shared=True, help="This side's wheel.")
-    motor = Param(MotorSection, shared=True, help="This side's motor.")
-    encoder = Param(EncoderSection, shared=True, help="This side's encoder.")
+    wheel = Param(WheelSection, shared=True, help="Wheel of this side.")
+    motor = Param(MotorSection, shared=True, help="Motor of this side.")
+    encoder = Param(EncoderSection, shared=True, help="Encoder of this side.")
 
 
 class DriveSection(Section):
-    """The two driven wheels. `wheel`, `motor` and `encoder` here hold for both sides."""
+    """The two driven wheels. `wheel`, `motor` and `encoder` here apply to both sides."""
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
-    track = Param(
-        float, unit="m", above=0.02, below=2.0, help="Distance between the middles of the tyres."
-    )
+    track = Param(float, unit="m", above=0.02, below=2.0, help="Distance between the tyre centres.")
     polarity: Polarity = Choice(
         Polarity,
         default="unproven",
-        help="Who has seen that each motor turns its own wheel the right way.",
+        help="How it was verified that each motor turns its own wheel in the right direction.",
     )
-    wheel: Any = Param(WheelSection, shared=True, default=None, help="What both wheels share.")
-    motor: Any = Param(MotorSection, shared=True, default=None, help="What both motors share.")
-    encoder: Any = Param(
-        EncoderSection, shared=True, default=None, help="What both encoders share."
-    )
+    wheel: Any = Param(WheelSection, shared=True, default=None, help="Values of both wheels.")
+    motor: Any = Param(MotorSection, shared=True, default=None, help="Values of both motors.")
+    encoder: Any = Param(EncoderSection, shared=True, default=None, help="Values of both encoders.")
     left = Param(SideSection, help="The left side.")
     right = Param(SideSection, help="The right side.")
 
 
 class MountSection(Section):
-    """Where a sensor sits, seen from the middle of the axle (base_link)."""
+    """Pose of a sensor in the frame base_link."""
 
-    x = Param(float, unit="m", default=0.0, help="Forward.")
-    y = Param(float, unit="m", default=0.0, help="Left.")
-    z = Param(float, unit="m", default=0.0, help="Up from the axle; for drawings and the model.")
-    heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
+    x = Param(float, unit="m", default=0.0, help="Forward of the axle.")
+    y = Param(float, unit="m", default=0.0, help="Left of the middle.")
+    z = Param(float, unit="m", default=0.0, help="Above the axle; for drawings and the model.")
+    heading = Param(float, unit="rad", default=0.0, help="Direction; counter-clockwise from x.")
 
 
 class CurveSection(Section):
-    """A Sharp sensor's curve: volts = a / (distance + b) + c."""
+    """Curve of a Sharp distance sensor: volts = a / (distance + b) + c."""
 
-    a = Param(float, default=0.1498, above=0.0, help="Steepness, in V m.")
-    b = Param(float, unit="m", default=0.0134, minimum=0.0, help="Shift of the distance.")
-    c = Param(float, unit="V", default=-0.047, help="Shift of the voltage.")
+    a = Param(float, default=0.1498, above=0.0, help="Slope, in V m.")
+    b = Param(float, unit="m", default=0.0134, minimum=0.0, help="Offset of the distance.")
+    c = Param(float, unit="V", default=-0.047, help="Offset of the voltage.")
 
 
 class SensorSection(Section):
-    """One sensor. Laser scanner and overhead camera exist in the simulator alone."""
+    """One sensor. Laser scanner and overhead camera exist only in the simulator."""
 
     type: SensorType = Choice(
-        SensorType, help="Part name of the sensor. overhead_camera: sees the true pose from above."
+        SensorType, help="Part name. overhead_camera: sees the actual pose from above."
     )
-    pin = Param(
-        Pin, none=True, help="Analog pin that reads its voltage; none: it is read otherwise."
-    )
-    at = Param(MountSection, default=MountSection(), help="Where it sits on the robot.")
-    curve = Param(
-        CurveSection, default=CurveSection(), help="Its curve; the data sheet's typical part."
-    )
+    pin = Param(Pin, none=True, help="Analog pin of its output; none: not read by a pin.")
+    at = Param(MountSection, default=MountSection(), help="Pose on the robot.")
+    curve = Param(CurveSection, default=CurveSection(), help="Curve; default: the data sheet's.")
 
 
 class CasterSection(Section):
-    """The ball or caster that the robot rests on beside its two wheels."""
+    """The ball or caster that supports the robot besides its two wheels."""
 
     x = Param(
         float,
         unit="m",
         none=True,
         default=None,
-        help="Where it touches the ground, forward of the axle; none: near the farther end.",
+        help="Contact point, forward of the axle; none: near the end that is farther away.",
     )
-    diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Of its ball.")
-    mass = Param(float, unit="kg", default=0.02, above=0.0, help="What it weighs.")
+    diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Ball diameter.")
+    mass = Param(float, unit="kg", default=0.02, above=0.0, help="Mass.")
 
 
 class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
-    front = Param(float, unit="m", minimum=0.0, default=0.08, help="How far it reaches forward.")
-    back = Param(float, unit="m", minimum=0.0, default=0.15, help="How far it reaches backward.")
-    width = Param(
-        float, unit="m", above=0.0, default=0.151, help="Its whole width, tyres included."
-    )
-    height = Param(
-        float,
-        unit="m",
-        above=0.0,
-        default=0.1,
-        help="How high the chassis is, from its underside to its top.",
-    )
-    clearance = Param(
-        float, unit="m", above=0.0, default=0.02, help="Free height under the chassis."
-    )
+    front = Param(float, unit="m", minimum=0.0, default=0.08, help="Reach forward of the axle.")
+    back = Param(float, unit="m", minimum=0.0, default=0.15, help="Reach behind the axle.")
+    width = Param(float, unit="m", above=0.0, default=0.151, help="Total width with tyres.")
+    height = Param(float, unit="m", above=0.0, default=0.1, help="Height of the chassis.")
+    clearance = Param(float, unit="m", above=0.0, default=0.02, help="Ground clearance.")
     mass = Param(
         float,
         unit="kg",
         above=0.0,
         default=0.7,
-        help="What the robot weighs without wheels and caster; only the model needs it.",
+        help="Mass without wheels and caster; used only by the model.",
     )
-    caster = Param(
-        CasterSection, default=CasterSection(), help="What it rests on beside its wheels."
-    )
+    caster = Param(CasterSection, default=CasterSection(), help="Ball or caster.")
 
 
 class LimitsSection(Section):
-    """What the robot may do at most."""
+    """Motion limits."""
 
-    speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Forward and backward speed.")
+    speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Speed, forward and backward.")
     turn_rate = Param(float, unit="rad/s", above=0.0, default=4.0, help="Turning speed.")
-    acceleration = Param(
-        float, unit="m/s2", above=0.0, default=1.0, help="Speeding up, at a wheel."
-    )
-    braking = Param(float, unit="m/s2", above=0.0, default=1.5, help="Slowing down, at a wheel.")
+    acceleration = Param(float, unit="m/s2", above=0.0, default=1.0, help="Wheel acceleration.")
+    braking = Param(float, unit="m/s2", above=0.0, default=1.5, help="Wheel deceleration.")
 
 
 class BatterySection(Section):
@@ -361,11 +334,9 @@ class BatterySection(Section):
         default=None,
         above=0.0,
         maximum=60.0,
-        help="Voltage of the full battery, for the wiring checks; none: not checked.",
+        help="Voltage when full, for the wiring checks; none: not checked.",
     )
-    pin = Param(
-        Pin, none=True, default=None, help="Analog pin that reads it through a divider, or none."
-    )
+    pin = Param(Pin, none=True, default=None, help="Analog pin that measures it through a divider.")
     divider = Param(
         float,
         unit="1",
@@ -373,62 +344,56 @@ class BatterySection(Section):
         default=None,
         minimum=1.0,
         maximum=20.0,
-        help="Battery volts per volt at that pin; none: not known.",
+        help="Battery voltage divided by the voltage at the pin; none: unknown.",
     )
     low = Param(
-        float,
-        unit="V",
-        minimum=0.0,
-        default=0.0,
-        help="Below this voltage the battery counts as low.",
+        float, unit="V", minimum=0.0, default=0.0, help="Below this voltage the battery is low."
     )
 
 
 class Calibrated(Section):
-    """One value that a calibration found, and how."""
+    """One calibrated value, and where it comes from."""
 
-    value: Any = Param(object, help="The value, written as the field itself would be.")
+    value: Any = Param(object, help="The value, written as in the field itself.")
     sd: Any = Param(object, none=True, default=None, help="Its standard deviation.")
-    date = Param(str, none=True, default=None, help="When it was found.")
-    method = Param(str, none=True, default=None, help="The calibration that found it.")
+    date = Param(str, none=True, default=None, help="Date of the calibration.")
+    method = Param(str, none=True, default=None, help="The calibration that measured it.")
     volts: Any = Param(
         object,
         none=True,
         default=None,
         help="Battery voltage during the calibration, or `not measured`.",
     )
-    recording = Param(
-        str, none=True, default=None, help="Hash of the recording that it was found from."
-    )
+    recording = Param(str, none=True, default=None, help="Hash of the recording it was taken from.")
 
 
 class Robot(Section):
-    """One robot: what is bolted, soldered and plugged where, and what it may do."""
+    """One robot: its parts, their connections and their limits."""
 
-    format = Param(int, choices=(1,), help="Version of this file's shape.")
-    kind = Param(str, choices=("robot",), help="What this file describes.")
+    format = Param(int, choices=(1,), help="Version of the file format.")
+    kind = Param(str, choices=("robot",), help="Kind of file.")
     include: Any = Param(
         object,
         none=True,
         default=None,
-        help="A robot file, or a list of them, that this one changes.",
+        help="A robot file, or a list of them, whose values this file overrides.",
     )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
     board = Param(BoardSection, default=BoardSection(), help="The microcontroller board.")
-    link = Param(LinkSection, default=LinkSection(), help="The serial line to the board.")
+    link = Param(LinkSection, default=LinkSection(), help="The serial link to the board.")
     drive = Param(DriveSection, help="Wheels, motors and encoders.")
     sensors = Param(dict[str, SensorSection], default={}, help="Sensors by name.")
     body = Param(BodySection, default=BodySection(), help="The outline.")
-    limits = Param(LimitsSection, default=LimitsSection(), help="What it may do at most.")
+    limits = Param(LimitsSection, default=LimitsSection(), help="Motion limits.")
     battery = Param(BatterySection, default=BatterySection(), help="The motor supply.")
-    simulation = Param(Simulation, default=Simulation(), help="What the simulated robot is like.")
+    simulation = Param(Simulation, default=Simulation(), help="The simulated robot.")
     calibration = Param(
-        dict[str, Calibrated], default={}, help="Written by calibrate: field path to value."
+        dict[str, Calibrated], default={}, help="Calibrated values by field; `calibrate` writes it."
     )
 
 
 def field_value(robot: Robot | None, path: str) -> Any:
-    """The field of a robot at dotted `path`. Raises AttributeError or KeyError for none."""
+    """The field of a robot at dotted `path`. Raises AttributeError or KeyError when absent."""
     value: Any = robot
     for step in path.split("."):
         value = value[step] if isinstance(value, dict) else getattr(value, step)

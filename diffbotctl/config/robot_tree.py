@@ -1,5 +1,4 @@
-"""The robot's tree as it holds for this robot: what both sides share in each side, then the
-calibrated values over the stated ones."""
+"""Completes the tree of a robot: common values copied to both sides, calibrated values applied."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ from diffbotctl.params import Declaration, Section, declared
 def copy_common_to_sides(robot: Value) -> Value:
     """The robot file with the common parts of `drive` copied into `left` and `right`.
 
-    What a side says itself wins.
+    The values of a side override the common ones.
     """
     for side in SIDES:
         own = robot.at("drive", side)
@@ -85,7 +84,7 @@ def _unknown_field(path: str, place: Place) -> Problem:
     paths = field_paths()
     below = [field for field in paths if field.startswith(f"{path}.")]
     if below:
-        cause = f"'{path}' is a whole section; one value at a time is calibrated"
+        cause = f"'{path}' is a section; calibration entries are for single fields"
         fix = f"name a field of it, such as {below[0]}"
     else:
         near = closest_match(path, paths)

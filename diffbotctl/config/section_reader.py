@@ -29,11 +29,11 @@ BOOLEAN_WORDS = {
     "n": "false",
 }
 BLOCK_INPUT = re.compile(r"blocks\.[^.]+\.in\.")
-TWO_WIRES = "an input takes one wire; the block command_mux lets one of two through"
+TWO_WIRES = "an input takes one wire; use the block command_mux to select one of two"
 # Kind of value -> how a message names it, and how it is written.
-MAPPING = ("keys with values are", "write `{key: value}`, or indented `key: value` lines below it")
-LIST = ("a list is", "write `[a, b]`, or lines that begin with a dash below it")
-SCALAR = ("one value is", "write a number or a word")
+MAPPING = ("a mapping", "write `{key: value}`, or indented `key: value` lines below it")
+LIST = ("a list", "write `[a, b]`, or lines with a leading dash below it")
+SCALAR = ("a single value", "write a number or a word")
 
 
 def read_section(tree: Value, kind: type[S], title: str, problems: list[Problem]) -> S:
@@ -146,11 +146,11 @@ class _Reader:
             near = closest_match(name, declarations)
             if near is None:
                 names = join_words(declarations, "and")
-                fix = f"it may hold {names}" if declarations else "it holds no keys"
+                fix = f"allowed keys are {names}" if declarations else "no keys are allowed here"
             else:
                 is_missing = is_whole and declarations[near].is_required
-                also = ", which must be given" if is_missing and near not in value.entries else ""
-                fix = f"did you mean '{near}'{also}?"
+                required = "the required key " if is_missing and near not in value.entries else ""
+                fix = f"did you mean {required}'{near}'?"
             cause = f"unknown key '{name}' in {self._within(path)}"
             place = entry.name_place
             self.problems.append(Problem("E-KEY-UNKNOWN", place, cause, fix))
@@ -159,7 +159,7 @@ class _Reader:
         self, value: Value, declarations: dict[str, Declaration], path: Path
     ) -> None:
         free = [name for name in declarations if name not in value.entries]
-        # A misspelt key is reported as such, not as a missing one besides.
+        # A misspelt key is reported as unknown, not also as missing.
         misspelt = {closest_match(name, free) for name in value.entries if name not in declarations}
         for name in free:
             declaration = declarations[name]
@@ -181,7 +181,7 @@ class _Reader:
             written = "a mapping"
         else:
             written = "a list" if isinstance(value.data, list) else f"'{value.text}'"
-        cause = f"{within} is {written}, but {words} wanted"
+        cause = f"{within} is {written}, but {words} is required"
         if isinstance(value.data, list) and BLOCK_INPUT.match(within):
             fix = TWO_WIRES
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))
@@ -191,10 +191,10 @@ class _Reader:
         if count == expected:
             return
         entries = "entry" if count == 1 else "entries"
-        cause = f"{self._within(path)} has {count} {entries}, but {expected} are wanted"
+        cause = f"{self._within(path)} has {count} {entries}, but {expected} are required"
         fix = f"write {expected} values between the brackets"
         if count > expected and any(item.text[-1:].isdecimal() for item in value.items):
-            fix += "; a comma separates them, so a decimal is written with a point: 1.5 m"
+            fix += "; commas separate values, so write decimals with a point: 1.5 m"
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))
 
 
@@ -204,7 +204,7 @@ def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any,
     if value.data is None:
         sample = _sample(declaration) or (declaration.choices[0] if declaration.choices else "")
         such_as = f", such as {sample}" if sample else ""
-        fix = f"write a value behind the colon{such_as}, or remove the key"
+        fix = f"write a value after the colon{such_as}, or remove the key"
         return None, Problem("E-VALUE-EMPTY", value.place, f"{declaration.key} has no value", fix)
     try:
         data = SCALAR_READERS[kind](value, declaration)
@@ -238,7 +238,7 @@ def _float(value: Value, declaration: Declaration) -> float:
     if isinstance(data, bool):
         cause = f"{value.text} is not {KINDS.get(unit, 'a number')}"
     elif re.match(r"[0-9]+:[0-9]", value.text):
-        cause = f"'{value.text}' is a text; a number has no colon"
+        cause = f"'{value.text}' is text; a number has no colon"
     else:
         cause = f"'{value.text}' is not a number"
     sample = _sample(declaration)
@@ -265,8 +265,8 @@ def _str(value: Value, declaration: Declaration) -> str:
         return value.data
     if declaration.choices:
         return value.text
-    kind = "true or false" if isinstance(value.data, bool) else "a number"
-    cause = f"{value.text} is {kind}, but {declaration.key} wants a text"
+    kind = "a boolean" if isinstance(value.data, bool) else "a number"
+    cause = f"{value.text} is {kind}, but {declaration.key} requires text"
     raise _ScalarTypeError(cause, f"put it in quotes: '{value.text}'")
 
 
@@ -275,7 +275,7 @@ def _pin(value: Value, declaration: Declaration) -> Pin:
     name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
     if not PIN.match(name):
         fix = "write the number or name printed on the board, such as 5 or A0"
-        raise _ScalarTypeError(f"'{value.text}' is not the name of a pin", fix)
+        raise _ScalarTypeError(f"'{value.text}' is not a pin name", fix)
     return Pin(name)
 
 
@@ -287,9 +287,9 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     near = closest_match(value.text, choices)
     fix = f"did you mean {near}?" if near else f"use {join_words(choices)}"
     allowed = (
-        f"only {choices[0]} is known"
+        f"the only allowed value is {choices[0]}"
         if len(choices) == 1
-        else f"it is one of {join_words(choices)}"
+        else f"allowed values are {join_words(choices)}"
     )
     cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
     return Problem("E-CHOICE", value.place, cause, fix)

@@ -1,7 +1,7 @@
-"""What the simulated robot truly is: the `simulation` section of a robot file.
+"""The `simulation` section of a robot file: the actual properties of the simulated robot.
 
 Values are drawn from these spreads by a seeded generator when the plant is built. No block can read
-them; that is what makes a simulated figure worth something.
+them, so what a block estimates can be compared with them.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ EncoderWiring = Literal["plain", "dead", "floating"]
 
 
 class MotorTruth(Section):
-    """Spreads of the two gear motors."""
+    """Random spreads of the two gear motors."""
 
     lag = Param(
         tuple[float, float],
         default=(0.060, 0.150),
         unit="s",
-        help="Range of the time constant from duty to speed; one is drawn for both motors.",
+        help="Range of the time constant from duty to speed; one value for both motors.",
     )
     lag_spread = Param(
         float,
@@ -32,7 +32,7 @@ class MotorTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.5,
-        help="Largest difference of each motor's lag from the drawn one.",
+        help="Largest relative deviation of each motor's lag from that value.",
     )
     gain_spread = Param(
         float,
@@ -40,13 +40,13 @@ class MotorTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.5,
-        help="Largest difference of each motor's speed from the rated one at full duty.",
+        help="Largest relative deviation of each motor's speed at full duty.",
     )
     start_duty = Param(
         tuple[float, float],
         default=(0.08, 0.16),
         unit="1",
-        help="Range of the duty at which a resting wheel breaks loose; drawn for each motor.",
+        help="Range of the breakaway duty of a wheel at rest; one value for each motor.",
     )
     keep_share = Param(
         float,
@@ -54,7 +54,7 @@ class MotorTruth(Section):
         unit="1",
         above=0.0,
         maximum=1.0,
-        help="Share of the starting duty that keeps a turning wheel turning.",
+        help="Duty that keeps a wheel turning, as a share of the breakaway duty.",
     )
     ripple = Param(
         float,
@@ -67,15 +67,15 @@ class MotorTruth(Section):
     coasting: Coasting = Choice(
         Coasting,
         default="linear",
-        help="Without drive the speed dies exponentially, or dry friction stops it in finite time.",
+        help="Without drive: exponential decay, or a stop in finite time by dry friction.",
     )
 
 
 class EncoderTruth(Section):
-    """Spreads of the two slotted discs and their light barriers."""
+    """Random spreads of the two slotted discs and their light barriers."""
 
     phase: SlotPhase = Choice(
-        SlotPhase, default="random", help="Where in a slot the wheels stand at the start."
+        SlotPhase, default="random", help="Position of the wheels within a slot at the start."
     )
     slot_spread = Param(
         float,
@@ -83,7 +83,7 @@ class EncoderTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.15,
-        help="Standard deviation of a slot's place, as a share of the pitch.",
+        help="Standard deviation of a slot's position, in pitches.",
     )
     duty_spread = Param(
         float,
@@ -91,7 +91,7 @@ class EncoderTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.15,
-        help="Standard deviation of the open share of the pitch, about one half, per disc.",
+        help="Standard deviation of each disc's open share, about one half.",
     )
     jitter = Param(
         float,
@@ -99,7 +99,7 @@ class EncoderTruth(Section):
         unit="s",
         minimum=0.0,
         maximum=2e-3,
-        help="Standard deviation of the delay of an edge.",
+        help="Standard deviation of an edge's delay.",
     )
     slots = Param(
         int,
@@ -107,7 +107,7 @@ class EncoderTruth(Section):
         default=None,
         minimum=1,
         maximum=4096,
-        help="Slots that the discs truly have; none: as many as the robot file states.",
+        help="Actual slots of the discs; none: as the robot file states.",
     )
     bounce = Param(
         float,
@@ -115,15 +115,20 @@ class EncoderTruth(Section):
         unit="s",
         minimum=0.0,
         maximum=0.01,
-        help="How long a flank chatters before it settles, at most; 0: not at all.",
+        help="Longest bounce of an edge; 0: none.",
     )
 
 
 class GeometryTruth(Section):
-    """How far the true geometry is from the robot file's."""
+    """Errors of the geometry stated in the robot file."""
 
     track_spread = Param(
-        float, default=0.0, unit="1", minimum=0.0, maximum=0.2, help="Largest error of the track."
+        float,
+        default=0.0,
+        unit="1",
+        minimum=0.0,
+        maximum=0.2,
+        help="Largest relative error of the track.",
     )
     diameter_spread = Param(
         float,
@@ -131,7 +136,7 @@ class GeometryTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.2,
-        help="Largest error of each wheel's diameter.",
+        help="Largest relative error of each wheel's diameter.",
     )
 
 
@@ -139,7 +144,7 @@ class SensorTruth(Section):
     """Errors of one distance sensor."""
 
     noise = Param(
-        float, default=0.010, unit="V", minimum=0.0, help="Standard deviation of each reading."
+        float, default=0.010, unit="V", minimum=0.0, help="Standard deviation of a reading."
     )
     offset = Param(float, default=0.0, unit="V", help="Constant error of the voltage.")
     spread = Param(
@@ -147,43 +152,43 @@ class SensorTruth(Section):
         default=0.010,
         unit="m",
         minimum=0.0,
-        help="Standard deviation of each distance that a laser scanner tells.",
+        help="Standard deviation of a laser scanner's distance.",
     )
 
 
 class Start(Section):
-    """Where in the simulated world the robot stands at first: there the frame odom begins."""
+    """Pose of the robot in the simulated world at the start: the origin of the frame odom."""
 
-    x = Param(float, unit="m", default=0.0, help="Along the world's x axis.")
-    y = Param(float, unit="m", default=0.0, help="Along the world's y axis.")
-    heading = Param(float, unit="rad", default=0.0, help="Where it looks; counter-clockwise.")
+    x = Param(float, unit="m", default=0.0, help="Position along the world's x axis.")
+    y = Param(float, unit="m", default=0.0, help="Position along the world's y axis.")
+    heading = Param(float, unit="rad", default=0.0, help="Heading; counter-clockwise from x.")
 
 
 class WiringTruth(Section):
-    """How the simulated robot was soldered together."""
+    """Wiring faults of the simulated robot."""
 
     left: MotorWiring = Choice(
         MotorWiring,
         default="plain",
-        help="Left side: motor leads, motors exchanged, motor dead, encoder pin floating.",
+        help="Left motor: leads reversed, motors swapped, dead, or encoder pin floating.",
     )
     right: MotorWiring = Choice(
         MotorWiring,
         default="plain",
-        help="Right side: motor leads, motors exchanged, motor dead, encoder pin floating.",
+        help="Right motor: leads reversed, motors swapped, dead, or encoder pin floating.",
     )
     encoders: EncoderPlugs = Choice(
-        EncoderPlugs, default="plain", help="Whether the plugs of the two encoders were exchanged."
+        EncoderPlugs, default="plain", help="Whether the plugs of the two encoders are swapped."
     )
     left_encoder: EncoderWiring = Choice(
         EncoderWiring,
         default="plain",
-        help="The encoder at the left wheel: its light barrier dead, or its wire off.",
+        help="Left encoder: light barrier dead, or wire off.",
     )
     right_encoder: EncoderWiring = Choice(
         EncoderWiring,
         default="plain",
-        help="The encoder at the right wheel: its light barrier dead, or its wire off.",
+        help="Right encoder: light barrier dead, or wire off.",
     )
 
 
@@ -197,7 +202,7 @@ class BatteryTruth(Section):
         unit="1",
         minimum=-0.3,
         maximum=0.3,
-        help="How far the divider before the board's pin is from the stated one.",
+        help="Relative error of the voltage divider at the board's pin.",
     )
     sag = Param(
         float,
@@ -205,26 +210,24 @@ class BatteryTruth(Section):
         unit="1",
         minimum=0.0,
         maximum=0.5,
-        help="Share of the voltage that is lost while both motors take full duty.",
+        help="Share of the voltage lost while both motors run at full duty.",
     )
 
 
 class Simulation(Section):
-    """The plant's truth: spreads to draw from, and errors to add."""
+    """Actual properties of the simulated robot: random spreads and fixed errors."""
 
     motor = Param(MotorTruth, default=MotorTruth(), help="The gear motors.")
     encoder = Param(EncoderTruth, default=EncoderTruth(), help="The slotted discs.")
-    geometry = Param(GeometryTruth, default=GeometryTruth(), help="The true geometry.")
+    geometry = Param(GeometryTruth, default=GeometryTruth(), help="Errors of the geometry.")
     slip = Param(
         float,
         default=0.0005,
         unit="m",
         minimum=0.0,
-        help="Slip of each wheel, standard deviation per square root of a metre of its travel.",
+        help="Slip of each wheel: standard deviation after 1 m, growing with the square root.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
-    sensors = Param(
-        dict[str, SensorTruth], default={}, help="Errors of the sensors, by the sensor's name."
-    )
-    start = Param(Start, default=Start(), help="Where in the world it stands at first.")
-    wiring = Param(WiringTruth, default=WiringTruth(), help="How it was soldered together.")
+    sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors by name.")
+    start = Param(Start, default=Start(), help="Pose in the world at the start.")
+    wiring = Param(WiringTruth, default=WiringTruth(), help="Wiring faults.")

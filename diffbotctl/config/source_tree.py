@@ -1,4 +1,4 @@
-"""The tree of one robot or pipeline file: what it includes, `--set` and `$name` worked in.
+"""The tree of one robot or pipeline file, with its includes, `--set` and variables applied.
 
 Each value keeps the place where it was written.
 """
@@ -56,7 +56,7 @@ def _parse_override(text: str) -> Override:
     steps = tuple(path.strip().split("."))
     place = Place(source, 1, 1, max(1, len(path)))
     if not equals or len(steps) < 2 or not all(steps):
-        cause = "this does not say what is set to what"
+        cause = "--set requires path=value"
         raise ConfigurationError(Problem("E-SET", place, cause, OVERRIDE_SHAPE))
     column = len(path) + 1
     value = yaml_reader.parse_any(source, " " * column + written)
@@ -97,7 +97,7 @@ def read_pipeline(
         elif first != "robot":
             near = closest_match(first, [*names, "robot", "vars"])
             has = ", ".join([*names, "robot", "vars"])
-            fix = f"did you mean {near}?" if near else f"it has {has}"
+            fix = f"did you mean {near}?" if near else f"use one of {has}"
             cause = f"the pipeline has no block '{first}'"
             problems.append(Problem("E-SET", override.place, cause, fix))
     tree = _substitute(tree, problems)
@@ -105,7 +105,7 @@ def read_pipeline(
 
 
 def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:
-    """The file at `path` over all that it includes, and every file that was read.
+    """The file at `path` merged over its includes, and every file that was read.
 
     `folder` is where bare names are looked up. Raises ConfigurationError.
     """
@@ -119,7 +119,7 @@ class _IncludeReader:
     paths: list[Path] = field(default_factory=list)
 
     def read(self, path: Path, including: Sequence[Path]) -> Value:
-        """`including` are the files that led here, outermost first."""
+        """`including` are the files that include this one, outermost first."""
         own = yaml_reader.read(str(path), lookup.display_path(path), not lookup.is_shipped(path))
         if path not in self.paths:
             self.paths.append(path)
@@ -134,7 +134,7 @@ class _IncludeReader:
 
     def _included(self, name: Value, path: Path, including: list[Path]) -> Value:
         if not isinstance(name.data, str) or not name.data.strip() or "\0" in name.data:
-            cause = "include wants the name or path of a file"
+            cause = "include requires the name or path of a file"
             _refuse_include(name, cause, "write `include: book_2wd`")
         file = self._find(name, path)
         if file.resolve() in including or len(including) > INCLUDE_DEPTH_MAX:
@@ -184,7 +184,7 @@ def _substitute(tree: Value, problems: list[Problem]) -> Value:
     }
     for name in substitution.variables.keys() - substitution.used:
         value = substitution.variables[name]
-        cause, fix = f"the variable {name} is never used", f"remove it, or write ${name} somewhere"
+        cause, fix = f"the variable {name} is never used", f"remove it, or use it as ${name}"
         place = value.name_place
         problems.append(Problem("W-VAR-UNUSED", place, cause, fix, "warning"))
     return replace(tree, data=entries)
@@ -235,7 +235,7 @@ class _Substitution:
             fix = f"did you mean ${near}?"
         elif self.variables:
             names = join_words(self.variables, "and")
-            fix = f"vars holds {names}; a dollar sign itself is written $$"
+            fix = f"vars defines {names}; write $$ for a dollar sign"
         else:
-            fix = f"add `vars: {{{name}: ...}}`; a dollar sign itself is written $$"
+            fix = f"add `vars: {{{name}: ...}}`; write $$ for a dollar sign"
         return Problem("E-VAR-UNKNOWN", value.place, f"there is no variable {name}", fix)

@@ -1,4 +1,4 @@
-"""Reads a YAML file into a tree of values, or says why it cannot be read.
+"""Reads a YAML file into a tree of values.
 
 YAML 1.1 turns `on` into true, `12:30` into 750, `017` into 15 and `1e-3` into text. Here an
 unquoted word is a number when it looks like a decimal number, a boolean when it is true or false,
@@ -55,8 +55,8 @@ def parse(source: Source) -> Value:
         fix = "begin it with `format: 1` and `kind: robot` or `pipeline`"
         raise ConfigurationError(Problem("E-YAML-TOP", source.name, cause, fix))
     kind = "a list" if isinstance(root.data, list) else "a single value"
-    cause = f"the file is {kind}, but keys with values are wanted"
-    fix = "write `key: value` lines, without a dash or bracket in front"
+    cause = f"the file is {kind}, but a mapping is required"
+    fix = "write `key: value` lines, without a leading dash or bracket"
     raise ConfigurationError(Problem("E-YAML-TOP", root.value_place, cause, fix))
 
 
@@ -135,7 +135,7 @@ def read_text(path: str, name: str) -> str:
     except FileNotFoundError:
         _refuse("E-FILE-READ", name, "there is no such file", "check the name and the folder")
     except PermissionError:
-        cause, fix = "you may not read this file", "check its permissions with ls -l"
+        cause, fix = "no permission to read this file", "check it with ls -l"
         _refuse("E-FILE-READ", name, cause, fix)
     except (OSError, ValueError) as error:  # ValueError: no file can have such a name
         reason = (getattr(error, "strerror", None) or str(error)).lower()
@@ -220,7 +220,7 @@ class _TreeBuilder:
     def _begin_document(self, event: Any) -> None:
         self.documents += 1
         if self.documents > 1:
-            cause = "a second document begins here, but a file holds one"
+            cause = "a second document begins here; a file contains only one"
             self._stop("E-YAML-TOP", self._place(event), cause, "remove the `---` line")
 
     def _begin_collection(self, event: Any, data: Data) -> None:
@@ -256,7 +256,7 @@ class _TreeBuilder:
             self._stop("E-YAML-ANCHOR", place, cause, "write the value itself")
         value = self.anchors[name]
         if value is None:
-            cause = f"*{name} stands inside the value that it refers to"
+            cause = f"*{name} is inside the value that it refers to"
             self._stop("E-YAML-ANCHOR", place, cause, "write the value itself")
         self._add(replace(value, key_place=None), None, place)
 
@@ -275,7 +275,7 @@ class _TreeBuilder:
         parent = self.stack[-1]
         parent.value.size += value.size
         if parent.value.size > VALUES_MAX_COUNT:
-            cause = f"this unfolds to more than {VALUES_MAX_COUNT} values"
+            cause = f"this expands to more than {VALUES_MAX_COUNT} values"
             self._stop("E-YAML-SIZE", place or value.value_place, cause, "write it without aliases")
         if isinstance(parent.value.data, list):
             parent.value.data.append(value)
@@ -291,8 +291,8 @@ class _TreeBuilder:
             cause = "a list or mapping cannot be a key"
             self._stop("E-YAML-KEY", key.value_place, cause, "check for a stray `*` or bracket")
         if key.text == "<<":
-            cause = "merge keys (`<<`) are not read"
-            fix = "use `include`, or write what both sides share once in `drive`"
+            cause = "merge keys (`<<`) are not supported"
+            fix = "use `include`, or write values of both sides once in `drive`"
             self._note("E-YAML-KEY", key.value_place, cause, fix)
 
     def _add_entry(self, mapping: Value, key: Value, value: Value) -> None:
@@ -302,7 +302,7 @@ class _TreeBuilder:
             where = "earlier in this line"
             if first is not None and first.line != place.line:
                 where = f"in line {first.line}"
-            cause = f"'{key.text}' is given twice; the first stands {where}"
+            cause = f"'{key.text}' is defined twice; the first definition is {where}"
             self._note("E-YAML-DUPLICATE", place, cause, "keep one of them")
             return
         value.key_place = place
@@ -315,13 +315,13 @@ class _TreeBuilder:
         previous = list(entries.values())[-1].text if entries else ""
         if not re.match(r"\d", key.text) or not re.search(r"\d\Z", previous):
             return
-        cause = f"the comma ends the value {previous}, and '{key.text}' becomes a key of its own"
-        fix = f"write a point: {previous}.{key.text}"
+        cause = f"the comma ends the value {previous} and makes '{key.text}' a separate key"
+        fix = f"write a decimal point: {previous}.{key.text}"
         self._note("E-YAML-COMMA", key.value_place, cause, fix)
 
     def _check_tag(self, event: Any) -> None:
         if event.tag is not None and event.tag != "!":
-            cause = f"tags such as {event.tag} are not read"
+            cause = f"tags such as {event.tag} are not supported"
             self._note("E-YAML-TAG", self._place(event), cause, "remove the tag")
 
     def _place(self, event: Any) -> Place:

@@ -1,4 +1,4 @@
-"""The YAML parser's complaints in our words, with the place that is really to blame."""
+"""Translates errors of the YAML parser into problems with the place of the actual mistake."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from diffbotctl.errors import Place, Problem, Source
 
 
 def problem(source: Source, error: Any) -> Problem:
-    """What `error`, a yaml.YAMLError, means to the person who wrote `source`."""
+    """The problem behind `error`, a yaml.YAMLError raised while parsing `source`."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     words = str(getattr(error, "problem", None) or getattr(error, "reason", None) or error)
     if mark is None:
@@ -18,8 +18,8 @@ def problem(source: Source, error: Any) -> Problem:
     place = Place(source, mark.line + 1, mark.column + 1)
     tab = _indented_by_tab(source, mark.line + 1)
     if tab is not None:
-        cause = "a tab stands here; YAML indents by spaces only"
-        return Problem("E-YAML-TAB", tab, cause, "replace each tab by spaces")
+        cause = "this line is indented with a tab; YAML allows only spaces"
+        return Problem("E-YAML-TAB", tab, cause, "replace each tab with spaces")
     if "mapping values are not allowed" in words:
         return _unexpected_key(source, place)
     for pattern, cause, fix in SYNTAX:
@@ -27,50 +27,56 @@ def problem(source: Source, error: Any) -> Problem:
             opened = getattr(error, "context_mark", None)
             where = f" (opened in line {opened.line + 1})" if opened and "closed" in cause else ""
             return Problem("E-YAML-SYNTAX", place, cause + where, fix)
-    cause = f"YAML cannot be read from here: {words}"
+    cause = f"invalid YAML from here: {words}"
     return Problem("E-YAML-SYNTAX", place, cause, "compare this line with the ones around it")
 
 
 SYNTAX = [
     (
         r"expected ',' or '[}]'|expected ',' or '\]'|flow (mapping|sequence)",
-        "a brace or bracket is not closed before here",
+        "a brace or bracket before this point is not closed",
         "close it, and put a comma between its entries",
     ),
     (
         r"could not find expected ':'|expected ':'",
         "a key without a colon",
-        "write `key: value`, with a space behind the colon",
+        "write `key: value`, with a space after the colon",
     ),
     (
         r"quoted scalar|end of stream",
-        "a quotation mark is not closed before here",
-        "close the text with the same mark that opened it",
+        "a quoted text before this point is not closed",
+        "close the text with the quotation mark that opens it",
     ),
     (
         r"expected <block end>|did not find expected key|block (mapping|collection|end)",
-        "this line is indented unlike the lines that it belongs to",
+        "the indentation of this line differs from the lines around it",
         "give all keys of one mapping the same indentation",
     ),
-    (r"cannot start any token", "no value can begin with this character", "put the text in quotes"),
+    (
+        r"cannot start any token",
+        "a value cannot begin with this character",
+        "put the text in quotes",
+    ),
 ]
 
 
 def _unexpected_key(source: Source, colon: Place) -> Problem:
-    """A key where none can stand: usually the line before is to blame, or the indentation."""
+    """A key in a wrong place: the cause is usually the previous line, or the indentation."""
     line, before = source.line(colon.line), source.line(colon.line - 1)
     glued = re.match(r"\s*[A-Za-z_][A-Za-z0-9_]*(:)\S", before)
     if glued:
         place = Place(source, colon.line - 1, glued.start(1) + 1)
-        return Problem("E-YAML-SYNTAX", place, "no space follows this colon", "write `key: value`")
+        return Problem(
+            "E-YAML-SYNTAX", place, "a space is missing after this colon", "write `key: value`"
+        )
     indent = len(line) - len(line.lstrip())
     if ":" not in line[: colon.column - 1] and indent > len(before) - len(before.lstrip()):
-        cause = "this is indented deeper than the line before, which has a value already"
+        cause = "this line is indented below a line that already has a value"
         place = Place(source, colon.line, indent + 1)
         fix = "give all keys of one mapping the same indentation"
         return Problem("E-YAML-SYNTAX", place, cause, fix)
-    cause = "a second colon in this line: what stands before it cannot be a key"
-    fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around a text"
+    cause = "a second colon in this line: the text before it cannot be a key"
+    fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around text"
     return Problem("E-YAML-SYNTAX", colon, cause, fix)
 
 

@@ -66,7 +66,7 @@ def test_a_second_distance_on_a_board(tmp_path, include, real, listens, refused,
     assert [each.code for each in errors] == refused
     assert [each.code for each in found if "BOARD-SENSOR" in each.code] == refused + warned
     if refused:
-        assert errors[0].line == 5 and "'range' waits for the sensor 'rear'" in errors[0].cause
+        assert errors[0].line == 5 and "'range' uses the sensor 'rear'" in errors[0].cause
 
 
 # 65 mm wheel, 20 slots: pitch pi * 65 / 20 = 10.21 mm, / sqrt(12) = 2.947 mm.

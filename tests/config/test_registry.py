@@ -66,8 +66,8 @@ def test_a_package_that_claims_a_built_in_name_clashes(package):
         ("whisper = broken:Whisper", "import nothing_like_this", "ModuleNotFoundError"),
         ("whisper = broken:Whisper", "raise ValueError('half done')", "half done"),
         ("whisper = broken:Shout", MODULE, "AttributeError"),
-        ("whisper = broken:Text", MODULE, "is no block"),
-        ("whisper = broken:Whisper", "Whisper = 5", "is no block"),
+        ("whisper = broken:Text", MODULE, "is not a block"),
+        ("whisper = broken:Whisper", "Whisper = 5", "is not a block"),
     ],
 )
 def test_a_block_that_cannot_be_loaded_is_named(package, tmp_path, entry, module, words):

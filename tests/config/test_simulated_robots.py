@@ -23,10 +23,10 @@ def test_they_are_simulated_and_nothing_else(name):
 @pytest.mark.parametrize(
     ("changes", "code", "words"),
     [
-        ("drive: {left: {motor: {enable: none}}}", "E-BOARD-PIN", "does without this pin"),
-        ("drive: {right: {motor: {in2: none}}}", "E-BOARD-PIN", "does without this pin"),
-        ("drive: {left: {encoder: {pin: none}}}", "E-BOARD-PIN", "does without this pin"),
-        ("sensors: {front: {pin: none}}", "E-BOARD-PIN", "does without this pin"),
+        ("drive: {left: {motor: {enable: none}}}", "E-BOARD-PIN", "can omit this pin"),
+        ("drive: {right: {motor: {in2: none}}}", "E-BOARD-PIN", "can omit this pin"),
+        ("drive: {left: {encoder: {pin: none}}}", "E-BOARD-PIN", "can omit this pin"),
+        ("sensors: {front: {pin: none}}", "E-BOARD-PIN", "can omit this pin"),
         ("sensors: {top: {type: lds01, pin: none}}", "E-BOARD-SENSOR", "lds01"),
         ("sensors: {eye: {type: overhead_camera, pin: none}}", "E-BOARD-SENSOR", "overhead"),
     ],

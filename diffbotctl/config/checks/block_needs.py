@@ -1,8 +1,8 @@
-"""Blocks need fields and sensors of the robot: the robot must have them, or the block is left out.
+"""Checks the robot fields and sensors that blocks need; drops blocks that the robot cannot serve.
 
-A guard with `needs: Volts` on a robot without any distance sensor is taken out of the pipeline:
-the inputs that took its `twist` then take what the guard itself took. So one pipeline serves robots
-with different sensors. A warning says when no guard is left.
+A guard with `needs: Volts` is dropped from the pipeline of a robot without a distance sensor; the
+inputs connected to its `twist` are connected to the guard's own input instead. So one pipeline
+works for robots with different sensors. A warning reports when no guard remains.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ GUARDS = ("obstacle_stop", "scan_stop")
 
 
 def check_fields(context: CheckContext) -> None:
-    """Check what each block asks of the robot file, and the sensors that parameters name."""
+    """Check the robot fields that each block reads, and the sensors named in parameters."""
     for name, block in context.block_classes.items():
         paths = list(robot_fields(block).values())
         value = context.pipeline_value("blocks", name)
@@ -49,8 +49,8 @@ def _check_paths(context: CheckContext, name: str, paths: list[str], place: Plac
         try:
             field_value(context.robot, path)
         except (AttributeError, KeyError):
-            cause = f"'{name}' asks for {path}, which robot files do not have"
-            fix = "this is a mistake in the block's own code: mend its FromRobot"
+            cause = f"'{name}' reads {path}, which is not a field of robot files"
+            fix = "correct FromRobot in the code of the block"
             context.error("E-ROBOT-FIELD", place, cause, fix)
 
 
@@ -59,12 +59,14 @@ def _check_sensor(context: CheckContext, sensor: str, place: Place) -> None:
     if sensors is None or sensor in sensors:
         return
     near = closest_match(sensor, sensors)
-    fix = f"did you mean {near}?" if near else f"it has {join_words(sensors, 'and') or 'none'}"
+    fix = (
+        f"did you mean {near}?" if near else f"its sensors: {join_words(sensors, 'and') or 'none'}"
+    )
     context.error("E-SENSOR-UNKNOWN", place, f"the robot has no sensor '{sensor}'", fix)
 
 
 def drop_unusable_blocks(context: CheckContext) -> None:
-    """Take every block that needs what the robot lacks out of the pipeline under examination."""
+    """Drop every block whose `needs` no sensor of the robot meets."""
     robot, pipeline = context.robot, context.pipeline
     if robot is None or pipeline is None:
         return
@@ -82,15 +84,17 @@ def drop_unusable_blocks(context: CheckContext) -> None:
     guards = {name for name, entry in entries.items() if entry.block in GUARDS}
     place = context.robot_value("sensors") or context.robot_value("kind")
     if guards and guards <= set(unusable) and place is not None:
-        cause = f"no sensor of this robot sees obstacles: {join_words(unusable, 'and')} left out"
-        fix = "mind where it drives, or give it a sensor under `sensors:`"
+        cause = (
+            f"no sensor of this robot detects obstacles; left out: {join_words(unusable, 'and')}"
+        )
+        fix = "supervise the robot, or add a sensor under `sensors:`"
         context.warn("W-UNGUARDED", place.place, cause, fix)
     for name in unusable:
         _drop_block(context, pipeline, name)
 
 
 def _drop_block(context: CheckContext, pipeline: Pipeline, name: str) -> None:
-    """Drop one block; inputs that took its outputs take its own input of the same message."""
+    """Drop one block; connect inputs on its outputs to its own input of the same message."""
     assert context.pipeline_tree is not None
     dropped = pipeline.blocks.pop(name)
     context.pipeline_tree.entries["blocks"].entries.pop(name)

@@ -10,13 +10,14 @@ from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.checks.pins import PINLESS_SENSORS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import join_words
 from diffbotctl.links import bandwidth
 
-# V at the input of a linear regulator of 5 V (Mega's VIN; 78M05 of an L298N board): it needs 2 V
-# more than it gives, and 12 V at 0.2 A are 1.4 W of heat, the most that its bare case sheds.
+# Input of a linear 5 V regulator (Mega's VIN; 78M05 of an L298N board): its dropout is 2 V, and
+# 12 V at 0.2 A dissipate 1.4 W, the maximum without a heat sink.
 SUPPLY_MIN_V, SUPPLY_MAX_V = 7.0, 12.0
 DRIVER_SUPPLY_MAX_V = 35.0  # the L298N board's supply (data sheet of the module)
-LED_PIN = "13"  # the pin of the light L, on all boards here
+LED_PIN = "13"  # pin of the LED L on all these boards
 
 
 def check_budget(context: CheckContext) -> None:
@@ -33,24 +34,25 @@ def check_budget(context: CheckContext) -> None:
     if load <= bandwidth.COMFORTABLE * capacity:
         return
     cause = (
-        f"{rate:g} frames of {frame} bytes are {load:.0f} bytes a second; "
-        f"at {baud} baud the line carries {capacity:.0f}"
+        f"{rate:g} frames of {frame} bytes per second are {load:.0f} bytes/s; "
+        f"at {baud} baud the link carries {capacity:.0f} bytes/s"
     )
     rate_max = floor(bandwidth.COMFORTABLE * capacity / frame)
-    fix = f"at most {rate_max} Hz leaves room for replies; or raise link.baud"
+    options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
     if has_edge_times and protocol == "diffbot":
-        fix += ", or set edge_times: false"
+        options.append("set edge_times: false")
     place = context.error_place("board.telemetry", "link.baud", "board.edge_times")
+    fix = join_words(options)
     if load > capacity:
         context.error("E-LINK-BUDGET", place, cause, fix)
     else:
-        context.warn("W-LINK-BUDGET", place, f"{cause}: replies will be late", fix)
+        context.warn("W-LINK-BUDGET", place, f"{cause}; replies will be delayed", fix)
 
 
 def check_channels(context: CheckContext) -> None:
-    """Say of every further sensor that it is silent on a real board; refuse to wait for it.
+    """Warn of every further sensor, which has no data on a real board; refuse wires from it.
 
-    Both firmwares have one channel for a distance in each frame.
+    The frames of both firmwares have one distance channel.
     """
     if context.robot is None or context.values("board.type") in (None, (SIMULATED,)):
         return
@@ -65,10 +67,10 @@ def check_channels(context: CheckContext) -> None:
             _refuse_wires(context, name, names[0], wires)
             continue
         cause = (
-            f"a board tells one distance in each frame, that of '{names[0]}'; on a real board "
-            f"'{name}' would stay silent, only the simulator has it"
+            f"a board reports one distance per frame, that of '{names[0]}'; '{name}' has data in "
+            "the simulator only"
         )
-        fix = "remove it, or set board: {type: simulated} for a robot that is never built"
+        fix = "remove it, or set board: {type: simulated} for a simulated robot"
         sensor = context.robot_value("sensors", name)
         place = sensor.name_place if sensor else context.robot_place("sensors")
         context.warn("W-BOARD-SENSOR", place, cause, fix)
@@ -88,10 +90,10 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
 def _refuse_wires(context: CheckContext, name: str, measured: str, wires: dict[str, Value]) -> None:
     for node, source in wires.items():
         cause = (
-            f"'{node}' waits for the sensor '{name}', but a board tells one distance in each "
-            f"frame, that of '{measured}': this wire would stay silent"
+            f"'{node}' uses the sensor '{name}', but a board reports one distance per frame, "
+            f"that of '{measured}': this wire would have no data"
         )
-        fix = f"wire it to robot.{measured}, or leave the block out"
+        fix = f"wire it to robot.{measured}, or remove the block"
         context.error("E-BOARD-SENSOR", source.place, cause, fix)
 
 
@@ -102,47 +104,51 @@ def check_radio(context: CheckContext) -> None:
         return
     uart, level, board = values
     if level == "direct":
-        cause = "the board's 5 V go straight into the HC-05's RXD, which is made for 3.3 V"
-        fix = "put 1 kOhm into the wire and 2 kOhm from RXD to GND, and say level: divider"
+        cause = "the board's 5 V signal drives the HC-05's RXD directly, which takes 3.3 V"
+        fix = "add 1 kOhm in the wire and 2 kOhm from RXD to GND, and set level: divider"
         context.warn("W-WIRING-LEVEL", context.error_place("link.level"), cause, fix)
     if uart == 0:
         others = [port for port in BOARDS[board].links["diffbot"] if port]
-        cause = "the HC-05 shares pins 0 and 1 with the USB port: flashing fails while it is there"
-        fix = f"use uart: {others[0]}" if others else "unplug it before you plug in the USB cable"
+        cause = (
+            "the HC-05 shares pins 0 and 1 with the USB port: flashing fails while it is connected"
+        )
+        fix = (
+            f"use uart: {others[0]}" if others else "disconnect it before you connect the USB cable"
+        )
         context.warn("W-WIRING-SHARED", context.error_place("link.radio", "link.uart"), cause, fix)
 
 
 def check_led_pin(context: CheckContext) -> None:
-    """Warn of a motor or button on the pin that also drives the board's light."""
+    """Warn of a motor or button on the pin of the board's LED."""
     for side in SIDES:
         if context.values(f"drive.{side}.motor.enable") == (LED_PIN,):
             cause = (
-                "the board's light hangs on pin 13, and the bootloader blinks it at each start: "
+                "pin 13 also drives the board's LED, which the bootloader blinks at each start: "
                 f"the {side} wheel will jerk"
             )
             place = context.robot_place("drive", side, "motor", "enable")
-            context.warn("W-WIRING-LIGHT", place, cause, "give the motor another pin with PWM")
+            context.warn("W-WIRING-LIGHT", place, cause, "use another pin with PWM")
     if context.values("board.stop_button") == (LED_PIN,):
-        cause = "the board's light pulls pin 13 down, so the button may seem pressed for ever"
+        cause = "the board's LED pulls pin 13 low, so the button may always read as pressed"
         place = context.robot_place("board", "stop_button")
-        context.warn("W-WIRING-LIGHT", place, cause, "give the button another pin")
+        context.warn("W-WIRING-LIGHT", place, cause, "use another pin")
 
 
 def check_supply(context: CheckContext) -> None:
-    """Warn of a battery voltage that the motor driver or the board's regulator does not stand."""
+    """Warn of a battery voltage outside the range of the motor driver or the board's regulator."""
     values = context.values("battery.full", "board.supply")
     if values is None:
         return
     full, supply = values
     place = context.error_place("battery.full", "board.supply")
     if full > DRIVER_SUPPLY_MAX_V:
-        cause = f"{full:g} V are more than the L298N stands ({DRIVER_SUPPLY_MAX_V:g} V)"
-        context.warn("W-WIRING-SUPPLY", place, cause, "take a battery of 7 to 12 V")
+        cause = f"{full:g} V is above the L298N's maximum of {DRIVER_SUPPLY_MAX_V:g} V"
+        context.warn("W-WIRING-SUPPLY", place, cause, "use a battery of 7 to 12 V")
     elif supply != "usb" and not SUPPLY_MIN_V <= full <= SUPPLY_MAX_V:
         part = "the board's VIN" if supply == "vin" else "the L298N's 5 V regulator"
-        effect = "it would get too hot"
+        effect = "it would overheat"
         if full < SUPPLY_MIN_V:
             effect = "the board would restart whenever a motor starts"
         cause = f"{part} takes {SUPPLY_MIN_V:g} to {SUPPLY_MAX_V:g} V, not {full:g} V: {effect}"
-        fix = "take two lithium cells (8.4 V), or feed the board from USB (board.supply: usb)"
+        fix = "use two lithium cells (8.4 V), or supply the board from USB (board.supply: usb)"
         context.warn("W-WIRING-SUPPLY", place, cause, fix)

@@ -1,4 +1,4 @@
-"""Calibrated values are near the stated ones, and what matters to the pipeline was calibrated."""
+"""Checks of calibrated values: plausible against the stated ones, and present where needed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from diffbotctl.errors import join_words
 class PlausibleRatio(NamedTuple):
     """What a calibrated value may be, in proportion to the one that the file states.
 
-    `reason` says what a value outside would mean.
+    `reason` explains a value outside.
     """
 
     minimum: float
@@ -24,29 +24,25 @@ class PlausibleRatio(NamedTuple):
 
 # Field -> ratio. What is not listed has only the bounds of its field.
 PLAUSIBLE = {
-    r"drive\.track": PlausibleRatio(
-        0.7, 1.4, "a track is measured between the middles of both tyres"
-    ),
+    r"drive\.track": PlausibleRatio(0.7, 1.4, "measure the track between the tyre centres"),
     r"drive\.(left|right)\.wheel\.diameter": PlausibleRatio(
         0.85,
         1.18,
-        "a tyre's rolling diameter is what a rule across it tells, give or take its tread",
+        "the rolling diameter is close to the one measured with a ruler",
     ),
     r"drive\.(left|right)\.encoder\.slots": PlausibleRatio(0.2, 5.0, "count the slots of the disc"),
     r"drive\.(left|right)\.motor\.rated": PlausibleRatio(
-        0.3, 2.5, "the motor's label, the supply or the encoder's slots must be wrong then"
+        0.3, 2.5, "check the motor's label, the supply and the number of slots"
     ),
     r"sensors\.\w+\.curve\.a": PlausibleRatio(
-        0.5, 2.0, "no part of this kind differs so much: was the rule read in the right unit?"
+        0.5, 2.0, "sensors of one type differ less; check the unit of the measured distances"
     ),
-    r"battery\.divider": PlausibleRatio(
-        0.5, 2.0, "the resistors of the divider are other ones then"
-    ),
+    r"battery\.divider": PlausibleRatio(0.5, 2.0, "check the resistors of the divider"),
 }
-DIAMETER_RATIO_MAX = 1.08  # of both wheels: more drives a circle that nobody could miss
-MOTOR_LAG_MAX_S = 0.8  # a gear motor of this size that is slower cannot be driven by anything
+DIAMETER_RATIO_MAX = 1.08  # of both wheels; a larger one makes the robot visibly drive a circle
+MOTOR_LAG_MAX_S = 0.8  # no usable gear motor of this size is slower
 
-# What blocks read -> the command that finds it.
+# Field that blocks read -> the calibration that measures it.
 FOUND_BY = {
     "drive.track": "geometry",
     "drive.left.wheel.diameter": "geometry",
@@ -57,13 +53,13 @@ FOUND_BY = {
 
 
 def found_by(robot: Robot) -> dict[str, str]:
-    """What blocks read of `robot` -> the command that finds it."""
+    """Field of `robot` that blocks read -> the calibration that measures it."""
     sensors = {f"sensors.{name}.curve.a": "range" for name in robot.sensors or {}}
     return FOUND_BY | sensors
 
 
 def check_calibration(context: CheckContext) -> None:
-    """Refuse implausible entries; before a real robot moves, name what was never calibrated."""
+    """Refuse implausible entries; for a real robot also warn of fields never calibrated."""
     if context.robot is None:
         return
     for path in context.robot.calibration or {}:
@@ -81,9 +77,9 @@ def check_calibration(context: CheckContext) -> None:
 
 
 def _implausible(path: str, value: Any, stated: Any) -> str | None:
-    """Why `value` cannot be true where the file states `stated`, or None."""
+    """Why `value` is implausible when the file states `stated`, or None."""
     if path.endswith(".motor.lag") and value > MOTOR_LAG_MAX_S:
-        return f"a lag of {value:g} s: no motor that turns a wheel of this size is so slow"
+        return f"a lag of {value:g} s is too long for a motor that can drive a wheel of this size"
     for pattern, plausible in PLAUSIBLE.items():
         if stated and re.fullmatch(pattern, path):
             ratio = value / stated
@@ -94,7 +90,7 @@ def _implausible(path: str, value: Any, stated: Any) -> str | None:
 
 
 def _inconsistent(context: CheckContext, path: str) -> str | None:
-    """Why a value does not go with its neighbours, or None."""
+    """Why a value is inconsistent with related fields, or None."""
     if path.endswith((".encoder.slot_errors", ".encoder.back_errors")):
         values = context.values(path, f"{path.rpartition('.')[0]}.slots")
         if values and len(values[0]) != values[1]:
@@ -107,7 +103,7 @@ def _inconsistent(context: CheckContext, path: str) -> str | None:
 
 
 def _warn_of_uncalibrated(context: CheckContext, robot: Robot) -> None:
-    """Name the fields that some block of the pipeline reads and no calibration found."""
+    """Warn of fields that a block of the pipeline reads and that were never calibrated."""
     needed = [
         field for block in context.block_classes.values() for field in robot_fields(block).values()
     ]
@@ -119,7 +115,7 @@ def _warn_of_uncalibrated(context: CheckContext, robot: Robot) -> None:
     }
     if not commands:
         return
-    cause = f"never calibrated, and this pipeline relies on it: {join_words(commands, 'and')}"
+    cause = f"not calibrated, but used by this pipeline: {join_words(commands, 'and')}"
     calls = [f"`diffbotctl calibrate {command}`" for command in dict.fromkeys(commands.values())]
     place = context.robot_place("calibration")
     context.warn("W-UNCALIBRATED", place, cause, f"run {join_words(calls, 'and')}")

@@ -1,4 +1,4 @@
-"""What the checks examine: the typed files, and the trees that know the place of every value."""
+"""Input of the checks: the typed values, and the trees with the place of each value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from diffbotctl.errors import Place, Problem
 
 @dataclass
 class CheckContext:
-    """One configuration under examination. Values that could not be read are None.
+    """The configuration to check. Values that could not be read are None.
 
     `real`: a real robot is about to move. `nominal` is the robot before calibration.
     `block_classes` and `parameters` have an entry for each block whose class was found.
@@ -55,8 +55,8 @@ class CheckContext:
     def error_place(self, *paths: str, also: Sequence[Value | None] = ()) -> Place | str:
         """The place to show when several fields together are wrong: what the user changed.
 
-        `paths` are fields of the robot file, the most telling first; `also` are values of the
-        pipeline file. A `--set` goes before the user's files, these before shipped ones.
+        `paths` are fields of the robot file, the most relevant first; `also` are values of the
+        pipeline file. A `--set` is preferred to the user's files, these to shipped ones.
         """
         values = [*(self.robot_value(*path.split(".")) for path in paths), *also]
         places = [value.place for value in values if value is not None]
@@ -75,11 +75,11 @@ class CheckContext:
         return _values(self.nominal, paths)
 
     def error(self, code: str, place: Place | str, cause: str, fix: str) -> None:
-        """Note what cannot work."""
+        """Add an error: the configuration cannot be used."""
         self.problems.append(Problem(code, place, cause, fix))
 
     def warn(self, code: str, place: Place | str, cause: str, fix: str) -> None:
-        """Note what is unwise."""
+        """Add a warning."""
         self.problems.append(Problem(code, place, cause, fix, "warning"))
 
 

@@ -1,4 +1,4 @@
-"""Checks of what the drive, its limits and its timing allow each other."""
+"""Checks of drive, limits and timing against each other."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 from diffbotctl.params import declared
 
-COMMANDS_PER_DEADMAN_MIN = 3  # two in a row may be lost to noise without a stop
-# Edges a frame at full speed. Odometry tells which slot an edge belongs to from the one before it;
-# simulated robots with twice as many lost their heading by ten degrees and more.
+COMMANDS_PER_DEADMAN_MIN = 3  # two consecutive ones may be lost without a stop
+# At full speed. Odometry derives the slot of an edge from the previous edge; simulated robots with
+# twice as many edges lost their heading by ten degrees and more.
 EDGES_PER_FRAME_MAX = 1.25
-RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; who forgets to write rpm usually states more
-TYRE_WIDTH_TOLERANCE_M = 0.002  # a rule across two soft tyres is read no better
-# Share of a slot's uncertainty that is left when the board tells when each edge came: the slots'
-# own unevenness and the motor's unmodelled part (a study of 300 simulated robots).
+RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; a value in rpm without its unit is usually larger
+TYRE_WIDTH_TOLERANCE_M = 0.002  # reading error of a ruler across two soft tyres
+# Uncertainty that remains when the board reports edge times, relative to a slot's: uneven slots and
+# the unmodelled part of the motor (from 300 simulated robots).
 EDGE_TIME_UNCERTAINTY_RATIO = 0.5
-# s; how much the moment scatters at which a rosserial board hears a command: the robot drives on
-# for so long with what it was told before.
+# Spread of a rosserial board's command delay; until then the robot follows the previous command.
 STOCK_DELAY_SPREAD_S = 0.025
 
 RATED = tuple(f"drive.{side}.motor.rated" for side in SIDES)
@@ -35,21 +34,21 @@ TYRE_WIDTHS = tuple(f"drive.{side}.wheel.width" for side in SIDES)
 
 
 def check_deadman(context: CheckContext) -> None:
-    """Compare the dead-man's time with the time from one command to the next."""
+    """Compare the dead-man time with the time between two commands."""
     values = context.values("board.deadman", "board.telemetry", "link.protocol")
     if values is None or values[2] != "diffbot":
-        return  # the book's firmware has none; `run` says so
+        return  # the book's firmware has none; `run` reports that
     deadman, rate, _ = values
     place = context.error_place("board.deadman", "board.telemetry")
     cause = (
-        f"commands go out with each frame, every {1000 / rate:.0f} ms; "
-        f"the board stops {deadman * 1000:.0f} ms after the last"
+        f"a command is sent with each frame, every {1000 / rate:.0f} ms; "
+        f"the board stops {deadman * 1000:.0f} ms after the last one"
     )
     fix = "raise board.telemetry, or board.deadman up to 500 ms"
     if deadman * rate <= 1:
-        context.error("E-DEADMAN", place, f"{cause}, so it would stop between any two", fix)
+        context.error("E-DEADMAN", place, f"{cause}, so it would stop between two commands", fix)
     elif deadman * rate < COMMANDS_PER_DEADMAN_MIN:
-        context.warn("W-DEADMAN", place, f"{cause}, so two lost ones stop it", fix)
+        context.warn("W-DEADMAN", place, f"{cause}, so the loss of two commands stops it", fix)
 
 
 def check_edges(context: CheckContext) -> None:
@@ -69,25 +68,25 @@ def check_edges(context: CheckContext) -> None:
         return
     place = context.error_place("board.telemetry", "drive.encoder.slots", "limits.speed")
     cause = (
-        f"at {speed:g} m/s {rate:.0f} edges come each second and {telemetry:g} frames: a frame "
-        "tells the time of one edge alone, and the heading drifts"
+        f"at {speed:g} m/s there are {rate:.0f} edges per second but {telemetry:g} frames; a frame "
+        "reports the time of one edge only, so the heading drifts"
     )
-    fix = f"telemetry: {rate:.0f} Hz, or a lower limits.speed, or edge_times: false"
+    fix = f"set telemetry to {rate:.0f} Hz, lower limits.speed, or set edge_times: false"
     context.warn("W-EDGES", place, cause, fix)
 
 
 def check_polarity(context: CheckContext) -> None:
-    """Before a real robot moves: has anyone seen its wheels turn the right way?"""
+    """Warn of a real robot whose motor directions are not verified."""
     values = context.values("drive.polarity", "drive.left.encoder.channels")
     if not context.real or values != ("unproven", 1):
         return
     cause = (
-        "nobody has seen yet that both motors turn the right way, and one-channel encoders "
-        "cannot tell: the robot is held to 0.1 m/s"
+        "the directions of the motors are not verified, and one-channel encoders cannot detect "
+        "them; the speed is limited to 0.1 m/s"
     )
     fix = (
-        "run `diffbotctl calibrate encoders`, or set drive: {polarity: checked_by_hand} when you "
-        "have"
+        "run `diffbotctl calibrate encoders`, or check that both wheels turn in the right "
+        "direction and set drive: {polarity: checked_by_hand}"
     )
     context.warn("W-POLARITY", context.robot_place("drive", "polarity"), cause, fix)
 
@@ -117,12 +116,12 @@ def check_speed(context: CheckContext) -> None:
 
 
 def _warn_of_rated_speed(context: CheckContext, rated: float) -> None:
-    """A bare number is in rad/s, and motors are sold in rpm."""
+    """A number without unit is in rad/s, but motor labels are in rpm."""
     cause = (
-        f"{rated:.4g} rad/s are {rated / (2 * pi) * 60:.0f} rpm, more than a geared motor of such "
-        "robots turns a wheel"
+        f"{rated:.4g} rad/s is {rated / (2 * pi) * 60:.0f} rpm, too fast for a wheel driven by a "
+        "gear motor"
     )
-    fix = "it is the wheel's speed, behind the gear; write the unit: `rated: 100 rpm`"
+    fix = "state the speed of the wheel, after the gear, with its unit: `rated: 100 rpm`"
     place = context.error_place("drive.motor.rated", *_rated_and_diameters())
     context.warn("W-MOTOR-RATED", place, cause, fix)
 
@@ -160,7 +159,7 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         f"to react, then braking); the sensor sees {seen * 100:.0f} cm ahead of the front"
     )
     safe_speed = floor(max_safe_speed(seen - margin, robot["braking"], reaction) * 100) / 100
-    fix = f"at most {safe_speed:g} m/s stops in time"
+    fix = f"set limits.speed to at most {safe_speed:g} m/s"
     place = context.error_place(
         "limits.speed",
         "limits.braking",
@@ -174,13 +173,16 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
     if needed > seen:
         context.error("E-STOP-REACH", place, cause, fix)
     else:
-        nearer = f"it would stand closer than the margin of {margin * 100:.0f} cm"
+        nearer = f"it would stop closer than the margin of {margin * 100:.0f} cm"
         context.warn("W-STOP-REACH", place, f"{cause}: {nearer}", fix)
 
 
 def check_outline(context: CheckContext) -> None:
-    """Compare the body's width with what the tyres reach, by the stated geometry: a calibrated
-    track tells where tyres seem to touch, not how far they reach."""
+    """Compare the body's width with the outer width of the tyres.
+
+    The stated geometry is used: a calibrated track is the effective distance of the contact
+    points, not of the tyres.
+    """
     values = context.nominal_values("drive.track", "body.width", *TYRE_WIDTHS)
     if values is None:
         return
@@ -189,11 +191,10 @@ def check_outline(context: CheckContext) -> None:
     if reach <= width + TYRE_WIDTH_TOLERANCE_M:
         return
     cause = (
-        f"the tyres reach {reach * 1000:.0f} mm from outside to outside, the body is said to be "
-        f"{width * 1000:.0f} mm wide: whatever keeps the robot clear of things by its outline "
-        "takes it for narrower than it is"
+        f"the tyres are {reach * 1000:.0f} mm wide from outside to outside, but body.width is "
+        f"{width * 1000:.0f} mm: obstacle checks would use too narrow an outline"
     )
-    fix = f"body.width: {reach * 1000:.0f} mm, or correct drive.track or wheel.width"
+    fix = f"set body.width to {reach * 1000:.0f} mm, or correct drive.track or wheel.width"
     place = context.error_place("body.width", "drive.track", "drive.wheel.width", *TYRE_WIDTHS)
     context.warn("W-BODY-TYRES", place, cause, fix)
 
@@ -222,9 +223,9 @@ def check_tolerance(context: CheckContext) -> None:
 def resolution(
     diameter: float, slots: int, speed: float, has_edge_times: bool, protocol: str
 ) -> float:
-    """Standard deviation in metres of where the robot believes to be along its way.
+    """Standard deviation in m of the estimated position along the path.
 
-    A count alone places the wheel anywhere within one slot: pitch / sqrt(12).
+    A count alone leaves the position uniform within one slot: pitch / sqrt(12).
     """
     pitch = pi * diameter / slots
     if protocol == "rosserial":
@@ -235,17 +236,14 @@ def resolution(
 def _report_tolerance(context: CheckContext, name: str, tolerance: float, stddev: float) -> None:
     value = context.parameter_value(name, "tolerance")
     place = value.place if value else name
-    fix = f"{2000 * stddev:.0f} mm or more is reliable"
-    known = (
-        "with its slots and board its place is known to "
-        f"{stddev * 1000:.1f} mm (standard deviation)"
-    )
+    fix = f"use {2000 * stddev:.0f} mm or more"
+    reference = f"this robot's odometry resolution of {stddev * 1000:.1f} mm (standard deviation)"
     if tolerance < stddev:
-        cause = f"{tolerance * 1000:g} mm is finer than this robot can tell: {known}"
+        cause = f"{tolerance * 1000:g} mm is finer than {reference}"
         context.error("E-TOLERANCE", place, cause, fix)
     else:
         cause = (
-            f"{tolerance * 1000:g} mm is about as fine as this robot can tell: {known}, "
-            "so some goals will need several tries"
+            f"{tolerance * 1000:g} mm is close to {reference}, "
+            "so some goals will need several attempts"
         )
         context.warn("W-TOLERANCE", place, cause, fix)

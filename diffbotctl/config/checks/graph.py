@@ -1,7 +1,7 @@
 """Checks of the pipeline's graph: names of blocks and sensors, wires, loops.
 
-Every input has a source, every source exists and carries the input's message. In one instant each
-block reacts once, so none can wait for itself.
+Every input has a source; every source exists and has the input's message type. A block reacts once
+in an instant, so it cannot depend on its own output.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from diffbotctl.messages import fields
 
 
 def check_names(context: CheckContext) -> None:
-    """Refuse names that are no plain words, and those that mean something else."""
+    """Refuse invalid names and reserved names."""
     blocks, sensors = context.pipeline_value("blocks"), context.robot_value("sensors")
     for name, value in blocks.entries.items() if blocks else ():
         _check_name(context, name, value, "block")
         if name in RESERVED:
-            cause = f"'{name}' is the name of a node that every pipeline has"
+            cause = f"'{name}' is reserved: every pipeline has a node of that name"
             place = value.name_place
             context.error("E-NAME", place, cause, "give the block another name")
     for name, value in sensors.entries.items() if sensors else ():
@@ -43,8 +43,8 @@ def _check_name(context: CheckContext, name: str, value: Value, kind: str) -> No
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     if not plain[:1].isalpha():
         plain = f"{kind}_{plain}".rstrip("_")
-    cause = f"'{name}' cannot name a {kind}: small letters, digits and _ make a name"
-    context.error("E-NAME", value.name_place, cause, f"call it {plain}")
+    cause = f"'{name}' is not a valid {kind} name: use lower-case letters, digits and _"
+    context.error("E-NAME", value.name_place, cause, f"rename it to {plain}")
 
 
 def check_loops(context: CheckContext) -> None:
@@ -54,10 +54,10 @@ def check_loops(context: CheckContext) -> None:
     for loop in loops({name: list(wires) for name, wires in sources.items()}):
         around = " -> ".join([*loop, loop[0]])
         place = sources[loop[-1]][loop[-2 % len(loop)]].place
-        cause = f"these blocks wait for each other: {around}"
+        cause = f"these blocks form a loop: {around}"
         fix = (
-            "take one wire away; what the robot did comes back as robot.encoders, "
-            "without a wire from the end of the graph"
+            "remove one wire; feedback from the robot comes from robot.encoders, "
+            "not from the end of the graph"
         )
         context.error("E-WIRE-LOOP", place, cause, fix)
 
@@ -113,8 +113,8 @@ def check_wires(context: CheckContext) -> None:
         if name in nodes:
             wiring.check_inputs(name, value)
     if robot is not None and robot.at("in", "wheels") is None:
-        cause = "nothing drives the robot's wheels: it will not move"
-        fix = "wire them: robot: {in: {wheels: kinematics.wheels}}"
+        cause = "no wire leads to the robot's wheels: it will not move"
+        fix = "add robot: {in: {wheels: kinematics.wheels}}"
         context.warn("W-WIRE-WHEELS", robot.place, cause, fix)
 
 
@@ -132,7 +132,7 @@ class _Wiring:
     nodes: dict[str, NodePorts]
 
     def check_inputs(self, name: str, value: Value) -> None:
-        """Check every wire into the node `name`, and that no input lacks its wire."""
+        """Check every wire into the node `name`, and that every required input is connected."""
         ports, wires = self.nodes[name].inputs, value.at("in")
         sources = wires.entries if wires else {}
         unknown = [port for port in sources if port not in ports]
@@ -152,12 +152,12 @@ class _Wiring:
         kind = declared.kind.__name__
         outputs = self._outputs_of(declared.kind, name)
         if not outputs:
-            fix = f"add a block that gives a {kind}"
+            fix = f"add a block that outputs a {kind}"
         elif len(outputs) == 1:
             fix = f"add in: {{{port}: {outputs[0]}}}"
         else:
             fix = f"connect it to one of {join_words(outputs)}"
-        cause = f"input '{port}' of '{name}' is not connected; it needs a {kind}"
+        cause = f"input '{port}' of '{name}' is not connected; it takes a {kind}"
         self.context.error("E-WIRE-MISSING", value.name_place, cause, fix)
 
     def _check_source(self, name: str, port: str, kind: type, source: Value) -> None:
@@ -168,7 +168,7 @@ class _Wiring:
         fitting = [name for name, carried in outputs.items() if carried is kind]
         if not output:
             fix = f"write {node}.{fitting[0]}" if fitting else "write block.output"
-            cause = f"'{source.data}' names no output; a wire begins at block.output"
+            cause = f"'{source.data}' is not an output; a wire starts at block.output"
             self.context.error("E-WIRE-OUTPUT", source.place, cause, fix)
         elif node not in self.nodes:
             self._report_unknown_node(source, node, output)
@@ -202,7 +202,7 @@ class _Wiring:
             f"but input '{port}' of '{name}' takes {_with_units(expected)}"
         )
         outputs = self._outputs_of(expected, name)
-        fix = "put a block that converts it between"
+        fix = "insert a block that converts it"
         if outputs:
             fix = f"wire it from {join_words(outputs)}"
         self.context.error("E-WIRE-TYPE", source.place, cause, fix)

@@ -1,4 +1,4 @@
-"""Checks of pins: each can do what it is wired for, and is wired for one thing only."""
+"""Checks of pins: each has the function it is wired for, and only one use."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
 
-PINS_SHOWN_MAX = 6  # pins that a fix names before it says that there are more
+PINS_SHOWN_MAX = 6  # pins listed in a fix
 REQUIRED_PINS = (("motor", "enable"), ("motor", "in1"), ("motor", "in2"), ("encoder", "pin"))
 PINLESS_SENSORS = ("lds01", "overhead_camera")
 
@@ -18,7 +18,7 @@ PinRole = Literal["digital", "pwm", "interrupt", "analog"]
 
 
 class PinUse(NamedTuple):
-    """One pin in one role: its name on the board, what it does, and where that is written."""
+    """One use of a pin: its name on the board, its role, a label, and its place in the file."""
 
     pin: str
     role: PinRole
@@ -35,17 +35,17 @@ def check_pins(context: CheckContext) -> None:
     if board_type == SIMULATED:
         if context.real:
             place = context.robot_place("board", "type")
-            cause = "this robot lives in the simulator alone: there is no board to speak to"
+            cause = "this robot exists only in the simulator: it has no board"
             context.error("E-BOARD-SIMULATED", place, cause, "run it without --port")
         return
     board = BOARDS[board_type]
     if uart not in board.uarts:
-        cause = f"an {board.title} has no uart {uart}"
+        cause = f"a {board.title} has no uart {uart}"
         fix = f"it has uart {join_words(board.uarts)}"
         context.error("E-LINK-UART", context.error_place("link.uart", "board.type"), cause, fix)
     elif uart not in board.links[protocol]:
         ports = join_words(board.links[protocol], "and")
-        cause = f"our firmware speaks on uart {ports} of a {board.title}, not on {uart}"
+        cause = f"our firmware uses uart {ports} of a {board.title}, not {uart}"
         other = board.links[protocol][-1]
         receive, transmit = board.uarts[other]
         pins = f"its TX to pin {receive}, its RX to pin {transmit}"
@@ -64,7 +64,7 @@ def _check_required(context: CheckContext) -> None:
     ]
     for name, sensor in (context.robot.sensors or {}).items() if context.robot else ():
         if sensor is not None and sensor.type in PINLESS_SENSORS:
-            cause = f"a {sensor.type} can only be simulated yet: no board of ours reads it"
+            cause = f"{sensor.type} is supported only in the simulator: no board reads it"
             place = context.robot_place("sensors", name, "type")
             fix = "remove it, or set board: {type: simulated}"
             context.error("E-BOARD-SENSOR", place, cause, fix)
@@ -73,7 +73,7 @@ def _check_required(context: CheckContext) -> None:
     for steps in paths:
         value = context.robot_value(*steps)
         if value is not None and value.data in (None, "none"):
-            cause = "only a robot that is simulated alone does without this pin"
+            cause = "only a robot that exists just in the simulator can omit this pin"
             fix = "give the pin's number, or set board: {type: simulated}"
             context.error("E-BOARD-PIN", value.place, cause, fix)
 
@@ -81,7 +81,7 @@ def _check_required(context: CheckContext) -> None:
 def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
     """The pins that carry serial lines, with what they carry.
 
-    Our firmware listens on all its ports at once, whichever is the link.
+    Our firmware uses all its ports at once.
     """
     pins: dict[str, str] = {}
     if protocol == "diffbot":
@@ -127,12 +127,12 @@ class _PinCheck(NamedTuple):
             other = first.setdefault(use.pin, use)
             if other is not use:
                 where = _short_place(other.place, use.place)
-                cause = f"pin {use.pin} is already the {other.label}'s ({where})"
-                fix = f"give the {use.label} a pin of its own"
+                cause = f"pin {use.pin} is already used by the {other.label} ({where})"
+                fix = f"use another pin for the {use.label}"
                 context.error("E-PIN-TAKEN", use.place, cause, fix)
 
     def _problem(self, use: PinUse) -> tuple[str, str] | None:
-        """The code and the reason why this pin cannot do this, or None when it can."""
+        """Code and cause when the pin does not have the function, else None."""
         board, pin = self.board, use.pin
         title = f"an {board.title}" if board.title.startswith("A") else f"a {board.title}"
         if not board.has(pin):
@@ -172,12 +172,14 @@ class _PinCheck(NamedTuple):
         free = [pin for pin in candidates if pin not in taken and pin not in self.serial]
         choice = f"use {join_words(free[:PINS_SHOWN_MAX])}"
         if not free:
-            choice = "no pin that could do it is free: move something else first"
+            choice = "no suitable pin is free; move another connection first"
         elif len(free) > PINS_SHOWN_MAX:
-            choice += f" ({len(free) - PINS_SHOWN_MAX} more would do)"
+            choice += f" ({len(free) - PINS_SHOWN_MAX} more are suitable)"
         if len(candidates) > PINS_SHOWN_MAX * 2:
             return choice
-        notes = [f"{pin} is the {label}'s" for pin, label in taken.items() if pin in candidates]
+        notes = [
+            f"{pin} is used by the {label}" for pin, label in taken.items() if pin in candidates
+        ]
         lines = [pin for pin in candidates if pin in self.serial]
         if lines:
             verb = "carries" if len(lines) == 1 else "carry"
@@ -186,7 +188,7 @@ class _PinCheck(NamedTuple):
 
 
 def pins_for(board: BoardPins, role: PinRole, protocol: str) -> list[str]:
-    """The pins of `board` that can do `role`, those on the clock's timer left out."""
+    """The pins of `board` with the function `role`, without those on the clock's timer."""
     match role:
         case "pwm":
             clock = board.clock_timer[protocol]
@@ -203,7 +205,7 @@ def pins_for(board: BoardPins, role: PinRole, protocol: str) -> list[str]:
 
 
 def _short_place(place: Place | str, seen_from: Place | str) -> str:
-    """`place` as seen from another: its line alone where both are in one file."""
+    """`place`; only its line when `seen_from` is in the same file."""
     if isinstance(place, Place) and isinstance(seen_from, Place):
         is_same_file = place.source.name == seen_from.source.name
         return f"line {place.line}" if is_same_file else f"{place.source.name}:{place.line}"
