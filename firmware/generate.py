@@ -19,13 +19,15 @@ Frame = dict[str, Any]
 
 def fields(frame: Frame) -> list[tuple[str, int, str, int]]:
     """Every field as (name, bits, meaning, how many); bits are negative when signed."""
-    return [(name, spec[0], spec[1], spec[2] if len(spec) > 2 else 1)
-            for name, spec in frame["fields"].items()]  # fmt: skip
+    return [
+        (name, spec[0], spec[1], spec[2] if len(spec) > 2 else 1)
+        for name, spec in frame["fields"].items()
+    ]
 
 
 def size(frame: Frame) -> int:
     """Payload length in bytes."""
-    bits = TYPE_BITS + sum(abs(width) * many for _, width, _, many in fields(frame))
+    bits = TYPE_BITS + sum(abs(width) * count for _, width, _, count in fields(frame))
     if bits % 8:
         raise ValueError(f"{frame['help']}: {bits} bits are no whole bytes")
     return bits // 8
@@ -49,8 +51,9 @@ def header(protocol: dict[str, Any]) -> str:
     longest = max(size(frame) for frame in protocol["frames"].values())
     lines += [f"#define PAYLOAD_LONGEST {longest}", ""]
     for group, codes in protocol["codes"].items():
-        members = ", ".join(f"{group.upper()}_{code.upper()} = {spec[0]}"
-                            for code, spec in codes.items())  # fmt: skip
+        members = ", ".join(
+            f"{group.upper()}_{code.upper()} = {number}" for code, (number, _) in codes.items()
+        )
         lines.append(f"enum {{ {members} }};")
     lines.append("")
     for name, frame in protocol["frames"].items():
@@ -64,12 +67,12 @@ def _c_frame(name: str, frame: Frame) -> list[str]:
     lines = [f"/* {frame['help']} */", "typedef struct __attribute__((packed)) {"]
     lines.append("    uint8_t type : 4;")
     offset = TYPE_BITS
-    for field, width, meaning, many in fields(frame):
-        array = f"[{many}]" if many > 1 else ""
+    for field, width, meaning, count in fields(frame):
+        array = f"[{count}]" if count > 1 else ""
         whole = abs(width) in (8, 16, 32) and offset % 8 == 0
         bits = "" if whole else f" : {abs(width)}"
         lines.append(f"    {_c_type(width)} {field}{array}{bits}; /* {meaning} */")
-        offset += abs(width) * many
+        offset += abs(width) * count
     upper = name.upper()
     lines += [f"}} {name}_t;", f"enum {{ TYPE_{upper} = {frame['type']} }};"]
     check = f"sizeof({name}_t) == {size(frame)}"
@@ -94,78 +97,94 @@ def _c_size(frames: dict[str, Frame]) -> list[str]:
 
 
 def module(protocol: dict[str, Any]) -> str:
-    """The Python module: constants, codes, one NamedTuple a frame."""
-    lines = [f'"""Frames of the protocol `diffbot`. {NOTICE}"""', "", "# fmt: off",
-             "# ruff: noqa: E501", "from __future__ import annotations", "",
-             "from typing import NamedTuple", ""]  # fmt: skip
+    """The Python module: constants, an enumeration for each group of codes, a class for each frame.
+
+    It is written as `ruff format` leaves it.
+    """
     check = protocol["checksum"]
-    lines.append(f"VERSION = {protocol['version']}")
-    lines.append(f"CHECK_POLYNOMIAL = 0x{check['polynomial']:06X}")
-    lines.append(f"CHECK_START = 0x{check['start']:06X}")
-    lines += [
-        f"{name} = {value}  # {help}" for name, (value, help) in protocol["constants"].items()
+    names = {frame["type"]: _frame_class(name) for name, frame in protocol["frames"].items()}
+    kinds = {
+        (width, count)
+        for frame in protocol["frames"].values()
+        for _, width, _, count in fields(frame)
+    }
+    lines = [
+        f'"""Frames of the protocol `diffbot`. {NOTICE}"""',
+        "",
+        "# ruff: noqa: E501",
+        *["from enum import IntEnum", "from typing import Annotated, NamedTuple, Self", ""],
+        f"VERSION = {protocol['version']}",
+        f"CHECK_POLYNOMIAL = 0x{check['polynomial']:06X}",
+        f"CHECK_START = 0x{check['start']:06X}",
+        f"CHECK_BYTES = {CHECK_BYTES}",
+        f"TYPE_BITS = {TYPE_BITS}",
+        *[f"{name} = {value}  # {help}" for name, (value, help) in protocol["constants"].items()],
+        "",
+        "# Types of fields: bits on the wire, negative when signed; then the number of values.",
+        *[_python_type(width, count) for width, count in sorted(kinds)],
+        *["", "", CODE_CLASS.rstrip()],
     ]
     for group, codes in protocol["codes"].items():
-        members = ", ".join(f"{spec[0]}: {code!r}" for code, spec in codes.items())
-        lines.append(f"{group.upper()} = {{{members}}}")
-        meanings = ", ".join(f"{code!r}: {str(spec[1])!r}" for code, spec in codes.items())
-        lines.append(f"{group.upper()}_MEANING = {{{meanings}}}")
+        lines += _python_codes(group, codes)
     for name, frame in protocol["frames"].items():
         lines += _python_frame(name, frame)
-    names = [_class(name) for name in protocol["frames"]]
-    numbered = [(frame["type"], _class(name)) for name, frame in protocol["frames"].items()]
-    lines += ["", "", f"Frame = {' | '.join(names)}"]
-    lines.append("OF_TYPE: dict[int, type[Frame]] = "
-                 f"{{{', '.join(f'{number}: {name}' for number, name in numbered)}}}")  # fmt: skip
-    sizes = ", ".join(f"{_class(name)}: {wire(f)}" for name, f in protocol["frames"].items())
-    lines.append(f"WIRE: dict[type[Frame], int] = {{{sizes}}}  # bytes on the wire")
-    return "\n".join([*lines, ""])
+    lines += ["", "", "Frame = (", *_alternatives(list(names.values())), ")"]
+    lines += ["OF_TYPE: dict[int, type[Frame]] = {"]
+    lines += [f"    {number}: {name}," for number, name in names.items()]
+    return "\n".join([*lines, "}", ""])
 
 
-def _class(name: str) -> str:
+CODE_CLASS = '''
+class ProtocolCode(IntEnum):
+    """A code of the protocol, with its meaning for a person."""
+
+    meaning: str
+
+    def __new__(cls, value: int, meaning: str = "") -> Self:
+        """A member from its declaration."""
+        code = int.__new__(cls, value)
+        code._value_ = value
+        code.meaning = meaning
+        return code
+
+    @classmethod
+    def find(cls, value: int) -> Self | None:
+        """The code with this number; None when this version does not know it."""
+        return next((code for code in cls if code == value), None)
+'''.lstrip()
+
+
+def _frame_class(name: str) -> str:
     return f"{name.capitalize()}Frame"
 
 
-def _python_frame(name: str, frame: Frame) -> list[str]:
-    lines = ["", "", f"class {_class(name)}(NamedTuple):", f'    """{frame["help"]}"""', ""]
-    for field, _, meaning, many in fields(frame):
-        kind = "tuple[int, ...]" if many > 1 else "int"
-        lines.append(f"    {field}: {kind}  # {meaning}")
-    lines += _python_pack(frame) + _python_unpack(name, frame)
+def _type_name(width: int, count: int) -> str:
+    return f"{'Int' if width < 0 else 'Uint'}{abs(width)}" + (f"x{count}" if count > 1 else "")
+
+
+def _python_type(width: int, count: int) -> str:
+    value = f"tuple[int, ...], {width}, {count}" if count > 1 else f"int, {width}"
+    return f"{_type_name(width, count)} = Annotated[{value}]"
+
+
+def _alternatives(names: list[str]) -> list[str]:
+    return [f"    {'| ' if index else ''}{name}" for index, name in enumerate(names)]
+
+
+def _python_codes(group: str, codes: dict[str, Any]) -> list[str]:
+    lines = ["", "", f"class {group.capitalize()}Code(ProtocolCode):"]
+    lines += [f'    """Codes of `{group}`."""', ""]
+    for code, (number, meaning) in codes.items():
+        value = f'{number}, "{meaning}"' if meaning else f"{number}"
+        lines.append(f"    {code.upper()} = {value}")
     return lines
 
 
-def _python_pack(frame: Frame) -> list[str]:
-    terms = [str(frame["type"])]
-    shift = TYPE_BITS
-    for field, width, _, many in fields(frame):
-        mask = (1 << abs(width)) - 1
-        for index in range(many):
-            source = f"self.{field}[{index}]" if many > 1 else f"self.{field}"
-            terms.append(f"({source} & {mask}) << {shift}")
-            shift += abs(width)
-    return ["", "    def pack(self) -> bytes:", '        """Payload bytes."""', "        return (",
-            "            " + "\n            | ".join(terms),
-            f"        ).to_bytes({size(frame)}, 'little')"]  # fmt: skip
-
-
-def _python_unpack(name: str, frame: Frame) -> list[str]:
-    lines = ["", "    @classmethod",
-             f"    def unpack(cls, payload: bytes) -> {_class(name)} | None:",
-             '        """The frame in a payload of this type, or None when it is malformed."""',
-             f"        if len(payload) != {size(frame)}:", "            return None",
-             "        bits = int.from_bytes(payload, 'little')", "        return cls("]  # fmt: skip
-    shift = TYPE_BITS
-    for _field, width, _, many in fields(frame):
-        each = []
-        for _index in range(many):
-            got = f"(bits >> {shift} & {(1 << abs(width)) - 1})"
-            if width < 0:
-                got = f"(({got} ^ {1 << (-width - 1)}) - {1 << (-width - 1)})"
-            each.append(got)
-            shift += abs(width)
-        lines.append(f"            {'(' + ', '.join(each) + ')' if many > 1 else each[0]},")
-    return [*lines, "        )"]
+def _python_frame(name: str, frame: Frame) -> list[str]:
+    lines = ["", "", f"class {_frame_class(name)}(NamedTuple):", f'    """{frame["help"]}"""', ""]
+    for field, width, meaning, count in fields(frame):
+        lines.append(f"    {field}: {_type_name(width, count)}  # {meaning}")
+    return lines
 
 
 def load() -> dict[str, Any]:

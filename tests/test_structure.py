@@ -45,7 +45,6 @@ SMALL_MODULES = {  # module: why it stands alone
     "cli/why": "each command is one file",
     "blocks/listener": "each block is one file",
     "board/progress": "today's exception",
-    "links/bootloader": "today's exception",
 }
 VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}
 VAGUE_CONSTANTS_MAX = 28  # today's; 0 when all are renamed

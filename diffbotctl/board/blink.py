@@ -24,9 +24,9 @@ def blink(device: str, host: DiffbotHost, times: int) -> Iterator[FlashMessage]:
         yield from visit.meet()
         yield FlashMessage(f"its light, L beside pin 13, now blinks {times} times")
         for _ in range(2 * times):
-            host.light(visit.now, FLIP)
+            host.light(FLIP)
             yield from visit.stay(HALF)
-        host.light(visit.now, OFF)
+        host.light(OFF)
         yield from visit.stay(HALF)
         yield FlashMessage(f"the link: {_figures(host)}")
         yield FlashMessage("if you saw it blink, board, cable and port are right")

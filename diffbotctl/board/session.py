@@ -16,7 +16,7 @@ from diffbotctl.board.progress import FlashMessage
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.drivers.serial_port import OpenPort, disconnected_error, open_port
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_host import UP, DiffbotHost
+from diffbotctl.links.diffbot_host import DiffbotHost, HostState
 from diffbotctl.messages import Text
 from diffbotctl.time import SECOND
 
@@ -42,7 +42,7 @@ class BoardVisit:
 
     def meet(self) -> Iterator[FlashMessage]:
         """Until the board is ready to drive. Raises RunError when it cannot be driven, OSError."""
-        while self.host.state != UP:
+        while self.host.state is not HostState.UP:
             refusal = self.host.refusal
             if refusal is not None:
                 place = f"port {self.port.device}"
@@ -64,7 +64,7 @@ class BoardVisit:
         wait = min(wait, max(host.due() - self.now, 0) / SECOND)
         select.select([self.port.fd], [], [], wait)
         data = self.port.read()
-        for _port, heard in host.receive(self.now, data) + host.timed(self.now):
+        for _port, heard in host.receive(self.now, data) + host.on_time(self.now):
             if isinstance(heard, Text):
                 yield FlashMessage(heard.text)
         self.port.change_baud(host.baud)

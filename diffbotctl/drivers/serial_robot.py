@@ -100,11 +100,11 @@ class SerialRobot:
                 _discard(self.port)
             data = self.port.read()
             heard = self.protocol.receive(now, data) if data else []
-            heard += self.protocol.timed(now)
+            heard += self.protocol.on_time(now)
             self.port.change_baud(self.protocol.baud)
             self._write(now)
             if self.guardian is not None:
-                self.guardian.arm(self.protocol.farewell())
+                self.guardian.arm(self.protocol.stop_frame())
         except OSError as error:
             return self._lost(now, error)
         return _addressed(heard)

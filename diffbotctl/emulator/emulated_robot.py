@@ -157,7 +157,7 @@ class EmulatedRobotDriver:
             time, uart, data = waiting.popleft()
             if uart == self.uart:
                 heard += self.host.receive(time + self.radio, data)
-        heard += self.host.timed(now)
+        heard += self.host.on_time(now)
         return [Delivery(f"robot.{port}", message) for port, message in heard]
 
 

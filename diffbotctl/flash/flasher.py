@@ -26,10 +26,10 @@ from diffbotctl.drivers.serial_port import disconnected_error, open_port
 from diffbotctl.errors import RunError
 from diffbotctl.flash import stk500
 from diffbotctl.flash.intel_hex import read_hex, write_hex
-from diffbotctl.flash.stk500 import BootloaderRequest, BootloaderSession, ReplyParser
-from diffbotctl.links.bootloader import BAUD
+from diffbotctl.flash.stk500 import BootloaderRequest, BootloaderSession
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
+from diffbotctl.links.stk500_frames import BAUD, ReplyParser
 
 RESET_PULSE = 0.05  # s that DTR is low; the capacitor to the reset line needs a tenth of that
 SYNC_TRIES = 15

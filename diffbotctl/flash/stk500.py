@@ -12,14 +12,13 @@ from typing import NamedTuple
 from diffbotctl.board.progress import FlashProgress
 from diffbotctl.drivers.board_errors import RefusedError, VerifyMismatchError, WrongSignatureError
 from diffbotctl.flash.intel_hex import ERASED, PAGE, ROOM
-from diffbotctl.links.bootloader import LEAVE, SIGN_ON, START, TOKEN, message, parity
+from diffbotctl.links.stk500_frames import LEAVE, SIGN_ON, message
 
 LOAD_ADDRESS = 0x06
 PROGRAM, READ, SPI_MULTI = 0x13, 0x14, 0x1D
 READ_SIGNATURE = 0x30  # the chip's own serial command
 OK = 0
 MEGA_2560 = "1e9801"
-LONGEST_BODY = 512
 
 
 class BootloaderRequest(NamedTuple):
@@ -37,37 +36,6 @@ HELLO = BootloaderRequest(bytes([SIGN_ON]))
 
 
 BootloaderSession = Generator[BootloaderRequest | FlashProgress, bytes, None]
-
-
-class ReplyParser:
-    """Bytes in, answer bodies out; what is no answer to `sequence` is passed over."""
-
-    def __init__(self) -> None:
-        self._data = b""
-
-    def feed(self, data: bytes, sequence: int) -> bytes | None:
-        """The body of the answer with this sequence number, once it is whole."""
-        self._data += data
-        while True:
-            start = self._data.find(START)
-            if start < 0:
-                self._data = b""
-                return None
-            self._data = self._data[start:]
-            if len(self._data) < 5:
-                return None
-            size = int.from_bytes(self._data[2:4], "big")
-            if self._data[4] != TOKEN or self._data[1] != sequence & 0xFF or size > LONGEST_BODY:
-                self._data = self._data[1:]
-                continue
-            if len(self._data) < size + 6:
-                return None
-            whole, rest = self._data[: size + 6], self._data[size + 6 :]
-            if parity(whole):
-                self._data = self._data[1:]
-                continue
-            self._data = rest
-            return whole[5:-1]
 
 
 def identify(device: str) -> BootloaderSession:

@@ -2,13 +2,70 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from cobs import cobs  # type: ignore[import-untyped,unused-ignore]
 
-from diffbotctl.links.diffbot_frames import CHECK_POLYNOMIAL, CHECK_START, OF_TYPE, WIRE, Frame
+from diffbotctl.links.diffbot_frames import (
+    CHECK_BYTES,
+    CHECK_POLYNOMIAL,
+    CHECK_START,
+    OF_TYPE,
+    TYPE_BITS,
+    Frame,
+)
 
-CHECK_BYTES = 3
-LONGEST = max(WIRE.values())  # bytes of a frame on the wire
 DELIMITER = b"\0"
+
+
+class _Layout(NamedTuple):
+    number: int  # of the type
+    values: tuple[tuple[int, int, int], ...]  # bits before it, mask, sign bit or 0
+    repeated: int  # values at the end that are one field, a tuple; 0 without such a field
+    size: int  # bytes of payload
+
+
+def _layout(number: int, kind: type[Frame]) -> _Layout:
+    values = []
+    shift, repeated = TYPE_BITS, 0
+    for annotation in kind.__annotations__.values():
+        width, repeated = (*annotation.__metadata__, 0)[:2]
+        bits = abs(width)
+        for _ in range(repeated or 1):
+            values.append((shift, (1 << bits) - 1, 1 << bits - 1 if width < 0 else 0))
+            shift += bits
+    return _Layout(number, tuple(values), repeated, shift // 8)
+
+
+_LAYOUTS = {kind: _layout(number, kind) for number, kind in OF_TYPE.items()}
+WIRE_BYTES = {kind: layout.size + CHECK_BYTES + 2 for kind, layout in _LAYOUTS.items()}
+"""length of a frame on the wire: payload, checksum, one byte of COBS, delimiter"""
+WIRE_BYTES_MAX = max(WIRE_BYTES.values())
+
+
+def pack(frame: Frame) -> bytes:
+    """The payload of a frame: type, then the fields, from the lowest bit of the first byte up."""
+    layout = _LAYOUTS[type(frame)]
+    values: list[int] = []
+    for field in frame:
+        values += field if isinstance(field, tuple) else (field,)
+    bits = layout.number
+    for (shift, mask, _), value in zip(layout.values, values, strict=True):
+        bits |= (value & mask) << shift
+    return bits.to_bytes(layout.size, "little")
+
+
+def unpack(payload: bytes) -> Frame | None:
+    """The frame in a payload; None when its type is unknown or its length wrong for the type."""
+    kind = OF_TYPE.get(payload[0] & (1 << TYPE_BITS) - 1)
+    if kind is None or len(payload) != _LAYOUTS[kind].size:
+        return None
+    _, layout, repeated, _ = _LAYOUTS[kind]
+    bits = int.from_bytes(payload, "little")
+    values = [(bits >> shift & mask ^ sign) - sign for shift, mask, sign in layout]
+    if repeated:
+        return kind._make((*values[:-repeated], tuple(values[-repeated:])))
+    return kind._make(values)
 
 
 def _entry(index: int) -> int:
@@ -31,7 +88,7 @@ def checksum(payload: bytes) -> int:
 
 def encode(frame: Frame) -> bytes:
     """A frame as it goes over the wire."""
-    payload = frame.pack()
+    payload = pack(frame)
     stuffed: bytes = cobs.encode(payload + checksum(payload).to_bytes(CHECK_BYTES, "big"))
     return stuffed + DELIMITER
 
@@ -47,8 +104,10 @@ class FrameDecoder:
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that `data` completes, in order."""
         *pieces, rest = (self._rest + data).split(DELIMITER)
-        if len(rest) > LONGEST:  # a frame that long is damaged already; its tail will be, too
-            rest = rest[:1] * LONGEST
+        if (
+            len(rest) > WIRE_BYTES_MAX
+        ):  # a frame that long is damaged already; its tail will be, too
+            rest = rest[:1] * WIRE_BYTES_MAX
         self._rest = rest
         frames = []
         for piece in pieces:
@@ -65,7 +124,7 @@ class FrameDecoder:
 
 def decode(piece: bytes) -> Frame | None:
     """The frame between two delimiters, or None when anything about it is wrong."""
-    if len(piece) >= LONGEST:
+    if len(piece) >= WIRE_BYTES_MAX:
         return None
     try:
         data: bytes = cobs.decode(piece)
@@ -74,5 +133,4 @@ def decode(piece: bytes) -> Frame | None:
     payload = data[:-CHECK_BYTES]
     if not payload or checksum(payload) != int.from_bytes(data[-CHECK_BYTES:], "big"):
         return None
-    kind = OF_TYPE.get(payload[0] & 0xF)
-    return None if kind is None else kind.unpack(payload)
+    return unpack(payload)

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from math import isfinite
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import checksum
-from diffbotctl.time import MICROSECOND
+from diffbotctl.links.diffbot_codec import checksum, pack
+from diffbotctl.time import MICROSECOND, MILLISECOND
 
-EDGES = {name: code for code, name in frames.EDGE.items()}
-BAUDS = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
+BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before any settings
 USB_BAUD = 115200  # of UART0, always
 REFERENCE = 5.0  # V; what an analog reading of full scale means on a Mega 2560
@@ -90,7 +89,7 @@ class BoardSettings:
         """
         left, right = self.left, self.right
         return frames.SettingsFrame(
-            edge=EDGES[self.edge],
+            edge=frames.EdgeCode[self.edge.upper()],
             edge_times=int(self.edge_times),
             brake=int(self.brake),
             left_reversed=int(left.reversed),
@@ -117,7 +116,7 @@ class BoardSettings:
             telemetry=_whole("telemetry", self.telemetry),
             slots=_whole("slots", self.slots),
             glitch=_whole("glitch", round(self.glitch / MICROSECOND)),
-            deadman=_whole("dead-man", round(self.deadman / 1_000_000)),
+            deadman=_whole("dead-man", round(self.deadman / MILLISECOND)),
             left_start=_gain("start", left.start),
             left_gain=_gain("gain", left.gain),
             right_start=_gain("start", right.start),
@@ -128,10 +127,10 @@ class BoardSettings:
 
     def mark(self) -> int:
         """Checksum of the settings, which a board that uses them shows at the handshake."""
-        return checksum(self.frame().pack())
+        return checksum(pack(self.frame()))
 
 
-def name_of(mark: int) -> str:
+def settings_name(mark: int) -> str:
     """Four hex digits by which people may compare settings."""
     return f"{mark:06X}"[:4]
 

@@ -51,10 +51,10 @@ class LinkProtocol(Protocol):
     def send(self, now: int) -> bytes:
         """Bytes to write now. At most one frame; pacing by the baud rate is in `due`."""
 
-    def farewell(self) -> bytes:
+    def stop_frame(self) -> bytes:
         """The bytes that stop this board, for whoever must send them when the host has died."""
 
-    def timed(self, now: int) -> list[tuple[str, Message]]:
+    def on_time(self, now: int) -> list[tuple[str, Message]]:
         """What the passing of time alone has to say, such as a link gone stale."""
 
     @property

@@ -167,7 +167,7 @@ class RosserialHost:
         self._wire_free = now + len(data) * self.byte_time
         return data
 
-    def timed(self, now: int) -> RosserialOutput:
+    def on_time(self, now: int) -> RosserialOutput:
         """Silence, and the report of each second."""
         if self.state == "up" and now >= self._heard_at + SILENCE:
             self.state = "stale"
@@ -176,7 +176,7 @@ class RosserialHost:
             self._fall_silent()
         return self._news(now)
 
-    def farewell(self) -> bytes:
+    def stop_frame(self) -> bytes:
         """The bytes that stop this board, or none while its topics are not known."""
         numbers = self._numbers()
         return pair(numbers, 0, 0) if numbers else b""

@@ -67,7 +67,7 @@ class RemoteBoard(EmulatedRobotDriver):
             for frame in self.up.due(now / SECOND):
                 self.passed.append(DeliveredFrame(now / SECOND, True, frame))
                 messages += self.host.receive(now, frame)
-        messages += self.host.timed(now)
+        messages += self.host.on_time(now)
         return [Delivery(f"robot.{port}", message) for port, message in messages]
 
     def _connect(self, now: int) -> list:  # type: ignore[type-arg]

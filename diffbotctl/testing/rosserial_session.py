@@ -39,7 +39,7 @@ class RosserialSession:
             data = self.arrived = self.device.advance(self.now)
             self.frames += self.witness.feed(data)
             heard = self.host.receive(self.now, data) if data else []
-            heard += self.host.timed(self.now)
+            heard += self.host.on_time(self.now)
             self.heard += [(self.now, port, message) for port, message in heard]
             if drive is not None and any(port == "encoders" for port, _ in heard):
                 self.host.command(self.now, drive(self.now))

@@ -8,7 +8,8 @@ from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.checks.pins import pins_for
 from diffbotctl.config.load import check, load
 from diffbotctl.links import bandwidth
-from diffbotctl.links.diffbot_frames import WIRE, CountsFrame, StateFrame
+from diffbotctl.links.diffbot_codec import WIRE_BYTES
+from diffbotctl.links.diffbot_frames import CountsFrame, StateFrame
 
 
 @pytest.mark.parametrize(
@@ -28,8 +29,8 @@ def test_what_a_line_carries(baud, divider, bytes_a_second):
 @pytest.mark.parametrize(
     "protocol, has_edge_times, size",
     [
-        ("diffbot", True, WIRE[StateFrame]),
-        ("diffbot", False, WIRE[CountsFrame]),
+        ("diffbot", True, WIRE_BYTES[StateFrame]),
+        ("diffbot", False, WIRE_BYTES[CountsFrame]),
         ("rosserial", False, 36),  # three messages of 12
     ],
 )

@@ -14,7 +14,7 @@ from diffbotctl.testing.trials import board, board_restarts, board_runs, frame_d
 def mode(bench):
     """The mode of the last state frame that tells of now."""
     bench.wait(60)
-    return frames.MODE[bench.state().mode]
+    return frames.ModeCode(bench.state().mode).name.lower()
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_settings_survive_a_reset():
         bench.wait(30)
         hello = bench.ask()
         assert hello.settings == BOOK.mark()
-        assert frames.RESET[hello.reset] == "line"
+        assert hello.reset == frames.ResetCode.LINE
 
 
 def test_settings_are_not_taken_in_motion():
@@ -93,7 +93,7 @@ def test_settings_are_not_taken_in_motion():
         answer = next(
             h.frame for h in reversed(bench.heard) if isinstance(h.frame, frames.AnswerFrame)
         )
-        assert frames.REFUSAL[answer.refusal] == "moving"
+        assert answer.refusal == frames.RefusalCode.MOVING
         assert answer.settings == BOOK.mark()
 
 
@@ -141,7 +141,7 @@ def test_a_wheel_with_power_and_without_edges_is_a_fault():
         assert mode(bench) == "fault"
         assert bench.duty == [0.0, 0.0]
         status = [h.frame for h in bench.wait(1100) if isinstance(h.frame, frames.StatusFrame)]
-        flags = [each.value for each in status if frames.ITEM[each.item] == "flags"]
+        flags = [each.value for each in status if each.item == frames.ItemCode.FLAGS]
         assert flags[-1] >> 6 == 0b01  # the left wheel
         bench.claim()
         assert mode(bench) == "fault"

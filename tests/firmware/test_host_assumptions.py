@@ -10,6 +10,7 @@ from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
 from diffbotctl.links import bandwidth
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_settings import BAUDS
 from diffbotctl.testing import firmware_parts
 
@@ -74,7 +75,7 @@ def test_pins_of_the_serial_links(table, uart):
     ],
 )
 def test_bytes_of_a_frame(name, believed, frame):
-    found = frames.WIRE[frame]
+    found = WIRE_BYTES[frame]
     assert believed == found, (
         f"{name}: the link budget reckons with {believed} bytes a frame, protocol.yaml makes it "
         f"{found}. A telemetry rate would pass that the line cannot carry: mend {BUDGET}"
@@ -94,7 +95,7 @@ def test_the_line_s_real_baud_rate():
 
 
 def test_baud_rates():
-    coded = {frames.BAUD_MEANING[name]: code for code, name in frames.BAUD.items()}
+    coded = {code.meaning: code for code in frames.BaudCode}
     believed = {str(baud): code for baud, code in BAUDS.items()}
     assert believed == coded, differ("baud rates", believed, coded, "diffbot_settings.py")
     assert set(LinkSection.baud.choices) <= set(BAUDS), differ(

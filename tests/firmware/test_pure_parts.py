@@ -5,11 +5,12 @@ from random import Random
 import pytest
 
 from diffbotctl.control.speed_loop import SpeedGains, WheelSpeedLoop
+from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_frames import (
     GAIN_MAXIMUM,
     GAIN_ONE,
     INTEGRAL_ONE,
-    REFUSAL,
+    RefusalCode,
     SettingsFrame,
 )
 from diffbotctl.testing import firmware_parts
@@ -28,9 +29,9 @@ LINKS = {0, 1, 18, 19}
 
 def verdicts(wanted):
     """(refusal, field) of each settings frame."""
-    lines = firmware_parts.run("settings", lines=[each.pack().hex() for each in wanted])
+    lines = firmware_parts.run("settings", lines=[pack(each).hex() for each in wanted])
     return [
-        (REFUSAL[int(refusal)], FIELDS[int(field)])
+        (RefusalCode(int(refusal)).name.lower(), FIELDS[int(field)])
         for refusal, field in (line.split() for line in lines)
     ]
 

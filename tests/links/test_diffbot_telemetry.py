@@ -5,7 +5,7 @@ from math import isnan
 import pytest
 
 from diffbotctl.links.diffbot_frames import COMMAND_AGE_NONE, StateFrame
-from diffbotctl.links.diffbot_telemetry import COMMAND_AGE, TICK, Sent, Telemetry
+from diffbotctl.links.diffbot_telemetry import COMMAND_AGE, TICK, SentCommand, Telemetry
 from diffbotctl.time import MILLISECOND
 
 WAY = 5  # ms from the board's stamp to the frame's arrival; the board's clock began with ours
@@ -55,7 +55,7 @@ def test_latency_is_that_of_a_command_of_ours(written, seen, latency):
     for board in (0, 25, 50):
         telemetry.read((board + WAY) * MILLISECOND, state(board, NUMBER, None))
     for time in written:
-        telemetry.wrote(NUMBER, Sent(time * MILLISECOND, 1.0, 1.0, "wheels"))
+        telemetry.wrote(NUMBER, SentCommand(time * MILLISECOND, 1.0, 1.0, "wheels"))
     for board, age in seen:
         telemetry.read((board + WAY) * MILLISECOND, state(board, NUMBER, age))
     if latency is None:

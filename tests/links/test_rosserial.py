@@ -196,7 +196,7 @@ def test_wrong_type_in_the_sketch_is_said():
     session = RosserialSession(RosserialDevice(1, subscribers=wrong)).run(3 * SECOND)
     assert session.host.state == "negotiating"
     assert "declares set_left_speed as std_msgs/Int16" in session.links[-1].cause
-    assert session.host.farewell() == b""
+    assert session.host.stop_frame() == b""
     assert not any(pair_in(data) for _, data in session.written)
 
 
@@ -210,11 +210,11 @@ def test_other_names_and_slashes():
 
 
 def test_farewell_is_a_pair_of_zeros_once_the_topics_are_known(driving):
-    assert RosserialHost(RATED).farewell() == b""
+    assert RosserialHost(RATED).stop_frame() == b""
     zero = bytes(4)
-    assert driving.host.farewell() == encode(100, zero) + encode(101, zero)
+    assert driving.host.stop_frame() == encode(100, zero) + encode(101, zero)
     driving.host.opened(driving.now)
-    assert driving.host.farewell() == b""
+    assert driving.host.stop_frame() == b""
 
 
 def test_closed_port_is_told_with_its_cause(driving):
@@ -226,7 +226,7 @@ def test_closed_port_is_told_with_its_cause(driving):
 def test_due_never_stands_still(driving):
     for _ in range(2000):
         now = max(driving.now, driving.host.due())
-        driving.host.timed(now)
+        driving.host.on_time(now)
         driving.host.send(now)
         assert driving.host.due() > now
         driving.now = now

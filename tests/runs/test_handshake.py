@@ -20,7 +20,7 @@ from diffbotctl.board.blink import blink
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.errors import RunError
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import FrameDecoder
+from diffbotctl.links.diffbot_codec import FrameDecoder, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.book_board import BookBoardPort
@@ -162,7 +162,7 @@ def test_other_settings_are_sent_and_kept():
         stored = virtual.board.emulator.eeprom()
         new = replace(virtual.board.settings, deadman=400_000_000)
     assert names[0] == names[1]
-    assert new.frame().pack() in stored
+    assert pack(new.frame()) in stored
 
 
 def test_a_setting_that_the_board_cannot_use_is_named():

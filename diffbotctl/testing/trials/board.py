@@ -98,7 +98,7 @@ def telemetry(seconds: int) -> Iterator[Row]:
         "0, 0, 0",
         gaps + dropped + damaged == 0,
     )
-    stack = min(each.value for each in status if frames.ITEM[each.item] == "free_stack")
+    stack = min(each.value for each in status if each.item == frames.ItemCode.FREE_STACK)
     yield Row(
         "stack never used meanwhile", f"{stack} B", f">= {SPARE_STACK} B", stack >= SPARE_STACK
     )
@@ -314,7 +314,7 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
             hello = bench.ask()
             worst = max(worst, max(c.time for c in bench.changes) - start)
             still += bench.duty == [0.0, 0.0]
-            told += frames.RESET[hello.reset] == kind and hello.boot != boot
+            told += frames.ResetCode(hello.reset).name.lower() == kind and hello.boot != boot
     yield Row(
         "restart in motion: motors off and stay off", f"{still} of {count}", "all", still == count
     )

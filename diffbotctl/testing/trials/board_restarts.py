@@ -12,7 +12,7 @@ from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver
 from diffbotctl.emulator.process import BROWNOUT, LINE, Emulator
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import Sink
-from diffbotctl.links.diffbot_frames import RESET_MEANING
+from diffbotctl.links.diffbot_frames import ResetCode
 from diffbotctl.messages import Goal, Odometry, Text
 from diffbotctl.runs.run import Run, RunOptions
 from diffbotctl.testing.trials.row import Row
@@ -139,7 +139,7 @@ def one(kind: str, chance: Random, seed: int) -> Seen:
     result = run.go()
     return Seen(
         stopped=run.struck and run.still,
-        told=run.held and any(RESET_MEANING[kind] in text for text in run.texts),
+        told=run.held and any(ResetCode[kind.upper()].meaning in text for text in run.texts),
         step=run.step,
         waited=run.waited and result.reached == 1,
     )

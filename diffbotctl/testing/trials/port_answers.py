@@ -16,8 +16,8 @@ from diffbotctl.board.session import identify
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import RunError
-from diffbotctl.links import bootloader
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links import stk500_frames
 from diffbotctl.links.diffbot_codec import encode
 from diffbotctl.testing.book_board import BookBoard
 
@@ -47,10 +47,11 @@ def noise() -> Say:
 
 def blank() -> Say:
     """A bootloader without a program behind it: it answers its own language alone."""
-    return lambda heard: bootloader.message(1, HELLO_ANSWER) if b"\x1b" in heard else b""
+    return lambda heard: stk500_frames.message(1, HELLO_ANSWER) if b"\x1b" in heard else b""
 
 
-HELLO_ANSWER = bytes([bootloader.SIGN_ON, 0, len(bootloader.NAME)]) + bootloader.NAME
+NAME = stk500_frames.BOOTLOADER_NAME
+HELLO_ANSWER = bytes([stk500_frames.SIGN_ON, 0, len(NAME)]) + NAME
 
 
 def book() -> Say:

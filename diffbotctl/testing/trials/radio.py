@@ -33,7 +33,7 @@ LOST_SILENTLY = "gone silent"  # in the cause of `link_lost`; else the connectio
 LATEST = 3.0  # s of driving before the outage; the goals take three and more
 LONGEST = 60.0  # s of virtual time for one drive
 LOOK_BACK = 0.6  # s before a dead-man's stop was seen: its 300 ms, and the delay of the news
-EXPIRED = next(code for code, name in frames.MODE.items() if name == "expired")
+EXPIRED = frames.ModeCode.EXPIRED
 GLANCE = 1_000_000_000  # ns between two looks of the person at the robot
 
 

@@ -1,0 +1,169 @@
+"""Search for our firmware behind a port: its baud rate, or what else answers. Sans-IO."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from diffbotctl.errors import join_words
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links import rosserial_frames, stk500_frames
+from diffbotctl.links.link_protocol import Refusal
+from diffbotctl.links.rosserial_topics import REQUEST
+from diffbotctl.time import MILLISECOND
+
+RATE_TIMEOUT = 2_000 * MILLISECOND  # at one baud rate; eight questions of ours
+FIRST_PROBE_DELAY = 800 * MILLISECOND  # by then our own firmware has had three of them
+PROBE_PERIOD = 400 * MILLISECOND
+ROUNDS = 2  # through all baud rates, before silence is final
+RECEIVED_BYTES_MAX = 512  # bytes kept of a rate to recognise a board by
+ROSSERIAL_START = bytes((rosserial_frames.SYNC, rosserial_frames.VERSION))
+ROSSERIAL_STARTS_MIN = 2  # one may be coincidence
+# Questions that other programs answer. Our firmware takes them for noise.
+SIGN_ON = stk500_frames.message(1, bytes([stk500_frames.SIGN_ON]))
+LEAVE = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 1, 1]))
+"""ends a bootloader's wait: the program starts, if there is one"""
+TOPICS = rosserial_frames.encode(REQUEST)
+FLASH = "`diffbotctl flash firmware` puts our program on it, over the USB cable"
+
+
+class BaudSearch:
+    """What the host does besides asking while no firmware of ours has answered.
+
+    `rate` is the baud rate to use now. `finding` says what seems to be there, None before every
+    rate was tried; `final` that it will not change. A board whose bootloader waits, because it was
+    reset while we were talking, is told to start its program.
+    """
+
+    def __init__(self, rates: Iterable[int]) -> None:
+        """`rates`: the likeliest first."""
+        self.rates = tuple(dict.fromkeys(rates))
+        self.begin(0, self.rates[0])
+
+    def begin(self, now: int, rate: int) -> None:
+        """Start over, at `rate`."""
+        self._order = tuple(dict.fromkeys((rate, *self.rates)))
+        self._tries = 0
+        self._received: dict[int, bytes] = {}
+        self._left_bootloader = False
+        self.finding: Refusal | None = None
+        self.final = False
+        self._start_rate(now)
+
+    def _start_rate(self, now: int) -> None:
+        self.next_rate_at = now + RATE_TIMEOUT
+        """when `next_rate` has something to do"""
+        self.probe_at = now + FIRST_PROBE_DELAY
+        """when `probe` has something to send"""
+        self._probes = 0
+
+    @property
+    def rate(self) -> int:
+        """The baud rate to use now."""
+        return self._order[self._tries % len(self._order)]
+
+    def receive(self, data: bytes) -> None:
+        """Take the bytes that came, decoded or not."""
+        if data:
+            received = self._received.get(self.rate, b"") + data
+            self._received[self.rate] = received[-RECEIVED_BYTES_MAX:]
+
+    def probe(self, now: int) -> bytes:
+        """A question that another program would answer, when one is due."""
+        if now < self.probe_at:
+            return b""
+        self.probe_at = now + PROBE_PERIOD
+        if self.rate != stk500_frames.BAUD:
+            return TOPICS
+        received = self._received.get(self.rate, b"")
+        if not self._left_bootloader and stk500_frames.BOOTLOADER_NAME in received:
+            self._left_bootloader, self._probes = True, 0
+            self._received.clear()
+            return LEAVE
+        self._probes += 1
+        return SIGN_ON if self._probes % 2 else TOPICS
+
+    def next_rate(self, now: int) -> None:
+        """Judge what was received, and go on to the next rate, when it is time."""
+        if now < self.next_rate_at:
+            return
+        self._tries += 1
+        self._start_rate(now)
+        recognised = recognise_board(self._received)
+        if recognised is not None:
+            self.finding = recognised
+            may_start_program = _has_bootloader(self._received) and not self._left_bootloader
+            self.final = not may_start_program
+        elif self._tries >= len(self._order):
+            self.finding = unknown_board(self._received, self._order)
+            self.final = self._tries >= ROUNDS * len(self._order)
+
+
+def _has_bootloader(received: Mapping[int, bytes]) -> bool:
+    return any(stk500_frames.BOOTLOADER_NAME in data for data in received.values())
+
+
+def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
+    """Another program by name; `received` has the bytes that came at each baud rate."""
+    if _has_bootloader(received):
+        return Refusal(
+            "E-BOARD-BLANK", "only the bootloader answers: the board has no program", FLASH
+        )
+    if any(data.count(ROSSERIAL_START) >= ROSSERIAL_STARTS_MIN for data in received.values()):
+        return Refusal(
+            "E-BOARD-ROSSERIAL",
+            "the board runs the book's firmware, which speaks rosserial",
+            f"{FLASH}; or drive it as it is with link: {{protocol: rosserial}}, as the robot "
+            "book_2wd_stock does",
+        )
+    return None
+
+
+def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refusal:
+    """Silence, or bytes that mean nothing."""
+    tried = f"{join_words(rates)} baud"
+    if not any(received.values()):
+        return Refusal(
+            "E-PORT-SILENT",
+            f"nothing answers at {tried}",
+            "is the robot switched on, this the right port, the module's RX wired to the board's "
+            f"TX and its TX to RX? Press the reset button; if it stays silent, {FLASH}",
+        )
+    return Refusal(
+        "E-BOARD-UNKNOWN",
+        f"bytes come that mean nothing at {tried}",
+        f"another firmware ({FLASH}), or a radio module set to another baud rate than link.baud "
+        "says",
+    )
+
+
+def wrong_version(version: int) -> Refusal:
+    """Our firmware, with another version of the protocol."""
+    fix = FLASH
+    if version > frames.VERSION:
+        fix = f"upgrade diffbotctl (pip install --upgrade diffbotctl); or {FLASH}, an older one"
+    cause = (
+        f"the board's firmware speaks version {version} of the protocol, this diffbotctl "
+        f"version {frames.VERSION}"
+    )
+    return Refusal("E-BOARD-VERSION", cause, fix)
+
+
+def refused_setting(field: int, refusal: frames.RefusalCode | None) -> Refusal:
+    """The board cannot use one of the robot's settings."""
+    names = frames.SettingsFrame._fields
+    name = names[field] if field < len(names) else f"number {field}"
+    meaning = refusal.meaning if refusal else "for a reason that this version does not know"
+    return Refusal(
+        "E-BOARD-SETTINGS",
+        f"the board refuses the setting `{name}`: {meaning}",
+        "change it in the robot file, and the wire with it",
+    )
+
+
+def settings_timeout(cause: str) -> Refusal:
+    """The board answers, but takes no settings."""
+    return Refusal(
+        "E-BOARD-SETTINGS",
+        cause or "the board does not answer to its settings",
+        "let the wheels come to rest and end what else drives this board, over its other port too",
+    )

@@ -1,0 +1,200 @@
+"""Commands and stops of the protocol `diffbot`: numbered, repeated, confirmed by telemetry.
+
+Sans-IO. A board takes commands only from the link that owns them, and a stop is how a link claims
+them. So a stop is sent before the first command, after a silence and after each hold of the board.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import encode
+from diffbotctl.links.diffbot_frames import ActionCode, ModeCode
+from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, Telemetry
+from diffbotctl.messages import Duty, Stop, Wheels
+from diffbotctl.time import MILLISECOND, NEVER
+
+STOP_PERIOD = 60 * MILLISECOND  # a stop and the frame that shows it take about 50
+REPEAT_PERIOD = 100 * MILLISECOND  # a command lost to noise is replaced within the dead-man time
+REPEAT_TIMEOUT = 200 * MILLISECOND  # an engine that has gone silent does not keep the robot driving
+TAKE_OVER_TIMEOUT = 600 * MILLISECOND  # the longest dead-man time, and a frame
+INT16_MAX = (1 << 15) - 1
+DRIVING_MODES = (ModeCode.SPEED, ModeCode.DUTY)
+# Modes in which the board itself holds the robot: stop code and cause of each.
+HOLDS = {
+    ModeCode.FAULT: ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
+    ModeCode.OVERRULED: ("overruled", "another program or port stopped the robot"),
+    ModeCode.BUTTON: ("stop_button", "the stop button is pressed"),
+}
+
+
+class CommandSender:
+    """Decides which command, stop or action frame goes out next. All times are ns.
+
+    `confirmed` is True when telemetry has shown the last stop. `faulty_wheels` names the wheels
+    whose encoders gave no edges, for the cause of a hold.
+    """
+
+    def __init__(self, deadman: int, telemetry: Telemetry) -> None:
+        """`deadman`: ns without a command after which the board stops by itself."""
+        self.faulty_wheels = ""
+        self._deadman = deadman
+        self._telemetry = telemetry
+        self._sequence = 0
+        self._mode = ModeCode.UNSET
+        self._hold: ModeCode | None = None
+        self.reset(0)
+
+    def reset(self, now: int) -> None:
+        """Forget what was to be sent: another board may answer next."""
+        self.confirmed = False
+        self._stop_sequence: int | None = None
+        self._stop_at = NEVER
+        self._claimed_at = now
+        self._commanded_at = -NEVER
+        self._actions: list[frames.ActionFrame] = []
+        self._clear_fault = False  # clear a wheel fault before the next claim
+        self._drop_command()
+
+    # --- requests ---
+
+    def command(self, now: int, command: Wheels | Duty) -> None:
+        """Take a new command; it replaces one that has not been sent.
+
+        Raises ValueError when it is not finite.
+        """
+        if not (isfinite(command.left) and isfinite(command.right)):
+            raise ValueError(f"no finite command: {command.left}, {command.right}")
+        if self._hold is not None:
+            if command.left == 0 and command.right == 0:
+                return  # the board holds still already
+            self._release(now)
+        self._pending: tuple[int, Wheels | Duty] | None = (now, command)
+        self._repeat_at = now
+
+    def stop(self, now: int) -> None:
+        """Drop what waits; send stops until telemetry shows one."""
+        self._drop_command()
+        self._actions.clear()
+        self.claim(now)
+
+    def claim(self, now: int) -> None:
+        """Send a stop with a new number, which also claims the commands for this link."""
+        self._sequence = self._stop_sequence = self._next_sequence()
+        self._stop_at = self._claimed_at = now
+        self.confirmed = False
+
+    def act(self, action: ActionCode, value: int) -> None:
+        """Queue an action frame."""
+        self._actions.append(frames.ActionFrame(action, value))
+
+    def board_restarted(self) -> None:
+        """Drop the command: it was meant for the robot before the restart."""
+        self._commanded_at = -NEVER
+        self._pending = None
+
+    def stop_bytes(self) -> bytes:
+        """A stop frame with a number of its own, for a process that stops the board."""
+        return b"\0" + encode(frames.StopFrame(self._next_sequence()))
+
+    # --- frames to send ---
+
+    @property
+    def may_drive(self) -> bool:
+        """True when the board accepts a command now: no hold, no stop under way."""
+        return self._hold is None and self._stop_at == NEVER
+
+    def due(self, is_up: bool, has_board: bool) -> int:
+        """When a frame is to be sent."""
+        repeat_at = self._repeat_at if is_up and self.may_drive else NEVER
+        action_at = 0 if self._actions and has_board else NEVER
+        return min(self._stop_at, repeat_at, action_at)
+
+    def stop_frame(self, now: int) -> frames.Frame | None:
+        """The stop that is due, or the clearing of a fault that goes before it."""
+        if self._clear_fault:
+            self._clear_fault = False
+            return frames.ActionFrame(ActionCode.CLEAR, 0)
+        if now < self._stop_at or self._stop_sequence is None:
+            return None
+        self._stop_at = now + STOP_PERIOD
+        self._commanded_at = now
+        self._telemetry.wrote(self._stop_sequence, SentCommand(now, 0.0, 0.0, "wheels"))
+        return frames.StopFrame(self._stop_sequence)
+
+    def command_due(self, now: int) -> bool:
+        """True when a command is to be sent or repeated, while the link is up."""
+        return self.may_drive and now >= self._repeat_at
+
+    def command_frame(self, now: int) -> frames.Frame | None:
+        """The command, or a stop where the board may have released the commands of this link."""
+        if self._pending is None or now - self._pending[0] > REPEAT_TIMEOUT:
+            self._drop_command()
+            return None
+        claimed = self._mode is ModeCode.STOPPED or self._mode in DRIVING_MODES
+        if now - self._commanded_at > self._deadman // 2 or not claimed:
+            self.claim(now)
+            return self.stop_frame(now)
+        self._sequence = self._next_sequence()
+        self._repeat_at = now + REPEAT_PERIOD
+        self._commanded_at = now
+        self.confirmed = False
+        frame, sent = _quantise(now, self._sequence, self._pending[1])
+        self._telemetry.wrote(self._sequence, sent)
+        return frame
+
+    def action_frame(self) -> frames.Frame | None:
+        """The oldest action that waits."""
+        return self._actions.pop(0) if self._actions else None
+
+    # --- telemetry ---
+
+    def on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> Stop | None:
+        """Take the board's mode; the Stop message where a hold of the board begins or ends."""
+        self._mode = ModeCode(frame.mode)
+        self._check_stop(now, frame.command)
+        return self._check_hold(now)
+
+    def _check_stop(self, now: int, command: int) -> None:
+        if self._mode is ModeCode.OVERRULED and now < self._claimed_at + TAKE_OVER_TIMEOUT:
+            return  # this stop overruled the former owner, which has only just fallen silent
+        if command == self._stop_sequence and self._mode not in DRIVING_MODES:
+            self._stop_sequence, self._stop_at, self.confirmed = None, NEVER, True
+
+    def _check_hold(self, now: int) -> Stop | None:
+        hold = self._mode if self._mode in HOLDS else None
+        if hold is self._hold or self._stop_at != NEVER:
+            return None
+        self._hold = hold
+        if hold is None:
+            return Stop(now, "", "", False)
+        self._drop_command()
+        code, cause = HOLDS[hold]
+        return Stop(now, code, cause.format(wheels=self.faulty_wheels or "see its wiring"), True)
+
+    def _release(self, now: int) -> None:
+        """A command after a hold of the board is the operator's consent: claim the board again."""
+        self._clear_fault = self._hold is ModeCode.FAULT
+        self._hold = None
+        self.claim(now)
+
+    def _drop_command(self) -> None:
+        self._pending, self._repeat_at = None, NEVER
+
+    def _next_sequence(self) -> int:
+        return (self._sequence + 1) % COMMAND_NUMBERS
+
+
+def _quantise(now: int, sequence: int, command: Wheels | Duty) -> tuple[frames.Frame, SentCommand]:
+    """A command in the board's units, and the values that these stand for."""
+    one = frames.SPEED_ONE if isinstance(command, Wheels) else frames.DUTY_ONE
+    left, right = (
+        max(-INT16_MAX, min(INT16_MAX, round(value * one)))
+        for value in (command.left, command.right)
+    )
+    if isinstance(command, Wheels):
+        sent = SentCommand(now, left / one, right / one, "wheels")
+        return frames.CommandFrame(sequence, left, right), sent
+    sent = SentCommand(now, left / one, right / one, "duty")
+    return frames.DutyFrame(sequence, left, right), sent
