@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from diffbotctl.bluetooth.link_stats import LinkFigures
-from diffbotctl.links import bandwidth
+from diffbotctl.links import link_protocol
 
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)  # of an HC-05 and of our firmware
 TELEMETRY_MIN_HZ, TELEMETRY_MAX_HZ = 20, 100  # the firmware sends at most 100
@@ -63,6 +63,6 @@ def advise_rate(figures: LinkFigures, baud: int, frame: int) -> RateAdvice:
 
 def max_telemetry_rate(baud: int, frame: int) -> int:
     """Frames a second that fit, in steps of TELEMETRY_STEP_HZ."""
-    fitting = int(bandwidth.COMFORTABLE * bandwidth.capacity(baud) / frame)
+    fitting = int(link_protocol.TELEMETRY_LOAD_MAX * link_protocol.capacity(baud) / frame)
     steps = fitting // TELEMETRY_STEP_HZ * TELEMETRY_STEP_HZ
     return max(min(steps, TELEMETRY_MAX_HZ), TELEMETRY_STEP_HZ)

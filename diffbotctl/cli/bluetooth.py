@@ -124,7 +124,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_candidates import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
-    from diffbotctl.links import bandwidth
+    from diffbotctl.links import link_protocol
 
     device = _device(port)
     file = load_robot(robot)
@@ -136,8 +136,8 @@ def test(port: str, robot: str | None, seconds: float) -> None:
         for line in _figures(said):
             click.echo(line)
         link, board = file.robot.link, file.robot.board
-        frame = bandwidth.frame_bytes(link.protocol, board.edge_times)
-        baud = bandwidth.USB_BAUD if is_usb(device) else bandwidth.baud_of(link)
+        frame = link_protocol.frame_bytes(link.protocol, board.edge_times)
+        baud = link_protocol.USB_BAUD if is_usb(device) else link_protocol.baud_of(link)
         for line in _proposal(advise_rate(said, baud, frame), file.robot, baud):
             click.echo(line)
 

@@ -20,9 +20,9 @@ from diffbotctl.links.board_search import (
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, RefusalCode, ResetCode
-from diffbotctl.links.diffbot_settings import FIRST_BAUD, USB_BAUD, BoardSettings, settings_name
+from diffbotctl.links.diffbot_settings import FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
-from diffbotctl.links.link_protocol import Refusal
+from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, Refusal
 from diffbotctl.messages import Battery, Duty, Link, LinkState, Message, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
@@ -269,7 +269,7 @@ class DiffbotHost:
         else:
             data = b"\0" * self._delimiter_due + encode(frame)
             self._delimiter_due = False
-        self._line_free_at = now + len(data) * 10 * SECOND // self.baud
+        self._line_free_at = now + len(data) * BITS_PER_BYTE * SECOND // self.baud
         return data
 
     def _next_frame(self, now: int) -> frames.Frame | None:

@@ -11,7 +11,6 @@ from diffbotctl.time import MICROSECOND, MILLISECOND
 
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before any settings
-USB_BAUD = 115200  # of UART0, always
 REFERENCE = 5.0  # V; what an analog reading of full scale means on a Mega 2560
 
 

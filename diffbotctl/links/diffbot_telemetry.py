@@ -9,6 +9,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_frames import ModeCode
 from diffbotctl.links.diffbot_settings import REFERENCE
+from diffbotctl.links.link_protocol import BITS_PER_BYTE
 from diffbotctl.messages import CommandKind, Encoders, Volts
 from diffbotctl.time import SECOND
 
@@ -94,7 +95,7 @@ class Telemetry:
                 self._first_time = board_time
             self._board_time = board_time
             self._frames += 1
-            wire_time = WIRE_BYTES[type(frame)] * 10 * SECOND // self.baud
+            wire_time = WIRE_BYTES[type(frame)] * BITS_PER_BYTE * SECOND // self.baud
             self.clock.observe(board_time, now - wire_time)
         self._measure_latency(now, board_time, frame)
         time = min(self.clock.to_host(board_time), now)

@@ -1,14 +1,43 @@
-"""What a link protocol offers to the driver that owns the port.
+"""What the serial links have in common: the interface of a link protocol, and the line's capacity.
 
-The protocol is sans-IO: it is handed bytes and times, and hands back messages and bytes. Whoever
+A link protocol is sans-IO: it is handed bytes and times, and hands back messages and bytes. Whoever
 calls it may feed it byte by byte; the messages that come out are the same.
+
+Each direction of the line has its own wire, and telemetry is always the larger load: a board is
+sent at most one command for each frame that it gives, and a command is shorter than any frame.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.messages import Duty, Message, Wheels
+
+CRYSTAL_HZ = 16_000_000  # of both kinds of board
+BITS_PER_BYTE = 10  # on the wire: start, eight, stop
+USB_BAUD = 115_200  # of the board's USB port, always
+EDGE_FRAME_BYTES = 21  # counts, two edge times, one sensor, command in force, framing, CRC
+COUNT_FRAME_BYTES = 17  # the same without edge times
+ROSSERIAL_FRAME_BYTES = 36  # three messages of 12: left ticks, right ticks, range
+TELEMETRY_LOAD_MAX = 0.9  # of the capacity; time answers, log lines and settings need the rest
+
+
+def frame_bytes(protocol: str, has_edge_times: bool) -> int:
+    """Bytes of one telemetry frame."""
+    if protocol == "rosserial":
+        return ROSSERIAL_FRAME_BYTES
+    return EDGE_FRAME_BYTES if has_edge_times else COUNT_FRAME_BYTES
+
+
+def capacity(baud: int) -> float:
+    """Bytes a second at `baud` as the board really makes it: its divider is a whole number."""
+    divider = round(CRYSTAL_HZ / 8 / baud)
+    return CRYSTAL_HZ / 8 / divider / BITS_PER_BYTE
+
+
+def baud_of(link: Any) -> int:
+    """The line's baud rate for the `link` section of a robot file."""
+    return USB_BAUD if link.uart == 0 else int(link.baud)
 
 
 class Refusal(NamedTuple):
@@ -39,7 +68,7 @@ class LinkProtocol(Protocol):
         Output ports are `encoders`, `link`, `text`, `battery` and the names of the robot's sensors.
         """
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
+    def command(self, now: int, command: Wheels | Duty) -> None:
         """Take a new command. It replaces one that has not gone out yet."""
 
     def stop(self, now: int) -> None:

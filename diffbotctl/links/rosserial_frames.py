@@ -9,12 +9,21 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from enum import Enum, auto
 from typing import NamedTuple
 
 SYNC, VERSION = 0xFF, 0xFE  # the second byte tells protocol 2 (since rosserial 0.5) from others
-HEADER = 7  # bytes before the payload
-OVERHEAD = HEADER + 1  # and the sum behind it
-LARGEST = 512  # bytes of payload: the client library's buffer on a Mega, the largest it has
+HEADER_BYTES = 7  # bytes before the payload
+OVERHEAD_BYTES = HEADER_BYTES + 1  # and the sum behind it
+PAYLOAD_BYTES_MAX = 512  # the client library's buffer on a Mega, the largest it has
+
+
+class Candidate(Enum):
+    """What is known of bytes that may be a frame."""
+
+    FALSE = auto()
+    OPEN = auto()  # more bytes are needed
+    COMPLETE = auto()
 
 
 class RosserialFrame(NamedTuple):
@@ -37,7 +46,7 @@ def _check(data: bytes) -> bytes:
 
 def any_length(topic: int, length: int) -> bool:
     """A rule for `Decoder` while nothing is known of the topics."""
-    return length <= LARGEST
+    return length <= PAYLOAD_BYTES_MAX
 
 
 class RosserialDecoder:
@@ -71,7 +80,7 @@ class RosserialDecoder:
 
     def feed(self, data: bytes) -> list[RosserialFrame]:
         """Take more bytes of the stream; return the frames that they complete."""
-        found: list[RosserialFrame] = []
+        frames: list[RosserialFrame] = []
         place, end = 0, len(data)
         while place < end:
             size = 0 if self._starts else self._whole(data, place)
@@ -81,7 +90,7 @@ class RosserialDecoder:
                 self._covered = self._seen
                 self.frames += 1
                 body = data[place + 5 : place + size - 1]
-                found.append(RosserialFrame(body[0] | body[1] << 8, body[2:]))
+                frames.append(RosserialFrame(body[0] | body[1] << 8, body[2:]))
                 place += size
                 continue
             byte = data[place]
@@ -94,25 +103,25 @@ class RosserialDecoder:
             self._buffer.append(byte)
             frame = self._advance()
             if frame is not None:
-                found.append(frame)
-        return found
+                frames.append(frame)
+        return frames
 
     def _whole(self, data: bytes, start: int) -> int:
         """Size of the intact frame that lies in `data` from `start` on, if nothing in it may start
         another; 0 when each byte has to be looked at. Most frames come so, and this costs a fifth.
         """
-        if start + OVERHEAD > len(data) or data[start] != SYNC or data[start + 1] != VERSION:
+        if start + OVERHEAD_BYTES > len(data) or data[start] != SYNC or data[start + 1] != VERSION:
             return 0
         length = data[start + 2] | data[start + 3] << 8
-        end = start + OVERHEAD + length
-        if length > LARGEST or end > len(data):
+        end = start + OVERHEAD_BYTES + length
+        if length > PAYLOAD_BYTES_MAX or end > len(data):
             return 0
         if (data[start + 2] + data[start + 3] + data[start + 4]) % 256 != 255:
             return 0
         if data.find(SYNC, start + 1, end) >= 0 or sum(data[start + 5 : end]) % 256 != 255:
             return 0
         topic = data[start + 5] | data[start + 6] << 8
-        return OVERHEAD + length if self.plausible(topic, length) else 0
+        return OVERHEAD_BYTES + length if self.plausible(topic, length) else 0
 
     def _advance(self) -> RosserialFrame | None:
         """Let every candidate judge the newest byte; return the frame that it completes."""
@@ -120,34 +129,35 @@ class RosserialDecoder:
         alive: list[int] = []
         for start in self._starts:
             verdict = self._judge(start)
-            if verdict == COMPLETE:
+            if verdict is Candidate.COMPLETE:
                 frame = self._deliver(start)
                 alive.clear()
-            elif verdict == OPEN:
+            elif verdict is Candidate.OPEN:
                 alive.append(start)
         self._starts = alive
         self._forget()
         return frame
 
-    def _judge(self, start: int) -> int:
+    def _judge(self, start: int) -> Candidate:
         buffer = self._buffer
         have = len(buffer) - start
-        if have < HEADER:
-            return OPEN if have in (1, 3, 6) or self._header_fits(start, have) else FALSE
+        if have < HEADER_BYTES:
+            may_fit = have in (1, 3, 6) or self._header_fits(start, have)
+            return Candidate.OPEN if may_fit else Candidate.FALSE
         length = buffer[start + 2] | buffer[start + 3] << 8
-        if have == HEADER:
+        if have == HEADER_BYTES:
             topic = buffer[start + 5] | buffer[start + 6] << 8
-            return OPEN if self.plausible(topic, length) else FALSE
-        if have < OVERHEAD + length:
-            return OPEN
-        return COMPLETE if sum(buffer[start + 5 :]) % 256 == 255 else FALSE
+            return Candidate.OPEN if self.plausible(topic, length) else Candidate.FALSE
+        if have < OVERHEAD_BYTES + length:
+            return Candidate.OPEN
+        return Candidate.COMPLETE if sum(buffer[start + 5 :]) % 256 == 255 else Candidate.FALSE
 
     def _header_fits(self, start: int, have: int) -> bool:
         buffer = self._buffer
         if have == 2:
             return buffer[start + 1] == VERSION
         if have == 4:  # a length of -1 reads as 65535 here
-            return buffer[start + 2] | buffer[start + 3] << 8 <= LARGEST
+            return buffer[start + 2] | buffer[start + 3] << 8 <= PAYLOAD_BYTES_MAX
         return (buffer[start + 2] + buffer[start + 3] + buffer[start + 4]) % 256 == 255
 
     def _deliver(self, start: int) -> RosserialFrame:
@@ -166,6 +176,3 @@ class RosserialDecoder:
             first = self._starts[0]
             del self._buffer[:first]
             self._starts = [start - first for start in self._starts]
-
-
-FALSE, OPEN, COMPLETE = range(3)  # what is known of a candidate

@@ -11,10 +11,8 @@ import struct
 from collections import deque
 from math import isfinite, nan
 
-from diffbotctl.links.link_protocol import Refusal
-from diffbotctl.links.rosserial_commands import SpeedSender, pair
+from diffbotctl.links.link_protocol import BITS_PER_BYTE, Refusal
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
-from diffbotctl.links.rosserial_ticks import TickUnwrapper
 from diffbotctl.links.rosserial_topics import (
     FIRST_TOPIC,
     LOG,
@@ -26,23 +24,30 @@ from diffbotctl.links.rosserial_topics import (
     TopicNames,
     Topics,
 )
+from diffbotctl.links.rosserial_wheels import (
+    SpeedSender,
+    TickUnwrapper,
+    TickVerdict,
+    pair_frames,
+)
 from diffbotctl.messages import Duty, Encoders, Link, LinkState, Message, Text, Volts, Wheels
-from diffbotctl.time import NEVER, SECOND
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
-ASK_AGAIN = 570_000_000  # ns; a full answer takes 0.55 s at 9600 baud
-NO_ANSWER = 300_000_000  # ns; by then a third of an answer has come, and damage spares some of it
-FLUSH_AFTER = 3  # questions without an answer
+ANSWER_TIMEOUT = 570 * MILLISECOND  # a full answer takes 0.55 s at 9600 baud
+# By then a third of an answer has come, and some of it undamaged.
+FIRST_ANSWER_TIMEOUT = 300 * MILLISECOND
+FLUSH_QUESTIONS_MIN = 3  # questions without an answer
 FLUSH = bytes(128)  # the longest false frame, 512 bytes, is over after four of them
-TIME_AFTER = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
-TIME_AGAIN = SECOND
-SILENCE = SECOND  # without ticks for so long the board is asked again
-BURST = 40_000_000  # ns within which both ticks of one pass arrive: 12.5 ms apart at 9600 baud
-STANDSTILL = 300_000_000  # ns without a new count
-REPORT = SECOND  # between two Link messages
-BITS = 10  # on the wire a byte
-MOST_VOLTS = 5.5  # V; a 5 V board's input at the upper end of its supply's tolerance
+TIME_TIMEOUT = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
+TIME_PERIOD = SECOND
+STALE_TIMEOUT = SECOND  # without ticks; the board is asked for its topics again
+PAIR_TIMEOUT = 40 * MILLISECOND  # both ticks of one pass arrive 12.5 ms apart at 9600 baud
+STANDSTILL_TIME = 300 * MILLISECOND  # without a new count
+REPORT_PERIOD = SECOND  # of the Link message
+VOLTAGE_MAX_V = 5.5  # a 5 V board's input at the upper end of its supply's tolerance
+RANGE_CONSTANT_V_CM = 13.0  # the sketch's centimetres are this over the volts
 LEVELS = ("debug", "information", "warning", "error", "fatal")
-NOTHING = struct.pack("<III", 0, 0, 0)  # a parameter's value: no integers, no floats, no texts
+EMPTY_PARAMETER = struct.pack("<III", 0, 0, 0)  # no integers, no floats, no texts
 
 RosserialOutput = list[tuple[str, Message]]
 
@@ -51,8 +56,8 @@ class RosserialHost:
     """Speaks to one board; a `LinkProtocol`.
 
     `rate`: counts/s of a wheel at rated speed. `sensor`: output port for the distance's `Volts`.
-    `range_constant`: the sketch's centimetres are this over the volts. `command_delay`: ns from
-    sending a speed to the motor. `wire_time`: ns from counting to the pair's arrival here.
+    `command_delay`: ns from sending a speed to the motor. `wire_time`: ns from counting to the
+    pair's arrival here.
     """
 
     def __init__(
@@ -62,36 +67,35 @@ class RosserialHost:
         baud: int = 9600,
         sensor: str = "front",
         names: TopicNames | None = None,
-        range_constant: float = 13.0,
         command_delay: int = 100_000_000,
         wire_time: int = 17_000_000,
     ) -> None:
-        wanted = names or TopicNames()
-        self.names = TopicNames(*(name.lstrip("/") for name in wanted))
+        self.names = TopicNames(*(name.lstrip("/") for name in names or TopicNames()))
         self.topics = Topics(self.names)
         self.decoder = RosserialDecoder(self.topics.plausible)
         self.baud = baud
         self.refusal: Refusal | None = None  # it goes on asking: such a board may miss any question
-        self.byte_time = BITS * SECOND // baud
+        self.byte_time = BITS_PER_BYTE * SECOND // baud
         self.speeds = SpeedSender(command_delay, self.byte_time)
         self.counts = {
             self.names.left_ticks: TickUnwrapper(rate),
             self.names.right_ticks: TickUnwrapper(rate),
         }
-        self.sensor, self.range_constant, self.wire_time = sensor, range_constant, wire_time
+        self.sensor, self.wire_time = sensor, wire_time
         self.state: LinkState = "opening"
         self.cause, self.boot = "", 0
         self._replies: deque[bytes] = deque()
-        self._fresh: dict[str, int] = {}  # arrival of ticks that wait for the other wheel's
-        self._last: tuple[int, int] | None = None  # counts of the last Encoders
-        self._heard_at = self._changed_at = 0
+        self._tick_arrivals: dict[str, int] = {}  # of ticks that wait for the other wheel's
+        self._last_counts: tuple[int, int] | None = None  # counts of the last Encoders
+        self._encoders_at = self._moved_at = 0
         self._silent = True  # nothing but answers has come since the port was opened or went stale
-        self._asked_first = False
+        self._answered_in_silence = False
         self._stopping, self._stopped = False, False
-        self._zeroed_at: int | None = None  # when the first pair of the stop under way was sent
-        self._wire_free = 0
+        self._stop_sent_at: int | None = None  # when the first pair of the stop under way was sent
+        self._line_free_at = 0
         self._ask_at = self._report_at = self._time_at = NEVER
-        self._asked = self._asked_at = 0  # questions since the last answer; end of the last one
+        self._unanswered = 0  # questions since the last answer
+        self._question_end = 0  # when the last question had left
         self._reported = ("", "")
 
     # What the driver asks for
@@ -101,11 +105,11 @@ class RosserialHost:
         self.topics.clear()
         self.decoder.clear()
         self._replies.clear()
-        self.state, self._wire_free = "negotiating", now
+        self.state, self._line_free_at = "negotiating", now
         self._ask_at = self._report_at = now
-        self._time_at, self._asked = NEVER, 0
-        self.speeds.hurry(now)
-        self._fall_silent()
+        self._time_at, self._unanswered = NEVER, 0
+        self.speeds.send_at(now)
+        self._board_silent()
 
     def closed(self, now: int, cause: str) -> RosserialOutput:
         """The port is gone."""
@@ -114,31 +118,31 @@ class RosserialHost:
         self._replies.clear()
         self._ask_at = self._report_at = self._time_at = NEVER
         self._stopped = False
-        self.speeds.want(now, 0.0, 0.0)
+        self.speeds.set_target(now, 0.0, 0.0)
         return [self._report(now)]
 
     def receive(self, now: int, data: bytes) -> RosserialOutput:
         """Take bytes of the board."""
-        heard: RosserialOutput = []
+        output: RosserialOutput = []
         for frame in self.decoder.feed(data):
-            heard += self._take(now, frame)
-        return heard + self._news(now)
+            output += self._on_frame(now, frame)
+        return output + self._link_output(now)
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
+    def command(self, now: int, command: Wheels | Duty) -> None:
         """Take a new duty. Raises TypeError for Wheels, which this board cannot regulate."""
-        if not isinstance(wanted, Duty):
+        if not isinstance(command, Duty):
             raise TypeError("a board with rosserial firmware takes Duty, not Wheels")
         self._stopping = self._stopped = False
-        self.speeds.want(now, wanted.left, wanted.right)
+        self.speeds.set_target(now, command.left, command.right)
 
     def stop(self, now: int) -> None:
         """Stop, and repeat it. The driver has thrown away what was not yet on the wire."""
         if not self._stopping:
-            self._stopped, self._zeroed_at = False, None
+            self._stopped, self._stop_sent_at = False, None
         self._stopping = True
-        self.speeds.want(now, 0.0, 0.0)
-        self.speeds.hurry(now)
-        self._wire_free = now
+        self.speeds.set_target(now, 0.0, 0.0)
+        self.speeds.send_at(now)
+        self._line_free_at = now
 
     @property
     def stopped(self) -> bool:
@@ -149,180 +153,180 @@ class RosserialHost:
         """When there is something to send or to say."""
         if self.state in ("opening", "lost"):
             return NEVER
-        return min(max(self._wire_free, self._send_due()), self._speak_due())
+        return min(max(self._line_free_at, self._next_send_at()), self._next_report_at())
 
     def send(self, now: int) -> bytes:
         """One frame, or one pair of speeds; nothing while the wire is still busy."""
-        if now < self._wire_free or now < self._send_due():
+        if now < self._line_free_at or now < self._next_send_at():
             return b""
         if self._replies:
             data = self._replies.popleft()
         elif self._ask_at <= now:
-            data = self._ask(now)
+            data = self._question(now)
         elif self._time_at <= now:
-            self._time_at = now + TIME_AGAIN
-            data = _time(now)
+            self._time_at = now + TIME_PERIOD
+            data = _time_answer(now)
         else:
-            data = self._speeds(now)
-        self._wire_free = now + len(data) * self.byte_time
+            data = self._speed_frames(now)
+        self._line_free_at = now + len(data) * self.byte_time
         return data
 
     def on_time(self, now: int) -> RosserialOutput:
         """Silence, and the report of each second."""
-        if self.state == "up" and now >= self._heard_at + SILENCE:
+        if self.state == "up" and now >= self._encoders_at + STALE_TIMEOUT:
             self.state = "stale"
             self._ask_at = now
-            self.speeds.want(now, 0.0, 0.0)
-            self._fall_silent()
-        return self._news(now)
+            self.speeds.set_target(now, 0.0, 0.0)
+            self._board_silent()
+        return self._link_output(now)
 
     def stop_frame(self) -> bytes:
         """The bytes that stop this board, or none while its topics are not known."""
-        numbers = self._numbers()
-        return pair(numbers, 0, 0) if numbers else b""
+        topics = self._speed_topics()
+        return pair_frames(topics, 0, 0) if topics else b""
 
     # What is to be sent
 
-    def _numbers(self) -> tuple[int, int] | None:
+    def _speed_topics(self) -> tuple[int, int] | None:
         names = (self.names.left_speed, self.names.right_speed)
-        if not self.topics.sure(names):
+        if not self.topics.are_confirmed(names):
             return None
         return self.topics.numbers[names[0]], self.topics.numbers[names[1]]
 
-    def _send_due(self) -> int:
+    def _next_send_at(self) -> int:
         if self._replies:
             return 0
-        speeds = self.speeds.due if self._numbers() else NEVER
+        speeds = self.speeds.due if self._speed_topics() else NEVER
         return min(self._ask_at, self._time_at, speeds)
 
-    def _ask(self, now: int) -> bytes:
+    def _question(self, now: int) -> bytes:
         """The question for the topics. A board that does not answer may be reading a frame whose
         damaged length swallows the questions: it gets its fill of zeros, which start no frame."""
-        flush = FLUSH if self._asked >= FLUSH_AFTER else b""
+        flush = FLUSH if self._unanswered >= FLUSH_QUESTIONS_MIN else b""
         question = flush + encode(REQUEST)
-        self._asked += 1
-        self._asked_at = now + len(question) * self.byte_time
-        self._ask_at = self._asked_at + NO_ANSWER
+        self._unanswered += 1
+        self._question_end = now + len(question) * self.byte_time
+        self._ask_at = self._question_end + FIRST_ANSWER_TIMEOUT
         return question
 
-    def _speak_due(self) -> int:
-        silence = self._heard_at + SILENCE if self.state == "up" else NEVER
+    def _next_report_at(self) -> int:
+        silence = self._encoders_at + STALE_TIMEOUT if self.state == "up" else NEVER
         return min(self._report_at, silence)
 
-    def _speeds(self, now: int) -> bytes:
-        numbers = self._numbers()
-        if numbers is None:
+    def _speed_frames(self, now: int) -> bytes:
+        topics = self._speed_topics()
+        if topics is None:
             return b""
-        if self._stopping and self._zeroed_at is None:
-            self._zeroed_at = now
-        hurried = self._stopping and not self._stopped
+        if self._stopping and self._stop_sent_at is None:
+            self._stop_sent_at = now
+        urgent = self._stopping and not self._stopped
         moving = self.state == "up" and not self._stopping
-        return self.speeds.take(now, numbers, moving, hurried)
+        return self.speeds.next_frames(now, topics, moving, urgent)
 
     # What the board says
 
-    def _take(self, now: int, frame: RosserialFrame) -> RosserialOutput:
+    def _on_frame(self, now: int, frame: RosserialFrame) -> RosserialOutput:
         topic, payload = frame
         if topic in (PUBLISHER, SUBSCRIBER, TIME) and self._ask_at != NEVER:
-            self._ask_at = max(self._ask_at, self._asked_at + ASK_AGAIN)  # it is answering
+            self._ask_at = max(self._ask_at, self._question_end + ANSWER_TIMEOUT)  # it is answering
         if topic in (PUBLISHER, SUBSCRIBER):
-            self._learn(now, topic, payload)
+            self._on_topic(now, topic, payload)
         elif topic == TIME:
-            self._replies.extend((_time(now), _time(now)))  # twice, since single ones get lost
-            self._time_at = now + TIME_AFTER
+            self._replies += [_time_answer(now)] * 2  # twice, since single ones get lost
+            self._time_at = now + TIME_TIMEOUT
         elif topic == PARAMETER:
-            self._replies.append(encode(PARAMETER, NOTHING))
+            self._replies.append(encode(PARAMETER, EMPTY_PARAMETER))
         elif topic == LOG:
-            return _log(now, payload)
+            return _log_text(now, payload)
         elif topic >= FIRST_TOPIC:
-            return self._take_data(now, topic, payload)
+            return self._on_data(now, topic, payload)
         return []
 
-    def _learn(self, now: int, role: int, payload: bytes) -> None:
+    def _on_topic(self, now: int, role: int, payload: bytes) -> None:
         before = self.topics.complete
         if not self.topics.learn(role, payload):
             return
-        self._asked = 0
+        self._unanswered = 0
         if self._silent:
-            self._asked_first = True
+            self._answered_in_silence = True
         if self.topics.complete and not before:
-            self._ask_at = now + SILENCE  # ticks must follow, else something is still wrong
+            self._ask_at = now + STALE_TIMEOUT  # ticks must follow, else something is still wrong
 
-    def _take_data(self, now: int, topic: int, payload: bytes) -> RosserialOutput:
+    def _on_data(self, now: int, topic: int, payload: bytes) -> RosserialOutput:
         name = next((n for n, number in self.topics.numbers.items() if number == topic), None)
         if name in self.counts and len(payload) == 4:
-            return self._take_ticks(now, name, struct.unpack("<i", payload)[0])
+            return self._on_ticks(now, name, struct.unpack("<i", payload)[0])
         if name and name == self.names.distance and len(payload) == 4:
             self._silent = False
             return [(self.sensor, self._volts(now, struct.unpack("<f", payload)[0]))]
-        if name is None and not self._asked_first:
+        if name is None and not self._answered_in_silence:
             self._silent = False  # it was publishing before it was asked: it has not restarted
         return []
 
-    def _take_ticks(self, now: int, name: str, raw: int) -> RosserialOutput:
-        count = self.counts[name]
-        if self._asked_first and abs(raw) <= count.reach(now - self._heard_at):
-            self._restarted()
-            for each in self.counts.values():
-                each.forget()
-        self._silent = self._asked_first = False
-        verdict = count.take(now, raw)
-        if verdict == "suspect":
+    def _on_ticks(self, now: int, name: str, raw: int) -> RosserialOutput:
+        ticks = self.counts[name]
+        if self._answered_in_silence and abs(raw) <= ticks.reach(now - self._encoders_at):
+            self._board_restarted()
+            for side in self.counts.values():
+                side.forget()
+        self._silent = self._answered_in_silence = False
+        verdict = ticks.take(now, raw)
+        if verdict is TickVerdict.SUSPECT:
             return []
-        if verdict == "anew":
-            self._restarted()
+        if verdict is TickVerdict.ANEW:
+            self._board_restarted()
             for other in self.counts:
                 if other != name:
                     self.counts[other].rebase()
-        self._fresh[name] = now
-        if len(self._fresh) < 2 or now - min(self._fresh.values()) > BURST:
+        self._tick_arrivals[name] = now
+        if len(self._tick_arrivals) < 2 or now - min(self._tick_arrivals.values()) > PAIR_TIMEOUT:
             return []
-        self._fresh.clear()
+        self._tick_arrivals.clear()
         return self._encoders(now)
 
     def _encoders(self, now: int) -> RosserialOutput:
         if not self.topics.complete:
             return []
         left, right = (count.value for count in self.counts.values())
-        self._heard_at = now
+        self._encoders_at = now
         if self.state != "up":
             self.state, self._ask_at = "up", NEVER
-        if (left, right) != self._last:
-            self._last, self._changed_at = (left, right), now
-        if self._stopping and self._zeroed_at is not None:
-            self._stopped = now - max(self._zeroed_at, self._changed_at) >= STANDSTILL
+        if (left, right) != self._last_counts:
+            self._last_counts, self._moved_at = (left, right), now
+        if self._stopping and self._stop_sent_at is not None:
+            self._stopped = now - max(self._stop_sent_at, self._moved_at) >= STANDSTILL_TIME
         time = now - self.wire_time
-        force = self.speeds.in_force(time)
+        duty = self.speeds.in_force(time)
         message = Encoders(
-            time, left, right, None, None, force.left, force.right, "duty", force.since, self.boot
+            time, left, right, None, None, duty.left, duty.right, "duty", duty.since, self.boot
         )
-        return [*self._news(now), ("encoders", message)]
+        return [*self._link_output(now), ("encoders", message)]
 
     def _volts(self, now: int, centimetres: float) -> Volts:
         volts = nan
         if isfinite(centimetres) and centimetres > 0.0:
-            volts = self.range_constant / centimetres
-        return Volts(now - self.wire_time, volts if volts <= MOST_VOLTS else nan)
+            volts = RANGE_CONSTANT_V_CM / centimetres
+        return Volts(now - self.wire_time, volts if volts <= VOLTAGE_MAX_V else nan)
 
-    def _fall_silent(self) -> None:
-        self._silent, self._asked_first = True, False
+    def _board_silent(self) -> None:
+        self._silent, self._answered_in_silence = True, False
         self._stopped = False
-        self._fresh.clear()
+        self._tick_arrivals.clear()
 
-    def _restarted(self) -> None:
+    def _board_restarted(self) -> None:
         """The board counts anew, so that no difference may be taken across this moment."""
-        self._fresh.clear()
-        if self._last is not None:
+        self._tick_arrivals.clear()
+        if self._last_counts is not None:
             self.boot += 1
-            self._last = None
+            self._last_counts = None
 
     # What the graph hears of the link
 
-    def _news(self, now: int) -> RosserialOutput:
+    def _link_output(self, now: int) -> RosserialOutput:
         """A Link where something has changed, or a second has passed."""
         if self.state in ("opening", "lost"):
             return []
-        self.cause = self._why()
+        self.cause = self._find_cause()
         if (self.state, self.cause) == self._reported and now < self._report_at:
             return []
         return [self._report(now)]
@@ -330,7 +334,7 @@ class RosserialHost:
     def _report(self, now: int) -> tuple[str, Message]:
         self._reported = (self.state, self.cause)
         if self._report_at != NEVER:
-            self._report_at = now + REPORT
+            self._report_at = now + REPORT_PERIOD
         message = Link(
             now,
             self.state,
@@ -341,11 +345,11 @@ class RosserialHost:
         )
         return ("link", message)
 
-    def _why(self) -> str:
+    def _find_cause(self) -> str:
         if self.state == "up":
             return ""
-        if self.topics.wrong:
-            return "; ".join(self.topics.wrong.values()) + ": change the sketch"
+        if self.topics.problems:
+            return "; ".join(self.topics.problems.values()) + ": change the sketch"
         if self.state == "stale":
             return "no ticks from the board for 1 s; asking it again for its topics"
         if self.topics.missing:
@@ -356,16 +360,16 @@ class RosserialHost:
         return "the board has named its topics, but sends no ticks yet"
 
 
-def _time(now: int) -> bytes:
+def _time_answer(now: int) -> bytes:
     """The answer to a time request: seconds and nanoseconds, 32 bits each."""
-    seconds, rest = divmod(now, SECOND)
-    return encode(TIME, struct.pack("<II", seconds % (1 << 32), rest))
+    seconds, nanoseconds = divmod(now, SECOND)
+    return encode(TIME, struct.pack("<II", seconds % (1 << 32), nanoseconds))
 
 
-def _log(now: int, payload: bytes) -> RosserialOutput:
+def _log_text(now: int, payload: bytes) -> RosserialOutput:
     """A log message: its level, and a text behind a length of 32 bits."""
     if len(payload) < 5 or payload[0] >= len(LEVELS):
         return []
     text = payload[5:].decode("utf-8", "replace")
-    shown = "".join(c if c.isprintable() else " " for c in text).strip()
-    return [("text", Text(now, f"board, {LEVELS[payload[0]]}: {shown}"))]
+    printable = "".join(c if c.isprintable() else " " for c in text).strip()
+    return [("text", Text(now, f"board, {LEVELS[payload[0]]}: {printable}"))]

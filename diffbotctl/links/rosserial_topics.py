@@ -10,14 +10,14 @@ import struct
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from diffbotctl.links.rosserial_frames import LARGEST
+from diffbotctl.links.rosserial_frames import PAYLOAD_BYTES_MAX
 
 REQUEST = 0  # towards the board: tell me your topics
 PUBLISHER, SUBSCRIBER = 0, 1  # from the board: one TopicInfo
 SERVICES = (2, 3, 4, 5)
 PARAMETER, LOG, TIME = 6, 7, 10
 FIRST_TOPIC = 100  # numbers of a board's own topics start here, its subscribers first
-LEAST_INFO = 2 + 3 * 4 + 4  # bytes of a TopicInfo whose three texts are empty
+INFO_BYTES_MIN = 2 + 3 * 4 + 4  # bytes of a TopicInfo whose three texts are empty
 
 INT32 = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7")
 FLOAT32 = ("std_msgs/Float32", "73fcbf46b49191e672908e50842a83d4")
@@ -64,7 +64,7 @@ def read_topic_info(payload: bytes) -> RosserialTopicInfo | None:
 
 
 class Topics:
-    """The numbers found so far. `wrong` says what is amiss with the sketch's own declarations."""
+    """The numbers found so far. `problems`: what is wrong with the sketch's own declarations."""
 
     def __init__(self, names: TopicNames) -> None:
         self.publishers = {name.lstrip("/") for name in names[:3]} - {""}
@@ -75,12 +75,12 @@ class Topics:
         }
         self.numbers: dict[str, int] = {}
         self.sizes: dict[int, int] = {}  # bytes of payload of each known publisher
-        self.wrong: dict[str, str] = {}
-        self._heard: dict[int, str] = {}  # subscribers by number, wanted or not
+        self.problems: dict[str, str] = {}
+        self._named_subscribers: dict[int, str] = {}  # subscribers by number, wanted or not
 
     def clear(self) -> None:
         """Forget the board."""
-        for table in (self.numbers, self.sizes, self.wrong, self._heard):
+        for table in (self.numbers, self.sizes, self.problems, self._named_subscribers):
             table.clear()
 
     def learn(self, role: int, payload: bytes) -> bool:
@@ -92,13 +92,15 @@ class Topics:
         info = read_topic_info(payload)
         if info is None or info.number < FIRST_TOPIC or info.buffer <= 0:
             return False
-        wanted = self.publishers if role == PUBLISHER else self.subscribers
+        needed = self.publishers if role == PUBLISHER else self.subscribers
         if not self._number_is_free(info):
             return False
         if role == SUBSCRIBER:
-            self._heard = {n: name for n, name in self._heard.items() if name != info.name}
-            self._heard[info.number] = info.name
-        if info.name in wanted and self._kind_fits(info):
+            self._named_subscribers = {
+                n: name for n, name in self._named_subscribers.items() if name != info.name
+            }
+            self._named_subscribers[info.number] = info.name
+        if info.name in needed and self._kind_fits(info):
             self.sizes.pop(self.numbers.get(info.name, -1), None)
             self.numbers[info.name] = info.number
             if role == PUBLISHER:
@@ -108,11 +110,11 @@ class Topics:
     def plausible(self, topic: int, length: int) -> bool:
         """Whether the board can send `length` bytes on `topic`, by all that is known."""
         if topic in (PUBLISHER, SUBSCRIBER, *SERVICES):
-            return LEAST_INFO <= length <= LARGEST
+            return INFO_BYTES_MIN <= length <= PAYLOAD_BYTES_MAX
         if topic == TIME:
             return length in (0, 8)
         if topic in (PARAMETER, LOG):
-            return length <= LARGEST
+            return length <= PAYLOAD_BYTES_MAX
         if topic < FIRST_TOPIC:
             return False
         return length == self.sizes.get(topic, length)
@@ -125,9 +127,9 @@ class Topics:
     @property
     def complete(self) -> bool:
         """Everything needed is known, and no subscriber's number can be a damaged one."""
-        return not self.missing and self.sure(self.subscribers)
+        return not self.missing and self.are_confirmed(self.subscribers)
 
-    def sure(self, names: Iterable[str]) -> bool:
+    def are_confirmed(self, names: Iterable[str]) -> bool:
         """These subscribers are known, and their numbers cannot come from a bit error.
 
         A board numbers its subscribers from 100 without a gap, and a damaged number leaves one.
@@ -136,26 +138,26 @@ class Topics:
         numbers = [self.numbers.get(name) for name in names]
         if None in numbers:
             return False
-        most = max((number for number in numbers if number is not None), default=0)
-        return all(number in self._heard for number in range(FIRST_TOPIC, most + 1))
+        last = max((number for number in numbers if number is not None), default=0)
+        return all(number in self._named_subscribers for number in range(FIRST_TOPIC, last + 1))
 
     def _number_is_free(self, info: RosserialTopicInfo) -> bool:
         """Drop other names that claim the same number."""
-        free = self._heard.get(info.number, info.name) == info.name
+        free = self._named_subscribers.get(info.number, info.name) == info.name
         for name in [n for n, number in self.numbers.items() if number == info.number]:
             if name != info.name:
                 self.sizes.pop(self.numbers.pop(name), None)
                 free = False
         if not free:
-            self._heard.pop(info.number, None)
+            self._named_subscribers.pop(info.number, None)
         return free
 
     def _kind_fits(self, info: RosserialTopicInfo) -> bool:
         kinds = self.kinds[info.name]
         if info.kind in kinds:
-            self.wrong.pop(info.name, None)
+            self.problems.pop(info.name, None)
             return True
-        self.wrong[info.name] = (
+        self.problems[info.name] = (
             f"the sketch declares {info.name} as {_printable(info.kind[0])}, "
             f"this driver speaks {' or '.join(kind[0] for kind in kinds)}"
         )

@@ -7,7 +7,7 @@ from diffbotctl.config.checks import graph
 from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.checks.pins import pins_for
 from diffbotctl.config.load import check, load
-from diffbotctl.links import bandwidth
+from diffbotctl.links import link_protocol
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_frames import CountsFrame, StateFrame
 
@@ -23,7 +23,7 @@ from diffbotctl.links.diffbot_frames import CountsFrame, StateFrame
 )
 def test_what_a_line_carries(baud, divider, bytes_a_second):
     assert 16e6 / 8 / divider / 10 == pytest.approx(bytes_a_second, abs=0.1)
-    assert bandwidth.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
+    assert link_protocol.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_what_a_line_carries(baud, divider, bytes_a_second):
     ],
 )
 def test_frames(protocol, has_edge_times, size):
-    assert bandwidth.frame_bytes(protocol, has_edge_times) == size
+    assert link_protocol.frame_bytes(protocol, has_edge_times) == size
 
 
 TWO = """\

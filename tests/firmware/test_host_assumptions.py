@@ -8,8 +8,8 @@ import pytest
 from diffbotctl.config.board_pins import MEGA_2560
 from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
-from diffbotctl.links import bandwidth
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links import link_protocol
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_settings import BAUDS
 from diffbotctl.testing import firmware_parts
@@ -18,7 +18,7 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 TIMERS = (0, 2, 3, 4, 5)  # of three PWM outputs each, in the order of the firmware's numbers
 NOTHING, LINK = 15, 14  # of board.h
 BOARDS = "diffbotctl/config/board_pins.py"
-BUDGET = "diffbotctl/links/bandwidth.py"
+BUDGET = "diffbotctl/links/link_protocol.py"
 ROBOT = "diffbotctl/config/robot.py"
 
 
@@ -70,8 +70,8 @@ def test_pins_of_the_serial_links(table, uart):
 @pytest.mark.parametrize(
     ("name", "believed", "frame"),
     [
-        ("EDGE_FRAME", bandwidth.EDGE_FRAME, frames.StateFrame),
-        ("COUNT_FRAME", bandwidth.COUNT_FRAME, frames.CountsFrame),
+        ("EDGE_FRAME_BYTES", link_protocol.EDGE_FRAME_BYTES, frames.StateFrame),
+        ("COUNT_FRAME_BYTES", link_protocol.COUNT_FRAME_BYTES, frames.CountsFrame),
     ],
 )
 def test_bytes_of_a_frame(name, believed, frame):
@@ -87,9 +87,9 @@ def test_the_line_s_real_baud_rate():
     source = (FIRMWARE / "link.c").read_text()
     dividers = [int(each) for each in re.search(r"divisors\[\].*\{(.*)\}", source)[1].split(",")]
     for baud, code in BAUDS.items():
-        found = bandwidth.CRYSTAL / 8 / (dividers[code] + 1) / bandwidth.BITS
-        assert bandwidth.capacity(baud) == pytest.approx(found), (
-            f"{baud} baud: the budget reckons with {bandwidth.capacity(baud):.0f} bytes a second, "
+        found = link_protocol.CRYSTAL_HZ / 8 / (dividers[code] + 1) / link_protocol.BITS_PER_BYTE
+        assert link_protocol.capacity(baud) == pytest.approx(found), (
+            f"{baud} baud: the budget reckons with {link_protocol.capacity(baud):.0f} bytes/s, "
             f"the firmware's divider gives {found:.0f}: mend {BUDGET} or firmware/link.c"
         )
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.links.rosserial_ticks import TickUnwrapper
+from diffbotctl.links.rosserial_wheels import TickUnwrapper
 
 RATE = 100 / 60 * 20  # counts/s: 100 rpm, 20 slots
 STEP = 60_000_000  # ns between two values; reach: floor(33.3 * 1.5 * 0.11) + 2 = 7 counts

@@ -4,7 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.links.rosserial_frames import LARGEST, RosserialDecoder, RosserialFrame, encode
+from diffbotctl.links.rosserial_frames import (
+    PAYLOAD_BYTES_MAX,
+    RosserialDecoder,
+    RosserialFrame,
+    encode,
+)
 
 TICKS = RosserialFrame(125, bytes.fromhex("2a000000"))
 TICKS_BYTES = "fffe0400fb7d002a00000058"  # 255 - (0x7d + 0x2a) = 0x58
@@ -55,9 +60,11 @@ def test_three_frames_follow_at_once_after(before, damaged):
 
 
 def test_largest_payload_passes_and_one_more_byte_is_refused_at_its_header():
-    assert RosserialDecoder().feed(encode(7, bytes(LARGEST))) == [RosserialFrame(7, bytes(LARGEST))]
+    assert RosserialDecoder().feed(encode(7, bytes(PAYLOAD_BYTES_MAX))) == [
+        RosserialFrame(7, bytes(PAYLOAD_BYTES_MAX))
+    ]
     decoder = RosserialDecoder()
-    decoder.feed(encode(7, bytes(LARGEST + 1))[:5])
+    decoder.feed(encode(7, bytes(PAYLOAD_BYTES_MAX + 1))[:5])
     assert decoder.damaged == 5
 
 

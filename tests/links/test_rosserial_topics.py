@@ -98,7 +98,7 @@ def test_damaged_answer_is_no_answer(damaged):
 
 def test_wrong_type_is_named():
     topics = told([(SUBSCRIBER, info(100, "set_left_speed", ("std_msgs/Int16", "x")))])
-    assert topics.wrong == {
+    assert topics.problems == {
         "set_left_speed": "the sketch declares set_left_speed as std_msgs/Int16, "
         "this driver speaks std_msgs/Int32"
     }
@@ -113,7 +113,7 @@ def test_gap_in_the_subscribers_numbers_is_not_trusted():
     # A flipped bit made 101 into 109 (and another one mended the sum).
     topics = told([*BOOK[:4], (SUBSCRIBER, info(109, "set_right_speed")), BOOK[5]])
     assert not topics.missing and not topics.complete
-    assert not topics.sure(["set_left_speed", "set_right_speed"])
+    assert not topics.are_confirmed(["set_left_speed", "set_right_speed"])
     topics.learn(*BOOK[4])
     assert topics.complete
     assert topics.numbers["set_right_speed"] == 101

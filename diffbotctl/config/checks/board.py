@@ -11,7 +11,7 @@ from diffbotctl.config.checks.pins import PINLESS_SENSORS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import join_words
-from diffbotctl.links import bandwidth
+from diffbotctl.links import link_protocol
 
 # Input of a linear 5 V regulator (Mega's VIN; 78M05 of an L298N board): its dropout is 2 V, and
 # 12 V at 0.2 A dissipate 1.4 W, the maximum without a heat sink.
@@ -28,16 +28,16 @@ def check_budget(context: CheckContext) -> None:
     if values is None or context.robot is None or context.robot.board.type == SIMULATED:
         return
     rate, has_edge_times, protocol, _, _ = values
-    baud = bandwidth.baud_of(context.robot.link)
-    frame = bandwidth.frame_bytes(protocol, has_edge_times)
-    load, capacity = rate * frame, bandwidth.capacity(baud)
-    if load <= bandwidth.COMFORTABLE * capacity:
+    baud = link_protocol.baud_of(context.robot.link)
+    frame = link_protocol.frame_bytes(protocol, has_edge_times)
+    load, capacity = rate * frame, link_protocol.capacity(baud)
+    if load <= link_protocol.TELEMETRY_LOAD_MAX * capacity:
         return
     cause = (
         f"{rate:g} frames of {frame} bytes per second are {load:.0f} bytes/s; "
         f"at {baud} baud the link carries {capacity:.0f} bytes/s"
     )
-    rate_max = floor(bandwidth.COMFORTABLE * capacity / frame)
+    rate_max = floor(link_protocol.TELEMETRY_LOAD_MAX * capacity / frame)
     options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
     if has_edge_times and protocol == "diffbot":
         options.append("set edge_times: false")
