@@ -1,103 +1,131 @@
-"""A visit to a board with our firmware, outside of any run: meet it, have it do things, leave.
-
-Who is behind a port: asked as a run would ask, and nothing moved.
-
-Does the board behind a port run our firmware?
-"""
+"""A session with one board behind a port, outside of any run; and what a job reports meanwhile."""
 
 from __future__ import annotations
 
+import fcntl
 import select
+import struct
+import termios
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import NamedTuple, Self
 
-from diffbotctl.board.progress import FlashMessage
-from diffbotctl.drivers.robot_link import diffbot_host
-from diffbotctl.drivers.serial_port import OpenPort, disconnected_error, open_port
+from diffbotctl.drivers.serial_port import disconnected_error, open_port
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_host import DiffbotHost, HostState
 from diffbotctl.messages import Text
 from diffbotctl.time import SECOND
 
-if TYPE_CHECKING:
-    from diffbotctl.config.robot import Robot
+POLL_PERIOD_S = 0.05  # of a silent port
+WRITE_TIMEOUT_S = 0.1  # until the kernel must take more bytes
+RESET_PULSE_S = 0.05  # that DTR is low; the capacitor to the reset line needs a tenth of that
 
-LOOK = 0.05  # s between two looks at a silent port
+
+class JobMessage(NamedTuple):
+    """A line for the user who waits."""
+
+    text: str
 
 
-class BoardVisit:
-    """One board behind an open port, which stays its owner's to close."""
+class JobProgress(NamedTuple):
+    """How far a job is."""
 
-    def __init__(self, port: OpenPort, host: DiffbotHost) -> None:
-        self.port, self.host = port, host
+    what: str  # `writing`, `verifying`, `reading`
+    done: int  # bytes
+    total: int  # bytes
+
+
+JobEvent = JobProgress | JobMessage
+
+
+class BoardSession:
+    """An open port with a board behind it: `with BoardSession(device, baud) as session`.
+
+    The port is closed at the end. An OSError inside the block is that of a port that is gone; it
+    becomes the RunError that says so.
+    """
+
+    def __init__(self, device: str, baud: int) -> None:
+        """Raises RunError when the port cannot be opened."""
+        self.device = device
+        self._port = open_port(device, baud)
+        self._start = time.monotonic_ns()
+        self._unsent = b""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._port.close()
+        if isinstance(error, OSError):
+            raise disconnected_error(self.device, error) from error
+
+    # --- bytes ---
+
+    def reset(self) -> None:
+        """Drop DTR for a moment, which resets a Mega. A pseudo-terminal has no such line."""
+        line = struct.pack("I", termios.TIOCM_DTR)
+        try:
+            fcntl.ioctl(self._port.fd, termios.TIOCMBIC, line)
+            time.sleep(RESET_PULSE_S)
+            fcntl.ioctl(self._port.fd, termios.TIOCMBIS, line)
+        except OSError:
+            return
+
+    def read(self, timeout: float) -> bytes:
+        """What arrives within `timeout` seconds; b"" when nothing does. Raises OSError."""
+        if not select.select([self._port.fd], [], [], max(0.0, timeout))[0]:
+            return b""
+        return self._port.read()
+
+    def write(self, data: bytes) -> None:
+        """Write all of `data`. Raises OSError."""
+        while data:
+            data = data[self._port.write(data) :]
+            if data:
+                select.select([], [self._port.fd], [], WRITE_TIMEOUT_S)
+
+    # --- our firmware ---
+
+    def connect(self, host: DiffbotHost) -> Iterator[JobMessage]:
+        """Shake hands until the board is ready to drive; yields its texts.
+
+        Raises RunError when it cannot be driven, OSError.
+        """
         self._start = time.monotonic_ns()
         self._unsent = b""
         host.opened(0)
+        while host.state is not HostState.UP:
+            refusal = host.refusal
+            if refusal is not None:
+                place = f"port {self.device}"
+                raise RunError(Problem(refusal.code, place, refusal.cause, refusal.fix))
+            yield from self._exchange(host, POLL_PERIOD_S)
+
+    def run_for(self, host: DiffbotHost, seconds: float) -> Iterator[JobMessage]:
+        """Keep the link going for so long; yields the board's texts. Raises OSError."""
+        end = self._now + round(seconds * SECOND)
+        while (remaining := end - self._now) > 0:
+            yield from self._exchange(host, min(POLL_PERIOD_S, remaining / SECOND))
 
     @property
-    def now(self) -> int:
-        """ns since the visit began."""
+    def _now(self) -> int:
+        """ns since the handshake began."""
         return time.monotonic_ns() - self._start
 
-    def meet(self) -> Iterator[FlashMessage]:
-        """Until the board is ready to drive. Raises RunError when it cannot be driven, OSError."""
-        while self.host.state is not HostState.UP:
-            refusal = self.host.refusal
-            if refusal is not None:
-                place = f"port {self.port.device}"
-                raise RunError(Problem(refusal.code, place, refusal.cause, refusal.fix))
-            yield from self._turn(LOOK)
-
-    def stay(self, seconds: float) -> Iterator[FlashMessage]:
-        """Talk on for so long. Raises OSError."""
-        until = self.now + round(seconds * SECOND)
-        while (left := until - self.now) > 0:
-            yield from self._turn(min(LOOK, left / SECOND))
-
-    def _turn(self, wait: float) -> Iterator[FlashMessage]:
-        """Write what is due, wait for an answer, read it."""
-        host = self.host
-        if not self._unsent and host.due() <= self.now:
-            self._unsent = host.send(self.now)
-        self._unsent = self._unsent[self.port.write(self._unsent) :]
-        wait = min(wait, max(host.due() - self.now, 0) / SECOND)
-        select.select([self.port.fd], [], [], wait)
-        data = self.port.read()
-        for _port, heard in host.receive(self.now, data) + host.on_time(self.now):
-            if isinstance(heard, Text):
-                yield FlashMessage(heard.text)
-        self.port.change_baud(host.baud)
-
-
-def identify(device: str, host: DiffbotHost) -> Iterator[FlashMessage]:
-    """Meet the board on `device`; what it says of itself. Opening a USB port resets its board.
-
-    Raises RunError: what opening the port has to say, or who else answers, or that nobody does.
-    """
-    port = open_port(device, host.baud)
-    try:
-        yield from BoardVisit(port, host).meet()
-    except OSError as error:
-        raise disconnected_error(device, error) from error
-    finally:
-        port.close()
-
-
-def is_diffbot(device: str, robot: Robot) -> bool:
-    """Whether the board answers as our firmware does, and takes the robot's settings.
-
-    Raises RunError when its port cannot be opened, or is gone.
-    """
-    host = diffbot_host(robot, device)
-    port = open_port(device, host.baud)
-    try:
-        for _ in BoardVisit(port, host).meet():
-            pass
-    except RunError:
-        return False
-    except OSError as error:
-        raise disconnected_error(device, error) from error
-    finally:
-        port.close()
-    return True
+    def _exchange(self, host: DiffbotHost, timeout: float) -> Iterator[JobMessage]:
+        """Write what is due, wait for a reply, read it."""
+        if not self._unsent and host.due() <= self._now:
+            self._unsent = host.send(self._now)
+        self._unsent = self._unsent[self._port.write(self._unsent) :]
+        data = self.read(min(timeout, max(host.due() - self._now, 0) / SECOND))
+        for _, message in host.receive(self._now, data) + host.on_time(self._now):
+            if isinstance(message, Text):
+                yield JobMessage(message.text)
+        self._port.change_baud(host.baud)

@@ -120,7 +120,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     """
     from diffbotctl.bluetooth.link_stats import LinkFigures
     from diffbotctl.bluetooth.rate_advice import advise_rate
-    from diffbotctl.board.link_measurement import measure_link
+    from diffbotctl.board.jobs import measure_link
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_candidates import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
@@ -245,12 +245,12 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
 
 
 def _show(event: object, yes: bool) -> None:
-    from diffbotctl.board.progress import FlashMessage
-    from diffbotctl.flash.hc05_baud import Ask
+    from diffbotctl.board.session import JobMessage
+    from diffbotctl.flash.hc05_baud import ManualStep
 
-    if isinstance(event, FlashMessage):
+    if isinstance(event, JobMessage):
         click.echo(event.text)
-    elif isinstance(event, Ask):
+    elif isinstance(event, ManualStep):
         click.echo(event.text)
         _wait(yes)
 

@@ -16,7 +16,7 @@ from diffbotctl.cli.options import FILE, port_option, robot_option, yes_option
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.board.progress import Event
+    from diffbotctl.board.session import JobEvent
 
 FLOATS = """\
 After each reset the board's pins float for 0.83 s, and a motor driver with
@@ -88,7 +88,7 @@ def _agreed() -> bool:
     return click.confirm("Are the wheels off the ground, or the motors without power?")
 
 
-def _show(events: Iterable[Event]) -> None:
+def _show(events: Iterable[JobEvent]) -> None:
     from diffbotctl.ui.progress import show_progress
 
     try:

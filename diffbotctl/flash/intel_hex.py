@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from diffbotctl.drivers.board_errors import BadImageError
 
-PAGE = 256  # bytes; the chip erases and writes whole pages
-ROOM = 0x3E000  # bytes below the bootloader of a Mega 2560
+PAGE_BYTES = 256  # bytes; the chip erases and writes whole pages
+FLASH_BYTES_MAX = 0x3E000  # bytes below the bootloader of a Mega 2560
 ERASED = 0xFF
 DATA, END, SEGMENT, LINEAR = 0, 1, 2, 4
-RECORD = 16  # data bytes a line
+RECORD_BYTES = 16  # data bytes a line
 # Old factory bootloaders take this for the call of their monitor, and hang.
-MONITOR = b"!!!"
+MONITOR_CALL = b"!!!"
 
 
 def read_hex(text: str, name: str = "image") -> bytes:
@@ -59,21 +59,23 @@ def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
         image += data
     if not image:
         raise BadImageError(name, "it holds no program")
-    if len(image) > ROOM:
-        raise BadImageError(name, f"{len(image)} bytes do not fit below the bootloader ({ROOM})")
-    if MONITOR in image:
+    if len(image) > FLASH_BYTES_MAX:
+        raise BadImageError(
+            name, f"{len(image)} bytes do not fit below the bootloader ({FLASH_BYTES_MAX})"
+        )
+    if MONITOR_CALL in image:
         raise BadImageError(name, "it contains '!!!', which makes old bootloaders hang")
-    image += bytes([ERASED]) * (-len(image) % PAGE)
+    image += bytes([ERASED]) * (-len(image) % PAGE_BYTES)
     return bytes(image)
 
 
 def write_hex(data: bytes) -> str:
     """An Intel hex file with `data` from address 0."""
     lines = []
-    for address in range(0, len(data), RECORD):
+    for address in range(0, len(data), RECORD_BYTES):
         if address % 0x10000 == 0:
             lines.append(_line(LINEAR, 0, (address >> 16).to_bytes(2, "big")))
-        lines.append(_line(DATA, address & 0xFFFF, data[address : address + RECORD]))
+        lines.append(_line(DATA, address & 0xFFFF, data[address : address + RECORD_BYTES]))
     return "\n".join([*lines, _line(END, 0, b""), ""])
 
 

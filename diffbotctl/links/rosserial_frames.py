@@ -18,7 +18,7 @@ OVERHEAD_BYTES = HEADER_BYTES + 1  # and the sum behind it
 PAYLOAD_BYTES_MAX = 512  # the client library's buffer on a Mega, the largest it has
 
 
-class Candidate(Enum):
+class CandidateState(Enum):
     """What is known of bytes that may be a frame."""
 
     FALSE = auto()
@@ -129,28 +129,32 @@ class RosserialDecoder:
         alive: list[int] = []
         for start in self._starts:
             verdict = self._judge(start)
-            if verdict is Candidate.COMPLETE:
+            if verdict is CandidateState.COMPLETE:
                 frame = self._deliver(start)
                 alive.clear()
-            elif verdict is Candidate.OPEN:
+            elif verdict is CandidateState.OPEN:
                 alive.append(start)
         self._starts = alive
         self._forget()
         return frame
 
-    def _judge(self, start: int) -> Candidate:
+    def _judge(self, start: int) -> CandidateState:
         buffer = self._buffer
         have = len(buffer) - start
         if have < HEADER_BYTES:
             may_fit = have in (1, 3, 6) or self._header_fits(start, have)
-            return Candidate.OPEN if may_fit else Candidate.FALSE
+            return CandidateState.OPEN if may_fit else CandidateState.FALSE
         length = buffer[start + 2] | buffer[start + 3] << 8
         if have == HEADER_BYTES:
             topic = buffer[start + 5] | buffer[start + 6] << 8
-            return Candidate.OPEN if self.plausible(topic, length) else Candidate.FALSE
+            return CandidateState.OPEN if self.plausible(topic, length) else CandidateState.FALSE
         if have < OVERHEAD_BYTES + length:
-            return Candidate.OPEN
-        return Candidate.COMPLETE if sum(buffer[start + 5 :]) % 256 == 255 else Candidate.FALSE
+            return CandidateState.OPEN
+        return (
+            CandidateState.COMPLETE
+            if sum(buffer[start + 5 :]) % 256 == 255
+            else CandidateState.FALSE
+        )
 
     def _header_fits(self, start: int, have: int) -> bool:
         buffer = self._buffer

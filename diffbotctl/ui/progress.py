@@ -17,7 +17,7 @@ def show_progress(events: Iterable[Event]) -> None:
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         tasks = {}
         for event in events:
-            if isinstance(event, FlashMessage):
+            if isinstance(event, JobMessage):
                 bars.console.print(event.text, markup=False)
                 continue
             if event.what not in tasks:

@@ -4,6 +4,7 @@ import time
 
 import pytest
 
+from diffbotctl.board.session import BoardSession, JobMessage, JobProgress
 from diffbotctl.drivers import board_candidates
 from diffbotctl.drivers.board_errors import (
     BadImageError,
@@ -17,7 +18,7 @@ from diffbotctl.drivers.board_errors import (
 )
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
 from diffbotctl.flash import stk500
-from diffbotctl.flash.flasher import Bootloader, FlashMessage, flash, load
+from diffbotctl.flash.flasher import Bootloader, flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex
 from diffbotctl.flash.stk500 import BootloaderRequest, FlashProgress
 from diffbotctl.links.stk500_frames import ReplyParser, message
@@ -45,12 +46,10 @@ def test_events_tell_how_far_it_is(blank):
     size = len(load(IMAGE))
     for what in ("writing", "verifying"):
         done = [
-            event.done
-            for event in events
-            if isinstance(event, FlashProgress) and event.what == what
+            event.done for event in events if isinstance(event, JobProgress) and event.what == what
         ]
         assert done == list(range(256, size + 1, 256))
-    said = [event.text for event in events if isinstance(event, FlashMessage)]
+    said = [event.text for event in events if isinstance(event, JobMessage)]
     assert said[0].startswith("Mega 2560 on ")
     assert said[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
     assert said[-1].endswith(", ready")
@@ -59,7 +58,7 @@ def test_events_tell_how_far_it_is(blank):
 def test_an_interrupted_flash_can_be_flashed_again(blank):
     events = flash(blank.ports[0], IMAGE)
     for event in events:
-        if isinstance(event, FlashProgress) and event.done >= 2048:
+        if isinstance(event, JobProgress) and event.done >= 2048:
             break
     events.close()
     assert blank.flash(0, len(load(IMAGE))) != load(IMAGE)
@@ -75,9 +74,11 @@ def test_what_was_on_the_board_can_be_saved(tmp_path):
     older.write_text(write_hex(before))
     with Emulator([], image=older, boot=bootloader(), pty=True, paced=True) as board:
         conversation = bytearray()
-        with Bootloader(board.ports[0]) as port:
+        with BoardSession(board.ports[0], BAUD) as session:
+            session.reset()
+            port = Bootloader(session)
             port.synchronise()
-            for progress in port.hold(stk500.read(port.device, conversation)):
+            for progress in port.run(stk500.read(port.device, conversation)):
                 if progress.done > 2048:  # the rest is erased; the whole takes half a minute
                     break
         saved.write_text(write_hex(bytes(conversation).rstrip(b"\xff")))

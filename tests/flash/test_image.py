@@ -6,14 +6,20 @@ from hypothesis import strategies as st
 
 from diffbotctl.drivers.board_errors import BadImageError
 from diffbotctl.emulator.process import IMAGE
-from diffbotctl.flash.intel_hex import MONITOR, PAGE, ROOM, read_hex, write_hex
+from diffbotctl.flash.intel_hex import (
+    FLASH_BYTES_MAX,
+    MONITOR_CALL,
+    PAGE_BYTES,
+    read_hex,
+    write_hex,
+)
 
 
-@given(st.binary(min_size=1, max_size=2000).filter(lambda data: MONITOR not in data))
+@given(st.binary(min_size=1, max_size=2000).filter(lambda data: MONITOR_CALL not in data))
 def test_what_is_written_can_be_read(data):
     image = read_hex(write_hex(data))
     assert image[: len(data)] == data
-    assert len(image) % PAGE == 0
+    assert len(image) % PAGE_BYTES == 0
     assert set(image[len(data) :]) <= {0xFF}
 
 
@@ -24,8 +30,8 @@ def test_beyond_64_kib():
 
 def test_the_shipped_image():
     image = read_hex(IMAGE.read_text())
-    assert MONITOR not in image
-    assert len(image) < ROOM
+    assert MONITOR_CALL not in image
+    assert len(image) < FLASH_BYTES_MAX
 
 
 @pytest.mark.parametrize(
@@ -41,7 +47,7 @@ def test_the_shipped_image():
         (":00000001FF\n:0100000000FF", "behind the end"),
         (":0200000400FF", "no line"),
         (write_hex(b"abc!!!def"), "!!!"),
-        (write_hex(bytes(ROOM + 1)), "do not fit"),
+        (write_hex(bytes(FLASH_BYTES_MAX + 1)), "do not fit"),
     ],
 )
 def test_what_is_refused(text, words):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.board.blink import blink
+from diffbotctl.board.jobs import blink
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.errors import RunError
 from diffbotctl.links import diffbot_frames as frames

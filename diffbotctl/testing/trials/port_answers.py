@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.board.session import identify
+from diffbotctl.board.jobs import identify
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import RunError
