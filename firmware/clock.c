@@ -3,9 +3,6 @@
 #include <avr/io.h>
 #include <util/atomic.h>
 
-#include "analog.h"
-#include "reset.h"
-#include "robot.h"
 #include "status.h"
 
 #define MS_PER_MINUTE 60000U
@@ -32,14 +29,11 @@ void clock_millisecond(void)
 {
     OCR1A += TICKS_PER_MS;
     elapsed++;
-    if (reset_hung())
-        robot_hung();
 }
 
 void clock_sample(void)
 {
     OCR1B += CLOCK_SAMPLE_TICKS;
-    analog_convert();
 }
 
 ticks_t clock_now(void)

@@ -6,7 +6,6 @@
 #include "capture.h"
 #include "clock.h"
 #include "status.h"
-#include "wheel.h"
 
 /* Ages are told in 16 bits of 64 us; older edges are marked so before the clock comes round. */
 #define OLD_TICKS ((ticks_t)AGE_NONE * 16)
@@ -120,14 +119,14 @@ ticks_t encoders_period(const encoder_t *encoder)
     return age > period ? age : period;
 }
 
-void encoders_capture(bool on)
+void encoders_capture(encoder_t *left, encoder_t *right, bool on)
 {
     capturing = on;
     choose_flanks();
-    if (LEFT->encoder.in.at)
+    if (left->in.at)
         ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
         {
-            sense(&LEFT->encoder);
-            sense(&RIGHT->encoder);
+            sense(left);
+            sense(right);
         }
 }

@@ -53,6 +53,6 @@ static inline void encoders_forget(encoder_t *encoder)
 }
 
 /* Raw edges of both flanks go to the capture ring while on. */
-void encoders_capture(bool on);
+void encoders_capture(encoder_t *left, encoder_t *right, bool on);
 
 #endif

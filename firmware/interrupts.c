@@ -6,6 +6,7 @@
 #include "analog.h"
 #include "clock.h"
 #include "link.h"
+#include "reset.h"
 #include "wheel.h"
 
 enum { EDGE, RECEIVED = 8, EMPTY = 10, OVERFLOW = 12, MILLISECOND, SAMPLE, CONVERTED };
@@ -52,10 +53,13 @@ __attribute__((used, externally_visible)) void interrupts_serve(uint8_t number)
         link_empty(number - EMPTY);
     else if (number == OVERFLOW)
         clock_overflow();
-    else if (number == MILLISECOND)
+    else if (number == MILLISECOND) {
         clock_millisecond();
-    else if (number == SAMPLE)
+        if (reset_hung())
+            wheels_release();
+    } else if (number == SAMPLE) {
         clock_sample();
-    else
+        analog_convert();
+    } else
         analog_converted();
 }

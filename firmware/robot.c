@@ -23,7 +23,6 @@
 /* The button must be seen for this long, so that a spike of the motors is no press. */
 #define PRESS_MS 3
 
-wheel_t wheels[2];
 static deadman_t deadman;
 static settings_t settings;
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
@@ -39,12 +38,6 @@ static void release(void)
         encoders_forget(&wheel->encoder);
         motors_set(&wheel->motor, 0);
     }
-}
-
-void robot_hung(void)
-{
-    motors_release(&LEFT->motor);
-    motors_release(&RIGHT->motor);
 }
 
 /* Takes over what the settings say of one wheel: its pins, from the enable's on, and its gains. */
@@ -64,7 +57,7 @@ static void use_wheel(wheel_t *wheel, const uint8_t *pins, uint16_t start, uint1
 
 static void use(void)
 {
-    robot_hung(); /* off by the old settings */
+    wheels_release(); /* off by the old settings */
     settings_mark = codec_check(&settings, sizeof settings);
     limit = (uint32_t)settings.deadman * TICKS_PER_MS;
     encoders_configure(&settings);

@@ -13,7 +13,4 @@ void robot_obey(uint8_t link, const void *payload);
 /* Each millisecond. */
 void robot_tick(void);
 
-/* From an interrupt, when the main loop hangs: motors off. */
-void robot_hung(void);
-
 #endif

@@ -32,7 +32,7 @@ void telemetry_configure(const settings_t *settings)
 void telemetry_capture(bool on)
 {
     capturing = on;
-    encoders_capture(on);
+    encoders_capture(&LEFT->encoder, &RIGHT->encoder, on);
 }
 
 /* Leaves a link out that has more than `backlog` bytes to send already. */

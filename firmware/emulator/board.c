@@ -8,10 +8,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "flash.h"
+#include "lines.h"
+#include "motors.h"
+#include "pins.h"
+
 #define SUPPLY_MILLIVOLTS 5000
 #define BOOT_START 0x3E000
 #define MCUSR 0x54
 #define PORF 1
+#define EXTRF 2
 #define WDRF 8
 #define SAVE_NS 100000000ull /* the EEPROM file follows its content at this pace */
 /* `rjmp` to itself: a program that hangs with its interrupts running. */
@@ -31,11 +37,6 @@ static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *val
     (void)when;
     (void)value;
     return 0; /* its being due ends a sleep in time */
-}
-
-uint64_t board_now(const board_t *board)
-{
-    return cycles_to_ns(board->avr->cycle);
 }
 
 /* Level interrupts of a low pin would start a timer every cycle; nothing here uses them. */
@@ -214,6 +215,8 @@ void board_run(board_t *board, uint64_t until)
 {
     avr_t *avr = board->avr;
     avr_cycle_count_t end = ns_to_cycles(until);
+    if (lines_opened(board))
+        board_reset(board, EXTRF);
     lines_poll(board);
     begin_step(board, end);
     while (avr->cycle < end) {

@@ -26,6 +26,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "lines.h"
+
 #define PACE_NS 1000000            /* a slice of real time when paced */
 
 static board_t board;
@@ -120,7 +122,7 @@ static bool step(void)
         uint8_t bytes[UINT16_MAX];
         if (!read_all(bytes, head.bytes[uart]))
             return false;
-        board_receive(&board, uart, bytes, head.bytes[uart]);
+        lines_receive(&board, uart, bytes, head.bytes[uart]);
     }
     board_run(&board, head.until);
     answer_step(began);

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "board.h"
+#include "flash.h"
 
 #define PAGE 256
 #define SPMCSR 0x57 /* data address */

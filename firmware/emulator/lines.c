@@ -8,7 +8,7 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include "board.h"
+#include "lines.h"
 
 #define QUEUE 65536u
 #define BITS_PER_BYTE 10
@@ -67,7 +67,7 @@ static avr_cycle_count_t feed(avr_t *avr, avr_cycle_count_t when, void *value)
     return when + byte_cycles(line);
 }
 
-void board_receive(board_t *board, unsigned number, const uint8_t *bytes, unsigned count)
+void lines_receive(board_t *board, unsigned number, const uint8_t *bytes, unsigned count)
 {
     line_t *line = &board->uarts[number];
     for (unsigned i = 0; i < count; i++) {
@@ -122,6 +122,8 @@ static void open_pty(line_t *line)
     tcgetattr(line->slave, &raw);
     cfmakeraw(&raw);
     tcsetattr(line->slave, TCSANOW, &raw);
+    if (line->number != 0)
+        return;
     line->watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
     inotify_add_watch(line->watch, line->name, IN_OPEN);
 }
@@ -155,22 +157,26 @@ void lines_reset(board_t *board)
     }
 }
 
+bool lines_opened(board_t *board)
+{
+    const line_t *line = &board->uarts[0];
+    struct inotify_event events[8];
+    bool opened = false;
+    while (line->watch >= 0 && read(line->watch, events, sizeof events) > 0)
+        opened = true;
+    return opened;
+}
+
 static void poll_line(line_t *line)
 {
     uint8_t bytes[256];
     ssize_t got;
-    struct inotify_event events[8];
-    bool opened = false;
-    while (read(line->watch, events, sizeof events) > 0)
-        opened = true;
-    if (opened && line->number == 0)
-        board_reset(line->board, 1 << 1); /* EXTRF: the USB chip pulls the reset line */
     unsigned room = (line->tail - line->head - 1) % QUEUE;
     if (room > sizeof bytes)
         room = sizeof bytes;
     got = read(line->master, bytes, room);
     if (got > 0)
-        board_receive(line->board, line->number, bytes, (unsigned)got);
+        lines_receive(line->board, line->number, bytes, (unsigned)got);
 }
 
 void lines_poll(board_t *board)
@@ -186,6 +192,7 @@ void lines_end(board_t *board)
         if (board->uarts[number].master >= 0) {
             close(board->uarts[number].slave);
             close(board->uarts[number].master);
-            close(board->uarts[number].watch);
+            if (board->uarts[number].watch >= 0)
+                close(board->uarts[number].watch);
         }
 }

@@ -1,6 +1,7 @@
 #include <stdlib.h>
 
-#include "board.h"
+#include "motors.h"
+#include "pins.h"
 
 #define FULL 32767
 

@@ -1,4 +1,4 @@
-#include "board.h"
+#include "pins.h"
 
 /* Arduino pin numbers of a Mega 2560, from the board's published pin map. */
 static const char ports[70] = "EEEEGEHHHHBBBBJJHHDDDDAAAAAAAACCCCCCCCDGGGLLLLLLLLBBBBFFFFFFFFKKKKKKKK";

@@ -1,0 +1,97 @@
+/* State of the emulated board, which its parts share. */
+#ifndef BOARD_STATE_H
+#define BOARD_STATE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include <simavr/avr_uart.h>
+#include <simavr/sim_avr.h>
+#include <simavr/sim_io.h>
+
+#define MOTORS 2
+#define EEPROM_SIZE 4096
+#define EVENTS 4096
+#define BYTES 16384
+#define TRANSITIONS 65536
+
+typedef struct {
+    const char *hex, *boot, *eeprom;
+    bool pty;
+    unsigned motors;
+    uint8_t motor[MOTORS][3]; /* pins of enable, in1, in2 */
+} options_t;
+
+typedef struct {
+    uint64_t time; /* ns */
+    uint8_t motor, brake;
+    int16_t duty;
+} event_t;
+
+typedef struct {
+    uint64_t time;
+    uint8_t pin, level;
+} transition_t;
+
+typedef struct board board_t;
+
+/* One UART: bytes that wait for their turn on the wire, both ways. */
+typedef struct {
+    board_t *board;
+    unsigned number;
+    avr_irq_t *input;
+    uint8_t waiting[65536];
+    unsigned head, tail;
+    bool feeding;
+    int master, slave, watch;
+    char name[64];
+} line_t;
+
+/* Flash as silicon has it: writing can only clear bits, erasing is by page. */
+typedef struct {
+    avr_io_t io;
+    board_t *board;
+    uint16_t page[128];
+    bool filled[128];
+} flash_t;
+
+struct board {
+    avr_t *avr;
+    options_t options;
+    line_t uarts[2];
+    flash_t flash;
+    event_t events[EVENTS];
+    unsigned event_count;
+    struct {
+        uint64_t time;
+        uint8_t uart, byte;
+    } bytes[BYTES];
+    unsigned byte_count;
+    transition_t transitions[TRANSITIONS];
+    unsigned first, last;
+    uint32_t dirty_writes;
+    uint8_t flags;
+    int16_t duty[MOTORS];
+    uint8_t brake[MOTORS];
+    uint64_t eeprom_saved;
+};
+
+enum { FLAG_RESET = 1, FLAG_CRASHED = 2 };
+
+static inline uint64_t cycles_to_ns(uint64_t cycles)
+{
+    return cycles * 125 / 2; /* 16 MHz: 62.5 ns */
+}
+
+static inline uint64_t ns_to_cycles(uint64_t ns)
+{
+    return ns * 2 / 125;
+}
+
+/* ns since the start. */
+static inline uint64_t board_now(const board_t *board)
+{
+    return cycles_to_ns(board->avr->cycle);
+}
+
+#endif

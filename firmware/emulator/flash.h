@@ -1,0 +1,10 @@
+/* The flash memory of the emulated board. */
+#ifndef FLASH_H
+#define FLASH_H
+
+#include "board_state.h"
+
+void flash_begin(board_t *board);
+void flash_load(board_t *board, const char *file);
+
+#endif
