@@ -146,6 +146,40 @@ def test_folders_import_in_no_circle():
     )
 
 
+def c_sources(folder):
+    """Text without comments of each C file, by module: a header and its source are one."""
+    modules = defaultdict(dict)
+    for path in sorted(folder.glob("*.[ch]")):
+        text = re.sub(r"/\*.*?\*/", "", path.read_text(), flags=re.DOTALL)
+        modules[path.stem][path.suffix] = text
+    return modules
+
+
+@pytest.mark.parametrize("folder", ["firmware", "firmware/emulator"])
+def test_c_modules_include_and_call_in_no_circle(folder):
+    modules = c_sources(ROOT / folder)
+    owner = {}
+    for module, texts in modules.items():
+        source = texts.get(".c", "")
+        functions = re.findall(r"^(?!static)\w[\w \*]*\b(\w+)\([^;{]*\)\s*\{", source, re.MULTILINE)
+        variables = re.findall(
+            r"^(?!static|typedef|extern)\w+ (\w+)(?:\[\w*\])?(?: =[^;]*)?;", source, re.MULTILINE
+        )
+        owner |= dict.fromkeys([*functions, *variables], module)
+    assert len(owner) > len(modules), "no definitions found: the patterns above need a change"
+    graph = {}
+    for module, texts in modules.items():
+        whole = "\n".join(texts.values())
+        includes = set(re.findall(r'#include "(\w+)\.h"', whole)) & modules.keys()
+        uses = {owner[word] for word in re.findall(r"\w+", texts.get(".c", "")) if word in owner}
+        graph[module] = (includes | uses) - {module}
+    found = circle(graph)
+    assert not found, (
+        f"{folder}: {' -> '.join(found)}: modules in a circle cannot be understood or tested one "
+        "by one; let the caller pass what is needed, or move it into a third module"
+    )
+
+
 @pytest.mark.parametrize(
     "path",
     [path for path in SOURCES if top_name(path) in ("blocks", "links", "plant")],
