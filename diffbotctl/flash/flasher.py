@@ -176,20 +176,8 @@ def _avrdude(device: str, file: Path) -> Iterator[JobEvent]:
             "sudo apt-get install avrdude, or leave --programmer out: diffbotctl flashes by itself",
         )
     open_port(device, BAUD).close()  # who else holds it, and what rights we lack, we say better
-    command = [
-        program,
-        "-c",
-        "wiring",
-        "-p",
-        "m2560",
-        "-P",
-        device,
-        "-b",
-        str(BAUD),
-        "-D",
-        "-U",
-        f"flash:w:{os.path.abspath(file)}:i",
-    ]
+    target = f"-c wiring -p m2560 -b {BAUD} -D".split()
+    command = [program, *target, "-P", device, "-U", f"flash:w:{os.path.abspath(file)}:i"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode != 0:
         errors = [line for line in result.stderr.splitlines() if "error" in line.lower()]

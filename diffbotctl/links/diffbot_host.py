@@ -22,8 +22,8 @@ from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, RefusalCode, ResetCode
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
-from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, Refusal
-from diffbotctl.messages import Battery, Duty, Link, LinkState, Message, Text, Wheels
+from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
+from diffbotctl.messages import Battery, Duty, Link, LinkState, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 ASK_PERIOD = 250 * MILLISECOND
@@ -36,8 +36,6 @@ SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # bootloader. The firmware speaks first when it starts.
 USB_QUIET_TIME = 1_500 * MILLISECOND
 SILENT = "the board has gone silent"
-
-HostOutput = list[tuple[str, Message]]
 
 
 class HostState(StrEnum):
@@ -153,15 +151,15 @@ class DiffbotHost:
             self._search.begin(self._quiet_until, self.baud)
         self._enter(now, HostEvent.PORT_OPENED)
 
-    def closed(self, now: int, cause: str) -> HostOutput:
+    def closed(self, now: int, cause: str) -> LinkOutput:
         """The port is gone."""
         return self._enter(now, HostEvent.PORT_CLOSED, cause)
 
-    def receive(self, now: int, data: bytes) -> HostOutput:
+    def receive(self, now: int, data: bytes) -> LinkOutput:
         """Take bytes; return the messages that they complete."""
         if self.hello is None:
             self._search.receive(data)
-        output: HostOutput = []
+        output: LinkOutput = []
         for frame in self._decoder.feed(data):
             self._last_frame_at = self._quiet_until = now
             output += self._on_frame(now, frame)
@@ -218,12 +216,12 @@ class DiffbotHost:
         """State frames a second; nan before there were two."""
         return self._telemetry.rate
 
-    def _enter(self, now: int, event: HostEvent, cause: str = "") -> HostOutput:
+    def _enter(self, now: int, event: HostEvent, cause: str = "") -> LinkOutput:
         """Change the state; the message that shows it."""
         self.state, self.cause = TRANSITIONS[self.state][event], cause
         return [("link", self.link(now))]
 
-    def _refuse(self, now: int, event: HostEvent, refusal: Refusal) -> HostOutput:
+    def _refuse(self, now: int, event: HostEvent, refusal: Refusal) -> LinkOutput:
         """This board cannot be driven. One that could be before may become usable again."""
         if not self._was_up:
             self.refusal = refusal
@@ -288,7 +286,7 @@ class DiffbotHost:
 
     # --- reading ---
 
-    def _on_frame(self, now: int, frame: frames.Frame) -> HostOutput:
+    def _on_frame(self, now: int, frame: frames.Frame) -> LinkOutput:
         if isinstance(frame, frames.HelloFrame):
             return self._on_hello(now, frame)
         if self.hello is None:
@@ -304,7 +302,7 @@ class DiffbotHost:
                 self.edges += self._telemetry.raw_edges(now, frame)
         return []
 
-    def _on_hello(self, now: int, hello: frames.HelloFrame) -> HostOutput:
+    def _on_hello(self, now: int, hello: frames.HelloFrame) -> LinkOutput:
         if hello.version != frames.VERSION:
             self._search.begin(now, self.baud)  # the baud rate is right
             return self._refuse(now, HostEvent.VERSION_DIFFERS, wrong_version(hello.version))
@@ -316,7 +314,7 @@ class DiffbotHost:
             return self._link_up(now, hello, restart)
         if self._settle_until == NEVER:
             self._settings_at, self._settle_until = now, now + SETTLE_TIMEOUT
-        output: HostOutput = [("text", Text(now, restart))] if restart else []
+        output: LinkOutput = [("text", Text(now, restart))] if restart else []
         cause = "the board has other settings: sending"
         return output + self._enter(now, HostEvent.SETTINGS_DIFFER, cause)
 
@@ -327,7 +325,7 @@ class DiffbotHost:
         reset = ResetCode.find(hello.reset) or ResetCode.UNKNOWN
         return f"the board restarted: {reset.meaning}"
 
-    def _link_up(self, now: int, hello: frames.HelloFrame, restart: str = "") -> HostOutput:
+    def _link_up(self, now: int, hello: frames.HelloFrame, restart: str = "") -> LinkOutput:
         if self.state is HostState.UP:
             return [("text", Text(now, restart))] if restart else []
         self._was_up = True
@@ -337,7 +335,7 @@ class DiffbotHost:
 
     def _on_answer(
         self, now: int, hello: frames.HelloFrame, answer: frames.AnswerFrame
-    ) -> HostOutput:
+    ) -> LinkOutput:
         refusal = RefusalCode.find(answer.refusal)
         if refusal is RefusalCode.NONE and answer.settings == self._settings_mark:
             self._settings_at = NEVER
@@ -351,11 +349,11 @@ class DiffbotHost:
         problem = refused_setting(answer.field, refusal)
         return self._refuse(now, HostEvent.SETTINGS_REJECTED, problem)
 
-    def _on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> HostOutput:
+    def _on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> LinkOutput:
         if frame.boot != self._boot:
             self._ask_at = min(self._ask_at, now)
             return []  # the board restarted: its hello comes first
-        output: HostOutput = []
+        output: LinkOutput = []
         stop = self._commands.on_state(now, frame)
         if stop is not None:
             output.append(("stop", stop))
@@ -367,7 +365,7 @@ class DiffbotHost:
             output.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return output
 
-    def _on_status(self, now: int, status: frames.StatusFrame) -> HostOutput:
+    def _on_status(self, now: int, status: frames.StatusFrame) -> LinkOutput:
         value = status.value
         if status.item == ItemCode.FLAGS:
             flags = {"left": frames.FLAG_LEFT_FAULT, "right": frames.FLAG_RIGHT_FAULT}
@@ -379,7 +377,7 @@ class DiffbotHost:
             return self._on_battery(now, value)
         return []
 
-    def _on_battery(self, now: int, value: int) -> HostOutput:
+    def _on_battery(self, now: int, value: int) -> LinkOutput:
         if self.settings.battery_channel is None or value == frames.ANALOG_NONE:
             return []  # no divider, or not measured yet
         volts = volts_of(value) * self.settings.battery_divider
@@ -387,7 +385,7 @@ class DiffbotHost:
 
     # --- time ---
 
-    def on_time(self, now: int) -> HostOutput:
+    def on_time(self, now: int) -> LinkOutput:
         """Update the state for silence up to `now`: up, stale after 250 ms, lost after 1 s."""
         if now < self._timeout_at():
             return []
@@ -409,7 +407,7 @@ class DiffbotHost:
             case _:
                 assert_never(self.state)
 
-    def _try_next_rate(self, now: int) -> HostOutput:
+    def _try_next_rate(self, now: int) -> LinkOutput:
         self._search.next_rate(now)
         self._change_baud(self._search.rate)
         finding = self._search.finding
@@ -419,7 +417,7 @@ class DiffbotHost:
             return self._refuse(now, HostEvent.TIMEOUT, finding)
         return self._enter(now, HostEvent.TIMEOUT, finding.cause)
 
-    def _check_settling(self, now: int) -> HostOutput:
+    def _check_settling(self, now: int) -> LinkOutput:
         if now - self._last_frame_at >= SETTINGS_SILENCE_TIMEOUT:
             self._forget_board(now)
             return self._enter(now, HostEvent.SILENCE, SILENT)

@@ -9,9 +9,10 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import checksum, pack
 from diffbotctl.time import MICROSECOND, MILLISECOND
 
+UINT16_MAX = 0xFFFF
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before any settings
-REFERENCE = 5.0  # V; what an analog reading of full scale means on a Mega 2560
+REFERENCE_V = 5.0  # what an analog reading of full scale means on a Mega 2560
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,20 @@ class WheelSettings:
     """duty that just moves the wheel: kS of the speed loop"""
     gain: float = 0.086
     """duty per rad/s above that: kV of the speed loop"""
+
+    def fields(self) -> dict[str, int]:
+        """Values of the settings frame's fields, without the side in front of their names."""
+        return {
+            "reversed": int(self.reversed),
+            "encoder_reversed": int(self.encoder_reversed),
+            "enable": self.enable,
+            "in1": self.in1,
+            "in2": self.in2,
+            "encoder": self.encoder,
+            "encoder_b": _pin(self.encoder_b),
+            "start": _gain("start", self.start),
+            "gain": _gain("gain", self.gain),
+        }
 
 
 @dataclass(frozen=True)
@@ -86,42 +101,30 @@ class BoardSettings:
         Raises ValueError for a value that has no form on the wire; whether the board can use it,
         the board says.
         """
-        left, right = self.left, self.right
+        sides = {"left": self.left, "right": self.right}
+        wheels = {
+            f"{side}_{field}": value
+            for side, wheel in sides.items()
+            for field, value in wheel.fields().items()
+        }
         return frames.SettingsFrame(
             edge=frames.EdgeCode[self.edge.upper()],
             edge_times=int(self.edge_times),
             brake=int(self.brake),
-            left_reversed=int(left.reversed),
-            right_reversed=int(right.reversed),
-            left_encoder_reversed=int(left.encoder_reversed),
-            right_encoder_reversed=int(right.encoder_reversed),
             enable_inverted=int(self.enable_inverted),
             button_high=int(self.button_high),
             reserved=0,
             baud=BAUDS[self.baud],
-            left_enable=left.enable,
-            left_in1=left.in1,
-            left_in2=left.in2,
-            left_encoder=left.encoder,
-            left_encoder_b=_pin(left.encoder_b),
-            right_enable=right.enable,
-            right_in1=right.in1,
-            right_in2=right.in2,
-            right_encoder=right.encoder,
-            right_encoder_b=_pin(right.encoder_b),
             button=_pin(self.button),
             range=_pin(self.range_channel),
             battery=_pin(self.battery_channel),
-            telemetry=_whole("telemetry", self.telemetry),
-            slots=_whole("slots", self.slots),
-            glitch=_whole("glitch", round(self.glitch / MICROSECOND)),
-            deadman=_whole("dead-man", round(self.deadman / MILLISECOND)),
-            left_start=_gain("start", left.start),
-            left_gain=_gain("gain", left.gain),
-            right_start=_gain("start", right.start),
-            right_gain=_gain("gain", right.gain),
+            telemetry=_uint16("telemetry", self.telemetry),
+            slots=_uint16("slots", self.slots),
+            glitch=_uint16("glitch", round(self.glitch / MICROSECOND)),
+            deadman=_uint16("dead-man", round(self.deadman / MILLISECOND)),
             proportional=_gain("proportional", self.proportional),
             integral=_gain("integral", self.integral, frames.INTEGRAL_ONE),
+            **wheels,
         )
 
     def mark(self) -> int:
@@ -138,13 +141,13 @@ def _pin(pin: int | None) -> int:
     return frames.PIN_NONE if pin is None else pin
 
 
-def _whole(name: str, value: int, most: int = 0xFFFF) -> int:
-    if not 0 <= value <= most:
-        raise ValueError(f"{name} of {value} does not fit the board's settings (0 to {most})")
+def _uint16(name: str, value: int) -> int:
+    if not 0 <= value <= UINT16_MAX:
+        raise ValueError(f"{name} of {value} does not fit the board's settings (0 to {UINT16_MAX})")
     return value
 
 
 def _gain(name: str, value: float, one: int = frames.GAIN_ONE) -> int:
     if not isfinite(value):
         raise ValueError(f"{name} is not a number ({value})")
-    return _whole(name, round(value * one))
+    return _uint16(name, round(value * one))

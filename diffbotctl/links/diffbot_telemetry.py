@@ -8,7 +8,7 @@ from typing import NamedTuple
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_frames import ModeCode
-from diffbotctl.links.diffbot_settings import REFERENCE
+from diffbotctl.links.diffbot_settings import REFERENCE_V
 from diffbotctl.links.link_protocol import BITS_PER_BYTE
 from diffbotctl.messages import CommandKind, Encoders, Volts
 from diffbotctl.time import SECOND
@@ -195,7 +195,7 @@ def volts_of(reading: int) -> float:
     """Volts at an analog pin; nan where the board has no such sensor."""
     if reading == frames.ANALOG_NONE:
         return float("nan")
-    return reading * REFERENCE / frames.ANALOG_ONE
+    return reading * REFERENCE_V / frames.ANALOG_ONE
 
 
 class BoardClock:

@@ -13,6 +13,9 @@ from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.messages import Duty, Message, Wheels
 
+LinkOutput = list[tuple[str, Message]]
+"""(output port, message) pairs, in order"""
+
 CRYSTAL_HZ = 16_000_000  # of both kinds of board
 BITS_PER_BYTE = 10  # on the wire: start, eight, stop
 USB_BAUD = 115_200  # of the board's USB port, always
@@ -59,10 +62,10 @@ class LinkProtocol(Protocol):
     def opened(self, now: int) -> None:
         """The port has just been opened, or opened again: forget the peer, start negotiating."""
 
-    def closed(self, now: int, cause: str) -> list[tuple[str, Message]]:
+    def closed(self, now: int, cause: str) -> LinkOutput:
         """The port is gone, for `cause`: what the graph must hear of it."""
 
-    def receive(self, now: int, data: bytes) -> list[tuple[str, Message]]:
+    def receive(self, now: int, data: bytes) -> LinkOutput:
         """Take `data` from the port; return (output port, message) pairs, in order.
 
         Output ports are `encoders`, `link`, `text`, `battery` and the names of the robot's sensors.
@@ -83,7 +86,7 @@ class LinkProtocol(Protocol):
     def stop_frame(self) -> bytes:
         """The bytes that stop this board, for whoever must send them when the host has died."""
 
-    def on_time(self, now: int) -> list[tuple[str, Message]]:
+    def on_time(self, now: int) -> LinkOutput:
         """What the passing of time alone has to say, such as a link gone stale."""
 
     @property

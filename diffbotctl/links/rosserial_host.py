@@ -11,7 +11,7 @@ import struct
 from collections import deque
 from math import isfinite, nan
 
-from diffbotctl.links.link_protocol import BITS_PER_BYTE, Refusal
+from diffbotctl.links.link_protocol import BITS_PER_BYTE, LinkOutput, Refusal
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
 from diffbotctl.links.rosserial_topics import (
     FIRST_TOPIC,
@@ -48,8 +48,6 @@ VOLTAGE_MAX_V = 5.5  # a 5 V board's input at the upper end of its supply's tole
 RANGE_CONSTANT_V_CM = 13.0  # the sketch's centimetres are this over the volts
 LEVELS = ("debug", "information", "warning", "error", "fatal")
 EMPTY_PARAMETER = struct.pack("<III", 0, 0, 0)  # no integers, no floats, no texts
-
-RosserialOutput = list[tuple[str, Message]]
 
 
 class RosserialHost:
@@ -111,7 +109,7 @@ class RosserialHost:
         self.speeds.send_at(now)
         self._board_silent()
 
-    def closed(self, now: int, cause: str) -> RosserialOutput:
+    def closed(self, now: int, cause: str) -> LinkOutput:
         """The port is gone."""
         self.state, self.cause = "lost", cause
         self.topics.clear()
@@ -121,9 +119,9 @@ class RosserialHost:
         self.speeds.set_target(now, 0.0, 0.0)
         return [self._report(now)]
 
-    def receive(self, now: int, data: bytes) -> RosserialOutput:
+    def receive(self, now: int, data: bytes) -> LinkOutput:
         """Take bytes of the board."""
-        output: RosserialOutput = []
+        output: LinkOutput = []
         for frame in self.decoder.feed(data):
             output += self._on_frame(now, frame)
         return output + self._link_output(now)
@@ -171,7 +169,7 @@ class RosserialHost:
         self._line_free_at = now + len(data) * self.byte_time
         return data
 
-    def on_time(self, now: int) -> RosserialOutput:
+    def on_time(self, now: int) -> LinkOutput:
         """Silence, and the report of each second."""
         if self.state == "up" and now >= self._encoders_at + STALE_TIMEOUT:
             self.state = "stale"
@@ -225,7 +223,7 @@ class RosserialHost:
 
     # What the board says
 
-    def _on_frame(self, now: int, frame: RosserialFrame) -> RosserialOutput:
+    def _on_frame(self, now: int, frame: RosserialFrame) -> LinkOutput:
         topic, payload = frame
         if topic in (PUBLISHER, SUBSCRIBER, TIME) and self._ask_at != NEVER:
             self._ask_at = max(self._ask_at, self._question_end + ANSWER_TIMEOUT)  # it is answering
@@ -252,7 +250,7 @@ class RosserialHost:
         if self.topics.complete and not before:
             self._ask_at = now + STALE_TIMEOUT  # ticks must follow, else something is still wrong
 
-    def _on_data(self, now: int, topic: int, payload: bytes) -> RosserialOutput:
+    def _on_data(self, now: int, topic: int, payload: bytes) -> LinkOutput:
         name = next((n for n, number in self.topics.numbers.items() if number == topic), None)
         if name in self.counts and len(payload) == 4:
             return self._on_ticks(now, name, struct.unpack("<i", payload)[0])
@@ -263,7 +261,7 @@ class RosserialHost:
             self._silent = False  # it was publishing before it was asked: it has not restarted
         return []
 
-    def _on_ticks(self, now: int, name: str, raw: int) -> RosserialOutput:
+    def _on_ticks(self, now: int, name: str, raw: int) -> LinkOutput:
         ticks = self.counts[name]
         if self._answered_in_silence and abs(raw) <= ticks.reach(now - self._encoders_at):
             self._board_restarted()
@@ -284,7 +282,7 @@ class RosserialHost:
         self._tick_arrivals.clear()
         return self._encoders(now)
 
-    def _encoders(self, now: int) -> RosserialOutput:
+    def _encoders(self, now: int) -> LinkOutput:
         if not self.topics.complete:
             return []
         left, right = (count.value for count in self.counts.values())
@@ -322,7 +320,7 @@ class RosserialHost:
 
     # What the graph hears of the link
 
-    def _link_output(self, now: int) -> RosserialOutput:
+    def _link_output(self, now: int) -> LinkOutput:
         """A Link where something has changed, or a second has passed."""
         if self.state in ("opening", "lost"):
             return []
@@ -335,15 +333,9 @@ class RosserialHost:
         self._reported = (self.state, self.cause)
         if self._report_at != NEVER:
             self._report_at = now + REPORT_PERIOD
-        message = Link(
-            now,
-            self.state,
-            received=self.decoder.frames,
-            damaged=self.decoder.damaged,
-            restarts=self.boot,
-            cause=self.cause,
-        )
-        return ("link", message)
+        frames, damaged = self.decoder.frames, self.decoder.damaged
+        link = Link(now, self.state, frames, damaged, restarts=self.boot, cause=self.cause)
+        return ("link", link)
 
     def _find_cause(self) -> str:
         if self.state == "up":
@@ -366,7 +358,7 @@ def _time_answer(now: int) -> bytes:
     return encode(TIME, struct.pack("<II", seconds % (1 << 32), nanoseconds))
 
 
-def _log_text(now: int, payload: bytes) -> RosserialOutput:
+def _log_text(now: int, payload: bytes) -> LinkOutput:
     """A log message: its level, and a text behind a length of 32 bits."""
     if len(payload) < 5 or payload[0] >= len(LEVELS):
         return []
