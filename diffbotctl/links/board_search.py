@@ -11,31 +11,31 @@ from diffbotctl.links.link_protocol import Refusal
 from diffbotctl.links.rosserial_topics import REQUEST
 from diffbotctl.time import MILLISECOND
 
-RATE_TIMEOUT = 2_000 * MILLISECOND  # at one baud rate; eight questions of ours
-FIRST_PROBE_DELAY = 800 * MILLISECOND  # by then our own firmware has had three of them
+RATE_TIMEOUT = 2_000 * MILLISECOND  # at one baud rate; time for eight of our questions
+FIRST_PROBE_DELAY = 800 * MILLISECOND  # our own firmware has received three of them by then
 PROBE_PERIOD = 400 * MILLISECOND
-ROUNDS = 2  # through all baud rates, before silence is final
-RECEIVED_BYTES_MAX = 512  # bytes kept of a rate to recognise a board by
+ROUNDS = 2  # through all baud rates, before a finding is final
+RECEIVED_BYTES_MAX = 512  # kept of each rate, to recognise a board by
 ROSSERIAL_START = bytes((rosserial_frames.SYNC, rosserial_frames.VERSION))
-ROSSERIAL_STARTS_MIN = 2  # one may be coincidence
-# Questions that other programs answer. Our firmware takes them for noise.
+ROSSERIAL_STARTS_MIN = 2  # a single one may be noise
+# Questions to other programs. Our firmware discards them as noise.
 SIGN_ON = stk500_frames.message(1, bytes([stk500_frames.SIGN_ON]))
 LEAVE = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 1, 1]))
-"""ends a bootloader's wait: the program starts, if there is one"""
+"""makes a waiting bootloader start the program, if there is one"""
 TOPICS = rosserial_frames.encode(REQUEST)
 FLASH = "`diffbotctl flash firmware` puts our program on it, over the USB cable"
 
 
 class BaudSearch:
-    """What the host does besides asking while no firmware of ours has answered.
+    """Tries one baud rate after the other until our firmware answers.
 
-    `rate` is the baud rate to use now. `finding` says what seems to be there, None before every
-    rate was tried; `final` that it will not change. A board whose bootloader waits, because it was
-    reset while we were talking, is told to start its program.
+    `rate` is the baud rate to use now. `finding` is what seems to be behind the port, None before
+    every rate was tried; `final` is True when it will not change. A bootloader that waits, because
+    the board was reset while bytes were sent to it, is asked to start the program.
     """
 
     def __init__(self, rates: Iterable[int]) -> None:
-        """`rates`: the likeliest first."""
+        """`rates`: baud rates, the most likely first."""
         self.rates = tuple(dict.fromkeys(rates))
         self.begin(0, self.rates[0])
 
@@ -51,9 +51,9 @@ class BaudSearch:
 
     def _start_rate(self, now: int) -> None:
         self.next_rate_at = now + RATE_TIMEOUT
-        """when `next_rate` has something to do"""
+        """time of the next call of `next_rate`"""
         self.probe_at = now + FIRST_PROBE_DELAY
-        """when `probe` has something to send"""
+        """time of the next call of `probe`"""
         self._probes = 0
 
     @property
@@ -62,13 +62,13 @@ class BaudSearch:
         return self._order[self._tries % len(self._order)]
 
     def receive(self, data: bytes) -> None:
-        """Take the bytes that came, decoded or not."""
+        """Take received bytes, whether they were valid frames or not."""
         if data:
             received = self._received.get(self.rate, b"") + data
             self._received[self.rate] = received[-RECEIVED_BYTES_MAX:]
 
     def probe(self, now: int) -> bytes:
-        """A question that another program would answer, when one is due."""
+        """The next question to other programs; empty when none is due."""
         if now < self.probe_at:
             return b""
         self.probe_at = now + PROBE_PERIOD
@@ -83,7 +83,7 @@ class BaudSearch:
         return SIGN_ON if self._probes % 2 else TOPICS
 
     def next_rate(self, now: int) -> None:
-        """Judge what was received, and go on to the next rate, when it is time."""
+        """Update `finding` and change to the next rate, when the time of this one is over."""
         if now < self.next_rate_at:
             return
         self._tries += 1
@@ -103,7 +103,7 @@ def _has_bootloader(received: Mapping[int, bytes]) -> bool:
 
 
 def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
-    """Another program by name; `received` has the bytes that came at each baud rate."""
+    """The known program that answered, or None; `received` holds the bytes of each baud rate."""
     if _has_bootloader(received):
         return Refusal(
             "E-BOARD-BLANK", "only the bootloader answers: the board has no program", FLASH
@@ -119,7 +119,7 @@ def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
 
 
 def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refusal:
-    """Silence, or bytes that mean nothing."""
+    """Nothing was received, or no known program sent it."""
     tried = f"{join_words(rates)} baud"
     if not any(received.values()):
         return Refusal(
@@ -137,7 +137,7 @@ def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refu
 
 
 def wrong_version(version: int) -> Refusal:
-    """Our firmware, with another version of the protocol."""
+    """Our firmware speaks another version of the protocol."""
     fix = FLASH
     if version > frames.VERSION:
         fix = f"upgrade diffbotctl (pip install --upgrade diffbotctl); or {FLASH}, an older one"
@@ -161,7 +161,7 @@ def refused_setting(field: int, refusal: frames.RefusalCode | None) -> Refusal:
 
 
 def settings_timeout(cause: str) -> Refusal:
-    """The board answers, but takes no settings."""
+    """The board answers, but has not accepted the settings in time."""
     return Refusal(
         "E-BOARD-SETTINGS",
         cause or "the board does not answer to its settings",

@@ -1,4 +1,4 @@
-"""Frames of `diffbot` on the wire: COBS(payload + 24-bit checksum) and a zero byte."""
+"""Frames of the protocol `diffbot` on the wire: COBS(payload + 24-bit checksum), zero byte."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ DELIMITER = b"\0"
 
 
 class _Layout(NamedTuple):
-    number: int  # of the type
-    values: tuple[tuple[int, int, int], ...]  # bits before it, mask, sign bit or 0
-    repeated: int  # values at the end that are one field, a tuple; 0 without such a field
+    number: int  # of the frame type
+    values: tuple[tuple[int, int, int], ...]  # shift, mask, sign bit (0: unsigned)
+    repeated: int  # values of the last field, a tuple; 0 when it is no tuple
     size: int  # bytes of payload
 
 
@@ -44,7 +44,7 @@ WIRE_BYTES_MAX = max(WIRE_BYTES.values())
 
 
 def pack(frame: Frame) -> bytes:
-    """The payload of a frame: type, then the fields, from the lowest bit of the first byte up."""
+    """Payload of a frame: type, then the fields, from the lowest bit of the first byte up."""
     layout = _LAYOUTS[type(frame)]
     values: list[int] = []
     for field in frame:
@@ -56,7 +56,7 @@ def pack(frame: Frame) -> bytes:
 
 
 def unpack(payload: bytes) -> Frame | None:
-    """The frame in a payload; None when its type is unknown or its length wrong for the type."""
+    """Frame of a payload; None when its type is unknown or its length is wrong for the type."""
     kind = OF_TYPE.get(payload[0] & (1 << TYPE_BITS) - 1)
     if kind is None or len(payload) != _LAYOUTS[kind].size:
         return None
@@ -79,7 +79,7 @@ _TABLE = tuple(_entry(index) for index in range(256))
 
 
 def checksum(payload: bytes) -> int:
-    """The 24-bit checksum of a payload."""
+    """24-bit checksum of a payload."""
     check = CHECK_START
     for byte in payload:
         check = (check << 8 & 0xFFFFFF) ^ _TABLE[check >> 16 ^ byte]
@@ -87,14 +87,14 @@ def checksum(payload: bytes) -> int:
 
 
 def encode(frame: Frame) -> bytes:
-    """A frame as it goes over the wire."""
+    """Bytes of a frame on the wire."""
     payload = pack(frame)
     stuffed: bytes = cobs.encode(payload + checksum(payload).to_bytes(CHECK_BYTES, "big"))
     return stuffed + DELIMITER
 
 
 class FrameDecoder:
-    """Bytes in, frames out. `received` and `damaged` count whole and refused frames."""
+    """Decodes frames from bytes. `received` counts valid frames, `damaged` discarded ones."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -102,12 +102,10 @@ class FrameDecoder:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that `data` completes, in order."""
+        """Frames that `data` completes, in order."""
         *pieces, rest = (self._rest + data).split(DELIMITER)
-        if (
-            len(rest) > WIRE_BYTES_MAX
-        ):  # a frame that long is damaged already; its tail will be, too
-            rest = rest[:1] * WIRE_BYTES_MAX
+        if len(rest) > WIRE_BYTES_MAX:
+            rest = rest[:1] * WIRE_BYTES_MAX  # too long for a frame; keep it invalid, but short
         self._rest = rest
         frames = []
         for piece in pieces:
@@ -123,7 +121,7 @@ class FrameDecoder:
 
 
 def decode(piece: bytes) -> Frame | None:
-    """The frame between two delimiters, or None when anything about it is wrong."""
+    """Frame of the bytes between two delimiters; None when they are no valid frame."""
     if len(piece) >= WIRE_BYTES_MAX:
         return None
     try:

@@ -1,4 +1,4 @@
-"""What our firmware must know of a robot, in SI units, and its form on the wire."""
+"""Settings that our firmware needs of a robot, in SI units, and the frame that carries them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from diffbotctl.time import MICROSECOND, MILLISECOND
 
 UINT16_MAX = 0xFFFF
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
-FIRST_BAUD = 9600  # of UART1, before any settings
-REFERENCE_V = 5.0  # what an analog reading of full scale means on a Mega 2560
+FIRST_BAUD = 9600  # of UART1, before the board has settings
+REFERENCE_V = 5.0  # full scale of an analog input of a Mega 2560
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ class WheelSettings:
     encoder_reversed: bool = False
     """true when a quadrature encoder counts down going forward"""
     start: float = 0.10
-    """duty that just moves the wheel: kS of the speed loop"""
+    """duty that just moves the wheel, kS of the speed loop"""
     gain: float = 0.086
-    """duty per rad/s above that: kV of the speed loop"""
+    """duty per rad/s above that, kV of the speed loop"""
 
     def fields(self) -> dict[str, int]:
-        """Values of the settings frame's fields, without the side in front of their names."""
+        """Fields of the settings frame, without the prefix `left_` or `right_`."""
         return {
             "reversed": int(self.reversed),
             "encoder_reversed": int(self.encoder_reversed),
@@ -57,17 +57,17 @@ class BoardSettings:
     left: WheelSettings
     right: WheelSettings
     slots: int = 20
-    """counts in a turn of the wheel"""
+    """counts per turn of the wheel"""
     edge: str = "rising"
-    """which flanks count: `rising`, `falling` or `both`"""
+    """edges that count: `rising`, `falling` or `both`"""
     glitch: int = 2_000_000
-    """ns that a level must have lasted for the edge that ends it to count"""
+    """minimum duration (ns) of a level for the edge at its end to count"""
     deadman: int = 300_000_000
-    """ns without a valid command after which the board stops by itself"""
+    """ns without a valid command after which the board stops the motors"""
     telemetry: int = 40
     """state frames a second"""
     edge_times: bool = True
-    """whether frames tell the ages of the last edges"""
+    """whether frames carry the ages of the last edges"""
     proportional: float = 0.0
     """kP, duty per rad/s of error"""
     integral: float = 0.02
@@ -81,25 +81,25 @@ class BoardSettings:
     range_name: str = "range"
     """output port on which its voltage appears"""
     battery_channel: int | None = None
-    """analog channel of the battery's divider"""
+    """analog channel of the battery's voltage divider"""
     battery_divider: float = 1.0
     """battery volts per volt at the pin"""
     battery_low: float = 0.0
-    """V below which the battery counts as low"""
+    """battery voltage (V) below which a low battery is reported"""
     button: int | None = None
     """pin of the stop button"""
     button_high: bool = False
     """true when pressing gives a high level"""
     uart: int = 1
-    """the board's UART that the host talks to: 0 is USB, 1 the radio module"""
+    """the board's UART that the host is connected to: 0 is USB, 1 the radio module"""
     baud: int = FIRST_BAUD
     """baud rate of UART1"""
 
     def frame(self) -> frames.SettingsFrame:
-        """The settings as they are sent and stored.
+        """Settings frame, as it is sent and as the board stores it.
 
-        Raises ValueError for a value that has no form on the wire; whether the board can use it,
-        the board says.
+        Raises ValueError for a value that does not fit its field. The board checks whether it can
+        use the values.
         """
         sides = {"left": self.left, "right": self.right}
         wheels = {
@@ -128,12 +128,12 @@ class BoardSettings:
         )
 
     def mark(self) -> int:
-        """Checksum of the settings, which a board that uses them shows at the handshake."""
+        """Checksum of the settings; a board that uses them sends it in its hello."""
         return checksum(pack(self.frame()))
 
 
 def settings_name(mark: int) -> str:
-    """Four hex digits by which people may compare settings."""
+    """Four hex digits of a checksum, for a person to compare settings."""
     return f"{mark:06X}"[:4]
 
 

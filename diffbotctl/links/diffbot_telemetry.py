@@ -1,4 +1,4 @@
-"""State frames of our firmware, turned into messages: counts unwrapped, times in the host's."""
+"""State frames of our firmware as messages: counts unwrapped, board time mapped to host time."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from diffbotctl.time import SECOND
 WRAP = 1 << 16
 TICK = frames.TICK_NANOSECONDS
 COMMAND_AGE = frames.COMMAND_AGE_NANOSECONDS
-EDGE_TIME_TOLERANCE = 3 * TICK  # the stamp of one edge, from two frames, may differ by rounding
-STATE_NUMBERS = 64  # of state frames
-COMMAND_NUMBERS = 16
-CLOCK_WINDOW = 30 * SECOND  # of board time that the line is laid through
-DRIFT_SPAN_MIN = SECOND  # below, the delays' scatter would pass for drift
-DRIFT_MAX = 0.01  # a ceramic resonator is within half of that
+EDGE_TIME_TOLERANCE = 3 * TICK  # times of one edge from two frames differ by rounding
+STATE_NUMBERS = 64  # sequence numbers of state frames
+COMMAND_NUMBERS = 16  # sequence numbers of commands
+CLOCK_WINDOW = 30 * SECOND  # of board time that the line is fitted to
+DRIFT_SPAN_MIN = SECOND  # in a shorter span the jitter of the delays would look like drift
+DRIFT_MAX = 0.01  # a ceramic resonator is within half of this
 
 State = frames.StateFrame | frames.CountsFrame
 
 
 class SentCommand(NamedTuple):
-    """A command as the board will take it."""
+    """A command in the values that the board receives."""
 
     time: int  # ns, host, when it was written
     left: float
@@ -36,11 +36,11 @@ class SentCommand(NamedTuple):
 
 
 class RawEdge(NamedTuple):
-    """One flank at an encoder's pin, unfiltered."""
+    """One edge at an encoder's pin, unfiltered."""
 
     time: int  # ns, host
     wheel: int  # 0 left, 1 right
-    level: int  # after the flank
+    level: int  # after the edge
 
 
 class _Edge(NamedTuple):
@@ -49,10 +49,10 @@ class _Edge(NamedTuple):
 
 
 class Telemetry:
-    """Follows one board from frame to frame.
+    """Converts the state frames of one board.
 
-    `lost` counts state frames missing from the sequence, `latency` (s) is the last time from the
-    writing of a command to the arrival of its echo.
+    `lost` counts state frames missing from the sequence. `latency` (s) is the time from writing a
+    command to the first frame that shows it, measured last.
     """
 
     def __init__(self, baud: int) -> None:
@@ -66,7 +66,7 @@ class Telemetry:
         self.forget()
 
     def forget(self) -> None:
-        """The board has restarted: no difference may be taken across that."""
+        """Forget counts, times and the clock: those of a restarted board begin again."""
         self.clock.forget()
         self._board_time: int | None = None  # ns, of the newest frame
         self._first_time = 0  # ns, of the first frame
@@ -78,16 +78,16 @@ class Telemetry:
         self._in_force: tuple[int, SentCommand] | None = None
 
     def restarted(self) -> None:
-        """The board shows another start than before."""
+        """The board has restarted since the last frame."""
         self.boots += 1
         self.forget()
 
     def wrote(self, sequence: int, sent: SentCommand) -> None:
-        """A command has been written."""
+        """Note a command that has been written."""
         self._sent[sequence] = sent
 
     def read(self, now: int, frame: State) -> Encoders:
-        """One state frame that arrived at `now`."""
+        """Message of a state frame that arrived at `now`."""
         board_time = self._unwrap_time(now, frame.time)
         self._count_lost(frame.sequence)
         if self._board_time is None or board_time > self._board_time:
@@ -109,13 +109,13 @@ class Telemetry:
 
     @property
     def rate(self) -> float:
-        """State frames a second of the board's time since its start; nan before there were two."""
+        """State frames per second of board time since its start; nan before there were two."""
         if self._board_time is None or self._board_time == self._first_time:
             return float("nan")
         return (self._frames - 1) * SECOND / (self._board_time - self._first_time)
 
     def raw_edges(self, now: int, frame: frames.CaptureFrame) -> list[RawEdge]:
-        """The edges of a capture frame that arrived at `now`; state frames must come as well."""
+        """Edges of a capture frame that arrived at `now`. Needs state frames, for the clock."""
         board_time = self._unwrap_time(now, frame.time % WRAP)
         edges = []
         for entry in frame.edges[: frame.used]:
@@ -129,7 +129,7 @@ class Telemetry:
         return Volts(encoders.time, volts_of(frame.range))
 
     def _unwrap_time(self, now: int, low: int) -> int:
-        """Full board time, the one nearest to what the clocks suggest."""
+        """Board time (ns) from its low 16 bits: the one nearest to the clock's estimate."""
         if self._board_time is None:
             return low * TICK
         expected = self.clock.to_board(now)
@@ -142,10 +142,10 @@ class Telemetry:
         self._sequence = sequence
 
     def _measure_latency(self, now: int, board_time: int, frame: State) -> None:
-        """Measure with the first frame that shows a command of ours.
+        """Measure the latency with the first frame that shows a command of ours.
 
-        There are sixteen numbers, and another host may have driven the board until just now: a
-        command in force since before we wrote that number is not ours.
+        Another host may have sent a command with the same number before: a command in force since
+        before we wrote that number is not ours.
         """
         if frame.command == self._echoed or frame.command_age == frames.COMMAND_AGE_NONE:
             return
@@ -164,7 +164,7 @@ class Telemetry:
         return self._counts[side]
 
     def _edge_time(self, side: int, board_time: int, age: int) -> int | None:
-        """Host time of a wheel's last edge. An edge keeps the time of the first frame with it."""
+        """Host time of a wheel's last edge, computed from the first frame that shows it."""
         edge = self._edges[side]
         if age != frames.AGE_NONE:
             time = board_time - age * TICK
@@ -173,7 +173,7 @@ class Telemetry:
         return edge.host if edge else None
 
     def _command_in_force(self, board_time: int, frame: State) -> tuple[SentCommand, int]:
-        """The command that drives the motors, and the host's time since which its values do."""
+        """Command that drives the motors, and the host time since which its values are in force."""
         kind: CommandKind = "duty" if frame.mode == ModeCode.DUTY else "wheels"
         drives = frame.mode in (ModeCode.SPEED, ModeCode.DUTY)
         sent = self._sent.get(frame.command) if drives else None
@@ -192,18 +192,18 @@ class Telemetry:
 
 
 def volts_of(reading: int) -> float:
-    """Volts at an analog pin; nan where the board has no such sensor."""
+    """Voltage at an analog pin; nan where the board has no such sensor."""
     if reading == frames.ANALOG_NONE:
         return float("nan")
     return reading * REFERENCE_V / frames.ANALOG_ONE
 
 
 class BoardClock:
-    """Maps ns of board time, unwrapped, to ns of host time, from frames and their arrivals alone.
+    """Maps board time to host time, both in ns, from the stamps and arrivals of frames.
 
-    A frame can be late but never early, so the true offset lies below every measured one. The map
-    is a line under all measurements: that edge of their lower convex hull which spans the middle of
-    the window. It is the line with the least sum of distances (Moon, Skelly and Towsley,
+    A frame can be late but never early, so the true offset is below every measured one. The map is
+    a line below all measurements: the edge of their lower convex hull that spans the middle of the
+    window. It is the line with the smallest sum of distances (Moon, Skelly and Towsley,
     "Estimation and removal of clock skew from network delay measurements", INFOCOM 1999).
     """
 
@@ -214,11 +214,11 @@ class BoardClock:
         self._drift = 0.0
 
     def forget(self) -> None:
-        """Begin anew, as after a restart of the board."""
+        """Discard all measurements, as after a restart of the board."""
         self._hull.clear()
 
     def observe(self, board: int, arrival: int) -> None:
-        """A frame stamped `board` could not have arrived before `arrival`; `board` must rise."""
+        """Add a frame: stamp `board` (must increase), earliest possible host time `arrival`."""
         point = (board, arrival - board)
         hull = self._hull
         while len(hull) >= 2 and not _below(hull[-2], hull[-1], point):
@@ -229,11 +229,11 @@ class BoardClock:
         self._fit_line()
 
     def to_host(self, board: int) -> int:
-        """The host's time at which the board's clock showed `board`."""
+        """Host time at board time `board`."""
         return board + self._offset + round(self._drift * (board - self._origin))
 
     def to_board(self, host: int) -> int:
-        """The board's time at the host's time `host`, to the drift's second order."""
+        """Board time at host time `host`; the error is of second order in the drift."""
         board = host - self._offset
         return board - round(self._drift * (board - self._origin))
 
@@ -253,5 +253,5 @@ class BoardClock:
 
 
 def _below(a: tuple[int, int], b: tuple[int, int], c: tuple[int, int]) -> bool:
-    """True when `b` lies below the line from `a` to `c`, and so on the lower hull."""
+    """True when `b` is below the line from `a` to `c`, that is, on the lower hull."""
     return (b[1] - a[1]) * (c[0] - a[0]) < (c[1] - a[1]) * (b[0] - a[0])

@@ -1,10 +1,10 @@
-"""What the serial links have in common: the interface of a link protocol, and the line's capacity.
+"""Common to all serial links: the interface of a link protocol, and the capacity of the line.
 
-A link protocol is sans-IO: it is handed bytes and times, and hands back messages and bytes. Whoever
-calls it may feed it byte by byte; the messages that come out are the same.
+A link protocol is sans-IO: it takes bytes and times, and returns messages and bytes. How the bytes
+are split between calls makes no difference to the messages.
 
-Each direction of the line has its own wire, and telemetry is always the larger load: a board is
-sent at most one command for each frame that it gives, and a command is shorter than any frame.
+Each direction of the line has its own wire. Telemetry is the larger load: the host sends at most
+one command for each frame of the board, and a command is shorter than any frame.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ LinkOutput = list[tuple[str, Message]]
 """(output port, message) pairs, in order"""
 
 CRYSTAL_HZ = 16_000_000  # of both kinds of board
-BITS_PER_BYTE = 10  # on the wire: start, eight, stop
+BITS_PER_BYTE = 10  # on the wire: start bit, eight data bits, stop bit
 USB_BAUD = 115_200  # of the board's USB port, always
 EDGE_FRAME_BYTES = 21  # counts, two edge times, one sensor, command in force, framing, CRC
 COUNT_FRAME_BYTES = 17  # the same without edge times
 ROSSERIAL_FRAME_BYTES = 36  # three messages of 12: left ticks, right ticks, range
-TELEMETRY_LOAD_MAX = 0.9  # of the capacity; time answers, log lines and settings need the rest
+TELEMETRY_LOAD_MAX = 0.9  # of the capacity; replies, log lines and settings need the rest
 
 
 def frame_bytes(protocol: str, has_edge_times: bool) -> int:
-    """Bytes of one telemetry frame."""
+    """Length of one telemetry frame on the wire."""
     if protocol == "rosserial":
         return ROSSERIAL_FRAME_BYTES
     return EDGE_FRAME_BYTES if has_edge_times else COUNT_FRAME_BYTES
 
 
 def capacity(baud: int) -> float:
-    """Bytes a second at `baud` as the board really makes it: its divider is a whole number."""
+    """Bytes per second at the board's actual rate for `baud`: its clock divider is an integer."""
     divider = round(CRYSTAL_HZ / 8 / baud)
     return CRYSTAL_HZ / 8 / divider / BITS_PER_BYTE
 
 
 def baud_of(link: Any) -> int:
-    """The line's baud rate for the `link` section of a robot file."""
+    """Baud rate of the line that the `link` section of a robot file declares."""
     return USB_BAUD if link.uart == 0 else int(link.baud)
 
 
 class Refusal(NamedTuple):
-    """Why the board behind a port cannot be driven, for a person."""
+    """Why the board behind a port cannot be driven: code, cause and fix of an error."""
 
     code: str
     cause: str
@@ -52,18 +52,18 @@ class Refusal(NamedTuple):
 
 
 class LinkProtocol(Protocol):
-    """The host's half of one link to one board. All times are logical nanoseconds."""
+    """Host side of one link to one board. All times are logical nanoseconds."""
 
     baud: int
-    """the rate that the port must have now"""
+    """baud rate that the port must have now"""
     refusal: Refusal | None
-    """set when a board that was never met turns out not to be one that can be driven"""
+    """set when the board cannot be driven; never set after the link was up"""
 
     def opened(self, now: int) -> None:
-        """The port has just been opened, or opened again: forget the peer, start negotiating."""
+        """The port has been opened, or reopened: forget the board and start the handshake."""
 
     def closed(self, now: int, cause: str) -> LinkOutput:
-        """The port is gone, for `cause`: what the graph must hear of it."""
+        """The port is gone, for `cause`; the messages that report it."""
 
     def receive(self, now: int, data: bytes) -> LinkOutput:
         """Take `data` from the port; return (output port, message) pairs, in order.
@@ -72,23 +72,23 @@ class LinkProtocol(Protocol):
         """
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Take a new command. It replaces one that has not gone out yet."""
+        """Take a new command. It replaces one that has not been sent."""
 
     def stop(self, now: int) -> None:
-        """Discard whatever waits and command a stop, repeated until it shows in the telemetry."""
+        """Discard what waits to be sent; send stops until telemetry shows one."""
 
     def due(self) -> int:
-        """When `send` wants to be called next; far in the future when nothing waits."""
+        """Time of the next call of `send` or `on_time`; NEVER when nothing waits."""
 
     def send(self, now: int) -> bytes:
-        """Bytes to write now. At most one frame; pacing by the baud rate is in `due`."""
+        """Bytes to write now, at most one frame; `due` paces the frames by the baud rate."""
 
     def stop_frame(self) -> bytes:
-        """The bytes that stop this board, for whoever must send them when the host has died."""
+        """Bytes that stop this board, for the process that sends them when the host has died."""
 
     def on_time(self, now: int) -> LinkOutput:
-        """What the passing of time alone has to say, such as a link gone stale."""
+        """Messages that are due at `now` without received bytes, such as a link gone stale."""
 
     @property
     def stopped(self) -> bool:
-        """True when the board's own telemetry shows that the last stop took hold."""
+        """True when the board's telemetry shows that the last stop is in force."""

@@ -1,4 +1,4 @@
-"""Frames of the rosserial wire protocol, version 2: written, and found again in a damaged stream.
+"""Frames of the rosserial wire protocol, version 2: encoder, and decoder of a damaged stream.
 
 A frame is ff fe, the payload's length (16 bits, little endian), 255 less the sum of those two
 bytes, the topic's number (16 bits, little endian), the payload, and 255 less the sum of topic and
@@ -12,14 +12,14 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import NamedTuple
 
-SYNC, VERSION = 0xFF, 0xFE  # the second byte tells protocol 2 (since rosserial 0.5) from others
+SYNC, VERSION = 0xFF, 0xFE  # FE: protocol 2, since rosserial 0.5
 HEADER_BYTES = 7  # bytes before the payload
-OVERHEAD_BYTES = HEADER_BYTES + 1  # and the sum behind it
+OVERHEAD_BYTES = HEADER_BYTES + 1  # and the checksum after it
 PAYLOAD_BYTES_MAX = 512  # the client library's buffer on a Mega, the largest it has
 
 
 class CandidateState(Enum):
-    """What is known of bytes that may be a frame."""
+    """State of a frame candidate: bytes from a sync byte on."""
 
     FALSE = auto()
     OPEN = auto()  # more bytes are needed
@@ -27,14 +27,14 @@ class CandidateState(Enum):
 
 
 class RosserialFrame(NamedTuple):
-    """One frame whose sums were right."""
+    """One frame with valid checksums."""
 
     topic: int
     payload: bytes
 
 
 def encode(topic: int, payload: bytes = b"") -> bytes:
-    """The bytes of one frame. Raises struct.error when topic or length exceed 16 bits."""
+    """Bytes of one frame. Raises struct.error when topic or length exceeds 16 bits."""
     length = struct.pack("<H", len(payload))
     body = struct.pack("<H", topic) + payload
     return bytes((SYNC, VERSION)) + length + _check(length) + body + _check(body)
@@ -45,41 +45,41 @@ def _check(data: bytes) -> bytes:
 
 
 def any_length(topic: int, length: int) -> bool:
-    """A rule for `Decoder` while nothing is known of the topics."""
+    """Default of `RosserialDecoder.plausible`: accepts every topic."""
     return length <= PAYLOAD_BYTES_MAX
 
 
 class RosserialDecoder:
-    """Finds frames in bytes as they come; how the bytes are cut into pieces makes no difference.
+    """Decodes frames; how the bytes are split between calls makes no difference.
 
-    Every ff may start a frame, and all such candidates are followed side by side. So a false header
-    never holds back the intact frames that its length claims to contain; when one of them is
-    complete, the candidates that began before it were false. `plausible(topic, length)` says
-    whether a payload of that length may belong to that topic; what it denies is not waited for.
+    Every ff may start a frame, and all such candidates are followed in parallel. So a false header
+    does not delay the intact frames within its claimed length; when one of them is complete, the
+    candidates that began before it were false. `plausible(topic, length)` returns whether a payload
+    of that length may belong to that topic; other candidates are dropped.
     """
 
     def __init__(self, plausible: Callable[[int, int], bool] = any_length) -> None:
         self.plausible = plausible
         self.frames = 0
-        self._taken = 0  # bytes that belonged to delivered frames
+        self._taken = 0  # bytes of delivered frames
         self._seen = 0
-        self._covered = 0  # position in the stream behind the last delivered frame
-        self._buffer = bytearray()  # from the oldest candidate on
-        self._starts: list[int] = []  # of the candidates, in the buffer, oldest first
+        self._covered = 0  # position in the stream after the last delivered frame
+        self._buffer = bytearray()  # starts at the oldest candidate
+        self._starts: list[int] = []  # offsets of the candidates in the buffer, oldest first
 
     @property
     def damaged(self) -> int:
-        """Bytes thrown away so far: in no intact frame, and in none that may yet become one."""
+        """Bytes discarded so far: neither of a valid frame nor of an open candidate."""
         waiting = self._seen - max(self._covered, self._seen - len(self._buffer))
         return self._seen - self._taken - waiting
 
     def clear(self) -> None:
-        """Give up what is half read, as after the port was opened again."""
+        """Discard incomplete frames, as after the port was reopened."""
         self._buffer.clear()
         self._starts.clear()
 
     def feed(self, data: bytes) -> list[RosserialFrame]:
-        """Take more bytes of the stream; return the frames that they complete."""
+        """Frames that `data` completes, in order."""
         frames: list[RosserialFrame] = []
         place, end = 0, len(data)
         while place < end:
@@ -107,8 +107,9 @@ class RosserialDecoder:
         return frames
 
     def _whole(self, data: bytes, start: int) -> int:
-        """Size of the intact frame that lies in `data` from `start` on, if nothing in it may start
-        another; 0 when each byte has to be looked at. Most frames come so, and this costs a fifth.
+        """Size of the valid frame at `start` of `data`, when no other can start within it; else 0.
+
+        A fast path for most frames: it takes a fifth of the time of going byte by byte.
         """
         if start + OVERHEAD_BYTES > len(data) or data[start] != SYNC or data[start + 1] != VERSION:
             return 0
@@ -124,7 +125,7 @@ class RosserialDecoder:
         return OVERHEAD_BYTES + length if self.plausible(topic, length) else 0
 
     def _advance(self) -> RosserialFrame | None:
-        """Let every candidate judge the newest byte; return the frame that it completes."""
+        """Check the newest byte with every candidate; return the frame that it completes."""
         frame = None
         alive: list[int] = []
         for start in self._starts:
@@ -173,7 +174,7 @@ class RosserialDecoder:
         return RosserialFrame(body[0] | body[1] << 8, bytes(body[2:]))
 
     def _forget(self) -> None:
-        """Drop what lies before the oldest candidate."""
+        """Drop the bytes before the oldest candidate."""
         if not self._starts:
             self._buffer.clear()
         elif self._starts[0]:

@@ -1,8 +1,8 @@
-"""The host's half of rosserial, protocol version 2, for boards that run the book's firmware.
+"""Host side of rosserial, protocol version 2, for boards that run the book's firmware.
 
-Such a board acknowledges nothing, loses a quarter of the commands by itself, and has no dead-man's
-stop. So everything said to it is repeated: the question for its topics until all needed ones are
-known, the speeds 20 times a second, a stop until the ticks cease to change.
+Such a board acknowledges nothing, loses a quarter of the commands, and has no dead-man stop. So the
+host repeats everything: the request for the topics until all needed ones are known, the duties 20
+times a second, a stop until the counts no longer change.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from diffbotctl.messages import Duty, Encoders, Link, LinkState, Message, Text, 
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 ANSWER_TIMEOUT = 570 * MILLISECOND  # a full answer takes 0.55 s at 9600 baud
-# By then a third of an answer has come, and some of it undamaged.
+# A third of an answer arrives in this time, and part of it undamaged.
 FIRST_ANSWER_TIMEOUT = 300 * MILLISECOND
 FLUSH_QUESTIONS_MIN = 3  # questions without an answer
-FLUSH = bytes(128)  # the longest false frame, 512 bytes, is over after four of them
-TIME_TIMEOUT = 3 * SECOND  # the board asks for the time every 2.5 s, and falls silent after 11 s
+FLUSH = bytes(128)  # four of them end the longest false frame, 512 bytes
+TIME_TIMEOUT = 3 * SECOND  # the board asks for the time every 2.5 s and stops sending after 11 s
 TIME_PERIOD = SECOND
 STALE_TIMEOUT = SECOND  # without ticks; the board is asked for its topics again
 PAIR_TIMEOUT = 40 * MILLISECOND  # both ticks of one pass arrive 12.5 ms apart at 9600 baud
@@ -51,7 +51,7 @@ EMPTY_PARAMETER = struct.pack("<III", 0, 0, 0)  # no integers, no floats, no tex
 
 
 class RosserialHost:
-    """Speaks to one board; a `LinkProtocol`.
+    """Host side of the link to one board. Fulfils LinkProtocol.
 
     `rate`: counts/s of a wheel at rated speed. `sensor`: output port for the distance's `Volts`.
     `command_delay`: ns from sending a speed to the motor. `wire_time`: ns from counting to the
@@ -72,7 +72,7 @@ class RosserialHost:
         self.topics = Topics(self.names)
         self.decoder = RosserialDecoder(self.topics.plausible)
         self.baud = baud
-        self.refusal: Refusal | None = None  # it goes on asking: such a board may miss any question
+        self.refusal: Refusal | None = None  # never set: such a board may miss any question
         self.byte_time = BITS_PER_BYTE * SECOND // baud
         self.speeds = SpeedSender(command_delay, self.byte_time)
         self.counts = {
@@ -83,23 +83,23 @@ class RosserialHost:
         self.state: LinkState = "opening"
         self.cause, self.boot = "", 0
         self._replies: deque[bytes] = deque()
-        self._tick_arrivals: dict[str, int] = {}  # of ticks that wait for the other wheel's
+        self._tick_arrivals: dict[str, int] = {}  # arrival of ticks that wait for the other wheel's
         self._last_counts: tuple[int, int] | None = None  # counts of the last Encoders
         self._encoders_at = self._moved_at = 0
-        self._silent = True  # nothing but answers has come since the port was opened or went stale
+        self._silent = True  # only answers have arrived since the port was opened or went stale
         self._answered_in_silence = False
         self._stopping, self._stopped = False, False
-        self._stop_sent_at: int | None = None  # when the first pair of the stop under way was sent
+        self._stop_sent_at: int | None = None  # when the first pair of the present stop was sent
         self._line_free_at = 0
         self._ask_at = self._report_at = self._time_at = NEVER
         self._unanswered = 0  # questions since the last answer
-        self._question_end = 0  # when the last question had left
+        self._question_end = 0  # when the last question was sent completely
         self._reported = ("", "")
 
-    # What the driver asks for
+    # --- requests of the driver ---
 
     def opened(self, now: int) -> None:
-        """Forget the board's topics and ask for them. What was counted stays comparable."""
+        """Forget the board's topics and ask for them. The counts continue."""
         self.topics.clear()
         self.decoder.clear()
         self._replies.clear()
@@ -120,21 +120,21 @@ class RosserialHost:
         return [self._report(now)]
 
     def receive(self, now: int, data: bytes) -> LinkOutput:
-        """Take bytes of the board."""
+        """Take bytes; return the messages that they complete."""
         output: LinkOutput = []
         for frame in self.decoder.feed(data):
             output += self._on_frame(now, frame)
         return output + self._link_output(now)
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Take a new duty. Raises TypeError for Wheels, which this board cannot regulate."""
+        """Take a new duty. Raises TypeError for Wheels: this board has no speed loop."""
         if not isinstance(command, Duty):
             raise TypeError("a board with rosserial firmware takes Duty, not Wheels")
         self._stopping = self._stopped = False
         self.speeds.set_target(now, command.left, command.right)
 
     def stop(self, now: int) -> None:
-        """Stop, and repeat it. The driver has thrown away what was not yet on the wire."""
+        """Send stops until the wheels stand. The driver has discarded unsent bytes."""
         if not self._stopping:
             self._stopped, self._stop_sent_at = False, None
         self._stopping = True
@@ -144,17 +144,17 @@ class RosserialHost:
 
     @property
     def stopped(self) -> bool:
-        """True when no tick has come for 0.3 s since the stop, though ticks messages did."""
+        """True when the counts have not changed for 0.3 s since the stop, while they arrived."""
         return self._stopped
 
     def due(self) -> int:
-        """When there is something to send or to say."""
+        """Time of the next call of `send` or `on_time`."""
         if self.state in ("opening", "lost"):
             return NEVER
         return min(max(self._line_free_at, self._next_send_at()), self._next_report_at())
 
     def send(self, now: int) -> bytes:
-        """One frame, or one pair of speeds; nothing while the wire is still busy."""
+        """One frame, or one pair of duties; nothing while the line is busy."""
         if now < self._line_free_at or now < self._next_send_at():
             return b""
         if self._replies:
@@ -170,7 +170,7 @@ class RosserialHost:
         return data
 
     def on_time(self, now: int) -> LinkOutput:
-        """Silence, and the report of each second."""
+        """Check for missing ticks; report the link each second."""
         if self.state == "up" and now >= self._encoders_at + STALE_TIMEOUT:
             self.state = "stale"
             self._ask_at = now
@@ -179,11 +179,11 @@ class RosserialHost:
         return self._link_output(now)
 
     def stop_frame(self) -> bytes:
-        """The bytes that stop this board, or none while its topics are not known."""
+        """Bytes that stop this board; empty while its topics are not known."""
         topics = self._speed_topics()
         return pair_frames(topics, 0, 0) if topics else b""
 
-    # What is to be sent
+    # --- writing ---
 
     def _speed_topics(self) -> tuple[int, int] | None:
         names = (self.names.left_speed, self.names.right_speed)
@@ -198,8 +198,11 @@ class RosserialHost:
         return min(self._ask_at, self._time_at, speeds)
 
     def _question(self, now: int) -> bytes:
-        """The question for the topics. A board that does not answer may be reading a frame whose
-        damaged length swallows the questions: it gets its fill of zeros, which start no frame."""
+        """The request for the topics.
+
+        A board that does not answer may be reading a frame whose damaged length includes the
+        questions: zeros, which start no frame, fill it.
+        """
         flush = FLUSH if self._unanswered >= FLUSH_QUESTIONS_MIN else b""
         question = flush + encode(REQUEST)
         self._unanswered += 1
@@ -221,12 +224,14 @@ class RosserialHost:
         moving = self.state == "up" and not self._stopping
         return self.speeds.next_frames(now, topics, moving, urgent)
 
-    # What the board says
+    # --- reading ---
 
     def _on_frame(self, now: int, frame: RosserialFrame) -> LinkOutput:
         topic, payload = frame
         if topic in (PUBLISHER, SUBSCRIBER, TIME) and self._ask_at != NEVER:
-            self._ask_at = max(self._ask_at, self._question_end + ANSWER_TIMEOUT)  # it is answering
+            self._ask_at = max(
+                self._ask_at, self._question_end + ANSWER_TIMEOUT
+            )  # the board is answering
         if topic in (PUBLISHER, SUBSCRIBER):
             self._on_topic(now, topic, payload)
         elif topic == TIME:
@@ -248,7 +253,7 @@ class RosserialHost:
         if self._silent:
             self._answered_in_silence = True
         if self.topics.complete and not before:
-            self._ask_at = now + STALE_TIMEOUT  # ticks must follow, else something is still wrong
+            self._ask_at = now + STALE_TIMEOUT  # ask again when no ticks follow
 
     def _on_data(self, now: int, topic: int, payload: bytes) -> LinkOutput:
         name = next((n for n, number in self.topics.numbers.items() if number == topic), None)
@@ -258,7 +263,7 @@ class RosserialHost:
             self._silent = False
             return [(self.sensor, self._volts(now, struct.unpack("<f", payload)[0]))]
         if name is None and not self._answered_in_silence:
-            self._silent = False  # it was publishing before it was asked: it has not restarted
+            self._silent = False  # it published before it was asked: no restart
         return []
 
     def _on_ticks(self, now: int, name: str, raw: int) -> LinkOutput:
@@ -312,16 +317,16 @@ class RosserialHost:
         self._tick_arrivals.clear()
 
     def _board_restarted(self) -> None:
-        """The board counts anew, so that no difference may be taken across this moment."""
+        """The board counts from a new base: `boot` marks that differences across it are invalid."""
         self._tick_arrivals.clear()
         if self._last_counts is not None:
             self.boot += 1
             self._last_counts = None
 
-    # What the graph hears of the link
+    # --- link messages ---
 
     def _link_output(self, now: int) -> LinkOutput:
-        """A Link where something has changed, or a second has passed."""
+        """A Link message when the state has changed or the report is due."""
         if self.state in ("opening", "lost"):
             return []
         self.cause = self._find_cause()
@@ -353,13 +358,13 @@ class RosserialHost:
 
 
 def _time_answer(now: int) -> bytes:
-    """The answer to a time request: seconds and nanoseconds, 32 bits each."""
+    """Reply to a time request: seconds and nanoseconds, 32 bits each."""
     seconds, nanoseconds = divmod(now, SECOND)
     return encode(TIME, struct.pack("<II", seconds % (1 << 32), nanoseconds))
 
 
 def _log_text(now: int, payload: bytes) -> LinkOutput:
-    """A log message: its level, and a text behind a length of 32 bits."""
+    """Text of a log message: level, length (32 bits), text."""
     if len(payload) < 5 or payload[0] >= len(LEVELS):
         return []
     text = payload[5:].decode("utf-8", "replace")

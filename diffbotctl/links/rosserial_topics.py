@@ -1,7 +1,7 @@
-"""Which number stands for which topic: what a rosserial board tells of itself, gathered bit by bit.
+"""Topic numbers of a rosserial board, collected from its answers.
 
-The board acknowledges nothing and its answers may be lost or damaged, so the table is filled over
-as many requests as it takes.
+The board acknowledges nothing and its answers may be lost or damaged, so the table is completed over
+several requests.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 from diffbotctl.links.rosserial_frames import PAYLOAD_BYTES_MAX
 
-REQUEST = 0  # towards the board: tell me your topics
+REQUEST = 0  # to the board: send your topics
 PUBLISHER, SUBSCRIBER = 0, 1  # from the board: one TopicInfo
 SERVICES = (2, 3, 4, 5)
 PARAMETER, LOG, TIME = 6, 7, 10
-FIRST_TOPIC = 100  # numbers of a board's own topics start here, its subscribers first
+FIRST_TOPIC = 100  # numbers of a board's topics start here, its subscribers first
 INFO_BYTES_MIN = 2 + 3 * 4 + 4  # bytes of a TopicInfo whose three texts are empty
 
 INT32 = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7")
@@ -27,7 +27,7 @@ SIZES = {INT32: 4, FLOAT32: 4, BOOL: 1, EMPTY: 0}  # bytes of payload
 
 
 class TopicNames(NamedTuple):
-    """What the sketch calls its topics. An empty name means that the sketch has no such topic."""
+    """Names of the sketch's topics. An empty name means that the sketch has no such topic."""
 
     left_ticks: str = "left_ticks"
     right_ticks: str = "right_ticks"
@@ -38,7 +38,7 @@ class TopicNames(NamedTuple):
 
 
 class RosserialTopicInfo(NamedTuple):
-    """What the board says of one topic. `kind` is the message type and its md5."""
+    """Description of one topic by the board. `kind` is the message type and its MD5."""
 
     number: int
     name: str
@@ -47,7 +47,7 @@ class RosserialTopicInfo(NamedTuple):
 
 
 def read_topic_info(payload: bytes) -> RosserialTopicInfo | None:
-    """A TopicInfo from its bytes, or None where they do not add up. Leading slashes are dropped."""
+    """TopicInfo of a payload, None when its length is wrong. Leading slashes are dropped."""
     texts: list[str] = []
     at = 2
     for _ in range(3):
@@ -64,7 +64,7 @@ def read_topic_info(payload: bytes) -> RosserialTopicInfo | None:
 
 
 class Topics:
-    """The numbers found so far. `problems`: what is wrong with the sketch's own declarations."""
+    """Numbers known so far. `problems`: what is wrong with the sketch's declarations."""
 
     def __init__(self, names: TopicNames) -> None:
         self.publishers = {name.lstrip("/") for name in names[:3]} - {""}
@@ -76,7 +76,7 @@ class Topics:
         self.numbers: dict[str, int] = {}
         self.sizes: dict[int, int] = {}  # bytes of payload of each known publisher
         self.problems: dict[str, str] = {}
-        self._named_subscribers: dict[int, str] = {}  # subscribers by number, wanted or not
+        self._named_subscribers: dict[int, str] = {}  # by number, needed or not
 
     def clear(self) -> None:
         """Forget the board."""
@@ -84,10 +84,10 @@ class Topics:
             table.clear()
 
     def learn(self, role: int, payload: bytes) -> bool:
-        """Take a TopicInfo; False where it is damaged or cannot be right.
+        """Take a TopicInfo; False when it is damaged or contradicts an earlier one.
 
-        `role` is PUBLISHER or SUBSCRIBER. Two topics never share a number: what contradicts an
-        earlier answer drops that one too, since either may be the damaged one.
+        `role` is PUBLISHER or SUBSCRIBER. Two topics never share a number: of two contradicting
+        answers both are dropped, since either may be the damaged one.
         """
         info = read_topic_info(payload)
         if info is None or info.number < FIRST_TOPIC or info.buffer <= 0:
@@ -108,7 +108,7 @@ class Topics:
         return True
 
     def plausible(self, topic: int, length: int) -> bool:
-        """Whether the board can send `length` bytes on `topic`, by all that is known."""
+        """Whether the board can send `length` bytes on `topic`, as far as is known."""
         if topic in (PUBLISHER, SUBSCRIBER, *SERVICES):
             return INFO_BYTES_MIN <= length <= PAYLOAD_BYTES_MAX
         if topic == TIME:
@@ -121,19 +121,19 @@ class Topics:
 
     @property
     def missing(self) -> list[str]:
-        """Names still unknown, in alphabetical order."""
+        """Names without a number, in alphabetical order."""
         return sorted((self.publishers | self.subscribers) - self.numbers.keys())
 
     @property
     def complete(self) -> bool:
-        """Everything needed is known, and no subscriber's number can be a damaged one."""
+        """True when all numbers are known and those of the subscribers are confirmed."""
         return not self.missing and self.are_confirmed(self.subscribers)
 
     def are_confirmed(self, names: Iterable[str]) -> bool:
-        """These subscribers are known, and their numbers cannot come from a bit error.
+        """True when the numbers of these subscribers are known and cannot come from a bit error.
 
-        A board numbers its subscribers from 100 without a gap, and a damaged number leaves one.
-        Commands sent to a number that the board did not give make it call outside its table.
+        A board numbers its subscribers from 100 without a gap, and a damaged number leaves a gap.
+        A command to a number that the board did not assign makes it jump outside its table.
         """
         numbers = [self.numbers.get(name) for name in names]
         if None in numbers:
@@ -142,7 +142,7 @@ class Topics:
         return all(number in self._named_subscribers for number in range(FIRST_TOPIC, last + 1))
 
     def _number_is_free(self, info: RosserialTopicInfo) -> bool:
-        """Drop other names that claim the same number."""
+        """True when no other name has this number; drops other names that have it."""
         free = self._named_subscribers.get(info.number, info.name) == info.name
         for name in [n for n, number in self.numbers.items() if number == info.number]:
             if name != info.name:

@@ -11,22 +11,22 @@ from typing import NamedTuple
 from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
-# Repeated 20 times a second, since the board loses a quarter of single frames. Unevenly: a board
-# whose loop takes 20 ms loses the frames that straddle two passes, and would lose the same one of
-# each pair for long.
+# Sent 20 times a second, since the board loses a quarter of single frames. The periods differ: a
+# board whose loop takes 20 ms loses the frames that straddle two passes, and with a constant period
+# would lose the same frame of each pair for a long time.
 SEND_PERIODS = (41 * MILLISECOND, 52 * MILLISECOND, 57 * MILLISECOND)
-GAP_BYTES = 28  # bytes' time between two pairs of 24: the replies need room
-PWM_MAX = 255  # of duty 1
-RATE_MARGIN = 1.5  # over the rated speed: a light robot, a full battery, one bounce in two counts
+GAP_BYTES = 28  # minimum time between two pairs, in byte times: 24 of the pair, and replies
+PWM_MAX = 255  # PWM value of duty 1
+RATE_MARGIN = 1.5  # light robot, full battery, one bounce per two counts
 LOOP_TIME = 50 * MILLISECOND  # a count's age varies by about one pass of the sketch's loop
-GAP_TIME_MAX = 400 * MILLISECOND  # after a longer gap a damaged value may be within reach
-COUNT_TOLERANCE = 2  # the edge that is just due, and a bounce of it
+GAP_TIME_MAX = 400 * MILLISECOND  # after a longer gap a damaged value may be plausible
+COUNT_TOLERANCE = 2  # the edge that is due, and a bounce of it
 INT16 = 1 << 15
 WRAPS = (0, 1 << 16, -(1 << 16), 1 << 32, -(1 << 32))
 
 
 class SpeedInForce(NamedTuple):
-    """The duties assumed to be in force on the board, and since when (ns; None: always)."""
+    """Duties assumed to be in force on the board, and since when (ns; None: from the start)."""
 
     left: float
     right: float
@@ -34,10 +34,10 @@ class SpeedInForce(NamedTuple):
 
 
 class SpeedSender:
-    """The duties to send, those that were sent, and those in force by now.
+    """Sends duties to both wheels and keeps track of those in force.
 
-    The board echoes nothing: a command is assumed to take effect `delay` ns after it was sent.
-    `byte_time` is what a byte takes on the wire, in ns.
+    The board echoes no command: it is assumed to take effect `delay` ns after it was sent.
+    `byte_time` is the time of a byte on the wire, in ns.
     """
 
     def __init__(self, delay: int, byte_time: int) -> None:
@@ -50,19 +50,21 @@ class SpeedSender:
         self._sent: deque[tuple[int, int, int]] = deque([(-NEVER, 0, 0)])
 
     def set_target(self, now: int, left: float, right: float) -> None:
-        """Replace what waits by these duties, -1 to 1; what is not a number is 0."""
+        """Set the duties to send, -1 to 1; a value that is not finite is sent as 0."""
         target = (_pwm(left), _pwm(right))
         if target != self._target:
             self._target = target
             self.due = min(self.due, max(now, self._sent_at + self._gap))
 
     def send_at(self, now: int) -> None:
-        """Send again at `now`, not only after the usual period."""
+        """Send the next pair at `now` instead of after the usual period."""
         self.due = now
 
     def next_frames(self, now: int, topics: tuple[int, int], moving: bool, urgent: bool) -> bytes:
-        """The pair to write now, for the board's topics `topics`; zeros unless `moving`. The next
-        is due after the usual period, or when `urgent` as soon as the wire is free."""
+        """Pair of frames to write now, to the topic numbers `topics`; zeros unless `moving`.
+
+        The next is due after the usual period, or when `urgent` as soon as the line is free.
+        """
         left, right = self._target if moving else (0, 0)
         self._period = (self._period + 1) % len(SEND_PERIODS)
         self._sent_at = now
@@ -72,7 +74,7 @@ class SpeedSender:
         return pair_frames(topics, left, right)
 
     def in_force(self, now: int) -> SpeedInForce:
-        """By what was sent and when."""
+        """Duties in force at `now`, from what was sent and when."""
         while len(self._sent) > 1 and self._sent[1][0] <= now:
             self._sent.popleft()
         since, left, right = self._sent[0]
@@ -80,7 +82,7 @@ class SpeedSender:
 
 
 def pair_frames(topics: tuple[int, int], left: int, right: int) -> bytes:
-    """Frames for both wheels, back to back: never one wheel without the other."""
+    """Frames for both wheels, back to back: the wheels are never commanded singly."""
     return b"".join(
         encode(topic, struct.pack("<i", value))
         for topic, value in zip(topics, (left, right), strict=True)
@@ -94,11 +96,11 @@ def _pwm(duty: float) -> int:
 
 
 class TickVerdict(StrEnum):
-    """What `TickUnwrapper` makes of a value."""
+    """Result of `TickUnwrapper.take`."""
 
     COUNTED = auto()
-    SUSPECT = auto()  # held back until the next one agrees
-    ANEW = auto()  # counting restarted: `value` has nothing to do with the one before
+    SUSPECT = auto()  # not counted unless the next value agrees with it
+    ANEW = auto()  # counting restarted: `value` has a new base
 
 
 class TickUnwrapper:
@@ -121,11 +123,11 @@ class TickUnwrapper:
         self._suspect: tuple[int, int] | None = None
 
     def reach(self, elapsed: int) -> int:
-        """The most counts that the wheel can make in `elapsed` ns."""
+        """Maximum counts of the wheel in `elapsed` ns."""
         return floor(self.rate * RATE_MARGIN * (elapsed + LOOP_TIME) / SECOND) + COUNT_TOLERANCE
 
     def take(self, now: int, raw: int) -> TickVerdict:
-        """Judge a value that arrived at `now`."""
+        """Check and count a value that arrived at `now`."""
         self.taken += 1
         step = self._step(self._last, now, raw) if self._based else None
         confirmed = self._suspect is not None and self._step(self._suspect, now, raw) is not None
@@ -142,24 +144,24 @@ class TickUnwrapper:
         return TickVerdict.SUSPECT
 
     def rebase(self) -> None:
-        """The board has restarted: start from its next two values that agree."""
+        """The board has restarted: count from its next two values that agree."""
         if self._based:
             self._based = False
             if self._suspect is None:
                 self._suspect = self._last
 
     def forget(self) -> None:
-        """As `rebase`, where not even the last value may count as one of the two."""
+        """As `rebase`, but the last value is not one of the two."""
         self._based, self._suspect = False, None
 
     def _accept(self, now: int, raw: int) -> None:
         self._last, self._suspect = (now, raw), None
 
     def _step(self, since: tuple[int, int], now: int, raw: int) -> int | None:
-        """Counts from an earlier value to this one, or None where the wheel cannot have made them.
+        """Counts from an earlier value to this one; None when the wheel cannot have made them.
 
         The published sketch counts in 16 bits and sends 32. A value outside 16 bits after one
-        inside is no wrap of such a counter, which damage could otherwise pass for.
+        inside is no wrap of such a counter; damage could otherwise look like one.
         """
         then, before = since
         reach = self.reach(now - then)

@@ -5,20 +5,20 @@ from __future__ import annotations
 BAUD = 115200
 SIGN_ON, LEAVE = 0x01, 0x11
 BOOTLOADER_NAME = b"AVRISP_2"
-"""in its reply to a sign-on"""
+"""part of its reply to a sign-on"""
 BODY_BYTES_MAX = 512
 START, TOKEN = 0x1B, 0x0E
 HEADER_BYTES, PARITY_BYTES = 5, 1
 
 
 def message(sequence: int, body: bytes) -> bytes:
-    """A command or a reply on the wire."""
+    """Bytes of a command or a reply on the wire."""
     header = bytes([START, sequence & 0xFF, *len(body).to_bytes(2, "big"), TOKEN])
     return header + body + bytes([parity(header + body)])
 
 
 def parity(data: bytes) -> int:
-    """All bytes, exclusive-or; 0 over a whole message."""
+    """Exclusive-or of all bytes; 0 over a whole message."""
     value = 0
     for byte in data:
         value ^= byte
@@ -26,13 +26,13 @@ def parity(data: bytes) -> int:
 
 
 class ReplyParser:
-    """Bytes in, bodies of replies out; anything else is skipped."""
+    """Decodes replies; skips other bytes."""
 
     def __init__(self) -> None:
         self._data = b""
 
     def feed(self, data: bytes, sequence: int) -> bytes | None:
-        """The body of the reply with this sequence number, once it is complete."""
+        """Body of the reply with this sequence number, None until it is complete."""
         self._data += data
         while (start := self._data.find(START)) >= 0:
             self._data = self._data[start:]
