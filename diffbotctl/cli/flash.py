@@ -89,13 +89,31 @@ def _agreed() -> bool:
 
 
 def _show(events: Iterable[JobEvent]) -> None:
-    from diffbotctl.ui.progress import show_progress
-
     try:
-        show_progress(events)
+        _show_progress(events)
     except KeyboardInterrupt:
         click.echo(INTERRUPTED, err=True)
         raise click.Abort from None
+
+
+def _show_progress(events: Iterable[JobEvent]) -> None:
+    """Progress of a job: a bar on a terminal, plain lines without one."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    from diffbotctl.board.session import JobMessage
+
+    console = Console(highlight=False)
+    columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+        tasks = {}
+        for event in events:
+            if isinstance(event, JobMessage):
+                bars.console.print(event.text, markup=False)
+                continue
+            if event.what not in tasks:
+                tasks[event.what] = bars.add_task(event.what, total=event.total)
+            bars.update(tasks[event.what], completed=event.done)
 
 
 @click.command()
@@ -110,7 +128,7 @@ def _show(events: Iterable[JobEvent]) -> None:
 )
 def blink(port: str, robot: str | None, times: int) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
-    from diffbotctl.board.blink import blink
+    from diffbotctl.board.jobs import blink
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import diffbot_host

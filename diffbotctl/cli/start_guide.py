@@ -205,7 +205,7 @@ class SetupGuide:
                 raise StopGuide(NO_BOARD) from None
 
     def _flash_firmware(self) -> None:
-        from diffbotctl.board.session import is_diffbot
+        from diffbotctl.board.jobs import is_diffbot
         from diffbotctl.cli import flash
 
         robot = self._file().robot

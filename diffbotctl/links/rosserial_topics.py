@@ -1,7 +1,7 @@
 """Topic numbers of a rosserial board, collected from its answers.
 
-The board acknowledges nothing and its answers may be lost or damaged, so the table is completed over
-several requests.
+The board acknowledges nothing and its answers may be lost or damaged, so the table is completed
+over several requests.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
 from diffbotctl.flash import stk500
 from diffbotctl.flash.flasher import Bootloader, flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex
-from diffbotctl.flash.stk500 import BootloaderRequest, FlashProgress
-from diffbotctl.links.stk500_frames import ReplyParser, message
+from diffbotctl.flash.stk500 import BootloaderRequest
+from diffbotctl.links.stk500_frames import BAUD, ReplyParser, message
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.trials import flash as flash_module
