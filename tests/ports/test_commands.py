@@ -88,7 +88,7 @@ def test_a_free_board_is_listed(machine):
     code, said = run("ports", "--root", machine.root)
     assert code == 0
     assert "/dev/ttyACM0 Arduino Mega 2560" in said
-    assert "always called /dev/serial/by-id/usb-Arduino-if00" in said
+    assert "stable name /dev/serial/by-id/usb-Arduino-if00" in said
     assert "free, and you may use it" in said
 
 

@@ -41,7 +41,7 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
     """The example in ports.md, made again: for ana, who is in no group."""
     import os
 
-    from diffbotctl.cli.ports import _show
+    from diffbotctl.cli.ports import _print_report
     from diffbotctl.ports.access import SystemUser
     from diffbotctl.ports.diagnosis import survey_ports
     from diffbotctl.testing.fake_machine import MEGA, FakeMachine
@@ -52,7 +52,7 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
 
     @click.command()
     def show():
-        _show(seen.reports[0])
+        _print_report(seen.reports[0], False)
 
     from click.testing import CliRunner
 
