@@ -56,7 +56,7 @@ def costs(folder: Path) -> Iterator[Row]:
     before, began = spent(drain.process.pid), time.perf_counter()
     drain.for_so_long(WATCHED)
     share = 100 * (spent(drain.process.pid) - before) / (time.perf_counter() - began)
-    driving = moves(client.ask("status"))
+    driving = moves(client.request("status"))
     drain.close()
     client.close()
     yield Row(
@@ -107,7 +107,7 @@ def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Rando
             )
             terminal.process.send_signal(signal.SIGCONT)
         (folder / "port").unlink()
-        client.ask("resume")
+        client.request("resume")
     client.close()
     return Row(
         f"teleop, {mode}, {way}: {how}",

@@ -42,7 +42,7 @@ def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
         folder, setup, assembly, facts, lambda: None, lambda said: None, print
     )
     with patch.dict(os.environ, {"XDG_RUNTIME_DIR": str(folder)}):
-        station = RunControlSocket(SocketOptions("load"), setup, assembly, "sim", keeper=keeper)
+        station = RunControlSocket(SocketOptions("load"), setup, assembly, "sim", store=keeper)
     try:
         yield flight, station, assembly
     finally:
@@ -81,10 +81,10 @@ def answers(path: Path) -> Iterator[float]:
     with socket.socket(socket.AF_UNIX) as client, client.makefile("rb") as lines:
         client.connect(str(path))
         lines.readline()
-        client.sendall(json.dumps({"hello": 1, "name": "load"}).encode() + b"\n")
+        client.sendall(json.dumps({"hello": 2, "name": "load"}).encode() + b"\n")
         until = time.monotonic() + SECONDS
         while (began := time.monotonic()) < until:
-            client.sendall(json.dumps({"id": 1, "do": "status"}).encode() + b"\n")
+            client.sendall(json.dumps({"id": 1, "method": "status"}).encode() + b"\n")
             lines.readline()
             yield time.monotonic() - began
             time.sleep(RATE)

@@ -28,7 +28,7 @@ ECHO = "from diffbotctl.cli.main import main; main()"
 DEAF = """
 import socket, sys, time
 made = socket.socket(socket.AF_UNIX); made.connect(sys.argv[1])
-made.sendall(b'{"hello": 1}\\n{"do": "watch", "topic": "*"}\\n')
+made.sendall(b'{"hello": 2}\\n{"method": "subscribe", "topic": "*"}\\n')
 time.sleep(3600)
 """
 KNOCK = """

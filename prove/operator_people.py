@@ -84,7 +84,7 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Ro
         )
         driver.kill()
         driver.wait()
-        client.ask("resume")
+        client.request("resume")
         client.close()
     return Row(
         f"driver {what}: zero within, cause names it, goal waits",
@@ -121,7 +121,7 @@ def watchers(folder: Path, trials: int) -> Row:
         assert watcher.stdout is not None
         watcher.stdout.readline()
         watcher.send_signal(signal.SIGKILL if trial % 2 else signal.SIGSTOP)
-        began = client.ask("status")["time"]
+        began = client.request("status")["time"]
         client.until(lambda status, began=began: status["time"] > began + LIMIT * 1e9)
         good += is_undisturbed(client, began)
         watcher.kill()
@@ -138,8 +138,8 @@ def is_undisturbed(client: PlainClient, since: int) -> bool:
 
     That the wheels turn at one moment says less: between a turn and a drive they stand.
     """
-    status = client.ask("status")
-    said = [line for line in client.ask("log")["lines"] if line["time"] > since]
+    status = client.request("status")
+    said = [line for line in client.request("read_log")["lines"] if line["time"] > since]
     calm = all(line["level"] == "info" and line["source"] == "follower" for line in said)
     return status["held"] is None and status["operator.goal"]["number"] != 0 and calm
 
@@ -147,9 +147,9 @@ def is_undisturbed(client: PlainClient, since: int) -> bool:
 def nonsense(folder: Path, lines: int, chance: Random) -> Row:
     """Lines drawn from what goes wrong in practice; none may be obeyed, others are served."""
     quiet, refused = PlainClient(folder), 0
-    quiet.ask("stop")
+    quiet.request("stop")
     goal = quiet.until(stands)["operator.goal"]["number"]
-    quiet.ask("watch", topic="gate.wheels")
+    quiet.request("subscribe", topic="gate.wheels")
     for _ in range(lines):
         client = PlainClient(folder)
         try:
@@ -159,9 +159,9 @@ def nonsense(folder: Path, lines: int, chance: Random) -> Row:
             said = client.read()
         refused += said is not None and said["ok"] is False and bool(said["cause"])
         client.close()
-    still = quiet.ask("status")
+    still = quiet.request("status")
     unmoved = stands(still) and still["operator.goal"]["number"] == goal
-    quiet.ask("resume")
+    quiet.request("resume")
     quiet.close()
     return Row(
         "nonsense: refused in words, nothing moves, others served",
@@ -173,16 +173,16 @@ def nonsense(folder: Path, lines: int, chance: Random) -> Row:
 
 def drawn(chance: Random) -> bytes:
     """A wrong line: binary, half a line, a wrong type, a number that no robot can follow."""
-    whole = {"do": "drive", "linear": 0.1, "angular": 0.0}
+    whole = {"method": "drive", "linear": 0.1, "angular": 0.0}
     wrong = chance.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
     field = chance.choice(["linear", "angular"])
     return chance.choice(
         [
             chance.randbytes(chance.randrange(1, 400)).replace(b"\n", b""),
             json.dumps(whole)[: chance.randrange(1, 20)].encode(),
-            f'{{"do": "drive", "{field}": {wrong}}}'.encode(),
-            f'{{"do": "goto", "x": {wrong}, "y": 0}}'.encode(),
-            json.dumps({**whole, "do": chance.choice(["", "drve", None, 3, []])}).encode(),
+            f'{{"method": "drive", "{field}": {wrong}}}'.encode(),
+            f'{{"method": "goto", "x": {wrong}, "y": 0}}'.encode(),
+            json.dumps({**whole, "method": chance.choice(["", "drve", None, 3, []])}).encode(),
             json.dumps({**whole, chance.choice(["v", "Linear", "x"]): 1}).encode(),
             b"[" * chance.randrange(1, 60000),
             b"x" * chance.randrange(65537, 200000),

@@ -73,7 +73,7 @@ def _measured_rows(client: ControlClient) -> list[dict[str, Any]]:
     """The rows when the engine has measured the load of every block, or at the time limit."""
     deadline = time.monotonic() + MEASURING_TIMEOUT_S
     while True:
-        rows: list[dict[str, Any]] = client.ask("blocks")["blocks"]
+        rows: list[dict[str, Any]] = client.request("list_blocks")["blocks"]
         if all(row["busy"] is not None for row in rows) or time.monotonic() > deadline:
             return rows
         time.sleep(POLL_PERIOD_S)

@@ -105,13 +105,13 @@ def drive(
         _subscribe_odometry(client)
         try:
             while (ratio := progress.speed_ratio(linear, angular)) > 0.0:
-                client.ask(
+                client.request(
                     "drive", linear=linear * ratio, angular=angular * ratio, take_over=take_over
                 )
                 take_over = False  # once: a client that takes over from this one keeps the control
                 _follow_odometry(client, progress)
         finally:
-            client.tell("release")
+            client.send("release")
         _follow_odometry(client, progress)
     click.echo(f"driven {progress.driven:.3f} m, turned {degrees(progress.turned):.1f} deg")
     return 0
@@ -136,9 +136,9 @@ def _drive_progress(
 
 
 def _subscribe_odometry(client: ControlClient) -> None:
-    for row in client.ask("topics")["topics"]:
+    for row in client.request("list_topics")["topics"]:
         if row["type"] == "Odometry":
-            client.ask("watch", topic=row["topic"])
+            client.request("subscribe", topic=row["topic"])
             return
 
 
@@ -160,8 +160,8 @@ def goto(x: float, y: float, heading: float | None, engine: str | None) -> int:
     Replaces the goals of the run. The run no longer ends when a goal is reached.
     """
     with attached(engine, "goto") as client:
-        client.ask("goto", x=x, y=y, heading=heading)
-        held = held_by(client.ask("status"))
+        client.request("goto", x=x, y=y, heading=heading)
+        held = held_by(client.request("status"))
     facing = "" if heading is None else f", heading {degrees(heading):.0f} deg"
     click.echo(f"goal: x {x:g} m, y {y:g} m{facing}")
     if held:

@@ -46,7 +46,7 @@ def settled(client: ControlClient, condition: Callable[[dict[str, Any]], bool]) 
 
     deadline = time.monotonic() + SETTLING_TIMEOUT_S
     while True:
-        status = client.ask("status")
+        status = client.request("status")
         if condition(status) or time.monotonic() > deadline:
             return status
         time.sleep(POLL_PERIOD_S)

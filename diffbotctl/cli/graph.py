@@ -81,7 +81,7 @@ def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
 
 def _draw_running(engine: str | None, as_json: bool) -> int:
     with attached(engine, "graph") as client:
-        rows = client.ask("graph")["wires"]
+        rows = client.request("list_wires")["wires"]
     for row in rows:
         if as_json:
             print_json(row)

@@ -76,8 +76,8 @@ def _lines(
 ) -> Iterator[dict[str, Any]]:
     """The earlier lines, then those that arrive."""
     if not once:
-        client.ask("watch", topic="log")
-    yield from client.ask("log", last=last, **selection)["lines"]
+        client.request("subscribe", topic="log")
+    yield from client.request("read_log", last=last, **selection)["lines"]
     if once:
         return
     client.streamed.clear()  # lines between the two replies are in the second one
@@ -110,6 +110,6 @@ def level(block: str, level: str, engine: str | None) -> int:
     The change is recorded, so that a replay has the same log.
     """
     with attached(engine, "log level") as client:
-        client.ask("log_level", block=block, level=level)
+        client.request("set_log_level", block=block, level=level)
     click.echo(f"{'every block' if block == '*' else block} logs from level {level}")
     return 0

@@ -62,14 +62,14 @@ def set_(parameter: str, value: str, engine: str | None) -> int:
     recorded. It is lost after the run unless you use `param save`.
     """
     with attached(engine, "param set") as client:
-        client.ask("set", parameter=parameter, value=value)
+        client.request("set_parameter", parameter=parameter, value=value)
     click.echo(f"{parameter} = {value}")
     return 0
 
 
 def _parameters(engine: str | None) -> list[dict[str, Any]]:
     with attached(engine, "param") as client:
-        rows: list[dict[str, Any]] = client.ask("parameters")["parameters"]
+        rows: list[dict[str, Any]] = client.request("list_parameters")["parameters"]
     return rows
 
 
@@ -108,8 +108,8 @@ def save(parameters: tuple[str, ...], output: Path | None, engine: str | None) -
     --output for those.
     """
     with attached(engine, "param save") as client:
-        rows = client.ask("parameters")["parameters"]
-        pipeline = client.ask("status")["pipeline"]
+        rows = client.request("list_parameters")["parameters"]
+        pipeline = client.request("status")["pipeline"]
     if parameters:
         saved = [row for row in rows if row["parameter"] in parameters]
     else:
@@ -173,13 +173,13 @@ def _yaml_value(row: dict[str, Any]) -> str:
 def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: str | None) -> int:
     """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all."""
     with attached(engine, "call") as client:
-        rows = client.ask("actions")["actions"]
+        rows = client.request("list_actions")["actions"]
         if action is None:
             _print_actions(rows, as_json)
             return 0
         units: dict[str, str] = next((row["units"] for row in rows if row["action"] == action), {})
         values = dict(_argument(text, units) for text in arguments)
-        client.ask("call", action=action, arguments=values)
+        client.request("call_action", action=action, arguments=values)
     click.echo(f"{action}: done")
     return 0
 

@@ -63,7 +63,7 @@ def _stop(engine: EngineAddress, reason: str) -> int:
 def _stop_by_socket(name: str, reason: str) -> str:
     """Request a stop and wait for it; returns what failed, or an empty text."""
     with attached(name, "stop") as client:
-        client.ask("stop", why=reason[:REASON_MAX_CHARACTERS])
+        client.request("stop", reason=reason[:REASON_MAX_CHARACTERS])
         status = settled(client, _is_stopped)
     if not _is_stopped(status):
         return f"{name}: accepted the stop, but still sends motion to the wheels"
@@ -126,8 +126,8 @@ def resume(engine: str | None) -> int:
     waits, the command says so and fails.
     """
     with attached(engine, "resume") as client:
-        before = client.ask("status")
-        client.ask("resume")
+        before = client.request("status")
+        client.request("resume")
         if held_by(before):
             after = settled(client, lambda status: not held_by(status))
         elif has_waiting_goal(before):
@@ -179,8 +179,8 @@ def _goal_text(status: dict[str, Any]) -> str:
 def why(engine: str | None, as_json: bool) -> int:
     """Explain why the robot last stopped, from the sensor to the motors, and what ends the stop."""
     with attached(engine, "why") as client:
-        text = client.ask("why")["text"]
-        held = client.ask("status")["held"]
+        text = client.request("explain_stop")["text"]
+        held = client.request("status")["held"]
     if as_json:
         print_json({"text": text, "held": held})
     else:

@@ -33,7 +33,7 @@ def command() -> None:
 def list_(as_json: bool, engine: str | None) -> int:
     """List every topic with its type, rate and age."""
     with attached(engine, "topic list") as client:
-        rows = client.ask("topics")["topics"]
+        rows = client.request("list_topics")["topics"]
     for row in rows:
         if as_json:
             print_json(row)
@@ -57,7 +57,7 @@ def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: 
     os.nice(WATCHER_NICENESS)
     with attached(engine, "topic echo") as client:
         name, path = _split_field(client, topic)
-        wire = client.ask("watch", topic=name, last=once)["topic"]
+        wire = client.request("subscribe", topic=name, last=once)["topic"]
         if wire != name:
             click.echo(f"{name} is {wire} here", err=True)
         for event in client.stream(until):
@@ -69,7 +69,7 @@ def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: 
 
 def _split_field(client: ControlClient, topic: str) -> tuple[str, list[str]]:
     """The topic, and the path of a field in its messages."""
-    wires = {row["topic"] for row in client.ask("topics")["topics"]}
+    wires = {row["topic"] for row in client.request("list_topics")["topics"]}
     steps = topic.split(".")
     for length in range(len(steps), 0, -1):
         name = ".".join(steps[:length])
@@ -122,7 +122,7 @@ def hz(topic: str, once: bool, duration: float | None, as_json: bool, engine: st
     until = None if duration is None else time.monotonic() + duration
     with attached(engine, "topic hz") as client:
         while True:
-            row = client.ask("rate", topic=topic)
+            row = client.request("topic_rate", topic=topic)
             if as_json:
                 print_json(row)
             else:
@@ -146,7 +146,7 @@ def _rate_line(row: dict[str, Any]) -> str:
 def type_(topic: str, as_json: bool, engine: str | None) -> int:
     """Show the fields of TOPIC with their units and meaning."""
     with attached(engine, "topic type") as client:
-        reply = client.ask("type", topic=topic)
+        reply = client.request("describe_topic", topic=topic)
     if as_json:
         print_json({name: reply[name] for name in ("topic", "type", "schema")})
         return 0
@@ -176,10 +176,10 @@ def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int
     with attached(engine, "topic pub") as client:
         try:
             while True:
-                client.ask("publish", topic=topic, message=fields)
+                client.request("publish", topic=topic, message=fields)
                 time.sleep(VELOCITY_PERIOD_S if rate is None else 1.0 / rate)
                 if rate is None:
                     return 0
         finally:
             # Without the release the engine would report a lost operator.
-            client.tell("release")
+            client.send("release")

@@ -1,9 +1,7 @@
-"""Where an engine's control socket lies: one folder a user, or one a group under /run.
+"""The files of an engine's control socket: where they are, and how the socket is made.
 
-Beside the socket NAME.socket stands NAME.engine with the engine's process, for the day when the
-socket no longer answers.
-
-Making an engine's control socket: closed to others from its first moment; no two of a name.
+There is one folder a user, or one a group under /run. Beside NAME.socket there is NAME.engine with
+the engine's process, so that `stop` can end it by a signal when the socket does not answer.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ import socket
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,18 +22,21 @@ from diffbotctl.errors import Problem, RunError
 
 RUN = Path("/run")
 PREFIX = "diffbotctl"
+NAME_MAX_LENGTH = 40  # characters; the whole path of a socket must fit in 107 bytes
+NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_MAX_LENGTH}}}")
+BACKLOG = 1024  # connections that may wait to be accepted
 
 
 class Process(NamedTuple):
-    """A process, told from a later one of the same number by its start time in clock ticks."""
+    """A process, distinguished from a later one of the same number by its start time in ticks."""
 
     pid: int
     started: int
 
     @property
     def is_alive(self) -> bool:
-        """True while that very process exists and is no zombie."""
-        return started(self.pid) == self.started
+        """Whether this very process exists and is no zombie."""
+        return start_time(self.pid) == self.started
 
 
 class EngineAddress(NamedTuple):
@@ -58,8 +60,8 @@ def group_folder(group: str) -> Path:
     return RUN / f"{PREFIX}-{group}"
 
 
-def started(pid: int) -> int | None:
-    """When `pid` was started, in clock ticks since boot; None when it is gone or a zombie."""
+def start_time(pid: int) -> int | None:
+    """When `pid` was started, in clock ticks since boot; None when it has ended or is a zombie."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text()
     except OSError:
@@ -69,114 +71,101 @@ def started(pid: int) -> int | None:
 
 
 def engines() -> list[EngineAddress]:
-    """Every engine that this user may speak to, and whose process or socket is alive."""
-    found = []
-    for folder in _folders():
-        for path in sorted(folder.glob("*.socket")):
-            engine = EngineAddress(path.stem, path, process_of(path))
-            if engine.process.is_alive if engine.process else answers(path):
-                found.append(engine)
-    return found
+    """Every engine that this user may access, and whose process or socket is alive."""
+    shared = [
+        path for path in sorted(RUN.glob(f"{PREFIX}-*")) if os.access(path, os.R_OK | os.X_OK)
+    ]
+    addresses = (
+        EngineAddress(path.stem, path, process_of(path))
+        for folder in (own_folder(), *shared)
+        for path in sorted(folder.glob("*.socket"))
+    )
+    return [
+        address
+        for address in addresses
+        if (address.process.is_alive if address.process else answers(address.socket))
+    ]
 
 
 def answers(path: Path) -> bool:
-    """True when something listens at the socket `path`; a stale socket refuses the connection."""
+    """Whether a process listens at the socket `path`; a stale socket refuses the connection."""
     with socket.socket(socket.AF_UNIX) as probe:
         probe.setblocking(False)
         try:
             probe.connect(str(path))
         except BlockingIOError:
-            return True  # its queue is full: it lives, and is busy
+            return True  # its queue is full: it is alive and busy
         except OSError:
             return False
     return True
 
 
-def _folders() -> list[Path]:
-    shared = [
-        path for path in sorted(RUN.glob(f"{PREFIX}-*")) if os.access(path, os.R_OK | os.X_OK)
-    ]
-    return [own_folder(), *shared]
-
-
 def process_of(path: Path) -> Process | None:
+    """The engine's process from the file beside the socket `path`."""
     try:
-        said = json.loads(path.with_suffix(".engine").read_text())
-        return Process(int(said["pid"]), int(said["started"]))
+        record = json.loads(path.with_suffix(".engine").read_text())
+        return Process(int(record["pid"]), int(record["started"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-LONGEST_NAME = 40  # characters; a socket's whole path must fit in 107 bytes
-NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}")
-BACKLOG = 1024  # connections that may wait to be accepted
-
-
 def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socket.socket, Path]:
-    """Listen as `name`; without a name as `fallback`, or `fallback-2` and on where taken.
+    """Listen as `name`; without a name as `fallback`, or `fallback-2` and so on where it is taken.
 
     Raises RunError when the name is taken or the folder cannot be made.
     """
     if name is not None and not NAME.fullmatch(name):
-        cause = f"'{name}' is no name: letters, digits, - and _, {LONGEST_NAME} at most"
+        cause = f"'{name}' is no name: letters, digits, - and _, {NAME_MAX_LENGTH} at most"
         raise RunError(Problem("E-SOCKET", "--name", cause, "such as --name mower"))
     folder = own_folder() if group is None else group_folder(group)
     try:
-        _make(folder, group)
-        if name is not None:
-            return _listen(_path(folder, name), group), _path(folder, name)
-        for path in _candidates(folder, fallback):
+        _make_folder(folder, group)
+        for candidate in _names(fallback) if name is None else (name,):
+            path = folder / f"{candidate}.socket"
             with suppress(_TakenError):
                 return _listen(path, group), path
-    except _TakenError:
-        cause = f"an engine called '{name}' runs already"
-        raise RunError(Problem("E-SOCKET", str(folder), cause, "give another --name")) from None
     except (OSError, KeyError) as error:
-        words = error.strerror if isinstance(error, OSError) else f"there is no group '{group}'"
-        cause = f"cannot make the control socket: {words}"
-        raise RunError(Problem("E-SOCKET", str(folder), cause, FIX)) from error
-    raise AssertionError
-
-
-FIX = "mend the folder, or run with --no-socket"
+        text = error.strerror if isinstance(error, OSError) else f"there is no group '{group}'"
+        cause = f"cannot make the control socket: {text}"
+        fix = "mend the folder, or run with --no-socket"
+        raise RunError(Problem("E-SOCKET", str(folder), cause, fix)) from error
+    cause = f"an engine called '{name}' runs already"
+    raise RunError(Problem("E-SOCKET", str(folder), cause, "give another --name"))
 
 
 def remove_socket(path: Path) -> None:
-    """Remove the socket and what stands beside it."""
-    for each in (path, path.with_suffix(".engine")):
+    """Remove the socket and the file beside it."""
+    for file in (path, path.with_suffix(".engine")):
         with suppress(OSError):
-            each.unlink()
+            file.unlink()
 
 
 class _TakenError(Exception):
     """The name is in use."""
 
 
-def _path(folder: Path, name: str) -> Path:
-    return folder / f"{name}.socket"
+def _names(fallback: str) -> Iterator[str]:
+    stem = re.sub(r"[^A-Za-z0-9_-]", "-", fallback)[:NAME_MAX_LENGTH] or "engine"
+    yield stem
+    yield from (f"{stem}-{number}" for number in count(2))
 
 
-def _candidates(folder: Path, fallback: str) -> Iterator[Path]:
-    stem = re.sub(r"[^A-Za-z0-9_-]", "-", fallback)[:LONGEST_NAME] or "engine"
-    yield _path(folder, stem)
-    number = 2
-    while True:
-        yield _path(folder, f"{stem}-{number}")
-        number += 1
-
-
-def _make(folder: Path, group: str | None) -> None:
+def _make_folder(folder: Path, group: str | None) -> None:
     folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid():
         raise PermissionError(1, "the folder belongs to another user")
     if group is None:
         folder.chmod(0o700)
-        return
-    from grp import getgrnam
+    else:
+        _share(folder, group, 0o750)
 
-    os.chown(folder, -1, getgrnam(group).gr_gid)
-    folder.chmod(0o750)
+
+def _share(path: Path, group: str, mode: int) -> None:
+    from grp import getgrnam  # only for --group
+
+    os.chown(path, -1, getgrnam(group).gr_gid)
+    path.chmod(mode)
 
 
 def _listen(path: Path, group: str | None) -> socket.socket:
@@ -184,24 +173,21 @@ def _listen(path: Path, group: str | None) -> socket.socket:
     if answers(path) or (process is not None and process.is_alive):
         raise _TakenError
     remove_socket(path)
-    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
-    before = os.umask(0o177)  # the file must never be open to others, not for a moment
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
+    umask = os.umask(0o177)  # the file must never be open to others, not for a moment
     try:
-        made.bind(str(path))
-        record = {"pid": os.getpid(), "started": started(os.getpid())}
+        listener.bind(str(path))
+        record = {"pid": os.getpid(), "started": start_time(os.getpid())}
         path.with_suffix(".engine").write_text(json.dumps(record))
     except OSError as error:
-        made.close()
+        listener.close()
         if error.errno == errno.EADDRINUSE:
-            raise _TakenError from None  # another engine was faster by a hair
+            raise _TakenError from None  # another engine has just bound it
         raise
     finally:
-        os.umask(before)
+        os.umask(umask)
     if group is not None:
-        from grp import getgrnam
-
-        for each in (path, path.with_suffix(".engine")):
-            os.chown(each, -1, getgrnam(group).gr_gid)
-            each.chmod(0o660 if each == path else 0o640)
-    made.listen(BACKLOG)
-    return made
+        _share(path, group, 0o660)
+        _share(path.with_suffix(".engine"), group, 0o640)
+    listener.listen(BACKLOG)
+    return listener

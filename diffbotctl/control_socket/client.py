@@ -1,7 +1,4 @@
-"""A client of the control socket: what the commands of the terminal speak through.
-
-A client of the control socket for programs that also draw: it waits for nothing.
-"""
+"""Clients of the control socket: one that waits for replies, and one for asyncio programs."""
 
 from __future__ import annotations
 
@@ -15,218 +12,222 @@ from pathlib import Path
 from typing import Any
 
 from diffbotctl.control_socket.address import EngineAddress, engines
-from diffbotctl.control_socket.protocol import PROTOCOL, LineBuffer, RefusalError, encode_line
+from diffbotctl.control_socket.protocol import (
+    PROTOCOL,
+    Fields,
+    LineBuffer,
+    RefusalError,
+    encode_line,
+)
 from diffbotctl.errors import Problem, RunError, UsageError, closest_match
 
-PATIENCE = 2.0  # s for an answer; the engine looks for commands at each instant
-READ = 1 << 16  # bytes at once
-
-Fields = dict[str, Any]
+REPLY_TIMEOUT_S = 2.0  # the engine reads commands at each instant
+READ_BYTES = 1 << 16  # at once
+REPLY_MAX_BYTES = 1 << 20  # the one with all parameters has some ten thousand
 
 
 def choose_engine(name: str | None) -> EngineAddress:
     """The engine called `name`, or the only one. Raises UsageError."""
-    found = engines()
-    named = [engine for engine in found if name is None or engine.name == name]
+    running = engines()
+    named = [engine for engine in running if name is None or engine.name == name]
     if len(named) == 1:
         return named[0]
-    names = ", ".join(engine.name for engine in found)
-    if not found:
+    names = ", ".join(engine.name for engine in running)
+    if not running:
         cause, fix = "no engine is running that you may speak to", "start one: diffbotctl run goal"
     elif name is None:
-        cause, fix = f"several engines are running: {names}", f"say which: --engine {found[0].name}"
+        cause = f"several engines are running: {names}"
+        fix = f"say which: --engine {running[0].name}"
     elif named:
         cause, fix = f"{len(named)} engines are called '{name}'", "run them with other --name"
     else:
-        near = closest_match(name, [engine.name for engine in found])
+        near = closest_match(name, [engine.name for engine in running])
         cause = f"there is no engine '{name}'"
         fix = f"did you mean {near}?" if near else f"there is {names}"
     raise UsageError(Problem("E-NO-ENGINE", "--engine", cause, fix))
 
 
 class ControlClient:
-    """One connection, greeted. Raises RunError when nobody answers in time, or refuses."""
+    """A connection after its hello. Raises RunError when the engine does not answer, or refuses.
+
+    `about` is the engine's hello.
+    """
 
     def __init__(self, engine: EngineAddress, name: str) -> None:
         self.engine = engine
         self.lines = LineBuffer()
         self.streamed: list[Fields] = []
         self.number = 0
-        self.connection = _connected(engine.socket)
+        self.connection = _connect(engine.socket)
         self._send({"hello": PROTOCOL, "name": name})
-        self.about = self._answer(time.monotonic() + PATIENCE)
+        self.about = self._reply(time.monotonic() + REPLY_TIMEOUT_S)
         if not self.about.get("hello"):
             raise _refused(engine.name, self.about)
 
-    def ask(self, verb: str, **fields: Any) -> Fields:
-        """Ask, and wait for the answer. Raises RunError when it is a refusal."""
+    def request(self, method: str, **fields: Any) -> Fields:
+        """Send a request and wait for its reply. Raises RunError when it is refused."""
         self.number += 1
-        self._send({"id": self.number, "do": verb, **fields})
-        deadline = time.monotonic() + PATIENCE
-        while True:
-            said = self._answer(deadline)
-            if said.get("id") == self.number:
-                break
-            if said.get("ok") is False or said.get("ended"):
-                raise _refused(self.engine.name, said)  # of the connection as a whole
-            self.streamed.append(said)
-        if not said.get("ok"):
-            raise _refused(self.engine.name, said)
-        return said
+        self._send({"id": self.number, "method": method, **fields})
+        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        while (reply := self._reply(deadline)).get("id") != self.number:
+            if reply.get("ok") is False or reply.get("ended"):
+                raise _refused(self.engine.name, reply)  # the whole connection
+            self.streamed.append(reply)
+        if not reply.get("ok"):
+            raise _refused(self.engine.name, reply)
+        return reply
 
-    def tell(self, verb: str, **fields: Any) -> None:
-        """Ask without waiting; the answer comes with the stream."""
-        self._send({"do": verb, **fields})
+    def send(self, method: str, **fields: Any) -> None:
+        """Send a request without waiting; its reply comes with the stream."""
+        self._send({"method": method, **fields})
 
     def stream(self, until: float | None = None) -> Iterator[Fields]:
-        """What comes by itself, up to the end of the run or the monotonic time `until`."""
+        """The lines of subscriptions, up to the end of the run or the monotonic time `until`."""
         while True:
             while self.streamed:
                 yield self.streamed.pop(0)
             try:
-                said = self._next(until)
+                line = self._next(until)
             except TimeoutError:
                 return
-            yield said
-            if said.get("ended"):
+            yield line
+            if line.get("ended"):
                 return
 
     def close(self) -> None:
-        """Leave."""
+        """Disconnect."""
         self.connection.close()
 
     def _send(self, fields: Fields) -> None:
         try:
             self.connection.sendall(encode_line(fields))
         except OSError as error:
-            raise _unanswered(self.engine.name, f"{error.strerror}") from error
+            raise _no_answer(self.engine.name, f"{error.strerror}") from error
 
-    def _answer(self, deadline: float) -> Fields:
+    def _reply(self, deadline: float) -> Fields:
         try:
             return self._next(deadline)
         except TimeoutError:
-            raise _unanswered(self.engine.name, f"nothing came for {PATIENCE:g} s") from None
+            cause = f"nothing came for {REPLY_TIMEOUT_S:g} s"
+            raise _no_answer(self.engine.name, cause) from None
 
     def _next(self, deadline: float | None) -> Fields:
         """The next line. Raises TimeoutError at the monotonic time `deadline`."""
-        while (data := self.lines.next()) is None:
-            left = None if deadline is None else max(deadline - time.monotonic(), 0.001)
-            self.connection.settimeout(left)
+        while (line := self.lines.next()) is None:
+            remaining = None if deadline is None else max(deadline - time.monotonic(), 0.001)
+            self.connection.settimeout(remaining)
             try:
-                got = self.connection.recv(READ)
+                data = self.connection.recv(READ_BYTES)
             except TimeoutError:
                 raise
             except OSError as error:
-                raise _unanswered(self.engine.name, f"{error.strerror}") from error
-            if not got:
+                raise _no_answer(self.engine.name, f"{error.strerror}") from error
+            if not data:
                 return {"ended": True}
-            self.lines.add(got)
-        found: Fields = json.loads(data)
-        return found
+            self.lines.add(data)
+        fields: Fields = json.loads(line)
+        return fields
 
 
-def _connected(path: Path) -> socket.socket:
-    made = socket.socket(socket.AF_UNIX)
-    # A full queue makes a blocking connect wait, for so long, and one with a time-out fail at once.
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE), 0))
+def _connect(path: Path) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX)
+    # With a full queue a blocking connect waits this long; one with a timeout fails at once.
+    timeout = struct.pack("ll", int(REPLY_TIMEOUT_S), 0)
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, timeout)
     try:
-        made.connect(str(path))
+        connection.connect(str(path))
     except OSError as error:
-        raise _unanswered(path.stem, f"{error.strerror or error}") from error
-    return made
+        raise _no_answer(path.stem, f"{error.strerror or error}") from error
+    return connection
 
 
-def _unanswered(name: str, cause: str) -> RunError:
+def _no_answer(name: str, cause: str) -> RunError:
     fix = "`diffbotctl stop` ends the engine itself, by a signal"
     return RunError(Problem("E-NO-ANSWER", name, f"the engine does not answer: {cause}", fix))
 
 
-def _refused(name: str, said: Fields) -> RunError:
-    if said.get("ended"):
-        return _unanswered(name, "the run has ended")
-    code, cause = said.get("error", "E-PROTOCOL"), said.get("cause", "it speaks otherwise")
-    return RunError(Problem(code, name, cause, said.get("fix", "")))
-
-
-LONGEST = 1 << 20  # bytes of an answer; that with all parameters has some ten thousand
+def _refused(name: str, reply: Fields) -> RunError:
+    if reply.get("ended"):
+        return _no_answer(name, "the run has ended")
+    code, cause = reply.get("error", "E-PROTOCOL"), reply.get("cause", "it speaks otherwise")
+    return RunError(Problem(code, name, cause, reply.get("fix", "")))
 
 
 class AsyncControlClient:
-    """One connection. Answers come as futures, streamed lines go to `heard`.
+    """A connection of an asyncio program. Subscribed lines, and replies to `send`, go to `on_line`.
 
-    `ended` is called once, when the run is over or the engine is gone, unless we left before.
+    `on_end` is called once, when the run has ended or the engine is gone, but not after `close`.
     """
 
-    def __init__(self, heard: Callable[[Fields], None], ended: Callable[[], None]) -> None:
-        self.heard, self.ended = heard, ended
+    def __init__(self, on_line: Callable[[Fields], None], on_end: Callable[[], None]) -> None:
+        self.on_line, self.on_end = on_line, on_end
         self.number = 0
         self.waiting: dict[int, asyncio.Future[Fields]] = {}
         self.writer: asyncio.StreamWriter | None = None
         self.about: Fields = {}
-        self.left = False
+        self.is_closed = False
 
     async def connect(self, engine: EngineAddress, name: str) -> None:
-        """Greet the engine. Raises RunError when it does not answer."""
+        """Connect and greet the engine. Raises RunError when it does not answer."""
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(REPLY_TIMEOUT_S):
                 reader, self.writer = await asyncio.open_unix_connection(
-                    engine.socket, limit=LONGEST
+                    engine.socket, limit=REPLY_MAX_BYTES
                 )
                 self.writer.write(encode_line({"hello": PROTOCOL, "name": name}))
                 self.about = json.loads(await reader.readline())
         except (OSError, ValueError, TimeoutError) as error:
-            cause = f"the engine does not answer: {error or 'nothing came'}"
-            fix = "`diffbotctl stop` ends the engine itself, by a signal"
-            raise RunError(Problem("E-NO-ANSWER", engine.name, cause, fix)) from error
+            raise _no_answer(engine.name, str(error or "nothing came")) from error
         self.reading = asyncio.create_task(self._read(reader))
 
-    async def ask(self, verb: str, **fields: Any) -> Fields:
-        """The answer. Raises RefusalError when the engine refuses, or says nothing in time."""
+    async def request(self, method: str, **fields: Any) -> Fields:
+        """Send a request and await its reply. Raises RefusalError for a refusal or no reply."""
         self.number += 1
         number = self.number
-        answer: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
-        self.waiting[number] = answer
-        self.send(id=number, do=verb, **fields)
+        future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
+        self.waiting[number] = future
+        self.send(number, method, **fields)
         try:
-            async with asyncio.timeout(PATIENCE):
-                said = await answer
+            async with asyncio.timeout(REPLY_TIMEOUT_S):
+                reply = await future
         except TimeoutError:
-            raise RefusalError("E-NO-ANSWER", f"nothing came for {PATIENCE:g} s") from None
+            cause = f"nothing came for {REPLY_TIMEOUT_S:g} s"
+            raise RefusalError("E-NO-ANSWER", cause) from None
         finally:
             self.waiting.pop(number, None)
-        if not said.get("ok"):
-            raise RefusalError(said.get("error", ""), said.get("cause", ""), said.get("fix", ""))
-        return said
+        if not reply.get("ok"):
+            raise RefusalError(reply.get("error", ""), reply.get("cause", ""), reply.get("fix", ""))
+        return reply
 
-    def send(self, **fields: Any) -> None:
-        """Say something; nobody waits for the answer."""
+    def send(self, request_id: int | str, method: str, **fields: Any) -> None:
+        """Send a request without waiting; its reply goes to `on_line`."""
         if self.writer is not None and not self.writer.is_closing():
-            self.writer.write(encode_line(fields))
+            self.writer.write(encode_line({"id": request_id, "method": method, **fields}))
 
     def close(self) -> None:
-        """Leave; what was said is still sent."""
-        self.left = True
+        """Disconnect; requests that were made are still sent."""
+        self.is_closed = True
         if self.writer is not None:
             self.writer.close()
 
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
             while data := await reader.readline():
-                said = json.loads(data)
-                if said.get("ended"):
+                line = json.loads(data)
+                if line.get("ended"):
                     break
-                answer = self.waiting.get(said.get("id"))
-                if answer is None:
-                    self.heard(said)
-                elif not answer.done():
-                    answer.set_result(said)
+                future = self.waiting.get(line.get("id"))
+                if future is None:
+                    self.on_line(line)
+                elif not future.done():
+                    future.set_result(line)
         except (OSError, ValueError):
             pass
-        if self.left:
+        if self.is_closed:
             return
         self.close()
-        for answer in self.waiting.values():
-            if not answer.done():
-                gone = {"ok": False, "error": "E-NO-ANSWER", "cause": "the run has ended"}
-                answer.set_result(gone)
-        self.ended()
+        for future in self.waiting.values():
+            if not future.done():
+                ended = {"ok": False, "error": "E-NO-ANSWER", "cause": "the run has ended"}
+                future.set_result(ended)
+        self.on_end()

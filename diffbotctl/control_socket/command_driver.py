@@ -1,73 +1,57 @@
-"""Who is driving by hand, and until when that holds without another word.
+"""Driver for the clients of the control socket: their commands become messages of `operator`.
 
-The person at the control socket: commands in, messages of the node `operator` out.
-
-Whoever drives must go on saying so. After a silence the wheels are commanded to zero
-and the robot is held, and that is decided here, in the engine: a hub that hangs changes nothing.
+One client drives at a time, and must repeat its command. After 300 ms without one the wheels are
+commanded to zero and the robot is stopped. That is decided here, in the engine, so that a server
+process that hangs changes nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import isfinite
+from typing import assert_never
 
-from diffbotctl.control_socket.engine_channel import CommandResult, EngineChannel, EngineCommand
+from diffbotctl.control_socket import requests
+from diffbotctl.control_socket.engine_channel import (
+    ClientDisconnected,
+    CommandResult,
+    EngineChannel,
+    EngineCommand,
+    MeasureLoads,
+    ResultCode,
+)
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.profiler import BlockProfiler
-from diffbotctl.messages import Call, Goal, Message, Setting, Stop, Twist
-from diffbotctl.time import NEVER
+from diffbotctl.messages import Call, Goal, Message, Setting, Stop, StopCode, Twist
+from diffbotctl.time import MILLISECOND, NEVER
 
-SILENCE = 300_000_000  # ns; with one telemetry period and the way down it stays below 500 ms
+DRIVE_TIMEOUT = 300 * MILLISECOND  # with a telemetry period and the way down it is below 500 ms
+GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
 
 
 class DriveLease:
-    """At most one client drives. `deadline` is NEVER while nobody does.
-
-    `silent` and `gone` are the causes to give when that client is lost; they are written when it
-    begins, so that nothing need be written when it counts.
-    """
+    """Which client drives, None for nobody, and until when without another command (ns)."""
 
     def __init__(self) -> None:
         self.client: int | None = None
+        self.who = ""
         self.deadline = NEVER
-        self.silent = self.gone = ""
 
-    @property
-    def is_on(self) -> bool:
-        """True while someone drives."""
-        return self.client is not None
+    def renew(self, now: int, command: EngineCommand) -> None:
+        """The client of `command` drives, until DRIVE_TIMEOUT from now."""
+        self.deadline = now + DRIVE_TIMEOUT
+        self.client, self.who = command.client, command.who
 
-    def is_by(self, client: int) -> bool:
-        """True when it is `client` who drives."""
-        return self.client == client
-
-    def go_on(self, now: int, command: EngineCommand) -> None:
-        """The client of `command` drives, and has just said so."""
-        self.deadline = now + SILENCE
-        if self.client != command.client:
-            self.client = command.client
-            self.silent = f"{command.who} was driving and fell silent"
-            self.gone = f"{command.who} was driving and is gone"
-
-    def let_go(self) -> None:
+    def end(self) -> None:
         """Nobody drives any more."""
         self.client, self.deadline = None, NEVER
-
-
-LATER = "later"  # a verb that answers by itself
-HOLDING = "gate.stop"  # the wire that says what holds the robot at the last gate
-
-Verb = Callable[["ControlClientDriver", int, EngineCommand], str]
 
 
 class ControlClientDriver:
     """A driver that follows the commands of one channel. `wakes`: a command wakes the loop.
 
-    A paced simulation is not woken: it has its own exact times, and looks each instant.
-    `meter` measures the blocks when someone wants to see what they cost.
+    A paced simulation is not woken: it has exact times, and reads commands at each instant.
     """
 
     def __init__(
@@ -76,156 +60,145 @@ class ControlClientDriver:
         self.channel = channel
         self.operator = operator
         self.changes = changes
-        self.calls: list[int] = []
-        self.woken_by = [channel.fileno()] if wakes else []
+        self.calls: list[int] = []  # numbers of commands whose action has not run yet
+        self.wake_files = [channel.fileno()] if wakes else []
         self.outbox: list[Delivery] = []
-        self.at = 0
-        self.driving = DriveLease()
-        self.meter: BlockProfiler | None = None
+        self.outbox_due = 0
+        self.lease = DriveLease()
+        self.profiler: BlockProfiler | None = None
 
     def can_measure(self, engine: Engine) -> None:
-        """Let people see what the blocks of `engine` cost."""
-        self.meter = BlockProfiler(engine)
+        """Allow clients to measure the load of the blocks of `engine`."""
+        self.profiler = BlockProfiler(engine)
 
     def due(self) -> int:
-        """At once when something waits to be delivered; when whoever drives has been silent."""
-        return min(self.at, self.driving.deadline) if self.outbox else self.driving.deadline
+        """When a message waits to be delivered, or the drive lease ends."""
+        return min(self.outbox_due, self.lease.deadline) if self.outbox else self.lease.deadline
 
     def files(self) -> list[int]:
         """The channel, where commands wake the loop."""
-        return self.woken_by if self.channel.is_open else []
+        return self.wake_files if self.channel.is_open else []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Hand out what waits, stamped with `now`, and notice silence."""
-        if now >= self.driving.deadline:
-            self._lose(now, self.driving.silent)
-        out = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
+        """Deliver what waits, stamped with `now`, and end a lease that has run out."""
+        if now >= self.lease.deadline:
+            self._stop_lost(now, f"{self.lease.who} was driving and fell silent")
+        deliveries = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
-        return out
+        return deliveries
 
     def close(self) -> None:
-        """Let the hub know that the run is over."""
+        """Close the channel: the server sees that the run has ended."""
         self.channel.close()
 
     def idle(self, now: int) -> None:
-        """Follow the commands that have come. Called when what the instant commanded has left."""
+        """Follow the commands that have come. Called when the instant's commands have left."""
         was_open = self.channel.is_open
         while self.changes.outcomes:
-            refused = self.changes.outcomes.pop(0)
-            self.channel.answer(
-                CommandResult(self.calls.pop(0), "refused" if refused else "", (refused,))
-            )
+            refusal = self.changes.outcomes.pop(0)
+            code = ResultCode.REFUSED if refusal else ResultCode.DONE
+            self.channel.answer(CommandResult(self.calls.pop(0), code, refusal))
         for command in self.channel.receive():
-            code = VERBS[command.verb](self, now, command)
-            if code is not LATER:
-                self.channel.answer(CommandResult(command.number, code))
-        if was_open and not self.channel.is_open and self.driving.is_on:
-            self._lose(now, self.driving.gone)
-        if self.meter is not None and self.meter.is_on:
-            self.channel.loads = self.meter.idle() or self.channel.loads
+            result = self._follow(now, command)
+            if result is not None:
+                self.channel.answer(CommandResult(command.number, result))
+        if was_open and not self.channel.is_open and self.lease.client is not None:
+            self._stop_gone(now)
+        if self.profiler is not None and self.profiler.is_on:
+            self.channel.loads = self.profiler.idle() or self.channel.loads
         self.channel.flush()
 
-    def _stop(self, now: int, command: EngineCommand) -> str:
-        """Hold the robot until `resume`."""
-        (cause,) = command.values
-        if self.driving.is_on:
-            self._say(now, "twist", Twist(now, 0.0, 0.0))
-        self._say(now, "halt", Stop(now, "operator_stop", cause, True))
-        self.driving.let_go()
-        return ""
+    def _follow(self, now: int, command: EngineCommand) -> ResultCode | None:
+        """Follow one command. None: its result comes later."""
+        request = command.request
+        match request:
+            case requests.DriveRequest():
+                return self._drive(now, command, request)
+            case requests.StopRequest():
+                self._stop(now, command.who, request.reason)
+            case requests.ResumeRequest():
+                if self.lease.client is not None:
+                    return ResultCode.DRIVING  # a goal must not start while a client drives
+                self.operator.resume(now)
+            case requests.GotoRequest(x, y, heading):
+                self.operator.take(now, Goal(now, 0, x, y, heading))
+            case requests.ReleaseRequest():
+                return self._release(now, command)
+            case requests.OperatorLostRequest():
+                if self.lease.client in (command.client, None):
+                    self._stop_lost(now, f"{command.who} was driving and {request.reason}")
+            case _:
+                return self._follow_other(now, command, request)
+        return ResultCode.DONE
 
-    def _resume(self, now: int, command: EngineCommand) -> str:
-        if self.driving.is_on:
-            return "driving"  # a goal must not set off under the hands of whoever drives
-        self.operator.resume(now)
-        return ""
+    def _follow_other(
+        self,
+        now: int,
+        command: EngineCommand,
+        request: Setting | Call | MeasureLoads | ClientDisconnected,
+    ) -> ResultCode | None:
+        match request:
+            case Setting():
+                self._queue("setting", now, request)
+            case Call():
+                self._queue("call", now, request)
+                self.calls.append(command.number)
+                return None
+            case MeasureLoads():
+                if self.profiler is not None:
+                    self.profiler.want()
+            case ClientDisconnected():
+                if self.lease.client == command.client:
+                    self._stop_gone(now)
+            case _:
+                assert_never(request)
+        return ResultCode.DONE
 
-    def _goto(self, now: int, command: EngineCommand) -> str:
-        x, y, heading = command.values
-        if not (isfinite(x) and isfinite(y) and (heading is None or isfinite(heading))):
-            return "not_finite"
-        self.operator.take(now, Goal(now, 0, x, y, heading))
-        return ""
-
-    def _drive(self, now: int, command: EngineCommand) -> str:
-        """Pass a velocity to the mux; a goal under way is withdrawn until `resume`."""
-        linear, angular, takes_over = command.values
-        if not (isfinite(linear) and isfinite(angular)):
-            return "not_finite"
-        if self._is_held():
-            return "held"
-        if not self.driving.is_by(command.client):
-            if self.driving.is_on and not takes_over:
-                return "busy"
+    def _drive(
+        self, now: int, command: EngineCommand, request: requests.DriveRequest
+    ) -> ResultCode:
+        """Pass a velocity to the mux; an active goal is paused until `resume`."""
+        stop = self.operator.holding.get(GATE_STOP)
+        if stop is not None and stop.latched:
+            return ResultCode.STOPPED
+        if self.lease.client != command.client:
+            if self.lease.client is not None and not request.take_over:
+                return ResultCode.BUSY
             self.operator.pause(now)
             self.operator.note(now, "info", "operator", f"{command.who} drives by hand")
-        self.driving.go_on(now, command)
-        self._say(now, "twist", Twist(now, linear, angular))
-        return ""
+        self.lease.renew(now, command)
+        self._queue("twist", now, Twist(now, request.linear, request.angular))
+        return ResultCode.DONE
 
-    def _release(self, now: int, command: EngineCommand) -> str:
-        """The driver lets go in good order: the robot stands, and nothing is held."""
-        if not self.driving.is_by(command.client):
-            return "not_driving"
-        self._say(now, "twist", Twist(now, 0.0, 0.0))
-        self.driving.let_go()
+    def _release(self, now: int, command: EngineCommand) -> ResultCode:
+        if self.lease.client != command.client:
+            return ResultCode.NOT_DRIVING
+        self._queue("twist", now, Twist(now, 0.0, 0.0))
+        self.lease.end()
         self.operator.note(now, "info", "operator", f"{command.who} has let go")
-        return ""
+        return ResultCode.DONE
 
-    def _lost(self, now: int, command: EngineCommand) -> str:
-        """The person whom a client drives for is out of reach; another client may drive by now."""
-        if self.driving.is_by(command.client) or not self.driving.is_on:
-            self._lose(now, command.values[0])
-        return ""
+    def _stop(self, now: int, who: str, reason: str) -> None:
+        if self.lease.client is not None:
+            self._queue("twist", now, Twist(now, 0.0, 0.0))
+        cause = f"{who} asked to stop" + (f": {reason}" if reason else "")
+        self._queue_stop(now, "operator_stop", cause)
 
-    def _set(self, now: int, command: EngineCommand) -> str:
-        self._say(now, "setting", Setting(now, *command.values))
-        return ""
+    def _stop_gone(self, now: int) -> None:
+        self._stop_lost(now, f"{self.lease.who} was driving and is gone")
 
-    def _call(self, now: int, command: EngineCommand) -> str:
-        """Call an action; the answer comes when it has been done."""
-        self._say(now, "call", Call(now, *command.values))
-        self.calls.append(command.number)
-        return LATER
+    def _stop_lost(self, now: int, cause: str) -> None:
+        self._queue("twist", now, Twist(now, 0.0, 0.0))
+        self._queue_stop(now, "operator_lost", cause)
 
-    def _measure(self, now: int, command: EngineCommand) -> str:
-        """Measure what the blocks cost, for some seconds."""
-        if self.meter is not None:
-            self.meter.want()
-        return ""
+    def _queue_stop(self, now: int, code: StopCode, cause: str) -> None:
+        self._queue("halt", now, Stop(now, code, cause, True))
+        self.lease.end()
 
-    def _leave(self, now: int, command: EngineCommand) -> str:
-        """A client has gone: nothing happens unless it was driving."""
-        if self.driving.is_by(command.client):
-            self._lose(now, self.driving.gone)
-        return ""
-
-    def _lose(self, now: int, cause: str) -> None:
-        self._say(now, "twist", Twist(now, 0.0, 0.0))
-        self._say(now, "halt", Stop(now, "operator_lost", cause, True))
-        self.driving.let_go()
-
-    def _is_held(self) -> bool:
-        stop = self.operator.holding.get(HOLDING)
-        return stop is not None and stop.latched
-
-    def _say(self, now: int, port: str, message: Message) -> None:
+    def _queue(self, port: str, now: int, message: Message) -> None:
+        """Deliver `message` in the next instant; of several velocities only the last."""
         wire = "operator." + port
-        if port == "twist":  # of several velocities in one idle time only the last counts
-            self.outbox = [each for each in self.outbox if each.wire != wire]
+        if port == "twist":
+            self.outbox = [delivery for delivery in self.outbox if delivery.wire != wire]
         self.outbox.append(Delivery(wire, message))
-        self.at = now + 1
-
-
-VERBS: dict[str, Verb] = {
-    "stop": ControlClientDriver._stop,
-    "resume": ControlClientDriver._resume,
-    "goto": ControlClientDriver._goto,
-    "drive": ControlClientDriver._drive,
-    "release": ControlClientDriver._release,
-    "lost": ControlClientDriver._lost,
-    "set": ControlClientDriver._set,
-    "call": ControlClientDriver._call,
-    "measure": ControlClientDriver._measure,
-    "leave": ControlClientDriver._leave,
-}
+        self.outbox_due = now + 1

@@ -1,48 +1,47 @@
-"""How often something may be done: so many at once, and so many a second in the long run.
-
-One connection to the control socket: lines in, a bounded queue of lines out.
-"""
+"""One connection to the control socket: lines in, bounded queues of lines out, subscriptions."""
 
 from __future__ import annotations
 
 import socket
 import struct
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
-from diffbotctl.control_socket.protocol import LineBuffer, encode_line
+from diffbotctl.control_socket.protocol import PROTOCOL, Fields, LineBuffer, encode_line
+from diffbotctl.recording.json_codec import message_encoder
+
+STREAM_LINES_MAX = 500  # that wait for a client which reads slowly; the oldest is dropped first
+REPLIES_MAX = 50  # that wait; then nothing more is read from that client
+CREDENTIALS = struct.Struct("3i")
+READ_BYTES = 1 << 16  # at once
+REQUESTS_PER_SECOND = 200.0
+REQUEST_BURST = 100.0
+HELLO_TIMEOUT_S = 10.0
 
 
 class TokenBucket:
-    """A purse that fills with `rate` coins a second up to `most`."""
+    """Limits a rate: a token is added `rate` times a second, up to `capacity`."""
 
-    def __init__(self, rate: float, most: float, now: float) -> None:
+    def __init__(self, rate: float, capacity: float, now: float) -> None:
         self.rate = rate
-        self.most = most
-        self.saved = most
-        self.at = now
+        self.capacity = capacity
+        self.tokens = capacity
+        self.updated = now
 
     def allows(self, now: float) -> bool:
-        """True when one may be done at `now` (s)."""
-        self.saved = min(self.saved + (now - self.at) * self.rate, self.most)
-        self.at = now
-        return self.saved >= 1.0
+        """Whether there is a token at `now` (s)."""
+        self.tokens = min(self.tokens + (now - self.updated) * self.rate, self.capacity)
+        self.updated = now
+        return self.tokens >= 1.0
 
     def spend(self) -> None:
-        """One was done."""
-        self.saved -= 1.0
-
-
-MOST_STREAMED = 500  # lines that wait for a client which reads slowly; the oldest goes first
-MOST_ANSWERS = 50  # answers that wait; then nothing more is read from that client
-CREDENTIALS = struct.Struct("3i")
-READ = 1 << 16  # bytes at once
-REQUESTS_PER_SECOND = 200.0
-MOST_AT_ONCE = 100.0  # requests that a client may send in one burst
+        """Remove a token."""
+        self.tokens -= 1.0
 
 
 class Peer(NamedTuple):
-    """Who is at the other end, as the kernel says."""
+    """The process at the other end, as the kernel reports it."""
 
     pid: int
     uid: int
@@ -56,46 +55,51 @@ def peer_of(connection: socket.socket) -> Peer:
 
 
 class Client:
-    """A connection with its queue. `name` is empty before its hello."""
+    """A connection with its queues. `name` is empty before its hello."""
 
     def __init__(self, connection: socket.socket, number: int, peer: Peer, now: float) -> None:
         self.connection = connection
         self.number = number
         self.peer = peer
         self.name = ""
-        self.since = now
+        self.protocol = PROTOCOL
+        self.connected_at = now
         self.lines = LineBuffer()
-        self.watched: set[str] = set()
-        self.answers: deque[bytes] = deque()
-        self.stream: deque[bytes] = deque(maxlen=MOST_STREAMED)
+        self.topics: set[str] = set()  # subscribed
+        self.replies: deque[bytes] = deque()
+        self.stream: deque[bytes] = deque(maxlen=STREAM_LINES_MAX)
         self.lost = 0
         self.sending = b""
-        self.hears = True  # False once the other end sends no more
-        self.ending = False  # True: closed when what waits is sent
-        self.expected = 0  # commands that the engine has not answered yet
-        self.drives = False  # True once it has driven: its leaving matters
-        self.pace = TokenBucket(REQUESTS_PER_SECOND, MOST_AT_ONCE, now)
+        self.is_readable = True  # False once the other end sends no more
+        self.is_closing = False  # closed when what waits is sent
+        self.unanswered = 0  # commands without the engine's answer
+        self.has_driven = False  # then the engine must know when it disconnects
+        self.bucket = TokenBucket(REQUESTS_PER_SECOND, REQUEST_BURST, now)
         connection.setblocking(False)
+
+    def is_late(self, now: float) -> bool:
+        """Whether the time for its hello is over."""
+        return not self.name and now - self.connected_at > HELLO_TIMEOUT_S
 
     @property
     def who(self) -> str:
-        """The client as a stop's cause names it."""
+        """The client as the cause of a stop names it."""
         return f"{self.name or 'a client'} (process {self.peer.pid}, uid {self.peer.uid})"
 
-    def answer(self, fields: dict[str, object]) -> None:
-        """Queue an answer; these are never dropped."""
-        self.answers.append(encode_line(fields))
+    def answer(self, fields: Fields) -> None:
+        """Queue a reply; these are never dropped."""
+        self.replies.append(encode_line(fields))
 
     def push(self, data: bytes) -> None:
         """Queue a line of a stream; the oldest is dropped and counted when there are too many."""
-        if len(self.stream) == MOST_STREAMED:
+        if len(self.stream) == STREAM_LINES_MAX:
             self.lost += 1
         self.stream.append(data)
 
     def read(self) -> bool:
-        """Take what has come. False when the other end will send no more."""
+        """Read what has come. False when the other end sends no more."""
         try:
-            data = self.connection.recv(READ)
+            data = self.connection.recv(READ_BYTES)
         except BlockingIOError:
             return True
         except OSError:
@@ -104,17 +108,17 @@ class Client:
         return bool(data)
 
     def next_line(self, now: float) -> bytes | None:
-        """The next whole line, unless this client asks too often. Raises RefusalError."""
-        if not self.pace.allows(now) or len(self.answers) >= MOST_ANSWERS:
+        """The next complete line, unless this client asks too often. Raises RefusalError."""
+        if not self.bucket.allows(now) or len(self.replies) >= REPLIES_MAX:
             return None
-        found = self.lines.next()
-        if found is not None:
-            self.pace.spend()
-        return found
+        line = self.lines.next()
+        if line is not None:
+            self.bucket.spend()
+        return line
 
     @property
     def is_paused(self) -> bool:
-        """True when requests of it wait, so that no more need be read."""
+        """Whether it has requests waiting, so that no more need be read."""
         return b"\n" in self.lines.rest
 
     def write(self) -> bool:
@@ -131,23 +135,51 @@ class Client:
 
     @property
     def waits(self) -> bool:
-        """True when something waits to be sent."""
-        return bool(self.sending or self.answers or self.stream)
+        """Whether something waits to be sent."""
+        return bool(self.sending or self.replies or self.stream)
 
     @property
     def is_done(self) -> bool:
-        """True when all is said on both sides."""
-        if self.waits or self.expected or (self.is_paused and not self.ending):
+        """Whether the connection can be closed."""
+        if self.waits or self.unanswered or (self.is_paused and not self.is_closing):
             return False
-        return self.ending or not (self.hears or self.watched)
+        return self.is_closing or not (self.is_readable or self.topics)
 
     def _load(self) -> bool:
-        """Have something in `sending`: answers first, then the loss, then the stream."""
+        """Fill `sending`: replies first, then the number of lost lines, then the stream."""
         if not self.sending:
-            if self.answers:
-                self.sending = self.answers.popleft()
+            if self.replies:
+                self.sending = self.replies.popleft()
             elif self.lost:
                 self.sending, self.lost = encode_line({"lost": self.lost}), 0
             elif self.stream:
                 self.sending = self.stream.popleft()
         return bool(self.sending)
+
+
+class Subscriptions:
+    """Encodes messages as lines, each once, for the clients that subscribe to their topic."""
+
+    def __init__(self, wires: dict[str, type]) -> None:
+        self.wires = wires
+        self.encoders = {wire: message_encoder(kind) for wire, kind in wires.items()}
+
+    def distribute(
+        self, instants: Iterable[tuple[Any, ...]], lost: int, clients: Iterable[Client]
+    ) -> None:
+        """Queue the messages of `instants` for the subscribers, and count `lost` ones."""
+        topics = {client: client.topics for client in clients}
+        subscribed: set[str] = set().union(*topics.values())
+        for instant in instants:
+            for wire, message in zip(self.wires, instant[1:], strict=True):
+                if message is not None and wire in subscribed:
+                    data = self.line(wire, message)
+                    for client, wires in topics.items():
+                        if wire in wires:
+                            client.push(data)
+        for client in topics:
+            client.lost += lost
+
+    def line(self, wire: str, message: Any) -> bytes:
+        """One message as a line of a stream."""
+        return b'{"topic": "%s", "message": %s}\n' % (wire.encode(), self.encoders[wire](message))

@@ -1,58 +1,133 @@
-"""What a client can ask for, and the words for what the engine answers."""
+"""The methods of the control protocol: each has one declared request and one handler."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
+from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.connection import Client
-from diffbotctl.control_socket.handlers import commands, introspection, parameters
-from diffbotctl.control_socket.protocol import RefusalError, Request
-from diffbotctl.control_socket.request_context import CommandDraft, Fields, RequestContext, Verb
+from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest
+from diffbotctl.control_socket.handlers import commands, introspection
+from diffbotctl.control_socket.protocol import Fields, RefusalError, parse_line
+from diffbotctl.control_socket.requests import (
+    declared_fields,
+    from_version_1,
+    parse_hello,
+    parse_request,
+)
+from diffbotctl.control_socket.run_state import RequestContext, RunInfo, RunState
 from diffbotctl.errors import closest_match
 
-REQUESTS: dict[str, Verb] = {
-    **commands.MOTION_REQUESTS,
-    **introspection.STATE_REQUESTS,
-    **introspection.GRAPH_REQUESTS,
-    **parameters.PARAMETER_REQUESTS,
-    **commands.ACTION_REQUESTS,
-    **introspection.LOG_REQUESTS,
+R = TypeVar("R")
+AccessLog = Callable[[Fields], None]
+
+
+@dataclass(frozen=True)
+class Method(Generic[R]):
+    """A method: the class of its request, and what handles it.
+
+    The handler returns the fields of the reply, or a command for the engine, which replies later.
+    """
+
+    request: type[R]
+    handle: Callable[[RequestContext, R], Fields | EngineRequest]
+
+
+METHODS: dict[str, Method[Any]] = {
+    "stop": Method(requests.StopRequest, commands.handle_stop),
+    "resume": Method(requests.ResumeRequest, commands.forward),
+    "goto": Method(requests.GotoRequest, commands.handle_goto),
+    "drive": Method(requests.DriveRequest, commands.handle_drive),
+    "release": Method(requests.ReleaseRequest, commands.forward),
+    "operator_lost": Method(requests.OperatorLostRequest, commands.handle_operator_lost),
+    "status": Method(requests.StatusRequest, introspection.handle_status),
+    "snapshot": Method(requests.SnapshotRequest, introspection.handle_snapshot),
+    "scene": Method(requests.SceneRequest, introspection.handle_scene),
+    "explain_stop": Method(requests.ExplainStopRequest, introspection.handle_explain_stop),
+    "list_topics": Method(requests.ListTopicsRequest, introspection.handle_list_topics),
+    "describe_topic": Method(requests.DescribeTopicRequest, introspection.handle_describe_topic),
+    "topic_rate": Method(requests.TopicRateRequest, introspection.handle_topic_rate),
+    "subscribe": Method(requests.SubscribeRequest, introspection.handle_subscribe),
+    "unsubscribe": Method(requests.UnsubscribeRequest, introspection.handle_unsubscribe),
+    "publish": Method(requests.PublishRequest, commands.handle_publish),
+    "list_parameters": Method(requests.ListParametersRequest, commands.handle_list_parameters),
+    "set_parameter": Method(requests.SetParameterRequest, commands.handle_set_parameter),
+    "list_actions": Method(requests.ListActionsRequest, commands.handle_list_actions),
+    "call_action": Method(requests.CallActionRequest, commands.handle_call_action),
+    "list_blocks": Method(requests.ListBlocksRequest, introspection.handle_list_blocks),
+    "list_wires": Method(requests.ListWiresRequest, introspection.handle_list_wires),
+    "read_log": Method(requests.ReadLogRequest, introspection.handle_read_log),
+    "set_log_level": Method(requests.SetLogLevelRequest, commands.handle_set_log_level),
 }
 
 
-def dispatch(desk: RequestContext, client: Client, request: Request) -> Fields | CommandDraft:
-    """Do what `request` says: an answer, or a command for the engine. Raises RefusalError."""
-    name = request.text("do", "")
-    verb = REQUESTS.get(name)
-    if verb is None:
-        near = closest_match(name, REQUESTS)
-        fix = f"did you mean {near}?" if near else f"there are {', '.join(REQUESTS)}"
-        raise RefusalError("E-REQUEST", f"there is no verb '{name}'", fix)
-    found = verb(desk, client, request)
-    if desk.about.is_replay and isinstance(found, CommandDraft):
-        raise RefusalError("E-REQUEST", "this is a replay: what has happened cannot be commanded")
-    return found
+class Dispatcher:
+    """Handles the lines of clients: greets, replies, and sends commands to the engine."""
+
+    def __init__(self, info: RunInfo, state: RunState, engine: EngineLink, log: AccessLog) -> None:
+        self.info, self.state, self.engine = info, state, engine
+        self.log = log
+
+    def line(self, client: Client, data: bytes) -> None:
+        """Handle one line of `client`. Raises RefusalError for a hello that is refused."""
+        if not client.name:
+            client.protocol, name = parse_hello(parse_line(data))
+            client.name = name or "client"
+            self.log({"event": "connected", "name": client.name, **client.peer._asdict()})
+            return
+        request_id: int | str | None = None
+        try:
+            fields = parse_line(data)
+            if isinstance(fields.get("id"), int | str):
+                request_id = fields["id"]
+            self._request(client, request_id, fields)
+        except RefusalError as refusal:
+            client.answer({"id": request_id, **refusal.fields()})
+
+    def _request(self, client: Client, request_id: int | str | None, fields: Fields) -> None:
+        if client.protocol == 1:
+            fields = from_version_1(fields)
+        name = fields.get("method")
+        method = METHODS.get(name) if isinstance(name, str) else None
+        if method is None:
+            raise _unknown_method(name)
+        context = RequestContext(self.info, self.state, self.engine, client)
+        reply = method.handle(context, parse_request(method.request, fields))
+        if isinstance(reply, dict):
+            client.answer({"id": request_id, "ok": True, **reply})
+            return
+        if self.info.is_replay:
+            cause = "this is a replay: what has happened cannot be commanded"
+            raise RefusalError("E-REQUEST", cause)
+        if not isinstance(reply, requests.DriveRequest):
+            self.log({"event": name, "fields": reply._asdict(), "by": client.who})
+        self.engine.command(client, request_id, reply)
 
 
-# What the engine may say to a command: code, cause, fix.
-ANSWERS: dict[str, tuple[str, str, str]] = {
-    "not_finite": ("E-REQUEST", "a number is not finite", "send a finite one"),
-    "held": (
-        "E-HELD",
-        "the robot is held; `why` tells by what",
-        "resume first: `diffbotctl resume`",
-    ),
-    "busy": ("E-BUSY", "someone else is driving", 'wait, or take over with "take_over": true'),
-    "not_driving": ("E-REQUEST", "this client is not driving", "there is nothing to let go of"),
-    "driving": ("E-BUSY", "someone is driving", "resume when they have let go"),
-    "refused": ("E-REQUEST", "the block refuses", ""),
-    "engine_busy": ("E-BUSY", "the engine does not take commands just now", "try again"),
-}
+def _unknown_method(name: Any) -> RefusalError:
+    if not isinstance(name, str):
+        fix = 'such as {"method": "status"}'
+        return RefusalError("E-REQUEST", "the field 'method' must be the name of a method", fix)
+    near = closest_match(name, METHODS)
+    fix = f"did you mean {near}?" if near else f"there are {', '.join(METHODS)}"
+    return RefusalError("E-REQUEST", f"there is no method '{name[:40]}'", fix)
 
 
-def error_reply(code: str, said: Iterable[str] = ()) -> Fields:
-    """What a client is told when the engine has answered `code`."""
-    if not code:
-        return {"ok": True}
-    cause = ": ".join([ANSWERS[code][1], *said])
-    return RefusalError(ANSWERS[code][0], cause, ANSWERS[code][2]).fields()
+def methods_table() -> str:
+    """The table of methods in docs/protocol.md."""
+    rows = ["| method | fields | what it does |", "|---|---|---|"]
+    for name, method in METHODS.items():
+        fields = ", ".join(
+            f"`{field}`" if declaration.is_required else f"[`{field}`]"
+            for field, declaration in declared_fields(method.request).items()
+        )
+        rows.append(f"| `{name}` | {fields} | {' '.join((method.request.__doc__ or '').split())} |")
+    rows += ["", "| field | of | type | what it is |", "|---|---|---|---|"]
+    for name, method in METHODS.items():
+        for field, declaration in declared_fields(method.request).items():
+            rows.append(
+                f"| `{field}` | `{name}` | {declaration.type_text} | {declaration.field.help} |"
+            )
+    return "\n".join(rows) + "\n"

@@ -1,24 +1,45 @@
-"""The run that a hub stands before, as the engine tells it once.
-
-What the hub knows of the run: the newest message of each wire, rates, and past stops.
-"""
+"""What the server knows about the run: its metadata, the newest messages, rates, past stops."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from itertools import pairwise
+from math import nan
 from typing import Any, NamedTuple
 
-from diffbotctl.control_socket.engine_channel import EngineUpdate
+from diffbotctl.control_socket.connection import Client, Subscriptions
+from diffbotctl.control_socket.engine_channel import EngineLink, EngineUpdate
+from diffbotctl.control_socket.protocol import RefusalError
+from diffbotctl.control_socket.requests import ALL, LOG_LINES_MAX
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
-from diffbotctl.graph import Graph
-from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
+from diffbotctl.errors import closest_match
+from diffbotctl.graph import LOG, Graph
+from diffbotctl.messages import (
+    Battery,
+    Goal,
+    GoalState,
+    LogLine,
+    Message,
+    Odometry,
+    Path,
+    Range,
+    Scan,
+    Setting,
+    Stop,
+    Twist,
+    Wheels,
+)
 from diffbotctl.time import SECOND
+
+RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
+TIMES_MAX = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
+STOPS_MAX = 20  # that are kept
 
 
 class RunInfo(NamedTuple):
-    """The run that a hub stands before. Speeds are the robot's limits; None without a robot.
+    """Metadata of the run. Speeds are the robot's limits; None without a robot.
 
     `drivers` maps a node that is no block to the class of its driver.
     """
@@ -34,18 +55,12 @@ class RunInfo(NamedTuple):
     drivers: dict[str, type]
     speed: float | None  # m/s
     turn_rate: float | None  # rad/s
-    is_replay: bool  # nothing that is commanded can reach anything
-    scene: dict[str, Any]  # what a map draws that does not change, as the verb `scene` answers
-
-
-RATE_SPAN = 2 * SECOND  # ns over which a rate is taken: long enough for 1 Hz, short enough to show
-MOST_TIMES = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
-MOST_LINES = 500  # lines of the log remembered
-MOST_EPISODES = 20  # stops remembered
+    is_replay: bool  # then commands are refused
+    scene: dict[str, Any]  # what a map draws that does not change, the reply to `scene`
 
 
 class StopEpisode(NamedTuple):
-    """One stop: who said it when, and the newest message of every wire at that moment."""
+    """One stop: its time, its wire, and the newest message of every wire at that time."""
 
     time: int
     wire: str
@@ -63,67 +78,60 @@ class TopicRate(NamedTuple):
 
 
 class RunState:
-    """Follows the engine's news. The blocks of `graph` are the hub's own copy of them: their live
-    parameters follow too."""
+    """Follows the engine's updates. The blocks of `graph` are the server's own copy of them: their
+    live parameters follow too."""
 
     def __init__(self, graph: Graph) -> None:
-        wires = graph.kinds
+        self.blocks = {node.name: node.block for node in graph.nodes}
+        self.inputs = {wire for node in graph.nodes for wire in node.wires.values()}
         self.changes = LiveChanges(graph, {})
         self.changed: set[tuple[str, str]] = set()
-        self.wires = wires
-        self.names = list(wires)
-        self.stops = [wire for wire, kind in wires.items() if kind is Stop]
-        self.latest: dict[str, Message] = {}
-        self.counts = dict.fromkeys(wires, 0)
-        self.times: dict[str, deque[int]] = {wire: deque(maxlen=MOST_TIMES) for wire in wires}
-        self.episodes: deque[StopEpisode] = deque(maxlen=MOST_EPISODES)
-        self.lines: deque[LogLine] = deque(maxlen=MOST_LINES)
+        self.wires = graph.kinds
+        self.subscriptions = Subscriptions(graph.kinds)
+        self.stop_wires = [wire for wire, kind in self.wires.items() if kind is Stop]
+        self.newest: dict[str, Message] = {}
+        self.counts = dict.fromkeys(self.wires, 0)
+        self.times: dict[str, deque[int]] = {wire: deque(maxlen=TIMES_MAX) for wire in self.wires}
+        self.stops: deque[StopEpisode] = deque(maxlen=STOPS_MAX)
+        self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
         self.errors: dict[str, LogLine] = {}
         self.loads: dict[str, BlockLoad] = {}
         self.now = 0
-        self.lost = 0
 
-    def take(self, news: EngineUpdate) -> None:
-        """Take what the engine sent."""
-        self.lost += news.lost
-        if news.loads is not None:
-            self.loads = {name: BlockLoad(*load) for name, load in news.loads.items()}
-        for instant in news.instants:
-            self._instant(instant)
+    def update(self, update: EngineUpdate) -> None:
+        """Add what the engine sent."""
+        if update.loads is not None:
+            self.loads = {name: BlockLoad(*load) for name, load in update.loads.items()}
+        for instant in update.instants:
+            self._add_instant(instant)
 
-    def _instant(self, instant: tuple[Any, ...]) -> None:
+    def _add_instant(self, instant: tuple[Any, ...]) -> None:
         self.now = now = instant[0]
-        for wire, message in zip(self.names, instant[1:], strict=True):
-            if message is not None:
-                self.latest[wire] = message
-                self.counts[wire] += 1
-                self.times[wire].append(now)
-                if type(message) is Stop and message.code:
-                    self._remember(now, wire, message)
-                elif type(message) is Setting:
-                    self.changes.set(now, message)
-                    self.changed.add((message.block, message.name))
-        if type(instant[-1]) is LogLine:  # its wire is the last one
-            self._note(instant[-1])
-
-    def _note(self, line: LogLine) -> None:
-        self.lines.append(line)
-        if line.level == "error":
-            self.errors[line.source] = line
-
-    def _remember(self, now: int, wire: str, stop: Stop) -> None:
-        if wire.startswith("operator."):
-            return  # the echo of a block's stop, or a wish that the gate will speak of
-        self.episodes.append(StopEpisode(now, wire, stop, dict(self.latest)))
+        for wire, message in zip(self.wires, instant[1:], strict=True):
+            if message is None:
+                continue
+            self.newest[wire] = message
+            self.counts[wire] += 1
+            self.times[wire].append(now)
+            if type(message) is Stop and message.code:
+                if not wire.startswith("operator."):  # the gate reports those too
+                    self.stops.append(StopEpisode(now, wire, message, dict(self.newest)))
+            elif type(message) is Setting:
+                self.changes.set(now, message)
+                self.changed.add((message.block, message.name))
+            elif type(message) is LogLine and wire == LOG:
+                self.lines.append(message)
+                if message.level == "error":
+                    self.errors[message.source] = message
 
     def rate(self, wire: str) -> TopicRate:
-        """How often `wire` has lately carried a message."""
+        """The rate of `wire` over the last RATE_SPAN."""
         recent = [time for time in self.times[wire] if time >= self.now - RATE_SPAN]
         count = self.counts[wire]
         if len(recent) < 2:
-            return TopicRate(0.0, float("nan"), float("nan"), count)
-        gaps = [(b - a) / SECOND for a, b in pairwise(recent)]
-        # A wire that has fallen silent must not keep the rate that it had.
+            return TopicRate(0.0, nan, nan, count)
+        gaps = [(later - earlier) / SECOND for earlier, later in pairwise(recent)]
+        # A wire without new messages must not keep the rate that it had.
         span = max(self.now - recent[0], recent[-1] - recent[0], 1) / SECOND
         return TopicRate((len(recent) - 1) / span, min(gaps), max(gaps), count)
 
@@ -133,16 +141,96 @@ class RunState:
         return (self.now - times[-1]) / SECOND if times else None
 
     def goal_state(self) -> GoalState | None:
-        """What was last said of a goal; None where no block follows any, or before its first."""
-        said = [message for message in self.latest.values() if isinstance(message, GoalState)]
-        return max(said, key=lambda each: each.time) if said else None
+        """The newest goal state; None before the first, or where no block follows goals."""
+        states = [message for message in self.newest.values() if isinstance(message, GoalState)]
+        return max(states, key=lambda state: state.time, default=None)
 
-    def holding(self) -> tuple[str, Stop] | None:
-        """The gravest stop in force and the wire that says so."""
-        found = [(wire, self.latest[wire]) for wire in self.stops if wire in self.latest]
-        held = [
+    def stop_in_force(self) -> tuple[str, Stop] | None:
+        """A stop in force and its wire, a latched one first; None when nothing stops the robot."""
+        stops = [
             (wire, stop)
-            for wire, stop in found
-            if isinstance(stop, Stop) and stop.code and not wire.startswith("operator.")
+            for wire in self.stop_wires
+            if isinstance(stop := self.newest.get(wire), Stop)
+            and stop.code
+            and not wire.startswith("operator.")
         ]
-        return min(held, key=lambda each: not each[1].latched) if held else None
+        return min(stops, key=lambda item: not item[1].latched, default=None)
+
+
+# The last part of a ROS name: the wire here, or the message class with the same content.
+ROS_TOPICS: dict[str, str | type] = {
+    "cmd_vel": "operator.twist",
+    "odom": Odometry,
+    "pose": Odometry,  # turtlesim's
+    "scan": Scan,
+    "range": Range,
+    "sonar": Range,
+    "goal": "operator.goal",
+    "goal_pose": "operator.goal",
+    "path": "operator.path",
+    "plan": Path,
+    "status": GoalState,
+    "battery_state": Battery,
+    "wheel_cmd": Wheels,
+    "lwheel": "robot.encoders",
+    "rwheel": "robot.encoders",
+    "joint_states": "robot.encoders",
+    "twist": Twist,
+    "current_goal": Goal,
+    "rosout": "log",
+    "rosout_agg": "log",
+}
+
+
+class RequestContext(NamedTuple):
+    """Context of a request handler: run metadata and state, the link to the engine, the client."""
+
+    info: RunInfo
+    state: RunState
+    engine: EngineLink
+    client: Client
+
+    def wire(self, name: str) -> str:
+        """The wire called `name`, also by its ROS name, or by its block if that has one output.
+
+        Raises RefusalError with the closest name.
+        """
+        wires = self.state.wires
+        if name in wires:
+            return name
+        ros_wire = _ros_wire(name, wires)
+        if ros_wire is not None:
+            return ros_wire
+        outputs = [wire for wire in wires if wire.partition(".")[0] == name]
+        if len(outputs) == 1:
+            return outputs[0]
+        near = outputs[0] if outputs else closest_match(name.strip("/").replace("/", "."), wires)
+        fix = f"did you mean {near}?" if near else "`diffbotctl topic list` shows them all"
+        raise RefusalError("E-REQUEST", f"there is no topic '{name}'", fix)
+
+    def topics(self, name: str) -> list[str]:
+        """The wires called `name`, which may be ALL."""
+        return list(self.state.wires) if name == ALL else [self.wire(name)]
+
+    def require_source(self, name: str) -> None:
+        """Raise RefusalError unless `name` is a source of the log, or ALL."""
+        book = self.info.graph.book
+        sources = [] if book is None else list(book.logs)
+        if name not in (ALL, *sources):
+            cause = f"there is no block '{name}'"
+            raise RefusalError("E-REQUEST", cause, suggestion(name, sources))
+
+
+def _ros_wire(name: str, wires: dict[str, type]) -> str | None:
+    """The wire that a ROS user means by `name`, such as `/odom`; None when there is none."""
+    meaning = ROS_TOPICS.get(name.strip("/").split("/")[-1])
+    if isinstance(meaning, str):
+        return meaning if meaning in wires else None
+    return next((wire for wire, kind in wires.items() if kind is meaning), None)
+
+
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """The fix for a name that does not exist."""
+    names = list(names)
+    near = closest_match(name, names)
+    return f"did you mean {near}?" if near else f"there is {', '.join(names) or 'none'}"

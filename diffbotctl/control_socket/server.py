@@ -1,6 +1,6 @@
-"""What is said with one client: its hello, then requests, each with its answer or a command.
+"""The server of the control socket: between any number of clients and one engine.
 
-The hub: stands between any number of clients and one engine, and can slow none of them.
+A client that is slow, sends too much or dies delays neither the engine nor other clients.
 """
 
 from __future__ import annotations
@@ -9,163 +9,116 @@ import os
 import select
 import socket
 import time
-from collections.abc import Callable
-from typing import Any
 
 from diffbotctl.control_socket.connection import Client, peer_of
-from diffbotctl.control_socket.dispatch import dispatch
-from diffbotctl.control_socket.engine_channel import EngineUpdate
-from diffbotctl.control_socket.engine_link import EngineLink
-from diffbotctl.control_socket.protocol import (
-    PROTOCOL,
-    RefusalError,
-    check_hello,
-    encode_line,
-    parse_request,
-)
-from diffbotctl.control_socket.request_context import CommandDraft, RequestContext
+from diffbotctl.control_socket.dispatch import AccessLog, Dispatcher
+from diffbotctl.control_socket.engine_channel import ClientDisconnected, EngineLink, EngineUpdate
+from diffbotctl.control_socket.protocol import PROTOCOL, RefusalError, encode_line
 from diffbotctl.control_socket.run_state import RunInfo, RunState
-from diffbotctl.control_socket.subscriptions import Subscriptions
 from diffbotctl.recording.black_box_store import BlackBoxStore
 
-Log = Callable[[dict[str, Any]], None]
-
-
-class Dispatcher:
-    """Answers from the desk, or sends what is wanted to the engine; who asked is logged."""
-
-    def __init__(self, desk: RequestContext, engine: EngineLink, log: Log) -> None:
-        self.desk = desk
-        self.engine = engine
-        self.log = log
-
-    def line(self, client: Client, data: bytes) -> None:
-        """Take one line of `client`. Raises RefusalError for a hello that ends it all."""
-        if not client.name:
-            client.name = check_hello(parse_request(data)) or "client"
-            self.log({"event": "connected", "name": client.name, **client.peer._asdict()})
-            return
-        number: int | str | None = None
-        try:
-            asked = parse_request(data)
-            number = asked.number
-            said = dispatch(self.desk, client, asked)
-        except RefusalError as refusal:
-            client.answer({"id": number, **refusal.fields()})
-            return
-        if isinstance(said, CommandDraft):
-            if said.verb != "drive":
-                self.log({"event": said.verb, "values": list(said.values), "by": client.who})
-            self.engine.command(client, number, said)
-        else:
-            client.answer({"id": number, "ok": True, **said})
-
-
-MOST_CLIENTS = 100
-AT_ONCE = 32  # connections accepted between two looks at the others
-PERIOD = 0.05  # s; how long a client that asks too often waits, and how soon a dead engine shows
-GREETING_TIME = 10.0  # s in which a client must have said hello
+CLIENTS_MAX = 100
+ACCEPTS_AT_ONCE = 32  # connections accepted between two polls of the others
+POLL_PERIOD_S = 0.05  # also the wait of a client that asks too often
 READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
 
 
 class Server:
-    """Accepts clients at `listener`, speaks with the engine through `channel`.
+    """Accepts clients at `listener`, and talks to the engine through `channel`.
 
-    `shared`: any user whom the socket's permissions let through may speak, not only its own. The
-    flight recorder's `keeper` is handed what comes for it, whatever the clients do.
+    `shared`: any user whom the permissions of the socket admit is served, not only its owner. The
+    black box's `store` gets what comes for it, whatever the clients do.
     """
 
     def __init__(
         self,
         listener: socket.socket,
         channel: socket.socket,
-        about: RunInfo,
+        info: RunInfo,
         shared: bool,
-        log: Log,
-        keeper: BlackBoxStore | None = None,
+        log: AccessLog,
+        store: BlackBoxStore | None = None,
     ) -> None:
         self.listener = listener
         self.engine = EngineLink(channel)
         self.shared = shared
         self.log = log
-        self.knowledge = RunState(about.graph)
-        desk = RequestContext(about, self.knowledge, self.engine.whisper)
-        self.conversation = Dispatcher(desk, self.engine, log)
-        self.streams = Subscriptions(about.graph.kinds)
+        self.state = RunState(info.graph)
+        self.dispatcher = Dispatcher(info, self.state, self.engine, log)
         self.clients: dict[int, Client] = {}
         self.connected = 0
         self.epoll = select.epoll()
         self.epoll.register(listener, READ)
         self.epoll.register(channel, READ)
-        self.keeper = keeper
-        if keeper is not None:
-            self.epoll.register(keeper, READ)
-        hello = {"hello": PROTOCOL, "engine": about.name, "pid": about.pid}
-        self.greeting = encode_line({**hello, "version": about.version})
+        self.store = store
+        if store is not None:
+            self.epoll.register(store, READ)
+        hello = {"hello": PROTOCOL, "engine": info.name, "pid": info.pid, "version": info.version}
+        self.greeting = encode_line({**hello, "epoch": None})  # reserved
         listener.setblocking(False)
 
     def run(self) -> None:
         """Serve until the engine has ended or died."""
-        parent, looked = os.getppid(), 0.0
-        while self.engine.lives and os.getppid() == parent:
-            for file, state in self.epoll.poll(PERIOD):
-                self._ready(file, state)
+        parent, checked = os.getppid(), 0.0
+        while self.engine.is_open and os.getppid() == parent:
+            for file, events in self.epoll.poll(POLL_PERIOD_S):
+                self._ready(file, events)
             self.engine.retry()
             now = time.monotonic()
-            if now - looked >= PERIOD:
-                looked = now
-                self._look_round(now)
+            if now - checked >= POLL_PERIOD_S:
+                checked = now
+                self._check_clients(now)
 
-    def farewell(self, patience: float) -> None:
-        """Tell all clients that it is over; they have `patience` seconds to take what waits."""
+    def finish(self, timeout: float) -> None:
+        """Tell all clients that the run has ended; they have `timeout` seconds to read the rest."""
         self.listener.close()
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         waiting = list(self.clients.values())
         for client in waiting:
             client.answer({"ended": True})
         while waiting and time.monotonic() < deadline:
             waiting = [client for client in waiting if client.write() and client.waits]
-            select.select([], [client.connection for client in waiting], [], PERIOD)
+            select.select([], [client.connection for client in waiting], [], POLL_PERIOD_S)
 
-    def _ready(self, file: int, state: int) -> None:
+    def _ready(self, file: int, events: int) -> None:
         if file == self.engine.channel.fileno():
-            for news in self.engine.news():
-                self._take(news)
+            for update in self.engine.updates():
+                self._update(update)
         elif file == self.listener.fileno():
-            self._accept()
-        elif self.keeper is not None and file == self.keeper.fileno():
-            self._keep(self.keeper)
+            self._accept_all()
+        elif self.store is not None and file == self.store.fileno():
+            self._read_black_box(self.store)
         elif file in self.clients:
             client = self.clients[file]
-            if client.hears:
-                client.hears = client.read()
-                self._follow(client, time.monotonic())
-            elif state & GONE:
-                self._part(client)
+            if client.is_readable:
+                client.is_readable = client.read()
+                self._handle_lines(client, time.monotonic())
+            elif events & GONE:
+                self._close(client)
             self._serve(client)
 
-    def _keep(self, keeper: BlackBoxStore) -> None:
-        """Hand the flight recorder what came for it. Its failure must not silence the hub."""
+    def _read_black_box(self, store: BlackBoxStore) -> None:
+        """Pass on what came for the black box. Its failure must not end the server."""
         try:
-            goes_on = keeper.read()
+            is_running = store.read()
         except Exception:
-            from traceback import format_exc
+            from traceback import format_exc  # only after a failure
 
             self.log({"event": "flight recorder failed", "traceback": format_exc()})
-            keeper.give_up()
-            goes_on = False
-        if not goes_on:
-            self.epoll.unregister(keeper)
+            store.give_up()
+            is_running = False
+        if not is_running:
+            self.epoll.unregister(store)
 
-    def _accept(self) -> None:
-        for _ in range(AT_ONCE):
+    def _accept_all(self) -> None:
+        for _ in range(ACCEPTS_AT_ONCE):
             try:
                 connection, _ = self.listener.accept()
             except OSError:
                 return
-            self._welcome(connection)
+            self._accept(connection)
 
-    def _welcome(self, connection: socket.socket) -> None:
+    def _accept(self, connection: socket.socket) -> None:
         peer = peer_of(connection)
         self.connected += 1
         client = Client(connection, self.connected, peer, time.monotonic())
@@ -173,61 +126,61 @@ class Server:
         self.epoll.register(connection, READ)
         if not self.shared and peer.uid not in (0, os.getuid()):
             self.log({"event": "refused", **peer._asdict()})
-            self._dismiss(client, RefusalError("E-SOCKET", "this engine obeys its own user alone"))
+            self._refuse(client, RefusalError("E-SOCKET", "this engine obeys its own user alone"))
             return
-        client.answers.append(self.greeting)
-        if len(self.clients) > MOST_CLIENTS:
-            strangers = [each for each in self.clients.values() if not each.name]
-            self._dismiss(strangers[0], RefusalError("E-BUSY", "too many clients are connected"))
+        client.replies.append(self.greeting)
+        if len(self.clients) > CLIENTS_MAX:  # clients that have greeted stay
+            newcomer = next(client for client in self.clients.values() if not client.name)
+            self._refuse(newcomer, RefusalError("E-BUSY", "too many clients are connected"))
         self._serve(client)
 
-    def _dismiss(self, client: Client, refusal: RefusalError) -> None:
+    def _refuse(self, client: Client, refusal: RefusalError) -> None:
         client.answer(refusal.fields())
-        client.watched.clear()
-        client.ending, client.hears = True, False
+        client.topics.clear()
+        client.is_closing, client.is_readable = True, False
         self._serve(client)
 
-    def _follow(self, client: Client, now: float) -> None:
-        """Do what the client's whole lines say, as fast as it may ask."""
+    def _handle_lines(self, client: Client, now: float) -> None:
+        """Handle the client's complete lines, as fast as it may ask."""
         try:
-            while not client.ending and (data := client.next_line(now)) is not None:
-                self.conversation.line(client, data)
+            while not client.is_closing and (data := client.next_line(now)) is not None:
+                self.dispatcher.line(client, data)
         except RefusalError as refusal:  # of the line as such: what follows it cannot be trusted
-            self._dismiss(client, refusal)
+            self._refuse(client, refusal)
 
-    def _take(self, news: EngineUpdate) -> None:
-        self.knowledge.take(news)
-        for answer in news.answers:
-            client = self.engine.whose(answer)
+    def _update(self, update: EngineUpdate) -> None:
+        self.state.update(update)
+        for result in update.results:
+            client = self.engine.answer(result)
             if client is not None:
                 self._serve(client)
-        watchers = [client for client in self.clients.values() if client.watched]
-        self.streams.distribute(news, watchers)
-        for client in watchers:
+        subscribers = [client for client in self.clients.values() if client.topics]
+        self.state.subscriptions.distribute(update.instants, update.lost, subscribers)
+        for client in subscribers:
             self._serve(client)
 
     def _serve(self, client: Client) -> None:
-        """Send what fits; wait for what must be waited for; part when all is said."""
+        """Send what fits, choose the events to wait for, and close a connection that is done."""
         if client.connection.fileno() < 0:
             return
         if not client.write() or client.is_done:
-            self._part(client)
+            self._close(client)
             return
-        reads = client.hears and not client.is_paused
-        wanted = (READ if reads else 0) | (WRITE if client.waits else 0)
-        self.epoll.modify(client.connection, wanted)
+        reads = client.is_readable and not client.is_paused
+        events = (READ if reads else 0) | (WRITE if client.waits else 0)
+        self.epoll.modify(client.connection, events)
 
-    def _part(self, client: Client) -> None:
+    def _close(self, client: Client) -> None:
         del self.clients[client.connection.fileno()]
         client.connection.close()
-        if client.drives:
-            self.engine.command(client, None, CommandDraft("leave"))
+        if client.has_driven:
+            self.engine.command(client, None, ClientDisconnected())
 
-    def _look_round(self, now: float) -> None:
-        """What must be done though nothing came: slow down the hasty, part from the silent."""
+    def _check_clients(self, now: float) -> None:
+        """Handle lines that waited because of the rate limit; refuse clients without a hello."""
         for client in list(self.clients.values()):
             if client.is_paused:
-                self._follow(client, now)
+                self._handle_lines(client, now)
                 self._serve(client)
-            elif not client.name and not client.ending and now - client.since > GREETING_TIME:
-                self._dismiss(client, RefusalError("E-PROTOCOL", "no hello came in time"))
+            elif client.is_late(now) and not client.is_closing:
+                self._refuse(client, RefusalError("E-PROTOCOL", "no hello came in time"))

@@ -10,20 +10,20 @@ from diffbotctl.graph import Graph
 from diffbotctl.messages import Encoders, Link, Message, Odometry, Range, Stop, Twist, Volts, Wheels
 from diffbotctl.time import SECOND
 
-STANDS = 0.005  # m/s and rad/s; slower is between two slots of an encoder
-SENSED = (Volts, Range, Encoders, Link)
+STANDSTILL_MAX = 0.005  # m/s and rad/s; slower is between two slots of an encoder
+SENSOR_MESSAGES = (Volts, Range, Encoders, Link)
 
 
-def explain_stop(known: RunState, graph: Graph) -> str:
-    """One paragraph: what held the robot, what was known then, what left, and the way out."""
-    if not known.episodes:
-        return f"Nothing has stopped the robot in {known.now / SECOND:.1f} s. {_doing(known)}"
-    episode = known.episodes[-1]
-    sentences = [_first(episode), *_upstream(episode, graph), *_left(episode, known)]
-    return " ".join([*sentences, _rest(known), _way_out(episode, known)])
+def explain_stop(state: RunState, graph: Graph) -> str:
+    """One paragraph: the stop, the sensor messages before it, the commands, and how it ends."""
+    if not state.stops:
+        return f"Nothing has stopped the robot in {state.now / SECOND:.1f} s. {_goal(state)}"
+    episode = state.stops[-1]
+    sentences = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
+    return " ".join([*sentences, _motion(state), _how_it_ends(episode, state)])
 
 
-def _first(episode: StopEpisode) -> str:
+def _stop(episode: StopEpisode) -> str:
     name = episode.wire.partition(".")[0]
     code = code_texts().get(episode.stop.code)
     title = f" ({code.title})" if code is not None else ""
@@ -33,72 +33,72 @@ def _first(episode: StopEpisode) -> str:
     )
 
 
-def _upstream(episode: StopEpisode, graph: Graph) -> list[str]:
-    """What the sensors upstream of the stop had said, the nearest to the world first."""
+def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
+    """The newest sensor messages upstream of the stop, the farthest upstream first."""
     by_name = {node.name: node for node in graph.nodes}
     wires: list[str] = []
     waiting = [episode.wire.partition(".")[0]]
-    seen: set[str] = set()
+    visited: set[str] = set()
     while waiting:
         node = by_name.get(waiting.pop(0))
-        if node is None or node.name in seen:
+        if node is None or node.name in visited:
             continue
-        seen.add(node.name)
+        visited.add(node.name)
         wires += [wire for wire in node.wires.values() if wire not in wires]
-        if node.name != "gate":  # behind the gate stands the whole pipeline: too long a story
+        if node.name != "gate":  # the whole pipeline is upstream of the gate
             waiting += [wire.partition(".")[0] for wire in node.wires.values()]
-    told = [
-        f"{wire} had said {_said(message)} at {message.time / SECOND:.2f} s"
+    texts = [
+        f"{wire} had said {_summary(message)} at {message.time / SECOND:.2f} s"
         for wire in reversed(wires)
-        if type(message := episode.before.get(wire)) in SENSED and message is not None
+        if isinstance(message := episode.before.get(wire), SENSOR_MESSAGES)
     ]
-    return [f"Before it {', '.join(told)}."] if told else []
+    return [f"Before it {', '.join(texts)}."] if texts else []
 
 
-def _left(episode: StopEpisode, known: RunState) -> list[str]:
-    wanted = [
-        f"{wire} wanted {_said(message)}"
+def _commands(episode: StopEpisode, state: RunState) -> list[str]:
+    velocities = [
+        f"{wire} wanted {_summary(message)}"
         for wire, message in episode.before.items()
         if isinstance(message, Twist)
         and wire.startswith(("follower.", "mux.", "operator."))
         and episode.time - message.time < SECOND
     ]
-    sent = known.latest.get("gate.wheels")
-    told = [f"In that moment {', '.join(wanted)}."] if wanted else []
+    sentences = [f"In that moment {', '.join(velocities)}."] if velocities else []
+    sent = state.newest.get("gate.wheels")
     if isinstance(sent, Wheels):
-        told.append(f"What the gate sends to the motors now is {_said(sent)}.")
-    return told
+        sentences.append(f"What the gate sends to the motors now is {_summary(sent)}.")
+    return sentences
 
 
-def _rest(known: RunState) -> str:
-    for message in known.latest.values():
+def _motion(state: RunState) -> str:
+    for message in state.newest.values():
         if isinstance(message, Odometry):
-            moving = hypot(message.linear, message.angular) > STANDS
-            return "The wheels still turn." if moving else "The wheels stand still."
+            is_moving = hypot(message.linear, message.angular) > STANDSTILL_MAX
+            return "The wheels still turn." if is_moving else "The wheels stand still."
     return ""
 
 
-def _way_out(episode: StopEpisode, known: RunState) -> str:
-    held = known.holding()
-    if held is None:
+def _how_it_ends(episode: StopEpisode, state: RunState) -> str:
+    in_force = state.stop_in_force()
+    if in_force is None:
         return "Nothing holds the robot any more."
-    _, stop = held
-    also = "" if stop.code == episode.stop.code else f"It is held by {stop.code}: {stop.cause}. "
+    _, stop = in_force
+    other = "" if stop.code == episode.stop.code else f"It is held by {stop.code}: {stop.cause}. "
     if stop.latched:
-        return f"{also}It waits for `diffbotctl resume`."
-    return f"{also}It goes on by itself when the cause has gone."
+        return f"{other}It waits for `diffbotctl resume`."
+    return f"{other}It goes on by itself when the cause has gone."
 
 
-def _doing(known: RunState) -> str:
-    state = known.goal_state()
-    if state is None:
+def _goal(state: RunState) -> str:
+    goal = state.goal_state()
+    if goal is None:
         return "No goal is under way."
-    told = f"Goal {state.number} is {state.state.replace('_', ' ')}"
-    return f"{told}: {state.cause}." if state.cause else f"{told}."
+    cause = f": {goal.cause}" if goal.cause else ""
+    return f"Goal {goal.number} is {goal.state.replace('_', ' ')}{cause}."
 
 
-def _said(message: Message) -> str:
-    """The message's heart in a few words."""
+def _summary(message: Message) -> str:
+    """The main fields of a message."""
     match message:
         case Range():
             return f"{message.state.replace('_', ' ')}, {message.distance:.3f} m"

@@ -1,4 +1,4 @@
-"""Where a run meets the people around it: the control socket's hub, and the driver behind it."""
+"""The control socket of a run: its server process, and the driver of its clients."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.render.map_scene import scene
 from diffbotctl.runs.build_graph import Assembly
 
-EXIT_TIMEOUT_S = 1.5  # s; the hub gives its clients half a second for its last words
-POLL_PERIOD_S = 0.005  # s between two looks whether it has ended
+EXIT_TIMEOUT_S = 1.5  # the server gives its clients half a second to read the rest
+POLL_PERIOD_S = 0.005
 
 
 class SocketOptions(NamedTuple):
-    """What the command line says of the control socket: its name, and the group that may use it."""
+    """Options of the command line: the socket's name, and the group that may use it."""
 
     name: str | None = None
     group: str | None = None
 
 
 class RunControlSocket:
-    """The engine's side of the control socket. Raises RunError when it cannot be made.
+    """Engine side of the control socket. Raises RunError when it cannot be made.
 
-    The flight recorder's `keeper`, if there is one, goes along into the hub.
+    The `store` of the black box, if there is one, lives in the server process.
     """
 
     def __init__(
         self,
-        wanted: SocketOptions,
+        options: SocketOptions,
         configuration: Configuration,
         assembly: Assembly,
         port: str,
         is_replay: bool = False,
-        keeper: BlackBoxStore | None = None,
+        store: BlackBoxStore | None = None,
     ) -> None:
-        listener, path = listen_on(wanted.name, configuration.name, wanted.group)
+        listener, path = listen_on(options.name, configuration.name, options.group)
         robot = configuration.robot
-        about = RunInfo(
+        info = RunInfo(
             name=path.stem,
             version=__version__,
             pid=os.getpid(),
@@ -63,17 +63,17 @@ class RunControlSocket:
             is_replay=is_replay,
             scene=_scene(configuration, assembly, port, is_replay),
         )
-        shared = wanted.group is not None
-        end, self.pid = process.start(listener, path, about, shared, keeper)
+        shared = options.group is not None
+        end, self.pid = process.start_server(listener, path, info, shared, store)
         self.path = path
         self.channel = EngineChannel(end)
 
     def person(self, operator: Operator, changes: LiveChanges, wakes: bool) -> ControlClientDriver:
-        """The driver that follows what comes from the socket."""
+        """A driver that follows the commands of the clients."""
         return ControlClientDriver(self.channel, operator, changes, wakes)
 
     def end(self) -> None:
-        """See the hub end; one that is frozen is killed, for nobody else is left to do it."""
+        """Wait EXIT_TIMEOUT_S for the server process to exit, then kill it."""
         remove_socket(self.path)
         deadline = time.monotonic() + EXIT_TIMEOUT_S
         while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
@@ -96,5 +96,5 @@ def _drivers(port: str) -> dict[str, type]:
 def _scene(
     configuration: Configuration, assembly: Assembly, port: str, is_replay: bool
 ) -> dict[str, Any]:
-    told = scene(configuration, assembly.graph, port)
-    return {**told, "simulated": "REPLAY"} if is_replay else told
+    fields = scene(configuration, assembly.graph, port)
+    return {**fields, "simulated": "REPLAY"} if is_replay else fields

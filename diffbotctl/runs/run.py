@@ -333,12 +333,12 @@ class Run:
             from diffbotctl.runs.control_socket import RunControlSocket
 
             return RunControlSocket(
-                wanted, self.configuration, self.assembly, self.options.port, keeper=keeper
+                wanted, self.configuration, self.assembly, self.options.port, store=keeper
             )
         if keeper is not None:
             from diffbotctl.control_socket import process
 
-            self.children.append(process.keep(keeper))
+            self.children.append(process.start_black_box_process(keeper))
         return None
 
     def _snapshot(self) -> bytes | None:

@@ -44,12 +44,12 @@ def drive(terminal, watcher, mode):
         terminal.until(lambda text: "ms" in text.split("terminal ")[-1][:7], "the first answer")
         terminal.type("i")
         terminal.until(lambda text: "DRIVING" in text, "driving")
-    status = watcher.ask("status")
+    status = watcher.request("status")
     while not (moves(status) and status["operator.goal"]["number"] == 0):
         if mode == "hold":
             terminal.type("i")
         terminal.look(REPEAT)
-        status = watcher.ask("status")
+        status = watcher.request("status")
 
 
 def lose(terminal, how):

@@ -48,7 +48,7 @@ def running(folder, *words, name="test"):
 class PlainClient:
     """A client as any language would write it: a socket and lines of JSON."""
 
-    def __init__(self, folder, name="test", hello='{"hello": 1, "name": "plain"}'):
+    def __init__(self, folder, name="test", hello='{"hello": 2, "name": "plain"}'):
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.connect(str(folder / "diffbotctl" / f"{name}.socket"))
         self.socket.settimeout(REPLY_TIMEOUT_S)
@@ -64,19 +64,19 @@ class PlainClient:
         line = self.lines.readline()
         return json.loads(line) if line else None
 
-    def ask(self, do, **fields):
-        """The answer to one request; what is streamed meanwhile is passed over."""
-        self.send(json.dumps({"id": do, "do": do, **fields}))
-        while (said := self.read()) is not None:
-            if said.get("id") == do:
-                return said
+    def request(self, method, **fields):
+        """The reply to one request; streamed lines before it are dropped."""
+        self.send(json.dumps({"id": method, "method": method, **fields}))
+        while (reply := self.read()) is not None:
+            if reply.get("id") == method:
+                return reply
         return None
 
     def until(self, seen):
         """Ask for the status again and again until `seen(status)`; fails after a minute."""
         deadline = time.monotonic() + LONGEST_WAIT
         while True:
-            status = self.ask("status")
+            status = self.request("status")
             assert status is not None, "the run has ended"
             if seen(status):
                 return status

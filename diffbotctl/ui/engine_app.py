@@ -20,8 +20,8 @@ from textual.binding import Binding, BindingType
 from textual.css.query import NoMatches
 
 from diffbotctl.control_socket.address import EngineAddress
-from diffbotctl.control_socket.client import AsyncControlClient, Fields
-from diffbotctl.control_socket.protocol import RefusalError
+from diffbotctl.control_socket.client import AsyncControlClient
+from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.errors import RunError
 from diffbotctl.ui.dash.state import REQUESTS, Request, RunView
 from diffbotctl.ui.teleop.deadman import (
@@ -56,7 +56,7 @@ class EngineApp(App[int]):
         Binding("ctrl+c", "leave", "leave", priority=True),
         Binding("ctrl+q", "leave", "leave", priority=True),
     ]
-    slow_requests: ClassVar[tuple[Request, ...]] = ("topics",)  # sent every SLOW_POLL_PERIOD_S
+    slow_requests: ClassVar[tuple[Request, ...]] = ("list_topics",)  # sent every SLOW_POLL_PERIOD_S
 
     def __init__(self, engine: EngineAddress, tool: str, options: ScreenOptions) -> None:
         super().__init__()
@@ -95,7 +95,7 @@ class EngineApp(App[int]):
         try:
             await self.client.connect(self.engine, self.tool)
             self.run_view.engine = str(self.client.about.get("engine", ""))
-            await self._poll("scene", "topics", "look")
+            await self._poll("scene", "list_topics", "snapshot")
         except RunError as error:
             self.problem = error
             self.exit(1)
@@ -119,13 +119,13 @@ class EngineApp(App[int]):
 
     async def _poll(self, *requests: Request) -> None:
         for request in requests:
-            reply = await self.client.ask(request, **REQUESTS[request])
+            reply = await self.client.request(request, **REQUESTS[request])
             self.run_view.take_reply(request, reply)
 
     async def _refresh_view(self) -> None:
         now = time.monotonic()
         try:
-            await self._poll("look")
+            await self._poll("snapshot")
             if now - self.last_slow_poll > SLOW_POLL_PERIOD_S:
                 self.last_slow_poll = now
                 await self._poll(*self.slow_requests)
@@ -163,7 +163,7 @@ class EngineApp(App[int]):
             self.status = "no latched mode: this terminal does not answer whether it is there"
 
     def _send(self, request: str, **fields: Any) -> None:
-        self.client.send(id=request, do=request, **fields)
+        self.client.send(request, request, **fields)
 
     def _query_terminal(self) -> None:
         if self._driver is not None and not self.is_headless:
@@ -194,7 +194,7 @@ class EngineApp(App[int]):
         """Drive, change speed, or stop."""
         assert self.deadman is not None
         if key == "space" and not self.deadman.is_driving:
-            self.request("stop", why="space was pressed")
+            self.request("stop", reason="space was pressed")
             return True
         if self.deadman.keyboard.press(key, time.monotonic()):
             self.status = ""
@@ -236,7 +236,7 @@ class EngineApp(App[int]):
 
     async def _request(self, method: str, fields: Fields) -> None:
         try:
-            await self.client.ask(method, **fields)
+            await self.client.request(method, **fields)
             self.status = ""
         except RefusalError as refusal:
             self.status = f"{refusal}; {refusal.fix}" if refusal.fix else str(refusal)

@@ -54,7 +54,7 @@ def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
         code, _, complaint = cli(tmp_path, "resume")
         assert code == 1 and "nothing is stopped" in complaint
         assert "goal 1: driving, " in complaint and "to go" in complaint
-        assert moves(PlainClient(tmp_path).ask("status"))  # it changes nothing
+        assert moves(PlainClient(tmp_path).request("status"))  # it changes nothing
         assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
         code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
         assert code == 0 and "goal 1 continues" in out
@@ -94,9 +94,9 @@ def test_without_an_engine_and_with_several(tmp_path):
         assert code == 2 and "did you mean second" in complaint
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
         first, second = PlainClient(tmp_path, "first"), PlainClient(tmp_path, "second")
-        assert second.ask("status")["held"] and not first.ask("status")["held"]
+        assert second.request("status")["held"] and not first.request("status")["held"]
         code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
-        assert code == 0 and "first: stopped" in out and first.ask("status")["held"]
+        assert code == 0 and "first: stopped" in out and first.request("status")["held"]
         code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
         assert code == 1 and "E-SOCKET" in complaint and "runs already" in complaint
 
@@ -131,4 +131,4 @@ def test_a_killed_engine_leaves_no_name_behind(tmp_path):
     assert (tmp_path / "diffbotctl" / "test.socket").exists()
     assert "E-NO-ENGINE" in cli(tmp_path, "why")[2]
     with running(tmp_path, *FAR):
-        assert PlainClient(tmp_path).ask("status")["ok"]
+        assert PlainClient(tmp_path).request("status")["ok"]

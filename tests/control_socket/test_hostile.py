@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.control_socket.address import group_folder
-from diffbotctl.control_socket.protocol import LONGEST_LINE
+from diffbotctl.control_socket.protocol import LINE_MAX_BYTES
 from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 
 NOBODY = 65534  # a user that every Debian has, with no rights at all
@@ -29,9 +29,9 @@ def folder(tmp_path_factory):
 def others_are_unaffected(folder):
     """Beside each test a quiet client is served, and nothing reaches the motors."""
     client = PlainClient(folder)
-    client.ask("watch", topic="gate.wheels")
+    client.request("subscribe", topic="gate.wheels")
     yield
-    client.send('{"id": "last", "do": "status"}')
+    client.send('{"id": "last", "method": "status"}')
     while (said := client.read()).get("id") != "last":
         wheels = said["message"]
         assert (wheels["left"], wheels["right"]) == (0.0, 0.0)
@@ -51,28 +51,37 @@ def refusal_to(folder, data):
     "data, words",
     [
         (b"\x00\x01\xff\xfe\n", "no JSON"),
-        (b'{"do": "stop"\n', "no JSON"),
+        (b'{"method": "stop"\n', "no JSON"),
         (b"[]\n", "no JSON object"),
-        (b"{}\n", "no verb ''"),
-        (b'{"do": 5}\n', "'do' must be a printable text"),
-        (b'{"do": "stpo"}\n', "no verb 'stpo'"),
-        (b'{"do": "stop", "why": "\\u001b[2J"}\n', "'why' must be a printable text"),
-        (b'{"do": "drive", "linear": NaN}\n', "NaN is no number"),
-        (b'{"do": "drive", "linear": 1e308}\n', "beyond this robot's limit"),
-        (b'{"do": "drive", "linear": 1e309}\n', "must be a finite number"),
-        (b'{"do": "drive", "angular": -1e308}\n', "beyond this robot's limit"),
-        (b'{"do": "drive", "linear": "0.1"}\n', "must be a finite number"),
-        (b'{"do": "drive", "linear": true}\n', "must be a finite number"),
-        (b'{"do": "drive", "linear": [0.1]}\n', "must be a finite number"),
-        (b'{"do": "drive", "speed": 0.1}\n', "no field 'speed'"),
-        (b'{"do": "goto", "x": 1}\n', "'y' must be a finite number (m); it is missing"),
-        (b'{"do": "goto", "x": 1e308, "y": 0}\n', "more than 1000 m away"),
-        (b'{"do": "goto", "x": 1' + b"0" * 400 + b', "y": 0}\n', "must be a finite number"),
-        (b'{"do": "publish", "topic": "operator.twist", "message": [1]}\n', "must be an object"),
-        (b'{"do": "publish", "topic": "operator.twist", "message": {"linear": 1e308}}\n', "limit"),
-        (b'{"do": "set", "parameter": "guard.margin", "value": 1e999}\n', "finite"),
-        (b'{"do": "call", "action": "odometry.set_pose", "arguments": {"x": NaN}}\n', "NaN"),
-        (b'{"do": "watch", "topic": "nothing.here"}\n', "no topic"),
+        (b"{}\n", "'method' must be the name"),
+        (b'{"method": 5}\n', "'method' must be the name"),
+        (b'{"method": "stpo"}\n', "no method 'stpo'"),
+        (b'{"method": "stop", "reason": "\\u001b[2J"}\n', "'reason' must be a printable text"),
+        (b'{"method": "drive", "linear": NaN}\n', "NaN is no number"),
+        (b'{"method": "drive", "linear": 1e308}\n', "beyond this robot's limit"),
+        (b'{"method": "drive", "linear": 1e309}\n', "must be a finite number"),
+        (b'{"method": "drive", "angular": -1e308}\n', "beyond this robot's limit"),
+        (b'{"method": "drive", "linear": "0.1"}\n', "must be a finite number"),
+        (b'{"method": "drive", "linear": true}\n', "must be a finite number"),
+        (b'{"method": "drive", "linear": [0.1]}\n', "must be a finite number"),
+        (b'{"method": "drive", "speed": 0.1}\n', "no field 'speed'"),
+        (b'{"method": "goto", "x": 1}\n', "'y' must be a finite number (m); it is missing"),
+        (b'{"method": "goto", "x": 1e308, "y": 0}\n', "must be -1000 to 1000 m"),
+        (b'{"method": "goto", "x": 1' + b"0" * 400 + b', "y": 0}\n', "must be a finite number"),
+        (
+            b'{"method": "publish", "topic": "operator.twist", "message": [1]}\n',
+            "must be an object",
+        ),
+        (
+            b'{"method": "publish", "topic": "operator.twist", "message": {"linear": 1e308}}\n',
+            "limit",
+        ),
+        (b'{"method": "set_parameter", "parameter": "guard.margin", "value": 1e999}\n', "finite"),
+        (
+            b'{"method": "call_action", "action": "odometry.set_pose", "arguments": {"x": NaN}}\n',
+            "NaN",
+        ),
+        (b'{"method": "subscribe", "topic": "nothing.here"}\n', "no topic"),
     ],
 )
 def test_nonsense_gets_a_clear_refusal(folder, data, words):
@@ -84,9 +93,9 @@ def test_nonsense_gets_a_clear_refusal(folder, data, words):
 @pytest.mark.parametrize(
     "hello, words",
     [
-        ('{"hello": 2}', "protocol 2 is not spoken here"),
+        ('{"hello": 3}', "protocol 3 is not spoken here"),
         ('{"hello": 1.0}', "must be a hello"),
-        ('{"do": "stop"}', "must be a hello"),
+        ('{"method": "stop"}', "must be a hello"),
         ("GET / HTTP/1.1", "no JSON"),
         (b"\x16\x03\x01\x02\x00\n", "no JSON"),
     ],
@@ -101,10 +110,10 @@ def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
 
 def test_half_a_line_waits_and_is_forgotten_with_its_client(folder):
     client = PlainClient(folder)
-    client.send(b'{"do": "goto", "x": 1, ')
+    client.send(b'{"method": "goto", "x": 1, ')
     client.close()
     client = PlainClient(folder)
-    client.send(b'{"id": 1, "do": ')
+    client.send(b'{"id": 1, "method": ')
     client.send(b'"topics"}\n')
     assert client.read()["id"] == 1
     client.close()
@@ -119,14 +128,16 @@ def test_a_line_of_100_megabytes_is_cut_off(folder):
     except (BrokenPipeError, ConnectionResetError):
         pass
     assert sent < 4 << 20  # the kernel's buffers and a line; the rest never left us
-    assert f"more than {LONGEST_LINE} bytes" in client.read()["cause"]
+    assert f"more than {LINE_MAX_BYTES} bytes" in client.read()["cause"]
     client.close()
 
 
 def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
     client = PlainClient(folder)
     client.send(
-        b"".join(b'{"id": %d, "do": "rate", "topic": "gate.wheels"}\n' % i for i in range(1000))
+        b"".join(
+            b'{"id": %d, "method": "topic_rate", "topic": "gate.wheels"}\n' % i for i in range(1000)
+        )
     )
     assert [client.read()["id"] for _ in range(1000)] == list(range(1000))
     client.close()
@@ -136,9 +147,9 @@ def test_who_never_reads_loses_the_oldest_and_is_told(folder):
     deaf = PlainClient(folder)
     deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     for _ in range(3):
-        deaf.send('{"do": "watch", "topic": "*"}')
+        deaf.send('{"method": "subscribe", "topic": "*"}')
     quick = PlainClient(folder)
-    began = quick.ask("status")["time"]
+    began = quick.request("status")["time"]
     quick.until(lambda status: status["time"] > began + 4_000_000_000)
     lost = 0
     while not lost:
@@ -154,7 +165,7 @@ def test_more_connections_than_there_is_room_for(folder):
         strangers.append(socket.socket(socket.AF_UNIX))
         strangers[-1].connect(str(folder / "diffbotctl" / "test.socket"))
     client = PlainClient(folder)
-    assert client.ask("status")["ok"]  # who has greeted goes before who has not
+    assert client.request("status")["ok"]  # who has greeted goes before who has not
     for stranger in strangers:
         stranger.close()
     client.close()
@@ -162,7 +173,7 @@ def test_more_connections_than_there_is_room_for(folder):
 
 def test_connecting_again_and_again_leaves_nothing_behind(folder):
     client = PlainClient(folder)
-    pid = client.ask("status")["pid"]
+    pid = client.request("status")["pid"]
     hub = hub_of(pid)
     before = len(os.listdir(f"/proc/{hub}/fd"))
     for _ in range(2000):
@@ -170,7 +181,7 @@ def test_connecting_again_and_again_leaves_nothing_behind(folder):
         stranger.connect(str(folder / "diffbotctl" / "test.socket"))
         stranger.close()
     while len(os.listdir(f"/proc/{hub}/fd")) > before + 2:
-        assert client.ask("status")["ok"]
+        assert client.request("status")["ok"]
     client.close()
 
 
@@ -186,7 +197,7 @@ def hub_of(pid):
 
 def test_a_client_that_half_closes_still_gets_its_answers_and_its_stream(folder):
     client = PlainClient(folder)
-    client.send('{"id": 1, "do": "watch", "topic": "robot.encoders"}')
+    client.send('{"id": 1, "method": "subscribe", "topic": "robot.encoders"}')
     client.socket.shutdown(socket.SHUT_WR)
     assert client.read()["id"] == 1
     assert client.read()["topic"] == client.read()["topic"] == "robot.encoders"
@@ -244,7 +255,7 @@ def test_members_of_the_group_may_and_others_may_not(tmp_path):
         assert stat.S_IMODE(folder.stat().st_mode) == 0o750
         assert stat.S_IMODE(path.stat().st_mode) == 0o660
         assert as_nobody(path) == "refused: Permission denied\n"
-        assert json.loads(as_nobody(path, path.stat().st_gid))["hello"] == 1
+        assert json.loads(as_nobody(path, path.stat().st_gid))["hello"] == 2
         assert cli(tmp_path, "stop", "--engine", name)[0] == 0
     for each in folder.glob(f"{name}.*"):
         each.unlink()

@@ -63,16 +63,16 @@ def test_what_was_said_before_and_only_that(folder):
 
 def test_by_level_and_by_block(folder):
     client = PlainClient(folder)
-    assert client.ask("stop", why="someone tests")["ok"]
+    assert client.request("stop", reason="someone tests")["ok"]
     client.until(lambda status: status["held"] is not None)
-    errors = client.ask("log", level="error")["lines"]
+    errors = client.request("read_log", level="error")["lines"]
     assert errors[-1]["source"] == "gate" and "someone tests" in errors[-1]["text"]
     assert {line["level"] for line in errors} == {"error"}
-    robot = client.ask("log", block="robot")["lines"]
+    robot = client.request("read_log", block="robot")["lines"]
     assert {line["source"] for line in robot} == {"robot"}
-    assert client.ask("resume")["ok"]
+    assert client.request("resume")["ok"]
     client.until(lambda status: status["held"] is None)
-    row = next(row for row in client.ask("blocks")["blocks"] if row["block"] == "gate")
+    row = next(row for row in client.request("list_blocks")["blocks"] if row["block"] == "gate")
     assert row["last_error"] == errors[-1]
 
 
@@ -81,7 +81,9 @@ def test_following_shows_an_event_as_it_happens(folder):
     try:
         read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
         # What was said before is printed when the stream is on, so the next comes by it.
-        assert PlainClient(folder).ask("set", parameter="guard.margin", value="6 cm")["ok"]
+        assert PlainClient(folder).request("set_parameter", parameter="guard.margin", value="6 cm")[
+            "ok"
+        ]
         line = read_until(process.stdout, lambda line: "guard.margin" in line["text"])
         assert line["text"] == "guard.margin = 0.06" and line["source"] == "operator"
     finally:
@@ -91,11 +93,11 @@ def test_following_shows_an_event_as_it_happens(folder):
 
 def test_whoever_drives_is_named_when_they_come_and_go(folder):
     client = PlainClient(folder)
-    assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
-    assert client.ask("release")["ok"]
+    assert client.request("drive", linear=0.05, angular=0.0)["ok"]
+    assert client.request("release")["ok"]
     client.until(stands)
     said = until(
-        lambda: [line["text"] for line in client.ask("log", block="operator")["lines"]],
+        lambda: [line["text"] for line in client.request("read_log", block="operator")["lines"]],
         lambda said: said[-1].endswith("has let go"),  # it may be a turn behind the answer
     )
     assert said[-2].startswith("plain (process ") and said[-2].endswith("drives by hand")
@@ -125,17 +127,17 @@ def test_what_is_not_there_is_said(folder, words, complaint):
 @pytest.mark.parametrize(
     "asked, complaint",
     [
-        ({"do": "log", "last": -1}, "not kept"),
-        ({"do": "log", "last": 1e9}, "not kept"),
-        ({"do": "log", "last": "all"}, "finite number"),
-        ({"do": "log", "level": "loud"}, "no level 'loud'"),
-        ({"do": "log_level", "block": "guard", "level": "Debug"}, "no level 'Debug'"),
-        ({"do": "log_level", "block": "nobody", "level": "debug"}, "no block 'nobody'"),
-        ({"do": "log_level", "level": "debug"}, "field 'block'"),
+        ({"method": "read_log", "last": -1}, "0 to 500"),
+        ({"method": "read_log", "last": 1e9}, "0 to 500"),
+        ({"method": "read_log", "last": "all"}, "finite number"),
+        ({"method": "read_log", "level": "loud"}, "no level 'loud'"),
+        ({"method": "set_log_level", "block": "guard", "level": "Debug"}, "no level 'Debug'"),
+        ({"method": "set_log_level", "block": "nobody", "level": "debug"}, "no block 'nobody'"),
+        ({"method": "set_log_level", "level": "debug"}, "field 'block'"),
     ],
 )
 def test_nonsense_is_refused(folder, asked, complaint):
-    said = PlainClient(folder).ask(**asked)
+    said = PlainClient(folder).request(**asked)
     assert said["ok"] is False and complaint in said["cause"]
 
 
@@ -143,19 +145,19 @@ def test_a_level_changes_while_running(tmp_path):
     with running(tmp_path, *FAR):
         client = PlainClient(tmp_path)
         client.until(moves)
-        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        levels = {row["block"]: row["level"] for row in client.request("list_blocks")["blocks"]}
         assert set(levels.values()) == {"info"}
         assert cli(tmp_path, "log", "level", "mux", "debug")[1].startswith("mux logs from")
-        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
-        assert client.ask("release")["ok"]
+        assert client.request("drive", linear=0.05, angular=0.0)["ok"]
+        assert client.request("release")["ok"]
         client.until(stands)
-        lines = until(lambda: client.ask("log", block="mux")["lines"], len)
+        lines = until(lambda: client.request("read_log", block="mux")["lines"], len)
         assert (lines[0]["level"], lines[0]["text"]) == ("debug", "a person drives")
-        levels = {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}
+        levels = {row["block"]: row["level"] for row in client.request("list_blocks")["blocks"]}
         assert levels.pop("mux") == "debug" and set(levels.values()) == {"info"}
-        assert client.ask("log_level", block="*", level="error")["ok"]
+        assert client.request("set_log_level", block="*", level="error")["ok"]
         until(
-            lambda: {row["level"] for row in client.ask("blocks")["blocks"]},
+            lambda: {row["level"] for row in client.request("list_blocks")["blocks"]},
             lambda levels: levels == {"error"},
         )
 
@@ -167,9 +169,9 @@ def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
     with running(tmp_path, *FAR, "--record", str(path)) as process:
         client = PlainClient(tmp_path)
         client.until(moves)
-        assert client.ask("log_level", block="mux", level="debug")["ok"]
-        assert client.ask("drive", linear=0.1, angular=0.0)["ok"]
-        assert client.ask("release")["ok"]
+        assert client.request("set_log_level", block="mux", level="debug")["ok"]
+        assert client.request("drive", linear=0.1, angular=0.0)["ok"]
+        assert client.request("release")["ok"]
         client.until(stands)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=20)
@@ -183,7 +185,7 @@ def test_a_level_changed_in_a_run_changes_in_its_replay_too(tmp_path):
 def test_blocks_are_measured_while_someone_asks(folder):
     client = PlainClient(folder)
     rows = until(
-        lambda: {row["block"]: row for row in client.ask("blocks")["blocks"]},
+        lambda: {row["block"]: row for row in client.request("list_blocks")["blocks"]},
         lambda rows: rows["odometry"]["busy"] is not None,
     )
     assert 30 < rows["odometry"]["reactions"] < 50  # this board sends 40 frames a second
@@ -204,7 +206,7 @@ def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
         client = PlainClient(tmp_path)
 
         def overruns():
-            return client.ask("blocks")["blocks"][0]["overruns"]
+            return client.request("list_blocks")["blocks"][0]["overruns"]
 
         before = until(overruns, lambda count: count is not None)
         process.send_signal(signal.SIGSTOP)
@@ -238,9 +240,9 @@ def test_levels_from_the_start(tmp_path, option, source):
     with running(tmp_path, *FAR, "--log-level", option):
         client = PlainClient(tmp_path)
         client.until(moves)
-        assert client.ask("drive", linear=0.05, angular=0.0)["ok"]
+        assert client.request("drive", linear=0.05, angular=0.0)["ok"]
         lines = until(
-            lambda: [row for row in client.ask("log")["lines"] if row["level"] == "debug"],
+            lambda: [row for row in client.request("read_log")["lines"] if row["level"] == "debug"],
             lambda rows: "mux" in {row["source"] for row in rows},
         )
         assert {row["source"] for row in lines} >= source

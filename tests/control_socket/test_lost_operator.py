@@ -35,7 +35,7 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
         assert held["code"] == "operator_lost"
         assert f"process {driver.pid}" in held["cause"] and "was driving" in held["cause"]
         watcher.until(stands)
-        assert watcher.ask("status")["operator.goal"]["number"] == 0
+        assert watcher.request("status")["operator.goal"]["number"] == 0
         driver.kill()
         driver.wait()
         assert cli(tmp_path, "resume")[0] == 0
@@ -68,7 +68,7 @@ def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
         watchers[0].kill()
         watchers[1].send_signal(signal.SIGSTOP)
         watchers[2].send_signal(signal.SIGHUP)
-        began = client.ask("status")["time"]
+        began = client.request("status")["time"]
         status = client.until(lambda status: status["time"] > began + LIMIT)
         assert status["held"] is None and moves(status)
         for watcher in watchers:

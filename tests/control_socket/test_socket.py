@@ -1,5 +1,6 @@
 """A real run and its control socket: stop, resume, goto, and who may speak."""
 
+import json
 import os
 import signal
 import stat
@@ -19,11 +20,11 @@ def run(tmp_path_factory):
 
 def test_the_greeting_says_version_and_engine_and_others_may_not_open_the_socket(run):
     client = PlainClient(run)
-    assert client.greeting["hello"] == 1 and client.greeting["engine"] == "test"
+    assert client.greeting["hello"] == 2 and client.greeting["engine"] == "test"
     folder = run / "diffbotctl"
     assert stat.S_IMODE((folder / "test.socket").stat().st_mode) == 0o600
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    assert client.ask("status")["ok"]
+    assert client.request("status")["ok"]
     client.close()
     log = (folder / "test.log").read_text()
     assert f'"uid": {os.getuid()}' in log and f'"pid": {os.getpid()}' in log
@@ -31,36 +32,36 @@ def test_the_greeting_says_version_and_engine_and_others_may_not_open_the_socket
 
 def test_stop_holds_the_robot_until_resume(run):
     client = PlainClient(run)
-    assert client.ask("goto", x=1.5, y=0.0)["ok"]
+    assert client.request("goto", x=1.5, y=0.0)["ok"]
     client.until(moves)
-    assert client.ask("stop", why="a cat")["ok"]
+    assert client.request("stop", reason="a cat")["ok"]
     held = client.until(lambda status: status["held"])["held"]
     assert held["code"] == "operator_stop" and held["latched"] and "a cat" in held["cause"]
     client.until(stands)
-    text = client.ask("why")["text"]
+    text = client.request("explain_stop")["text"]
     assert "operator_stop" in text and "a cat" in text and "diffbotctl resume" in text
-    assert client.ask("drive", linear=0.1)["error"] == "E-HELD"
-    assert client.ask("resume")["ok"]
+    assert client.request("drive", linear=0.1)["error"] == "E-HELD"
+    assert client.request("resume")["ok"]
     assert client.until(moves)["held"] is None  # the goal goes on
-    client.ask("stop")
-    client.ask("goto", x=0.0, y=0.0)
-    client.ask("resume")
+    client.request("stop")
+    client.request("goto", x=0.0, y=0.0)
+    client.request("resume")
 
 
 def test_driving_goes_before_the_goal_which_then_waits_for_resume(run):
     client, other = PlainClient(run), PlainClient(run)
-    client.ask("goto", x=1.0, y=0.5)
-    assert client.ask("drive", linear=-0.1, angular=0.0)["ok"]
-    assert other.ask("drive", linear=0.1)["error"] == "E-BUSY"
-    assert other.ask("resume")["error"] == "E-BUSY"
-    while not client.ask("status")["gate.wheels"]["left"] < 0:
-        assert client.ask("drive", linear=-0.1)["ok"]
-    assert other.ask("drive", linear=0.05, take_over=True)["ok"]
-    assert client.ask("release")["error"] == "E-REQUEST"
-    assert other.ask("release")["ok"]
+    client.request("goto", x=1.0, y=0.5)
+    assert client.request("drive", linear=-0.1, angular=0.0)["ok"]
+    assert other.request("drive", linear=0.1)["error"] == "E-BUSY"
+    assert other.request("resume")["error"] == "E-BUSY"
+    while not client.request("status")["gate.wheels"]["left"] < 0:
+        assert client.request("drive", linear=-0.1)["ok"]
+    assert other.request("drive", linear=0.05, take_over=True)["ok"]
+    assert client.request("release")["error"] == "E-REQUEST"
+    assert other.request("release")["ok"]
     assert client.until(stands)["held"] is None
-    assert client.ask("status")["operator.goal"]["number"] == 0
-    client.ask("resume")
+    assert client.request("status")["operator.goal"]["number"] == 0
+    client.request("resume")
     assert client.until(moves)["operator.goal"]["x"] == 1.0
     client.close()
     other.close()
@@ -71,15 +72,36 @@ def test_commands_are_inputs_of_the_recording_and_replay_is_the_same(tmp_path):
     with running(tmp_path, "goal", "--stay", "--goal", "1 0", "--record", str(path)) as process:
         client = PlainClient(tmp_path)
         client.until(moves)
-        client.ask("stop")
+        client.request("stop")
         client.until(stands)
-        client.ask("goto", x=0.4, y=0.2, heading=0.5)
-        client.ask("resume")
+        client.request("goto", x=0.4, y=0.2, heading=0.5)
+        client.request("resume")
         client.until(moves)
-        client.ask("drive", linear=0.1, angular=0.5)
-        client.ask("release")
-        client.ask("resume")
+        client.request("drive", linear=0.1, angular=0.5)
+        client.request("release")
+        client.request("resume")
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=20) == 130
     again = replay(path, check=True)
     assert again.difference is None and again.compared > 300
+
+
+def test_a_client_of_protocol_1_is_served_for_one_release_more(run):
+    client = PlainClient(run, hello='{"hello": 1, "name": "old"}')
+
+    def ask(method, **fields):
+        client.send(json.dumps({"id": method, "do": method, **fields}))
+        while (reply := client.read()).get("id") != method:
+            pass
+        return reply
+
+    assert ask("look")["messages"] and ask("topics")["topics"] and ask("why")["text"]
+    assert ask("watch", topic="robot.encoders")["ok"] and ask("unwatch", topic="*")["ok"]
+    assert ask("stop", why="an old client")["ok"]
+    while not (status := ask("status"))["held"]:
+        pass
+    assert "an old client" in status["held"]["cause"]
+    assert ask("publish", topic="operator.halt", message={"why": "again"})["ok"]
+    assert ask("resume")["ok"]
+    assert ask("snapshot")["ok"], "new names are accepted too"
+    client.close()

@@ -72,12 +72,12 @@ def test_what_others_say_cannot_be_published(folder, topic, words):
     message = '{"left": 5, "right": 5}'
     code, _, complaint = cli(folder, "topic", "pub", topic, message)
     assert code == 1 and words in " ".join(complaint.split())
-    assert stands(PlainClient(folder).ask("status"))
+    assert stands(PlainClient(folder).request("status"))
 
 
 def test_a_goal_can_be_published(folder):
     client = PlainClient(folder)
-    before = client.ask("status")["operator.goal"]["number"]
+    before = client.request("status")["operator.goal"]["number"]
     code, _, complaint = cli(folder, "topic", "pub", "/goal", '{"x": 0.0, "y": 0.0}')
     assert code == 0, complaint
     client.until(lambda status: status["operator.goal"]["number"] == before + 1)
@@ -85,16 +85,16 @@ def test_a_goal_can_be_published(folder):
 
 def test_a_velocity_said_once_moves_the_robot_and_holds_nothing(folder):
     client = PlainClient(folder)
-    before = client.ask("look")["messages"]["odometry.odometry"]["x"]
+    before = client.request("snapshot")["messages"]["odometry.odometry"]["x"]
     code, _, complaint = cli(folder, "topic", "pub", "operator.twist", '{"linear": 0.2}')
     assert code == 0, complaint
     assert client.until(stands)["held"] is None
-    assert client.ask("look")["messages"]["odometry.odometry"]["x"] != before
+    assert client.request("snapshot")["messages"]["odometry.odometry"]["x"] != before
 
 
 def test_live_parameters_are_set_and_the_others_are_not(folder):
     assert cli(folder, "param", "set", "guard.margin", "8 cm")[0] == 0
-    PlainClient(folder).ask("status")
+    PlainClient(folder).request("status")
     assert json.loads(cli(folder, "param", "get", "guard.margin", "--json")[1])["value"] == 0.08
     for parameter, value, words in (
         ("guard.margin", "-1", "at least 0 m"),
@@ -163,7 +163,7 @@ def test_drive_for_a_distance_a_time_and_an_angle(folder, words, seen):
 def test_drive_beyond_the_limits_is_refused(folder):
     code, _, complaint = cli(folder, "drive", "--v", "3", "--for", "1s")
     assert code == 1 and "limit of 0.3 m/s" in complaint
-    assert not moves(PlainClient(folder).ask("status"))
+    assert not moves(PlainClient(folder).request("status"))
 
 
 def test_blocks_and_graph_show_rates(folder):

@@ -25,12 +25,12 @@ def engine(tmp_path):
 
 def state(client):
     """How the goal is doing."""
-    return client.ask("look")["messages"].get("follower.state", {}).get("state")
+    return client.request("snapshot")["messages"].get("follower.state", {}).get("state")
 
 
 def reached(client):
     """The number of the goal that was reached last; the log shows those before it too."""
-    said = client.ask("look")["messages"].get("follower.state", {})
+    said = client.request("snapshot")["messages"].get("follower.state", {})
     return said["number"] if said.get("state") == "reached" else None
 
 
@@ -64,7 +64,7 @@ def answer(terminal, text):
 
 def level_of(client, block):
     """From which level on a block is heard."""
-    return {row["block"]: row["level"] for row in client.ask("blocks")["blocks"]}[block]
+    return {row["block"]: row["level"] for row in client.request("list_blocks")["blocks"]}[block]
 
 
 def robot_at(terminal, arrows="→↗↑↖←↙↓↘"):
@@ -82,7 +82,7 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
     client, _ = engine
     with dash(tmp_path, columns=columns, lines=lines) as terminal:
         column, row = robot_at(terminal)
-        before = client.ask("status")["operator.goal"]["number"]
+        before = client.request("status")["operator.goal"]["number"]
         terminal.click(column - 6, row - 4)
         status = client.until(lambda status: status["operator.goal"]["number"] > before)
         goal = status["operator.goal"]
@@ -90,7 +90,7 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
         assert goal["x"] < 0.3 and goal["y"] > 0.0 and goal["heading"] is None
         client.until(lambda status: reached(client) == goal["number"])
         terminal.until(lambda text: "reached" in text, "the arrival")
-        pose = client.ask("type", topic="odometry")["last"]
+        pose = client.request("describe_topic", topic="odometry")["last"]
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
 
 
@@ -124,7 +124,7 @@ def test_keys_drive_stop_resume_and_choose(engine, tmp_path):
         client.until(lambda status: status["operator.goal"]["number"] == 0 and moves(status))
         terminal.until(lambda text: "DRIVING" in text, "driving")
         terminal.until(lambda text: "DRIVING" not in text, "the end of the press")
-        assert client.ask("status")["held"] is None  # let go in good order
+        assert client.request("status")["held"] is None  # let go in good order
         for key, sign in (
             ("2", "━ "),
             ("3", "guard.margin"),
@@ -149,7 +149,10 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "guard.margin (m) =" in text, "the question")
         answer(terminal, "8 cm")
         terminal.until(lambda text: "0.08" in text, "the new value")
-        values = {row["parameter"]: row["value"] for row in client.ask("parameters")["parameters"]}
+        values = {
+            row["parameter"]: row["value"]
+            for row in client.request("list_parameters")["parameters"]
+        }
         assert values["guard.margin"] == 0.08
         terminal.type("\r")
         terminal.until(lambda text: "guard.margin (m) =" in text, "the question again")
@@ -226,9 +229,9 @@ def test_every_way_out_restores_the_terminal(engine, tmp_path, way):
 def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
-        client.ask("goto", x=-3.0, y=0.0)
+        client.request("goto", x=-3.0, y=0.0)
         client.until(lambda status: state(client) == "driving" and moves(status))
-        began = client.ask("status")["time"]
+        began = client.request("status")["time"]
         terminal.process.kill()
         later = client.until(lambda status: status["time"] > began + 1_000_000_000)
         assert later["held"] is None and moves(later)
@@ -247,11 +250,16 @@ def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
     line, environment = command(tmp_path, "run", "teleop", "--dash")
     with Terminal(line, environment) as terminal:
         terminal.until(lambda text: "pose" in text, "the first picture")
-        before = PlainClient(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"]
+        before = PlainClient(tmp_path, "teleop").request("describe_topic", topic="odometry")[
+            "last"
+        ]["x"]
         terminal.type("i")
         terminal.until(lambda text: "DRIVING" in text, "driving")
         terminal.until(lambda text: "DRIVING" not in text, "standing")
-        assert PlainClient(tmp_path, "teleop").ask("type", topic="odometry")["last"]["x"] > before
+        assert (
+            PlainClient(tmp_path, "teleop").request("describe_topic", topic="odometry")["last"]["x"]
+            > before
+        )
         terminal.type("\x03")
         assert terminal.ended() == 130
         assert "interrupted" in terminal.text

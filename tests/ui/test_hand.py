@@ -187,10 +187,10 @@ def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
     line.run(0.1)
     line.answers = False
     line.run(QUERY_PERIOD_S + REPLY_TIMEOUT_S + 0.1)
-    assert line.verbs()[-1] == "lost" and line.deadman.lost_cause
+    assert line.verbs()[-1] == "operator_lost" and line.deadman.lost_cause
     line.run(1.0)
-    assert line.verbs().count("lost") == 1  # and nothing is said afterwards
-    assert line.verbs()[-1] == "lost"
+    assert line.verbs().count("operator_lost") == 1  # and nothing is said afterwards
+    assert line.verbs()[-1] == "operator_lost"
 
 
 def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
@@ -199,7 +199,7 @@ def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
     line.run(KEY_HOLD_TIMEOUT_S - 0.05)
     line.answers = False
     line.run(0.6)
-    assert "release" not in line.verbs() and line.verbs()[-1] == "lost"
+    assert "release" not in line.verbs() and line.verbs()[-1] == "operator_lost"
 
 
 def test_without_answers_keys_drive_while_held_but_nothing_stays():
@@ -226,4 +226,4 @@ def test_a_pause_of_our_own_is_not_the_terminals_fault():
     line.deadman.beat(line.now)
     line.deadman.on_reply(line.now)
     line.run(0.3)
-    assert "lost" not in line.verbs()
+    assert "operator_lost" not in line.verbs()

@@ -42,7 +42,7 @@ def test_the_robot_stands_and_the_goal_waits(tmp_path, mode, how, way):
         ):
             terminal.until(lambda text: "pose" in text, "the first picture")
             drive(terminal, watcher, mode)
-            lost_at = watcher.ask("status")["time"]
+            lost_at = watcher.request("status")["time"]
             lose(terminal, how)
             held = watcher.until(lambda status: status["held"])["held"]
             assert held["code"] == "operator_lost"
@@ -54,7 +54,7 @@ def test_the_robot_stands_and_the_goal_waits(tmp_path, mode, how, way):
                 terminal.process.wait(
                     timeout=SCREEN_TIMEOUT_S
                 )  # nothing is left behind a closed window
-        assert watcher.ask("resume")["ok"]
+        assert watcher.request("resume")["ok"]
         assert watcher.until(moves)["operator.goal"]["x"] == 3.0
         process.terminate()
         process.wait(timeout=SCREEN_TIMEOUT_S)

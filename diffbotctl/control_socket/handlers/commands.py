@@ -1,173 +1,232 @@
-"""What moves and stops the robot: each verb checks its fields, then makes a command.
+"""Requests that become commands for the engine: motion, live parameters, actions, log levels.
 
-Actions that a person calls, and messages that a person may publish.
+A handler checks what depends on the run, such as limits and names, and returns the command.
 """
 
 from __future__ import annotations
 
 import inspect
-from typing import Any
+from collections.abc import Callable
+from math import isfinite
+from typing import Any, TypeVar
 
 from diffbotctl.block import actions
-from diffbotctl.control_socket.connection import Client
-from diffbotctl.control_socket.handlers.introspection import topic_of
-from diffbotctl.control_socket.protocol import RefusalError, Request
-from diffbotctl.control_socket.request_context import (
-    CommandDraft,
-    Fields,
-    RequestContext,
-    Verb,
-    nearest_of,
+from diffbotctl.control_socket import requests
+from diffbotctl.control_socket.engine_channel import EngineRequest
+from diffbotctl.control_socket.protocol import Fields, RefusalError
+from diffbotctl.control_socket.requests import (
+    TEXT_MAX_LENGTH,
+    finite,
+    parse_request,
+    refuse_unknown,
+    wrong_field,
 )
+from diffbotctl.control_socket.run_state import RequestContext, suggestion
+from diffbotctl.log import LEVEL
+from diffbotctl.messages import Call, Setting
+from diffbotctl.params import Declaration, declared
+from diffbotctl.units import UnitError, quantity
 
-FARTHEST = 1000.0  # m; no robot of this kind gets there, so that it is a slip of the finger
-
-
-def handle_stop(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    request.only("why")
-    desk.needs("operator.halt", "this pipeline moves no robot")
-    said = request.text("why", "")
-    cause = f"{client.who} asked to stop" + (f": {said}" if said else "")
-    return CommandDraft("stop", (cause,))
+VALUE_MAX = 1e300  # beyond any parameter; a larger whole number may not fit into a float
 
 
-def handle_resume(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    request.only()
-    return CommandDraft("resume")
+def _require_input(context: RequestContext, wire: str, cause: str) -> None:
+    """Refuse a request that no block of this pipeline would receive."""
+    if wire not in context.state.inputs:
+        raise RefusalError("E-REQUEST", cause, f"wire {wire} to a block that takes it")
 
 
-def handle_goto(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    request.only("x", "y", "heading")
-    desk.needs("operator.goal", "no block of this pipeline follows goals")
-    x, y = request.number_of("x", "m"), request.number_of("y", "m")
-    heading = request.number_or_none("heading", "rad")
-    for name, value in (("x", x), ("y", y)):
-        if abs(value) > FARTHEST:
-            raise RefusalError("E-REQUEST", f"{name} is more than {FARTHEST:g} m away")
-    return CommandDraft("goto", (x, y, heading))
+def _require_limit(name: str, value: float, limit: float | None, unit: str) -> None:
+    if limit is not None and abs(value) > limit:
+        cause = f"{name} {value:g} {unit} is beyond this robot's limit of {limit:g} {unit}"
+        raise RefusalError("E-REQUEST", cause, "ask for less")
 
 
-def handle_drive(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    request.only("linear", "angular", "take_over")
-    desk.needs("operator.twist", "this pipeline takes no velocity from a person")
-    linear = request.number_of("linear", "m/s", 0.0)
-    angular = request.number_of("angular", "rad/s", 0.0)
-    desk.within("linear", linear, desk.about.speed, "m/s")
-    desk.within("angular", angular, desk.about.turn_rate, "rad/s")
-    return CommandDraft("drive", (linear, angular, request.flag("take_over")))
+PUBLISHABLE = ("operator.twist", "operator.goal", "operator.resume", "operator.halt")
 
 
-def handle_release(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    request.only()
-    return CommandDraft("release")
+R = TypeVar("R", bound=EngineRequest)
 
 
-def handle_lost(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    """The client was driving for a person whom it can no longer hear."""
-    request.only("why")
-    if not client.drives:
+def forward(context: RequestContext, request: R) -> R:
+    """Handle a request that only the engine can check."""
+    return request
+
+
+def handle_stop(context: RequestContext, request: requests.StopRequest) -> requests.StopRequest:
+    _require_input(context, "operator.halt", "this pipeline moves no robot")
+    return request
+
+
+def handle_goto(context: RequestContext, request: requests.GotoRequest) -> requests.GotoRequest:
+    _require_input(context, "operator.goal", "no block of this pipeline follows goals")
+    return request
+
+
+def handle_drive(context: RequestContext, request: requests.DriveRequest) -> requests.DriveRequest:
+    _require_input(context, "operator.twist", "this pipeline takes no velocity from a person")
+    _require_limit("linear", request.linear, context.info.speed, "m/s")
+    _require_limit("angular", request.angular, context.info.turn_rate, "rad/s")
+    return request
+
+
+def handle_operator_lost(
+    context: RequestContext, request: requests.OperatorLostRequest
+) -> requests.OperatorLostRequest:
+    if not context.client.has_driven:
         raise RefusalError("E-REQUEST", "this client never drove", "nothing need be done")
-    said = request.text("why", "nobody answers there")
-    return CommandDraft("lost", (f"{client.who} was driving and {said}",))
+    return request
 
 
-MOTION_REQUESTS: dict[str, Verb] = {
-    "stop": handle_stop,
-    "resume": handle_resume,
-    "goto": handle_goto,
-    "drive": handle_drive,
-    "release": handle_release,
-    "lost": handle_lost,
-}
-
-
-# What a person may say, each by the verb that checks it.
-PUBLISHED = {
-    "operator.twist": handle_drive,
-    "operator.goal": handle_goto,
-    "operator.resume": handle_resume,
-    "operator.halt": handle_stop,
-}
-
-
-def handle_publish(desk: RequestContext, client: Client, request: Request) -> Fields | CommandDraft:
-    """Say a person's message; what blocks and drivers say is theirs alone."""
-    request.only("topic", "message")
-    name, message = request.text("topic"), request.fields.get("message")
-    if name.strip("/") in ("robot.wheels", "robot.duty", desk.about.command):
+def handle_publish(context: RequestContext, request: requests.PublishRequest) -> EngineRequest:
+    """Publish as the operator; blocks and drivers alone publish on their wires."""
+    name, message = request.topic, request.message
+    if name.strip("/") in ("robot.wheels", "robot.duty", context.info.command):
         cause = f"{name} is a driver's input: motion passes the mux, the limits and the last gate"
         raise RefusalError("E-REQUEST", cause, "publish to operator.twist, or use drive")
-    wire = topic_of(desk, name)
-    verb = PUBLISHED.get(wire)
-    if verb is None:
-        owner = wire.partition(".")[0]
-        fix = f"you may publish to {', '.join(PUBLISHED)}"
-        raise RefusalError("E-REQUEST", f"only {owner} itself says {wire}", fix)
-    if not isinstance(message, dict):
-        raise RefusalError("E-REQUEST", "the message must be an object", 'such as {"linear": 0.1}')
-    return verb(desk, client, Request(message))
+    match wire := context.wire(name):
+        case "operator.twist":
+            return handle_drive(context, parse_request(requests.DriveRequest, message))
+        case "operator.goal":
+            return handle_goto(context, parse_request(requests.GotoRequest, message))
+        case "operator.resume":
+            return parse_request(requests.ResumeRequest, message)
+        case "operator.halt":
+            return handle_stop(context, parse_request(requests.StopRequest, message))
+    owner = wire.partition(".")[0]
+    fix = f"you may publish to {', '.join(PUBLISHABLE)}"
+    raise RefusalError("E-REQUEST", f"only {owner} itself says {wire}", fix)
 
 
-def handle_list_actions(desk: RequestContext, client: Client, request: Request) -> Fields:
-    """Every action that can be called, with its arguments."""
-    request.only()
-    return {
-        "actions": [
-            {
-                "action": f"{node}.{name}",
-                "arguments": _arguments(method),
-                "units": getattr(method, "units", {}),
-                "help": inspect.cleandoc(method.__doc__ or ""),
-            }
-            for node, kind in _targets(desk).items()
-            for name, method in actions(kind).items()
-        ]
-    }
-
-
-def handle_call(desk: RequestContext, client: Client, request: Request) -> CommandDraft:
-    """Call an action with numbers as its arguments, by name."""
-    request.only("action", "arguments")
-    wanted = request.text("action")
-    node, _, name = wanted.partition(".")
-    found = {
-        f"{each}.{action}": method
-        for each, kind in _targets(desk).items()
-        for action, method in actions(kind).items()
-    }
-    method = found.get(wanted)
-    if method is None:
-        raise RefusalError(
-            "E-REQUEST", f"there is no action '{node}.{name}'", nearest_of(node, found)
-        )
-    given = request.fields.get("arguments", {})
-    if not isinstance(given, dict):
-        raise RefusalError("E-REQUEST", "the arguments must be an object", 'such as {"x": 0.5}')
-    asked = Request(given)
-    asked.only(*_arguments(method))
-    values = [asked.number_of(*each) for each in _defaults(method)]
-    return CommandDraft("call", (node, name, tuple(values)))
-
-
-def _targets(desk: RequestContext) -> dict[str, type]:
-    return {**{name: type(block) for name, block in desk.blocks.items()}, **desk.about.drivers}
-
-
-def _arguments(method: Any) -> list[str]:
-    return list(inspect.signature(method).parameters)[2:]  # without self and now
-
-
-def _defaults(method: Any) -> list[tuple[str, str, float | None]]:
-    """Name, unit and default of each argument."""
-    known = list(inspect.signature(method).parameters.items())[2:]
-    return [
-        (name, "SI", None if each.default is inspect.Parameter.empty else each.default)
-        for name, each in known
+def handle_list_parameters(
+    context: RequestContext, request: requests.ListParametersRequest
+) -> Fields:
+    rows = [
+        {
+            "parameter": f"{name}.{declaration.key}",
+            "value": _plain_value(getattr(block, attribute)),
+            "unit": declaration.unit,
+            "live": declaration.live,
+            "changed": (name, attribute) in context.state.changed,
+            "help": declaration.help,
+        }
+        for name, block in context.state.blocks.items()
+        for attribute, declaration in declared(type(block)).items()
     ]
+    return {"parameters": rows}
 
 
-ACTION_REQUESTS: dict[str, Verb] = {
-    "publish": handle_publish,
-    "actions": handle_list_actions,
-    "call": handle_call,
-}
+def handle_set_parameter(context: RequestContext, request: requests.SetParameterRequest) -> Setting:
+    path = request.parameter
+    block, attribute, declaration = _parameter(context, path)
+    if not declaration.live:
+        fix = f"run again with --set {path}=..."
+        raise RefusalError("E-REQUEST", f"{path} cannot change while running", fix)
+    value = _parameter_value(declaration, request.value, path)
+    if isinstance(value, str):
+        return Setting(0, block, attribute, None, value)
+    return Setting(0, block, attribute, None if value is None else float(value))
+
+
+def _parameter(context: RequestContext, path: str) -> tuple[str, str, Declaration]:
+    """Block, attribute and declaration of the parameter `path`. Raises RefusalError."""
+    name, _, key = path.partition(".")
+    if name in context.state.blocks:
+        for attribute, declaration in declared(type(context.state.blocks[name])).items():
+            if key in (declaration.key, attribute):
+                return name, attribute, declaration
+    paths = [
+        f"{name}.{declaration.key}"
+        for name, block in context.state.blocks.items()
+        for declaration in declared(type(block)).values()
+    ]
+    raise RefusalError("E-REQUEST", f"there is no parameter '{path}'", suggestion(path, paths))
+
+
+def _parameter_value(declaration: Declaration, value: Any, path: str) -> Any:
+    """`value` as the parameter's type, in SI. Raises RefusalError."""
+    if declaration.none and value == "none":
+        value = None
+    elif isinstance(value, str) and declaration.kind in (float, int) and value != "none":
+        try:
+            value = quantity(value[:TEXT_MAX_LENGTH], declaration.unit)
+        except UnitError as error:
+            raise RefusalError("E-REQUEST", f"{path}: {error}") from None
+    elif declaration.kind is bool and value in ("true", "false"):
+        value = value == "true"
+    complaint = _type_complaint(declaration.kind, value) or declaration.complaint(value)
+    if complaint:
+        raise RefusalError("E-REQUEST", f"{path} {complaint}")
+    return value
+
+
+def _type_complaint(kind: type, value: Any) -> str | None:
+    if value is None:
+        return None
+    if kind not in (float, int):
+        return None if isinstance(value, kind) else f"must be a {kind.__name__}"
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not abs(value) < VALUE_MAX:
+        return "must be a finite number"
+    return "must be a whole number" if kind is int and value != int(value) else None
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)
+    return value if isinstance(value, int | float | str | bool | None) else str(value)
+
+
+def handle_list_actions(context: RequestContext, request: requests.ListActionsRequest) -> Fields:
+    rows = [
+        {
+            "action": name,
+            "arguments": list(_arguments(method)),
+            "units": getattr(method, "units", {}),
+            "help": inspect.cleandoc(method.__doc__ or ""),
+        }
+        for name, method in _actions(context).items()
+    ]
+    return {"actions": rows}
+
+
+def handle_call_action(context: RequestContext, request: requests.CallActionRequest) -> Call:
+    available = _actions(context)
+    block, _, action = request.action.partition(".")
+    method = available.get(request.action)
+    if method is None:
+        cause = f"there is no action '{block}.{action}'"
+        raise RefusalError("E-REQUEST", cause, suggestion(block, available))
+    arguments = _arguments(method)
+    refuse_unknown(request.arguments, arguments)
+    numbers = []
+    for name, value in {**arguments, **request.arguments}.items():
+        number = finite(value)
+        if number is None:
+            raise wrong_field(name, float, "SI", is_missing=value is None)
+        numbers.append(number)
+    return Call(0, block, action, tuple(numbers))
+
+
+def _actions(context: RequestContext) -> dict[str, Callable[..., Any]]:
+    """Every action of a block or driver by its full name."""
+    targets = {name: type(block) for name, block in context.state.blocks.items()}
+    return {
+        f"{node}.{name}": method
+        for node, kind in {**targets, **context.info.drivers}.items()
+        for name, method in actions(kind).items()
+    }
+
+
+def _arguments(method: Callable[..., Any]) -> dict[str, Any]:
+    """The arguments of an action with their defaults, None where there is none."""
+    parameters = list(inspect.signature(method).parameters.values())[2:]  # without self and now
+    return {
+        each.name: None if each.default is inspect.Parameter.empty else each.default
+        for each in parameters
+    }
+
+
+def handle_set_log_level(context: RequestContext, request: requests.SetLogLevelRequest) -> Setting:
+    context.require_source(request.block)
+    return Setting(0, request.block, LEVEL, None, request.level)

@@ -44,7 +44,12 @@ class Dashboard(EngineApp):
     #below Static { width: 1fr; height: 100%; padding: 0 1; }
     #more { height: 14; display: none; border-top: solid $primary; padding: 0 1; }
     """
-    slow_requests: ClassVar[tuple[Request, ...]] = ("topics", "blocks", "log", "parameters")
+    slow_requests: ClassVar[tuple[Request, ...]] = (
+        "list_topics",
+        "list_blocks",
+        "read_log",
+        "list_parameters",
+    )
 
     def __init__(
         self, engine: EngineAddress, tool: str, options: ScreenOptions, fields: list[str]
@@ -281,7 +286,7 @@ class Dashboard(EngineApp):
     def _set_log_level(self, text: str | None) -> None:
         parts = (text or "").split()
         if len(parts) == 2:
-            self.request("log_level", block=parts[0], level=parts[1])
+            self.request("set_log_level", block=parts[0], level=parts[1])
         elif parts:
             self.status = f"{text}: give a block, or *, and a level"
 
@@ -289,7 +294,7 @@ class Dashboard(EngineApp):
         rows = self.run_view.live_parameters
         if text is not None and rows:
             self.last_slow_poll = 0.0
-            self.request("set", parameter=rows[self.selected]["parameter"], value=text)
+            self.request("set_parameter", parameter=rows[self.selected]["parameter"], value=text)
 
 
 def default_fields(view: RunView) -> list[str]:

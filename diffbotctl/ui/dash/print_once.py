@@ -21,7 +21,7 @@ def print_once(engine: EngineAddress, fields: list[str], plain: bool) -> None:
     try:
         view = RunView(str(client.about.get("engine", "")))
         for request, arguments in REQUESTS.items():
-            view.take_reply(request, client.ask(request, **arguments))
+            view.take_reply(request, client.request(request, **arguments))
     finally:
         client.close()
     _print_panels(view, Console(highlight=False), plain)

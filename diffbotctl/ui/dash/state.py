@@ -18,15 +18,15 @@ HISTORY_MAX_VALUES = 1200  # of each field: two minutes at ten a second
 LOG_MAX_LINES = 100  # more than the highest terminal shows
 
 Fields = dict[str, Any]
-Request = Literal["scene", "topics", "look", "blocks", "log", "parameters"]
+Request = Literal["scene", "list_topics", "snapshot", "list_blocks", "read_log", "list_parameters"]
 # The requests whose replies a RunView takes, with their fields.
 REQUESTS: dict[Request, Fields] = {
     "scene": {},
-    "topics": {},
-    "look": {},
-    "blocks": {},
-    "log": {"last": LOG_MAX_LINES},
-    "parameters": {},
+    "list_topics": {},
+    "snapshot": {},
+    "list_blocks": {},
+    "read_log": {"last": LOG_MAX_LINES},
+    "list_parameters": {},
 }
 
 
@@ -51,15 +51,15 @@ class RunView(MapState):
         match request:
             case "scene":
                 self.scene = scene_of(reply)
-            case "topics":
+            case "list_topics":
                 self._take_topics(reply)
-            case "look":
+            case "snapshot":
                 self._take_messages(reply)
-            case "blocks":
+            case "list_blocks":
                 self.blocks = reply["blocks"]
-            case "log":
+            case "read_log":
                 self.log = [LogLine(**line) for line in reply["lines"]]
-            case "parameters":
+            case "list_parameters":
                 self.parameters = reply["parameters"]
             case _:
                 assert_never(request)

@@ -128,7 +128,7 @@ class TeleopDeadman:
     def lose(self, cause: str) -> None:
         """Report to the engine that the operator is lost."""
         if self.is_driving:
-            self.send("lost", why=cause)
+            self.send("operator_lost", reason=cause)
             self.lost_cause = cause
         self.on_refusal()
 

@@ -106,7 +106,7 @@ def hub(tmp_path, monkeypatch):
     flight, keeper = recording.start_black_box(
         folder, configuration, assembly, facts, lambda: None, told.append, told.append
     )
-    station = RunControlSocket(SocketOptions("test"), configuration, assembly, "sim", keeper=keeper)
+    station = RunControlSocket(SocketOptions("test"), configuration, assembly, "sim", store=keeper)
     place = assembly.graph.sources.index("robot.encoders")
     values = [None] * len(assembly.graph.sources)
     values[place] = instant(1)[1]
@@ -122,7 +122,7 @@ def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
     flight.sender.channel.settimeout(REPLY_TIMEOUT_S)
     flight.sender.channel.sendall(LENGTH.pack(7) + b"garbage")
     flight.sender.channel.recv(1)  # its end: the hub has given the recorder up
-    assert client.ask("status")["ok"]
+    assert client.request("status")["ok"]
     assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
     flight.finish(DONE)
     assert told == [
