@@ -1,148 +1,138 @@
-"""Reads counts from a recording or a CSV file, and joins them with poses that were measured.
+"""Recorded drives from recordings, CSV files and sessions of the OptiOdom data set.
 
-Reads sessions of the OptiOdom data set, and tells what their ends came to.
-
-Sousa, Petry, Costa & Moreira, "OptiOdom: a Generic Approach for Odometry Calibration of Wheeled
-Mobile Robots", J. Intelligent & Robotic Systems 105:39, 2022. A session is a folder of
-`<session>_run-NN.csv` (no header: time s, x m, y m, heading rad, and the right and left wheel's
-ticks of the cycle) beside `<session>_metadata.csv`. Ground truth is a motion capture system.
+OptiOdom: Sousa, Petry, Costa & Moreira, "OptiOdom: a Generic Approach for Odometry Calibration of
+Wheeled Mobile Robots", J. Intelligent & Robotic Systems 105:39, 2022. A session is a folder with
+`<session>_run-NN.csv` (no header: time s, x m, y m, heading rad, and the ticks of the right and
+left wheel in the cycle) and `<session>_metadata.csv`. Ground truth is a motion capture system.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from hashlib import sha256
-from math import hypot, pi, radians
+from math import hypot, isnan, nan, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     TAPE_MEASURE,
     Floats,
     Geometry,
+    GroundTruth,
     RecordedDrive,
 )
 from diffbotctl.errors import Problem, RunError, UsageError, join_words
+from diffbotctl.messages import Encoders
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
-END_DISTANCE_RATIO_MAX = (
-    1.5  # times what the wheels rolled; none is half as large again as the file states
-)
-FINGERPRINT_DIGITS = 16  # hexadecimal digits
-CSV_ENCODING = "utf-8-sig"  # spreadsheets begin their files with a byte-order mark
+RUN_COLUMNS = 6
+END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
+FINGERPRINT_DIGITS = 16
+CSV_ENCODING = "utf-8-sig"  # spreadsheets write a byte-order mark
 
 
 class CountLog(NamedTuple):
-    """What the wheels counted on one drive, and poses where the same file tells them."""
+    """The counts of one drive, and poses if the same file contains them."""
 
     name: str
     times: Floats
-    """(rows,): s, rising"""
+    """(rows,): s, increasing"""
     turns: Floats
     """(rows, 2): turns of the right and left wheel since the first row"""
     tick: tuple[float, float]
     poses: Floats | None
-    """(rows, 3): x, y in m and heading in rad; nan where unknown; None: the file has no such
-    columns"""
+    """(rows, 3): x, y in m and heading in rad, nan if unknown; None without such columns"""
+
+    def drive(self, rows: NDArray[np.intp], poses: Floats, truth: GroundTruth) -> RecordedDrive:
+        """The drive with true `poses` (n, 3) at these rows."""
+        poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+        return RecordedDrive(self.name, self.times, self.turns, rows, poses, self.tick, truth)
 
 
 def read_counts(path: Path, ticks: tuple[float, float]) -> CountLog:
     """Counts in the recording (.mcap) or CSV file at `path`.
 
-    `ticks`: counts per turn of the right and left wheel. A CSV file has a line of names: time (s),
-    right and left (counts since the start, backward is less), and x, y (m), heading (rad) if known.
-    Raises UsageError for a file that cannot serve.
+    `ticks`: counts per turn of the right and left wheel. The first line of a CSV file names the
+    columns: time (s), right and left (counts since the start, signed), optionally x, y (m) and
+    heading (rad). Raises UsageError for an unusable file.
     """
-    recorded = path.suffix == ".mcap"
-    table, poses = _from_recording(path) if recorded else _from_csv(path)
+    is_recording = path.suffix == ".mcap"
+    table, poses = _read_recording(path) if is_recording else _read_csv(path)
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
-        raise unusable_log(
-            path, "needs two rows or more, times that rise, and a count in every row"
-        )
+        cause = "needs two rows or more, times that rise, and a count in every row"
+        raise unusable_log(path, cause)
     turns = (table[:, 1:] - table[0, 1:]) / ticks
     tick = (1 / ticks[0], 1 / ticks[1])
     return CountLog(path.stem, table[:, 0] - table[0, 0], turns, tick, poses)
 
 
 def with_own_poses(counts: CountLog) -> RecordedDrive:
-    """The drive, with the poses that stand beside its counts. Raises UsageError without any."""
-    known = np.isfinite(counts.poses).all(axis=1) if counts.poses is not None else np.zeros(0)
-    rows = np.flatnonzero(known)
-    if counts.poses is None or len(rows) < 2:
-        raise unusable_log(Path(counts.name), "tells no true poses; give --ends or --truth")
-    poses = _unwrapped(counts.poses[rows])
-    return RecordedDrive(
-        counts.name, counts.times, counts.turns, rows, poses, counts.tick, MOTION_CAPTURE
-    )
+    """The drive with the poses in its own file. Raises UsageError without any."""
+    if counts.poses is not None:
+        rows = np.flatnonzero(np.isfinite(counts.poses).all(axis=1))
+        if len(rows) >= 2:
+            return counts.drive(rows, counts.poses[rows], MOTION_CAPTURE)
+    raise unusable_log(Path(counts.name), "tells no true poses; give --ends or --truth")
 
 
 def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
-    """The drive, begun at the origin along x and ended at `end`: x, y in m, heading in rad or nan.
+    """The drive from the origin along x to `end`: x, y in m, heading in rad or nan.
 
-    Raises UsageError when x or y is nan.
+    Raises UsageError if x or y is nan.
     """
     if not np.isfinite(end[:2]).all():
         raise unusable_log(Path(counts.name), "its end pose lacks x or y")
     rows = np.array([0, len(counts.times) - 1])
-    poses = np.array([[0.0, 0.0, 0.0], end])
-    return RecordedDrive(
-        counts.name, counts.times, counts.turns, rows, poses, counts.tick, TAPE_MEASURE
-    )
-
-
-def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
-    """Raises UsageError for an `end` (m) of `path` that wheels of `diameter` (m) cannot have met.
-
-    Nothing is as often wrong with a tape's figures as their unit.
-    """
-    rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
-    away = hypot(end[0], end[1])
-    if away > END_DISTANCE_RATIO_MAX * rolled:
-        cause = f"has {counts.name} end {away:.4g} m from its start, but its wheels rolled "
-        raise unusable_log(path, f"{cause}{rolled:.3g} m; x and y are in metres")
+    return counts.drive(rows, np.array([[0.0, 0.0, 0.0], end]), TAPE_MEASURE)
 
 
 def with_truth(counts: CountLog, path: Path) -> RecordedDrive:
-    """The drive, with the true poses of the CSV file at `path`: time since its start,
-    x, y and heading. Raises UsageError when it is none, or tells of another time.
+    """The drive with the true poses of the CSV file at `path`: time (s since the start of the
+    drive), x, y (m) and heading (rad). Raises UsageError if there are fewer than two.
     """
-    truth = _csv_columns(path, ("time", *POSE_COLUMNS))
-    inside = (truth[:, 0] >= 0) & (truth[:, 0] <= counts.times[-1]) & np.isfinite(truth).all(axis=1)
-    truth = truth[inside]
+    truth = _parse_columns(path, _csv_rows(path, ("time", *POSE_COLUMNS)), ("time", *POSE_COLUMNS))
+    times = truth[:, 0]
+    truth = truth[(times >= 0) & (times <= counts.times[-1]) & np.isfinite(truth).all(axis=1)]
     if len(truth) < 2 or (np.diff(truth[:, 0]) <= 0).any():
         raise unusable_log(path, "needs two poses or more, at rising times within the drive")
     times = np.union1d(counts.times, truth[:, 0])
     turns = [np.interp(times, counts.times, wheel) for wheel in counts.turns.T]
-    rows = np.searchsorted(times, truth[:, 0])
-    poses = _unwrapped(truth[:, 1:])
-    return RecordedDrive(
-        counts.name, times, np.stack(turns, axis=1), rows, poses, counts.tick, MOTION_CAPTURE
-    )
+    joined = counts._replace(times=times, turns=np.stack(turns, axis=1))
+    return joined.drive(np.searchsorted(times, truth[:, 0]), truth[:, 1:], MOTION_CAPTURE)
+
+
+def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
+    """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`.
+
+    The most common cause is a wrong unit.
+    """
+    rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
+    distance = hypot(end[0], end[1])
+    if distance > END_DISTANCE_RATIO_MAX * rolled:
+        cause = f"has {counts.name} end {distance:.4g} m from its start, but its wheels rolled "
+        raise unusable_log(path, f"{cause}{rolled:.3g} m; x and y are in metres")
 
 
 def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
     """End poses by the name of the drive's file, without its suffix.
 
-    Columns: recording, x and y (m), and heading (rad) or heading_deg; a heading may be left empty.
-    Raises UsageError.
+    Columns: recording, x and y (m), and heading (rad) or heading_deg, which may be empty. Raises
+    UsageError.
     """
-    rows = _csv_rows(path, ("recording", "x", "y"))
-    found = {}
-    for row in rows:
-        degrees = row.get("heading_deg", "").strip()
-        heading = (
-            radians(_parse_number(path, degrees))
-            if degrees
-            else _parse_number(path, row.get("heading"))
-        )
-        pose = (_parse_number(path, row["x"]), _parse_number(path, row["y"]), heading)
-        found[Path(row["recording"].strip()).stem] = pose
-    return found
+    ends = {}
+    for row in _csv_rows(path, ("recording", "x", "y")):
+        degrees = _parse_number(path, row.get("heading_deg"))
+        heading = _parse_number(path, row.get("heading")) if isnan(degrees) else radians(degrees)
+        x, y = (_parse_number(path, row[name]) for name in ("x", "y"))
+        ends[Path(row["recording"].strip()).stem] = (x, y, heading)
+    return ends
 
 
 def fingerprint(paths: Sequence[Path]) -> str:
@@ -151,43 +141,34 @@ def fingerprint(paths: Sequence[Path]) -> str:
 
 
 def unusable_log(path: Path, cause: str) -> UsageError:
-    """What to raise for a file that cannot serve."""
+    """The error for an unusable file."""
     fix = "`diffbotctl explain E-CALIBRATE-LOG` tells what the files look like"
     return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
 
 
-def _from_recording(path: Path) -> tuple[Floats, None]:
-    from diffbotctl.messages import Encoders
-    from diffbotctl.recording.reader import RecordingReader
+def _read_recording(path: Path) -> tuple[Floats, None]:
+    from diffbotctl.recording.reader import RecordingReader  # loads the MCAP library
 
     try:
-        messages = [each.message for each in RecordingReader(path).messages() if each.from_driver]
+        messages = [item.message for item in RecordingReader(path).messages() if item.from_driver]
     except RunError as error:
         raise unusable_log(path, f"cannot be read: {error.problems[0].cause}") from error
-    encoders = [each for each in messages if isinstance(each, Encoders)]
-    if len({each.boot for each in encoders}) > 1:
+    frames = [message for message in messages if isinstance(message, Encoders)]
+    if len({frame.boot for frame in frames}) > 1:
         raise unusable_log(path, "the board restarted during this drive, and its counts with it")
-    return np.array([(each.time / 1e9, each.right, each.left) for each in encoders]), None
+    return np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames]), None
 
 
-def _from_csv(path: Path) -> tuple[Floats, Floats | None]:
+def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
     rows = _csv_rows(path, COUNT_COLUMNS)
-    counts = np.array([[_parse_number(path, row[name]) for name in COUNT_COLUMNS] for row in rows])
+    counts = _parse_columns(path, rows, COUNT_COLUMNS)
     if not rows or any(name not in rows[0] for name in POSE_COLUMNS):
         return counts, None
-    return counts, np.array(
-        [[_parse_number(path, row[name]) for name in POSE_COLUMNS] for row in rows]
-    )
+    return counts, _parse_columns(path, rows, POSE_COLUMNS)
 
 
-def _csv_columns(path: Path, names: Sequence[str]) -> Floats:
-    return np.array(
-        [[_parse_number(path, row[name]) for name in names] for row in _csv_rows(path, names)]
-    )
-
-
-def _csv_rows(path: Path, names: Sequence[str]) -> list[Mapping[str, str]]:
-    """The lines of a CSV file, each by the names of its first line; all of `names` are there."""
+def _csv_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a CSV file by column name. Raises UsageError if one of `names` is missing."""
     try:
         reader = csv.DictReader(path.read_text(CSV_ENCODING).splitlines(), restval="")
     except (OSError, UnicodeDecodeError) as error:
@@ -199,19 +180,18 @@ def _csv_rows(path: Path, names: Sequence[str]) -> list[Mapping[str, str]]:
     return list(reader)
 
 
+def _parse_columns(path: Path, rows: list[dict[str, str]], names: Sequence[str]) -> Floats:
+    """(rows, names)"""
+    table = [[_parse_number(path, row[name]) for name in names] for row in rows]
+    return np.array(table).reshape(-1, len(names))
+
+
 def _parse_number(path: Path, text: str | None) -> float:
     """The number in a cell; nan for an empty one."""
     try:
-        return float(text) if text and text.strip() else float("nan")
+        return float(text) if text and text.strip() else nan
     except ValueError:
         raise unusable_log(path, f"'{text}' is not a number") from None
-
-
-def _unwrapped(poses: Floats) -> Floats:
-    return np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
-
-
-RUN_COLUMNS = 6
 
 
 class OptiodomSession(NamedTuple):
@@ -220,31 +200,30 @@ class OptiodomSession(NamedTuple):
     name: str
     nominal: Geometry
     side: float | None
-    """m; of the squares, None when there are none"""
+    """m, of the squares; None if there are none"""
     drives: list[RecordedDrive]
 
 
 def is_session(folder: Path) -> bool:
-    """Whether `folder` holds run files with a description beside them."""
+    """Whether `folder` contains run files and their description."""
     return any(folder.glob("*_metadata.csv")) and any(folder.glob("*_run-*.csv"))
 
 
 def read_session(folder: Path) -> OptiodomSession:
-    """The session in `folder`. Raises UsageError for one that lacks something."""
+    """The session in `folder`. Raises UsageError for an incomplete one."""
     paths = sorted(folder.glob("*_run-*.csv"))
     if not paths:
         cause = "holds no *_run-*.csv files"
         raise UsageError(Problem("E-CALIBRATE-LOG", str(folder), cause, "name a session's folder"))
-    about = _read_description(next(iter(folder.glob("*_metadata.csv")), folder / "metadata.csv"))
-    ticks = about["ngear"][0] * about["encRes"][0]
-    wheels = about["Di"]
-    nominal = Geometry(wheels[0], wheels[-1], about["Li"][0])
-    side = about["L"][0] if "L" in about else None
+    values = _read_description(next(iter(folder.glob("*_metadata.csv")), folder / "metadata.csv"))
+    ticks = values["ngear"][0] * values["encRes"][0]
+    nominal = Geometry(values["Di"][0], values["Di"][-1], values["Li"][0])
+    side = values["L"][0] if "L" in values else None
     return OptiodomSession(folder.name, nominal, side, [read_run(path, ticks) for path in paths])
 
 
 def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
-    """One run file. Raises UsageError when it is none."""
+    """One run file. Raises UsageError for an unusable one."""
     try:
         table = np.loadtxt(path, delimiter=",", encoding=CSV_ENCODING, ndmin=2)
     except (OSError, ValueError) as error:
@@ -260,26 +239,20 @@ def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
 
 
 def _read_description(path: Path) -> dict[str, list[float]]:
-    """Numbers of the description by name; what is no number is left out."""
+    """The numbers of the description by name; other cells are left out."""
     try:
         rows = list(csv.reader(path.read_text(CSV_ENCODING).splitlines()))
     except OSError as error:
         raise _unreadable_run(path, str(error)) from error
-    found = {row[0].strip(): _parse_numbers(row[1:]) for row in rows if row}
-    missing = [name for name in ("ngear", "encRes", "Li", "Di") if not found.get(name)]
+    values: dict[str, list[float]] = {}
+    for name, *cells in filter(None, rows):
+        for cell in cells:
+            with suppress(ValueError):
+                values.setdefault(name.strip(), []).append(float(cell))
+    missing = [name for name in ("ngear", "encRes", "Li", "Di") if name not in values]
     if missing:
         raise _unreadable_run(path, f"does not tell {', '.join(missing)}")
-    return {name: numbers for name, numbers in found.items() if numbers}
-
-
-def _parse_numbers(cells: list[str]) -> list[float]:
-    numbers = []
-    for cell in cells:
-        try:
-            numbers.append(float(cell))
-        except ValueError:
-            continue
-    return numbers
+    return values
 
 
 def _unreadable_run(path: Path, cause: str) -> UsageError:

@@ -91,9 +91,9 @@ def _notes(fit: GeometryFit) -> Iterator[str]:
     """What the user should know before the figures."""
     if fit.swapped:
         yield "The columns of the wheels are swapped: left is right. Taken the right way."
-    if fit.times_track == 2:
+    if fit.track_ratio == 2:
         yield "The stated track is half the true one: measure from tyre to tyre."
-    elif fit.times_track != 1:
+    elif fit.track_ratio != 1:
         yield "The stated track is twice the true one: measure from tyre to tyre once."
     if not fit.sees_diameter:
         yield "These drives do not tell the mean wheel diameter: it is kept as stated."
@@ -111,5 +111,5 @@ def _drives(fit: GeometryFit) -> Iterator[str]:
         before, after = MM * hypot(stated.x, stated.y), MM * hypot(fitted.x, fitted.y)
         errors = f"{before:>10.1f} mm {after:>7.1f} mm"
         yield f"{drive.name:<32} {errors} {MM * offset:>+6.0f} ms"
-    for outlier in fit.strays:
-        yield f"{outlier.name:<32} left out: {outlier.times:.0f} times as far off as the others"
+    for outlier in fit.outliers:
+        yield f"{outlier.name:<32} left out: {outlier.ratio:.0f} times as far off as the others"

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
-from diffbotctl.calibrate.dead_reckoning import Geometry, dead_reckon, segments, whole_drive
+from diffbotctl.calibrate.dead_reckoning import Geometry, cut_segments, dead_reckon, whole_drive
 from diffbotctl.calibrate.geometry_fit import fit_geometry
 from tests.calibrate.driven import STATED, drive, squares, wander
 
@@ -52,7 +52,7 @@ def test_the_end_of_one_drive_proves_little():
 
 def test_slip_leaves_the_truth_within_the_stated_confidence():
     found = fit_geometry(squares(TRUE, slip=0.0005), STATED)
-    assert found.strays == []
+    assert found.outliers == []
     assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half_width
     assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half_width
     assert found.confidence.ratio.half_width < 0.001
@@ -71,7 +71,7 @@ def test_odd_drives_are_named_and_change_little():
     drives[3] = replace(drives[3], poses=poses)
     drives[7] = replace(drives[7], turns=drives[7].turns * (1.05, 1.0))  # a wheel slipped
     found = fit_geometry(drives, STATED)
-    assert {stray.name for stray in found.strays} == {drives[3].name, drives[7].name}
+    assert {stray.name for stray in found.outliers} == {drives[3].name, drives[7].name}
     assert len(found.drives) == len(found.offsets) == 8
     assert_near(found.geometry, TRUE, share=2)
 
@@ -86,7 +86,7 @@ def test_swapped_columns_and_a_wrong_half_are_recognised(all_poses, swapped, tim
     if not all_poses:  # an arc at the end, or the mirror image of a square is a square
         drives += [drive(f"arc-{k}", wander(k), TRUE, slip=0.0003, seed=k) for k in (1, 2)]
     found = fit_geometry([each.swapped() if swapped else each for each in drives], used)
-    assert (found.swapped, found.times_track) == (swapped, times)
+    assert (found.swapped, found.track_ratio) == (swapped, times)
     assert_near(found.geometry, TRUE, share=4)
 
 
@@ -117,7 +117,7 @@ def test_slopes_are_those_of_the_end():
         moved = list(STATED)
         moved[which] += step
         change = (dead_reckon(piece, Geometry(*moved)).end - here.end) / step
-        assert here.slope[:, which] == pytest.approx(change, rel=1e-3, abs=1e-2)
+        assert here.jacobian[:, which] == pytest.approx(change, rel=1e-3, abs=1e-2)
 
 
 def test_a_spin_by_hand():
@@ -132,7 +132,7 @@ def test_a_spin_by_hand():
     )
     found = dead_reckon(whole_drive(spin), Geometry(0.1, 0.1, 0.1))
     assert found.end == pytest.approx((0, 0, pi), abs=1e-12)
-    assert found.slope[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))
+    assert found.jacobian[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))
 
 
 def test_too_little_to_fit():
@@ -140,4 +140,4 @@ def test_too_little_to_fit():
         fit_geometry([], STATED)
     one = drive("one", wander(1), TRUE)
     with pytest.raises(ValueError, match="beginning and an end"):
-        segments(replace(one, rows=one.rows[:1], poses=one.poses[:1]), STATED, 1.0)
+        cut_segments(replace(one, rows=one.rows[:1], poses=one.poses[:1]), STATED.mean, 1.0)

@@ -46,7 +46,7 @@ def test_a_stray_roll_is_named():
 
 
 def test_a_mean_leaves_out_a_stray_reading():
-    found = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], finest=0.001)
+    found = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], sd_min=0.001)
     assert found.outliers == (4,)
     assert found.value == pytest.approx(0.99975)
     # four readings, sd 0.0017: 0.00085 of the mean, times t = 3.18 for three degrees of freedom
@@ -54,7 +54,7 @@ def test_a_mean_leaves_out_a_stray_reading():
 
 
 def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
-    found = robust_mean([1.0] * 4, finest=0.002)
+    found = robust_mean([1.0] * 4, sd_min=0.002)
     assert found.sd == pytest.approx(0.001)  # 0.002 over the root of four
 
 
