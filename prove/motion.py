@@ -110,7 +110,7 @@ def seconds_of_goal(run: Run):
     for sinks in [run.engine.compiled]:
         assert sinks is not None
     run.operator.hear_goal_state = note
-    return lambda: (ended[0] or run.engine.last) / 1e9
+    return lambda: (ended[0] or run.engine.last_instant) / 1e9
 
 
 def goals_within(nearest: float, farthest: float, chance: Random) -> Goal:

@@ -106,11 +106,11 @@ class AutonomousDrive:
     def run(self) -> Odometry:
         """Raises RunError."""
         session, engine = self.session, self.engine
-        self.operator.at = engine.last = session.now  # the time of an engine starts at 0
+        self.operator.at = engine.last_instant = session.now  # the time of an engine starts at 0
         try:
             outcome = engine.run(session.now + DRIVE_TIMEOUT_NS)
         finally:
-            session.now = max(session.now, engine.last)
+            session.now = max(session.now, engine.last_instant)
         if outcome.stopped is False:
             fix = "switch the motors' battery off before you look for the cause"
             raise stopped_error("the board did not confirm that it has stopped", fix)

@@ -105,7 +105,7 @@ class ControlClientDriver:
         if was_open and not self.channel.is_open and self.lease.client is not None:
             self._stop_gone(now)
         if self.profiler is not None and self.profiler.is_on:
-            self.channel.loads = self.profiler.idle() or self.channel.loads
+            self.channel.loads = self.profiler.report() or self.channel.loads
         self.channel.flush()
 
     def _follow(self, now: int, command: EngineCommand) -> ResultCode | None:
@@ -146,7 +146,7 @@ class ControlClientDriver:
                 return None
             case MeasureLoads():
                 if self.profiler is not None:
-                    self.profiler.want()
+                    self.profiler.request()
             case ClientDisconnected():
                 if self.lease.client == command.client:
                     self._stop_gone(now)

@@ -6,7 +6,10 @@ import select
 import time
 from typing import Protocol
 
-from diffbotctl.time import NEVER
+from diffbotctl.time import NEVER, SECOND
+
+FILE_POLL_INSTANTS = 64  # between two polls of the files; about 1 ms of an unpaced run
+MAX_SLEEP = 3600 * SECOND
 
 
 class Clock(Protocol):
@@ -29,20 +32,19 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.poller = _Poller()
-        self.turns = self.late = 0
+        self.waits = self.late = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Jump to `until`; files are looked at only now and then, for they mean people."""
-        self.turns += 1
-        ready = self.poller.ready(0, files) if files and self.turns % LOOK_EVERY == 0 else []
+        self.waits += 1
+        ready = (
+            self.poller.ready(0, files) if files and self.waits % FILE_POLL_INSTANTS == 0 else []
+        )
         return until, ready
 
     def close(self) -> None:
         """Nobody waits any longer."""
         self.poller.close()
-
-
-LOOK_EVERY = 64  # instants: about a millisecond of an unpaced run between two looks for a person
 
 
 class PacedClock:
@@ -60,8 +62,8 @@ class PacedClock:
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Sleep until `until` or until a file can be read."""
-        left = until - (time.monotonic_ns() - self.start)
-        ready = self.poller.ready(max(left, 0), files)
+        remaining = until - (time.monotonic_ns() - self.start)
+        ready = self.poller.ready(max(remaining, 0), files)
         now = time.monotonic_ns() - self.start
         self.late = now - until
         return (until if self.exact and not ready else now), ready
@@ -87,8 +89,8 @@ class ScaledClock:
         if until > self.begin:
             now = time.monotonic_ns()
             self.start = now if self.start is None else self.start
-            left = (until - self.begin) / self.speed - (now - self.start)
-            time.sleep(max(left, 0.0) / 1e9)
+            remaining = (until - self.begin) / self.speed - (now - self.start)
+            time.sleep(max(remaining, 0.0) / SECOND)
         return until, []
 
     def close(self) -> None:
@@ -102,14 +104,14 @@ class _Poller:
         self.epoll = select.epoll()
         self.files: list[int] = []
 
-    def ready(self, left: int, files: list[int]) -> list[int]:
+    def ready(self, remaining: int, files: list[int]) -> list[int]:
         if files != self.files:
             self._watch(files)
         if not files:
-            time.sleep(min(left, LONGEST) / 1e9)
+            time.sleep(min(remaining, MAX_SLEEP) / SECOND)
             return []
         # epoll rounds up to a millisecond; sleep the rest short of it so that timers stay sharp.
-        seconds = min(left, LONGEST) / 1e9
+        seconds = min(remaining, MAX_SLEEP) / SECOND
         return [file for file, _ in self.epoll.poll(seconds)]
 
     def close(self) -> None:
@@ -121,6 +123,3 @@ class _Poller:
         for file in files:
             self.epoll.register(file, select.EPOLLIN)
         self.files = list(files)
-
-
-LONGEST = min(NEVER, 3600 * 1_000_000_000)

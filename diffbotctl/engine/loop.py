@@ -19,7 +19,7 @@ from diffbotctl.graph import Graph, Sink
 from diffbotctl.time import NEVER, SECOND
 
 INTERRUPTED = 130  # exit code, as shells have it
-STOP_PATIENCE = 2 * SECOND  # how long a final stop may take to be confirmed
+STOP_TIMEOUT = 2 * SECOND  # how long a final stop may take to be confirmed
 
 
 class SignalSource(Protocol):
@@ -47,7 +47,7 @@ class RunOutcome(NamedTuple):
 class Engine:
     """A graph, its drivers and a clock. `run` returns only after the robot was told to stop.
 
-    `record` takes each instant as one tuple; `idle` is called after each turn, when whatever the
+    `record` takes each instant as one tuple; `idle` is called after each step, when whatever the
     instant commanded has left. `overruns` counts, by block, timers that fired late by more than
     their period.
     """
@@ -70,20 +70,20 @@ class Engine:
         self.robot = robot
         self.record = record
         self.idle = idle
-        self.place = {wire: i for i, wire in enumerate(graph.sources)}
-        self.empty: list[Any] = [None] * len(graph.sources)
-        self.sinks = {wire: _joined(many) for wire, many in (sinks or {}).items()}
+        self.wire_places = {wire: i for i, wire in enumerate(graph.sources)}
+        self.no_messages: list[Any] = [None] * len(graph.sources)
+        self.sinks = {wire: _fan_out(wire_sinks) for wire, wire_sinks in (sinks or {}).items()}
         self.event_logger = None if graph.book is None else EventLogger(graph, graph.book)
-        told = {} if self.event_logger is None else self.event_logger.sinks()
-        self.compiled = graph.compile(self.sinks, record, told)
-        self.last = -1
-        self.over = 0
+        listeners = {} if self.event_logger is None else self.event_logger.sinks()
+        self.compiled = graph.compile(self.sinks, record, listeners)
+        self.last_instant = -1
+        self.end_time = 0
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None
         self.signals = signals
         self.overruns: dict[str, int] = {}
         periods = [period for _, period in self.compiled.timer_owners]
-        self.tolerance = min(periods, default=NEVER)
+        self.overrun_tolerance = min(periods, default=NEVER)
 
     def end(self, code: int, cause: str) -> None:
         """Ask the loop to end after this instant; the first cause stands."""
@@ -95,7 +95,8 @@ class Engine:
         gc.collect()
         gc.freeze()  # what lives now lives to the end; collections need not walk it again
         try:
-            self._turn_until(until)
+            while self.ending is None and self.step(until):
+                pass
         except RunError as failure:
             self.failure = failure
             first = failure.problems[0]
@@ -110,26 +111,21 @@ class Engine:
         stopped = self._stop()
         assert self.ending is not None
         code, cause = self.ending
-        return RunOutcome(code, cause, stopped, max(self.last, self.over))
+        return RunOutcome(code, cause, stopped, max(self.last_instant, self.end_time))
 
-    def _turn_until(self, until: int) -> None:
-        while self.ending is None:
-            if not self.turn(until):
-                return
-
-    def turn(self, until: int) -> bool:
+    def step(self, until: int) -> bool:
         """Wait for the next thing, and do it. False when logical time has reached `until`."""
         dues = [driver.due() for driver in self.drivers]
         wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
-        if self.clock.late > self.tolerance:
+        if self.clock.late > self.overrun_tolerance:
             self._count_overruns(now, wake + self.clock.late)
         if self.signals is not None and self.signals.cause:
-            self.over = min(now, until)
+            self.end_time = min(now, until)
             self.end(INTERRUPTED, self.signals.cause)
             return False
         if now >= until:
-            self.over = until
+            self.end_time = until
             self._catch_up(until)
             return False
         deliveries: list[Delivery] = []
@@ -144,43 +140,43 @@ class Engine:
             self.idle()
         return True
 
-    def _count_overruns(self, now: int, really: int) -> None:
-        """Count the timers due by `now` that are later than their period at the time `really`."""
+    def _count_overruns(self, now: int, actual: int) -> None:
+        """Count the timers due by `now` that are later than their period at the time `actual`."""
         due = self.compiled.timers()
         for (name, period), at in zip(self.compiled.timer_owners, due, strict=True):
-            firings = range(at, min(now + 1, really - period), period)
+            firings = range(at, min(now + 1, actual - period), period)
             if firings:
                 self.overruns[name] = self.overruns.get(name, 0) + len(firings)
 
     def deliver(self, now: int, deliveries: Iterable[Delivery]) -> None:
         """Run the instant at `now`, and as many more as the deliveries need."""
-        now = max(now, self.last + 1)
-        values = self.empty.copy()
+        now = max(now, self.last_instant + 1)
+        values = self.no_messages.copy()
         for wire, message in deliveries:
-            place = self.place[wire]
+            place = self.wire_places[wire]
             if values[place] is not None:
                 self._instant(now, values)
-                now, values = now + 1, self.empty.copy()
+                now, values = now + 1, self.no_messages.copy()
             values[place] = message
         self._instant(now, values)
 
     def _catch_up(self, before: int) -> None:
         """Fire every timer that is due earlier than `before`, each at its nominal time."""
         while (due := self.compiled.due()) < before:
-            self._react(due, self.empty)
+            self._react(due, self.no_messages)
 
     def _instant(self, now: int, values: list[Any]) -> None:
         self._catch_up(now)
         self._react(now, values)
 
     def _react(self, now: int, values: list[Any]) -> None:
-        self.last = now
+        self.last_instant = now
         try:
             self.compiled.instant(now, *values)
         except Exception as error:
-            self._blame(now, values, error)
+            self._report_block_error(now, values, error)
 
-    def _blame(self, now: int, values: list[Any], error: Exception) -> None:
+    def _report_block_error(self, now: int, values: list[Any], error: Exception) -> None:
         name = self.compiled.culprit(error)
         if name is None:
             raise error
@@ -201,17 +197,17 @@ class Engine:
         """Stop the robot and wait for the proof; None without a robot, False when not confirmed."""
         if self.robot is None:
             return None
-        now, _ = self.clock.wait(max(self.last, 0), [])
+        now, _ = self.clock.wait(max(self.last_instant, 0), [])
         self.robot.stop(now)
-        deadline = now + STOP_PATIENCE
+        deadline = now + STOP_TIMEOUT
         while now < deadline and not self.robot.stopped:
             now, _ = self.clock.wait(min(deadline, self.robot.due()), self.robot.files())
             deliveries = self.robot.deliver(now)
             if deliveries and self.failure is None:
-                self._last_words(now, deliveries)
+                self._deliver_final_telemetry(now, deliveries)
         return self.robot.stopped
 
-    def _last_words(self, now: int, deliveries: list[Delivery]) -> None:
+    def _deliver_final_telemetry(self, now: int, deliveries: list[Delivery]) -> None:
         """Let the graph see the robot come to rest; its commands no longer count."""
         try:
             self.deliver(now, deliveries)
@@ -219,12 +215,12 @@ class Engine:
             self.failure = failure
 
 
-def _joined(sinks: list[Sink]) -> Sink:
+def _fan_out(sinks: list[Sink]) -> Sink:
     if len(sinks) == 1:
         return sinks[0]
 
-    def all_of_them(now: int, message: Any) -> None:
+    def call_all(now: int, message: Any) -> None:
         for sink in sinks:
             sink(now, message)
 
-    return all_of_them
+    return call_all

@@ -12,9 +12,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diffbotctl.engine.loop import Engine
+from diffbotctl.time import SECOND
 
-PERIOD = 1_000_000_000  # ns of the wall over which a share is taken
-PATIENCE = 5_000_000_000  # ns after the last request, then measuring ends
+REPORT_PERIOD = SECOND  # ns of the wall over which a share is taken
+REQUEST_TIMEOUT = 5 * SECOND  # ns after the last request, then measuring ends
 
 
 class BlockLoad(NamedTuple):
@@ -26,56 +27,56 @@ class BlockLoad(NamedTuple):
 
 
 class BlockProfiler:
-    """Watches the blocks of `engine`. `is_on`: somebody wants to see, so `idle` is to be called."""
+    """Measures the blocks of `engine`. `is_on`: it was requested, so `report` is to be called."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.names = [node.name for node in engine.graph.nodes]
         self.spent = [0] * len(self.names)
         self.count = [0] * len(self.names)
-        self.wanted_until = self.since = 0
+        self.requested_until = self.period_start = 0
         self.is_on = False
 
-    def want(self) -> None:
-        """Measure from now on; without another word it ends after PATIENCE."""
+    def request(self) -> None:
+        """Measure from now on; without another word it ends after REQUEST_TIMEOUT."""
         now = time.perf_counter_ns()
-        self.wanted_until = now + PATIENCE
+        self.requested_until = now + REQUEST_TIMEOUT
         if not self.is_on:
             self.is_on = True
             for place, node in enumerate(self.engine.graph.nodes):
-                self.engine.compiled.swap(node.name, self._timed(place, node.block.react))
-            self._begin(now)
+                self.engine.compiled.swap(node.name, self._timed_react(place, node.block.react))
+            self._start_period(now)
 
-    def idle(self) -> dict[str, BlockLoad] | None:
+    def report(self) -> dict[str, BlockLoad] | None:
         """What each block cost, when a period is over. Ends measuring when nobody asks any more."""
         now = time.perf_counter_ns()
-        if now > self.wanted_until:
+        if now > self.requested_until:
             self.is_on = False
             for node in self.engine.graph.nodes:
                 self.engine.compiled.swap(node.name, node.block.react)
-        span = now - self.since
-        if span < PERIOD:
+        span = now - self.period_start
+        if span < REPORT_PERIOD:
             return None
         loads = {
-            name: BlockLoad(spent / span, count * 1e9 / span, self.engine.overruns.get(name, 0))
+            name: BlockLoad(spent / span, count * SECOND / span, self.engine.overruns.get(name, 0))
             for name, spent, count in zip(self.names, self.spent, self.count, strict=True)
         }
-        self._begin(now)
+        self._start_period(now)
         return loads
 
-    def _begin(self, now: int) -> None:
-        self.since = now
+    def _start_period(self, now: int) -> None:
+        self.period_start = now
         for place in range(len(self.names)):
             self.spent[place] = self.count[place] = 0
 
-    def _timed(self, place: int, react: Callable[..., Any]) -> Callable[..., Any]:
+    def _timed_react(self, place: int, react: Callable[..., Any]) -> Callable[..., Any]:
         spent, count, clock = self.spent, self.count, time.perf_counter_ns
 
-        def timed(*arguments: Any) -> Any:
-            began = clock()
-            made = react(*arguments)
-            spent[place] += clock() - began
+        def timed_react(*arguments: Any) -> Any:
+            start = clock()
+            output = react(*arguments)
+            spent[place] += clock() - start
             count[place] += 1
-            return made
+            return output
 
-        return timed
+        return timed_react

@@ -14,7 +14,9 @@ from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
 
-SLACK = 1e-6  # of the limit: what rounding may add on the way from m/s to rad/s and back
+ROUNDING_TOLERANCE = (
+    1e-6  # of the limit: what rounding may add on the way from m/s to rad/s and back
+)
 
 
 class Gate(Block):
@@ -54,11 +56,11 @@ class Gate(Block):
     stop = Out(Stop, help="What holds the robot; an empty code when nothing does.")
 
     def reset(self) -> None:
-        self.held: Stop | None = None
-        self.heard = 0  # ns, arrival of the last telemetry; 0 before the first
+        self.active_stop: Stop | None = None
+        self.telemetry_time = 0  # ns, arrival of the last telemetry; 0 before the first
         self.boot: int | None = None
         self.sent_motion = False
-        self.seen: dict[str, object] = {}
+        self.last_messages: dict[str, object] = {}
 
     def react(
         self,
@@ -70,37 +72,37 @@ class Gate(Block):
         operator: Stop | None,
         resume: Resume | None,
     ) -> tuple[Wheels | None, Stop | None]:
-        before = self.held
+        before = self.active_stop
         if self.is_new("resume", resume) and encoders is not None:
-            self.held = None
+            self.active_stop = None
         fresh = self.is_new("encoders", encoders)
-        self.hold(self.trouble(now, command, encoders, fresh, link, board, operator))
-        moving = self.leaving(now, command)
-        if self.held is before:
-            return moving, None
-        changed = self.held or Stop(now, "", "", False)
-        if moving is None and self.held is not None:
-            moving = Wheels(now, 0.0, 0.0)
-        return moving, changed
+        self.update_stop(self.find_fault(now, command, encoders, fresh, link, board, operator))
+        outgoing = self.outgoing_command(now, command)
+        if self.active_stop is before:
+            return outgoing, None
+        changed = self.active_stop or Stop(now, "", "", False)
+        if outgoing is None and self.active_stop is not None:
+            outgoing = Wheels(now, 0.0, 0.0)
+        return outgoing, changed
 
-    def hold(self, trouble: Stop | None) -> None:
+    def update_stop(self, fault: Stop | None) -> None:
         """Enter, keep or leave the held state; a latched stop is only left by `resume`."""
-        if self.held is not None and self.held.latched:
+        if self.active_stop is not None and self.active_stop.latched:
             return
-        if trouble is None or self.held is None or trouble.code != self.held.code:
-            self.held = trouble
+        if fault is None or self.active_stop is None or fault.code != self.active_stop.code:
+            self.active_stop = fault
 
-    def leaving(self, now: int, command: Wheels | None) -> Wheels | None:
+    def outgoing_command(self, now: int, command: Wheels | None) -> Wheels | None:
         """The command that leaves in this instant: the new one, a zero in its place, or none."""
         if not self.is_new("command", command) or command is None:
             return None
-        if self.held is not None or not self.heard:
+        if self.active_stop is not None or not self.telemetry_time:
             self.sent_motion = False
             return Wheels(now, 0.0, 0.0)
         self.sent_motion = command.left != 0 or command.right != 0
         return command
 
-    def trouble(
+    def find_fault(
         self,
         now: int,
         command: Wheels | None,
@@ -117,19 +119,19 @@ class Gate(Block):
         if self.is_new("link", link) and link is not None and link.state == "lost":
             return Stop(now, "link_lost", f"the link to the board is gone: {link.cause}", True)
         if encoders is not None and fresh:
-            trouble = self.telemetry(now, encoders)
-            if trouble is not None:
-                return trouble
-        if encoders is None and self.heard:
-            return self.silence(now)
+            fault = self.check_telemetry(now, encoders)
+            if fault is not None:
+                return fault
+        if encoders is None and self.telemetry_time:
+            return self.telemetry_stop(now)
         if command is None and self.sent_motion:
             cause = "a block stopped sending commands while the robot was moving"
             return Stop(now, "command_stale", cause, True)
-        return None if command is None else self.limits(now, command)
+        return None if command is None else self.check_limits(now, command)
 
-    def telemetry(self, now: int, encoders: Encoders) -> Stop | None:
+    def check_telemetry(self, now: int, encoders: Encoders) -> Stop | None:
         """Judge newly arrived telemetry: a restarted board, or one that was silent for long."""
-        silent, self.heard = now - self.heard if self.heard else 0, now
+        silent, self.telemetry_time = now - self.telemetry_time if self.telemetry_time else 0, now
         boot, self.boot = self.boot, encoders.boot
         if boot is not None and boot != encoders.boot:
             return Stop(now, "board_restart", "the board restarted while in use", True)
@@ -138,43 +140,45 @@ class Gate(Block):
             return Stop(now, "reconnect", cause, True)
         return None
 
-    def silence(self, now: int) -> Stop:
+    def telemetry_stop(self, now: int) -> Stop:
         """The stop for telemetry that has gone stale."""
         limit = f"{self.telemetry_timeout * 1000:.0f} ms"
         return Stop(now, "telemetry_stale", f"no telemetry from the board for {limit}", False)
 
-    def limits(self, now: int, command: Wheels) -> Stop | None:
+    def check_limits(self, now: int, command: Wheels) -> Stop | None:
         """The stop for a command beyond what the robot file allows, or None."""
         left, right = command.left, command.right
         if not (isfinite(left) and isfinite(right)):
-            return self.refuse(now, f"a wheel command is not a number ({left}, {right})")
+            return self.limit_stop(now, f"a wheel command is not a number ({left}, {right})")
         for side, speed, rated in (
             ("left", abs(left), self.left_rated),
             ("right", abs(right), self.right_rated),
         ):
-            if speed > rated * (1 + SLACK):
+            if speed > rated * (1 + ROUNDING_TOLERANCE):
                 why = f"{speed:.2f} rad/s for the {side} wheel is above its motor's rated"
-                return self.refuse(now, f"{why} {rated:.2f} rad/s")
-        left_rim, right_rim = left * self.left_diameter / 2, right * self.right_diameter / 2
-        linear, angular = (left_rim + right_rim) / 2, (right_rim - left_rim) / self.track
-        if abs(linear) > self.speed * (1 + SLACK):
-            return self.refuse(
+                return self.limit_stop(now, f"{why} {rated:.2f} rad/s")
+        left_rim_speed = left * self.left_diameter / 2
+        right_rim_speed = right * self.right_diameter / 2
+        linear = (left_rim_speed + right_rim_speed) / 2
+        angular = (right_rim_speed - left_rim_speed) / self.track
+        if abs(linear) > self.speed * (1 + ROUNDING_TOLERANCE):
+            return self.limit_stop(
                 now, f"{abs(linear):.3f} m/s is above the robot's limit of {self.speed:.3f} m/s"
             )
-        if abs(angular) > self.turn_rate * (1 + SLACK):
-            return self.refuse(
+        if abs(angular) > self.turn_rate * (1 + ROUNDING_TOLERANCE):
+            return self.limit_stop(
                 now,
                 f"{abs(angular):.2f} rad/s is above the robot's turn limit of "
                 f"{self.turn_rate:.2f} rad/s",
             )
         return None
 
-    def refuse(self, now: int, why: str) -> Stop:
+    def limit_stop(self, now: int, why: str) -> Stop:
         return Stop(now, "gate_limit", why, True)
 
     def is_new(self, port: str, message: object) -> bool:
         """True once for each message that arrives on `port`."""
-        if message is None or self.seen.get(port) is message:
+        if message is None or self.last_messages.get(port) is message:
             return False
-        self.seen[port] = message
+        self.last_messages[port] = message
         return True

@@ -92,6 +92,7 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "loop": None,
         "slope": None,
     },
+    "Gate": {"held": "active_stop", "heard": "telemetry_time", "seen": "last_messages"},
     "OdometryBlock": {"times": "timestamps"},
     "WheelSpeed": {"rated": None, "slots": None, "static": None, "sums": "integrals"},
 }

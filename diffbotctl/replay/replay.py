@@ -209,14 +209,14 @@ class _ReplayRun:
             self.recorder.drain()
         if self.control_socket is not None:
             self.control_socket.channel.flush()
-        if self.screen is not None and self.engine.last >= self.options.begin:
-            self.screen.idle(self.engine.last)
+        if self.screen is not None and self.engine.last_instant >= self.options.begin:
+            self.screen.idle(self.engine.last_instant)
 
     def _close(self, outcome: RunOutcome) -> None:
         if self.screen is not None:
-            self.screen.finish(max(self.engine.last, 0))
+            self.screen.finish(max(self.engine.last_instant, 0))
         if self.recorder is not None:
-            end = {**(self.run.end or {}), "last": str(self.engine.last)}
+            end = {**(self.run.end or {}), "last": str(self.engine.last_instant)}
             end.update({"code": str(outcome.code), "digest": self.digest.text()})
             self.recorder.close(end)
         self.engine.clock.close()
@@ -245,7 +245,7 @@ def _restore_state(
             raise RunError(Problem("E-RECORDING", str(path), cause, "set a live parameter"))
         setattr(block, name, value)
         block.changed(name)
-    engine.last = time
+    engine.last_instant = time
 
 
 def _block_parameters(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, str, Any]]:

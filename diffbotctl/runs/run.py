@@ -286,13 +286,13 @@ class Run:
 
         def idle() -> None:
             if person is not None:
-                person.idle(self.engine.last)
+                person.idle(self.engine.last_instant)
             if recorder is not None:
                 recorder.drain()
             if log is not None:
                 log.drain()
             if latest is not None:
-                latest.idle(self.engine.last)
+                latest.idle(self.engine.last_instant)
 
         return idle
 
@@ -350,7 +350,7 @@ class Run:
     def _tell_loss(self, text: str) -> None:
         """Tell that a file cannot be written any longer: once, and in the log."""
         self.tell(text)
-        self.operator.note(self.engine.last, "error", "engine", text)
+        self.operator.note(self.engine.last_instant, "error", "engine", text)
 
     def _say_the_end(self, ending: RunOutcome) -> None:
         """The last line: for files and watchers; a recording has its own record of the end."""
@@ -376,7 +376,7 @@ class Run:
         summary = {
             "code": str(ending.code),
             "cause": ending.cause,
-            "last": str(self.engine.last),
+            "last": str(self.engine.last_instant),
             "digest": self.digest.text() if self.digest else "",
             "truth": self._truth_text(),
         }
@@ -386,7 +386,7 @@ class Run:
         if self.flight is not None:
             self.flight.finish(summary)
         if self.latest is not None:
-            self.latest.finish(max(self.engine.last, 0))
+            self.latest.finish(max(self.engine.last_instant, 0))
         for driver in self.engine.drivers:
             driver.close()
         self.engine.clock.close()
