@@ -27,12 +27,12 @@ MOTION_TEXTS = {
 @robot_object
 def show(robot: str | None, output: Path | None, force: bool) -> int:
     """Draw ROBOT from above and from its left side, to scale: in the terminal, or as a picture."""
-    from diffbotctl.render.robot_views import side, top
+    from diffbotctl.render.robot_drawing import side, top
 
     file = load_robot_file(robot)
     views = [top(file.robot), side(file.robot)]
     if output is not None:
-        from diffbotctl.render.robot_svg import svg
+        from diffbotctl.render.robot_drawing import svg
 
         write_output(output, {".svg": lambda: svg(file.file.stem, views)}, force)
         return 0

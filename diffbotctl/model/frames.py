@@ -2,6 +2,11 @@
 
 `odom` is where the run began; `base_footprint` lies on the ground under the middle of the axle;
 `base_link` is that middle itself, x forward, y left, z up. What sits on the robot hangs on it.
+
+The bodies that a robot is made of: shape, mass, and inertia about their own middles.
+
+Boxes, cylinders and spheres of even density; their moments of inertia are those of any textbook of
+mechanics. Metres, kilograms, kg m2.
 """
 
 from __future__ import annotations
@@ -60,3 +65,76 @@ def frames(robot: Robot) -> Iterator[RobotFrame]:
         if sensor.type in ON_ROBOT:
             at = sensor.at
             yield RobotFrame(f"{name}_sensor_link", BASE, at.x, at.y, at.z, at.heading)
+
+
+Moments = tuple[float, float, float]  # about x, y and z
+SENSOR_MASS = {"sharp_gp2y0a41sk0f": 0.0036, "lds01": 0.125}  # kg, data sheets
+SENSOR_SIZE = {  # m: how deep, wide and high; data sheets
+    "sharp_gp2y0a41sk0f": (0.0135, 0.0295, 0.0130),
+    "lds01": (0.0695, 0.0955, 0.0395),
+}
+
+
+class Box(NamedTuple):
+    """A box, `size` along x, y, z."""
+
+    size: tuple[float, float, float]
+
+    def moments(self, mass: float) -> Moments:
+        """Moments of inertia about its middle."""
+        x, y, z = (length * length for length in self.size)
+        twelfth = mass / 12.0
+        return twelfth * (y + z), twelfth * (x + z), twelfth * (x + y)
+
+
+class Cylinder(NamedTuple):
+    """A cylinder lying along y, as a wheel does."""
+
+    radius: float
+    length: float
+
+    def moments(self, mass: float) -> Moments:
+        """Moments of inertia about its middle."""
+        square = self.radius * self.radius
+        across = mass / 12.0 * (3.0 * square + self.length * self.length)
+        return across, 0.5 * mass * square, across
+
+
+class Ball(NamedTuple):
+    """A sphere."""
+
+    radius: float
+
+    def moments(self, mass: float) -> Moments:
+        """Moments of inertia about its middle."""
+        moment = 0.4 * mass * self.radius * self.radius
+        return moment, moment, moment
+
+
+class Solid(NamedTuple):
+    """A shape in the frame called `frame`, its middle at `at` (m)."""
+
+    frame: str
+    shape: Box | Cylinder | Ball
+    mass: float
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    colour: str = "grey"
+
+
+def solids(robot: Robot) -> Iterator[Solid]:
+    """Every body of `robot`: the chassis, both wheels, the caster, the sensors."""
+    body = robot.body
+    length = body.front + body.back
+    above = body.clearance + 0.5 * body.height - axle_height(robot)
+    middle = (0.5 * (body.front - body.back), 0.0, above)
+    yield Solid(BASE, Box((length, body.width, body.height)), body.mass, middle, "blue")
+    for side in ("left", "right"):
+        wheel = getattr(robot.drive, side).wheel
+        shape = Cylinder(0.5 * wheel.diameter, wheel.width)
+        yield Solid(f"{side}_wheel_link", shape, wheel.mass, colour="black")
+    yield Solid("caster_link", Ball(0.5 * body.caster.diameter), body.caster.mass)
+    for name, sensor in robot.sensors.items():
+        if sensor.type in ON_ROBOT:
+            shape_of_it = Box(SENSOR_SIZE[sensor.type])
+            mass = SENSOR_MASS[sensor.type]
+            yield Solid(f"{name}_sensor_link", shape_of_it, mass, colour="red")

@@ -9,8 +9,7 @@ from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from diffbotctl.config.robot import Robot
-from diffbotctl.model.frames import WORLD, RobotFrame, frames
-from diffbotctl.model.solids import Ball, Box, Cylinder, Solid, solids
+from diffbotctl.model.frames import WORLD, Ball, Box, Cylinder, RobotFrame, Solid, frames, solids
 
 COLOURS = {
     "blue": (0.2, 0.4, 0.8, 1.0),

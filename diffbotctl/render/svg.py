@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
 Point = tuple[float, float]
+PLOT_SIZE = 480  # pixels, each way
+PLOT_MARGIN = 40  # pixels around the points
+MM = 1000.0  # a metre
+PLOT_COLOURS = ("#c0392b", "#2e7d32", "#1f4e9c", "#7b1fa2")
+GRID_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # mm between two lines of the grid
 
 
 def mark(kind: str, *inside: str, **looks: object) -> str:
@@ -60,3 +65,46 @@ def number(value: object) -> str:
         return str(value)
     text = f"{value:.2f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
+
+
+def end_error_svg(title: str, points: Mapping[str, Sequence[Point]]) -> str:
+    """Points (m) by their kind around the place where they should all lie, x right, y up."""
+    everything = [abs(each) for many in points.values() for point in many for each in point]
+    reach = max([*everything, 0.005]) * MM * 1.1  # half of the picture's width, in mm
+    scale = (PLOT_SIZE / 2 - PLOT_MARGIN) / reach
+    step = next((nice for nice in GRID_STEPS if reach / nice <= 5), GRID_STEPS[-1])
+    marks = [words(PLOT_MARGIN, 20, title, font_size=14), *_grid_lines(step, reach, scale)]
+    for number, (kind, many) in enumerate(points.items()):
+        colour = PLOT_COLOURS[number % len(PLOT_COLOURS)]
+        marks += [_dot(_plot_point(point, scale), colour) for point in many]
+        y = PLOT_SIZE + 8 + 14 * (number // 2)
+        x = PLOT_MARGIN + (number % 2) * PLOT_SIZE // 2
+        marks += [_dot((x, y - 4), colour), words(x + 10, y, kind)]
+    return document(
+        PLOT_SIZE, PLOT_SIZE + PLOT_MARGIN, marks, font_family="sans-serif", font_size=12
+    )
+
+
+def _grid_lines(step: int, reach: float, scale: float) -> list[str]:
+    marks = []
+    count = int(reach // step)
+    for number in range(-count, count + 1):
+        at = number * step / MM
+        x, y = _plot_point((at, at), scale)
+        colour = "#888" if number == 0 else "#ddd"
+        low, high = PLOT_MARGIN, PLOT_SIZE - PLOT_MARGIN
+        route = f"M{x:.1f} {low}V{high}M{low} {y:.1f}H{high}"
+        marks.append(mark("path", d=route, stroke=colour))
+        marks.append(words(x, high + 14, str(number * step), text_anchor="middle"))
+    return [
+        *marks,
+        words(PLOT_SIZE - PLOT_MARGIN, PLOT_SIZE - PLOT_MARGIN + 28, "mm", text_anchor="end"),
+    ]
+
+
+def _plot_point(point: Point, scale: float) -> Point:
+    return PLOT_SIZE / 2 + point[0] * MM * scale, PLOT_SIZE / 2 - point[1] * MM * scale
+
+
+def _dot(at: Point, colour: str) -> str:
+    return mark("circle", cx=at[0], cy=at[1], r=4, fill=colour)

@@ -8,11 +8,10 @@ import pytest
 
 from diffbotctl.config import lookup
 from diffbotctl.config.load import load_robot
-from diffbotctl.model.frames import caster_x, frames
-from diffbotctl.model.solids import Ball, Box, Cylinder, solids
+from diffbotctl.model.frames import Ball, Box, Cylinder, caster_x, frames, solids
 from diffbotctl.model.urdf import urdf
-from diffbotctl.render import robot_views
-from diffbotctl.render.robot_svg import svg
+from diffbotctl.render import robot_drawing
+from diffbotctl.render.robot_drawing import svg
 
 ROBOTS = lookup.names("robots")
 EXACT = 1e-9  # m or rad
@@ -163,7 +162,7 @@ def corners(outlines, name):
 
 
 def test_what_is_drawn_from_above(lopsided):
-    view = robot_views.top(lopsided)
+    view = robot_drawing.top(lopsided)
     assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, -0.0755, 0.0755))
     # 60 mm long, 26 mm wide, its middle 62.5 mm to the left
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0495, 0.0755))
@@ -174,7 +173,7 @@ def test_what_is_drawn_from_above(lopsided):
 
 
 def test_what_is_drawn_from_the_side(lopsided):
-    view = robot_views.side(lopsided)
+    view = robot_drawing.side(lopsided)
     # from its underside, 20 mm above the ground, 100 mm up
     assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, 0.02, 0.12))
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0, 0.06))
@@ -182,7 +181,7 @@ def test_what_is_drawn_from_the_side(lopsided):
 
 
 def test_the_picture_is_to_scale(lopsided):
-    views = [robot_views.top(lopsided), robot_views.side(lopsided)]
+    views = [robot_drawing.top(lopsided), robot_drawing.side(lopsided)]
     root = ElementTree.fromstring(svg("lopsided", views))
     parts = [part for part in root.iter() if part.get("data-part") == "chassis"]
     sizes = []

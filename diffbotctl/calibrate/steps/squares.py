@@ -21,7 +21,7 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
 from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
-from diffbotctl.render import end_error_svg
+from diffbotctl.render.svg import end_error_svg
 from diffbotctl.units import quantity
 
 RUNS_PER_DIRECTION = 5
@@ -80,7 +80,7 @@ class SquaresStep:
             findings = _findings(session.file.robot, result, side)
             report += _report(side, used, result)
             plot = _end_plot(squares)
-            pictures[f"ends-{number}.svg"] = end_error_svg.ends(plot.title, plot.points)
+            pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
             session.try_findings(findings)
         return Outcome("umbmark", findings, report, pictures=pictures)

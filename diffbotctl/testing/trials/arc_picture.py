@@ -10,8 +10,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.estimation.pose_filter import arc
 from diffbotctl.geometry.footprint import placed
-from diffbotctl.render.robot_svg import svg
-from diffbotctl.render.robot_views import Dimension, DrawingOutline, DrawingView, top
+from diffbotctl.render.robot_drawing import Dimension, DrawingOutline, DrawingView, svg, top
 
 PAGE = Path(__file__).parents[3] / "docs" / "kinematics.svg"
 RADIUS = 0.3  # m

@@ -10,7 +10,7 @@ from rich.text import Text
 from diffbotctl.messages import Goal, Odometry, Path, Range, Scan
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam
-from diffbotctl.render.robot_views import DrawingView
+from diffbotctl.render.robot_drawing import DrawingView
 from diffbotctl.ui.map.canvas import (
     DOTS_ACROSS,
     DOTS_DOWN,
