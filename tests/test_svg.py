@@ -6,7 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diffbotctl.render.svg import document, mark, number, points, words
+from diffbotctl.render.svg import (
+    element,
+    format_number,
+    points_attribute,
+    svg_document,
+    text_element,
+)
 
 
 @pytest.mark.parametrize(
@@ -21,14 +27,14 @@ from diffbotctl.render.svg import document, mark, number, points, words
     ],
 )
 def test_numbers_are_as_short_as_they_can_be(value, text):
-    assert number(value) == text
+    assert format_number(value) == text
 
 
 def test_a_mark_with_its_looks():
-    assert mark("circle", cx=1.5, r=4, fill="#fff") == '<circle cx="1.5" r="4" fill="#fff"/>'
-    assert mark("text", "a", class_="pin", text_anchor=None) == '<text class="pin">a</text>'
-    assert mark("line", stroke_width=2) == '<line stroke-width="2"/>'
-    assert points([(0, 1.5), (2.25, -3)]) == "0,1.5 2.25,-3"
+    assert element("circle", cx=1.5, r=4, fill="#fff") == '<circle cx="1.5" r="4" fill="#fff"/>'
+    assert element("text", "a", class_="pin", text_anchor=None) == '<text class="pin">a</text>'
+    assert element("line", stroke_width=2) == '<line stroke-width="2"/>'
+    assert points_attribute([(0, 1.5), (2.25, -3)]) == "0,1.5 2.25,-3"
 
 
 # Characters that XML itself allows.
@@ -41,7 +47,9 @@ TEXTS = some.text(
 
 @given(TEXTS, TEXTS)
 def test_any_text_may_stand_in_it(said, look):
-    root = ElementTree.fromstring(document(10, 20.4, [words(1, 2, said, data_part=look)]))
+    root = ElementTree.fromstring(
+        svg_document(10, 20.4, [text_element(1, 2, said, data_part=look)])
+    )
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("10", "20", "0 0 10 20")
     _, text = root
     assert (text.text or "") == said and text.get("data-part") == look

@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import (
-    Quantity,
-    json_option,
-    port_option,
-    robot_option,
-    yes_option,
-)
+from diffbotctl.cli.options import Quantity, json_option, port_option, robot_option, yes_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:

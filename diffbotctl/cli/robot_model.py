@@ -27,14 +27,14 @@ MOTION_TEXTS = {
 @robot_object
 def show(robot: str | None, output: Path | None, force: bool) -> int:
     """Draw ROBOT from above and from its left side, to scale: in the terminal, or as a picture."""
-    from diffbotctl.render.robot_drawing import side, top
+    from diffbotctl.render.robot_drawing import side_view, top_view
 
     file = load_robot_file(robot)
-    views = [top(file.robot), side(file.robot)]
+    views = [top_view(file.robot), side_view(file.robot)]
     if output is not None:
-        from diffbotctl.render.robot_drawing import svg
+        from diffbotctl.render.robot_drawing import drawing_svg
 
-        write_output(output, {".svg": lambda: svg(file.file.stem, views)}, force)
+        write_output(output, {".svg": lambda: drawing_svg(file.file.stem, views)}, force)
         return 0
     from rich.console import Console
 
@@ -55,8 +55,7 @@ def frames(robot: str | None, as_json: bool) -> int:
 
     Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
     """
-    from diffbotctl.model.frames import WORLD
-    from diffbotctl.model.frames import frames as robot_frames
+    from diffbotctl.model.frames import WORLD, robot_frames
 
     all_frames = list(robot_frames(load_robot_file(robot).robot))
     if as_json:

@@ -216,10 +216,10 @@ def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSna
 
             run_text.print_log(snapshots)
             return
-        from diffbotctl.render.map_scene import scene, scene_of
+        from diffbotctl.render.map_scene import describe_scene, parse_scene
         from diffbotctl.ui import live_view
 
-        live_view.show_live(scene_of(scene(configuration, None, port)), snapshots)
+        live_view.show_live(parse_scene(describe_scene(configuration, None, port)), snapshots)
 
     return partial(show)
 

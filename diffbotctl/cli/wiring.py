@@ -33,7 +33,7 @@ def command(
     from diffbotctl.config.harness import harness, notes
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
-    from diffbotctl.render.wiring_svg import drawing
+    from diffbotctl.render.wiring_svg import wiring_svg
 
     file = load_robot(robot)
     for warning in file.warnings:
@@ -42,7 +42,7 @@ def command(
     wires = harness(file.robot)
     if output is not None:
         title = f"Wiring of {file.file.stem}"
-        write_output(output, {".svg": lambda: drawing(wires, notes(file.robot), title)}, force)
+        write_output(output, {".svg": lambda: wiring_svg(wires, notes(file.robot), title)}, force)
         return
     if as_json:
         _print_json_rows(wires)
@@ -95,9 +95,9 @@ def _draw(harness: Harness, notes: Iterable[str]) -> None:
 
     from rich.console import Console
 
-    from diffbotctl.render.wiring_terminal import picture
+    from diffbotctl.render.wiring_terminal import wiring_text
 
-    Console(width=WIDTH, highlight=False).print(picture(harness))
+    Console(width=WIDTH, highlight=False).print(wiring_text(harness))
     click.echo()
     for note in notes:
         click.echo(fill(note, WIDTH - 2, initial_indent="- ", subsequent_indent="  "))

@@ -49,7 +49,7 @@ def caster_x(robot: Robot) -> float:
     return CASTER_SHARE * (-body.back if body.back >= body.front else body.front)
 
 
-def frames(robot: Robot) -> Iterator[RobotFrame]:
+def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
     """Every frame of `robot`, parents first."""
     height = axle_height(robot)
     yield RobotFrame(GROUND, WORLD, moves="odometry")
@@ -100,7 +100,7 @@ class Cylinder(NamedTuple):
         return across, 0.5 * mass * square, across
 
 
-class Ball(NamedTuple):
+class Sphere(NamedTuple):
     """A sphere."""
 
     radius: float
@@ -115,13 +115,13 @@ class Solid(NamedTuple):
     """A shape in the frame called `frame`, its middle at `at` (m)."""
 
     frame: str
-    shape: Box | Cylinder | Ball
+    shape: Box | Cylinder | Sphere
     mass: float
     at: tuple[float, float, float] = (0.0, 0.0, 0.0)
     colour: str = "grey"
 
 
-def solids(robot: Robot) -> Iterator[Solid]:
+def robot_solids(robot: Robot) -> Iterator[Solid]:
     """Every body of `robot`: the chassis, both wheels, the caster, the sensors."""
     body = robot.body
     length = body.front + body.back
@@ -132,7 +132,7 @@ def solids(robot: Robot) -> Iterator[Solid]:
         wheel = getattr(robot.drive, side).wheel
         shape = Cylinder(0.5 * wheel.diameter, wheel.width)
         yield Solid(f"{side}_wheel_link", shape, wheel.mass, colour="black")
-    yield Solid("caster_link", Ball(0.5 * body.caster.diameter), body.caster.mass)
+    yield Solid("caster_link", Sphere(0.5 * body.caster.diameter), body.caster.mass)
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
             shape_of_it = Box(SENSOR_SIZE[sensor.type])

@@ -9,7 +9,16 @@ from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from diffbotctl.config.robot import Robot
-from diffbotctl.model.frames import WORLD, Ball, Box, Cylinder, RobotFrame, Solid, frames, solids
+from diffbotctl.model.frames import (
+    WORLD,
+    Box,
+    Cylinder,
+    RobotFrame,
+    Solid,
+    Sphere,
+    robot_frames,
+    robot_solids,
+)
 
 COLOURS = {
     "blue": (0.2, 0.4, 0.8, 1.0),
@@ -24,8 +33,8 @@ def urdf(robot: Robot, name: str) -> str:
     root = Element("robot", name=name)
     for colour, values in COLOURS.items():
         SubElement(SubElement(root, "material", name=colour), "color", rgba=numbers(*values))
-    bodies = {solid.frame: solid for solid in solids(robot)}
-    tree = list(frames(robot))
+    bodies = {solid.frame: solid for solid in robot_solids(robot)}
+    tree = list(robot_frames(robot))
     for frame in tree:
         _link(root, frame.name, bodies.get(frame.name))
     for frame in tree:
@@ -62,13 +71,13 @@ def _link(root: Element, name: str, solid: Solid | None) -> None:
             SubElement(part, "material", name=solid.colour)
 
 
-def _shape(geometry: Element, shape: Box | Cylinder | Ball) -> None:
+def _shape(geometry: Element, shape: Box | Cylinder | Sphere) -> None:
     match shape:
         case Box(size):
             SubElement(geometry, "box", size=numbers(*size))
         case Cylinder(radius, length):
             SubElement(geometry, "cylinder", radius=numbers(radius), length=numbers(length))
-        case Ball(radius):
+        case Sphere(radius):
             SubElement(geometry, "sphere", radius=numbers(radius))
 
 

@@ -20,12 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from diffbotctl.processes.child_process import (
-    close_inherited_files,
-    fork,
-    report,
-    split_frames,
-)
+from diffbotctl.processes.child_process import close_inherited_files, fork, report, split_frames
 from diffbotctl.recording.black_box import EngineState, StopEvent
 from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.time import SECOND

@@ -22,7 +22,7 @@ from diffbotctl.model.laser_scanners import LASER_SCANNERS
 Numbers = list[list[float]]
 
 
-def scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[str, Any]:
+def describe_scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[str, Any]:
     """Plain values in metres and radians; outline and sensors in base_link, the world in the frame
     of the pose that is shown: odom where a block reckons it, else the world's own.
 
@@ -141,7 +141,7 @@ class Scene(NamedTuple):
     field: tuple[tuple[float, float], ...] = ()
 
 
-def scene_of(said: dict[str, Any]) -> Scene:
+def parse_scene(said: dict[str, Any]) -> Scene:
     """The scene from the answer of the verb."""
     robot = said["robot"]
     return Scene(

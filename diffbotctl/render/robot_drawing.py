@@ -16,16 +16,16 @@ from xml.sax.saxutils import escape
 from diffbotctl.config.robot import Robot
 from diffbotctl.model.frames import (
     BASE,
-    Ball,
     Box,
     Cylinder,
     RobotFrame,
     Solid,
+    Sphere,
     axle_height,
-    frames,
-    solids,
+    robot_frames,
+    robot_solids,
 )
-from diffbotctl.render.svg import document, mark, points, words
+from diffbotctl.render.svg import element, points_attribute, svg_document, text_element
 
 Point = tuple[float, float]
 CIRCLE = 32  # corners of a drawn circle
@@ -57,10 +57,10 @@ class DrawingView(NamedTuple):
     dimensions: tuple[Dimension, ...]
 
 
-def top(robot: Robot) -> DrawingView:
+def top_view(robot: Robot) -> DrawingView:
     """`robot` from above."""
-    body, places = robot.body, {frame.name: frame for frame in frames(robot)}
-    parts = [_from_above(solid, places[solid.frame]) for solid in solids(robot)]
+    body, places = robot.body, {frame.name: frame for frame in robot_frames(robot)}
+    parts = [_from_above(solid, places[solid.frame]) for solid in robot_solids(robot)]
     half = 0.5 * robot.drive.track
     edge = 0.5 * body.width
     lengths = (
@@ -71,11 +71,11 @@ def top(robot: Robot) -> DrawingView:
     return DrawingView("from above", (*parts, *_gazes(robot)), lengths)
 
 
-def side(robot: Robot) -> DrawingView:
+def side_view(robot: Robot) -> DrawingView:
     """`robot` from its left side."""
-    body, places = robot.body, {frame.name: frame for frame in frames(robot)}
+    body, places = robot.body, {frame.name: frame for frame in robot_frames(robot)}
     height = axle_height(robot)
-    parts = [_from_left(solid, places[solid.frame], height) for solid in solids(robot)]
+    parts = [_from_left(solid, places[solid.frame], height) for solid in robot_solids(robot)]
     ground = DrawingOutline("ground", "grey", ((-body.back, 0.0), (body.front, 0.0)), closed=False)
     diameter = robot.drive.left.wheel.diameter
     top_of_it = body.clearance + body.height
@@ -93,7 +93,7 @@ def _from_above(solid: Solid, frame: RobotFrame) -> DrawingOutline:
             points = _rectangle(x, y, size[0], size[1], frame.heading)
         case Cylinder(radius, length):
             points = _rectangle(x, y, 2 * radius, length, frame.heading)
-        case Ball(radius):
+        case Sphere(radius):
             points = _circle(x, y, radius)
     return DrawingOutline(_name(solid), solid.colour, points)
 
@@ -106,13 +106,13 @@ def _from_left(solid: Solid, frame: RobotFrame, height: float) -> DrawingOutline
             # A box that looks aside shows its corners' whole reach.
             deep = abs(size[0] * cos(frame.heading)) + abs(size[1] * sin(frame.heading))
             points = _rectangle(x, z, deep, size[2], 0.0)
-        case Cylinder(radius) | Ball(radius):
+        case Cylinder(radius) | Sphere(radius):
             points = _circle(x, z, radius)
     return DrawingOutline(_name(solid), solid.colour, points)
 
 
 def _gazes(robot: Robot) -> Iterator[DrawingOutline]:
-    for frame in frames(robot):
+    for frame in robot_frames(robot):
         if frame.name.endswith("_sensor_link"):
             far = frame.x + GAZE * cos(frame.heading), frame.y + GAZE * sin(frame.heading)
             name = f"{frame.name.removesuffix('_sensor_link')} looks there"
@@ -162,7 +162,7 @@ class DrawingSheet(NamedTuple):
         return self.x + at[0] * self.scale, self.y - at[1] * self.scale
 
 
-def svg(title: str, views: Sequence[DrawingView]) -> str:
+def drawing_svg(title: str, views: Sequence[DrawingView]) -> str:
     """The picture of `views`, one under the other."""
     reaches = [_reach(view) for view in views]
     scale = WIDTH / max(right - left for left, right, _, _ in reaches)
@@ -172,14 +172,14 @@ def svg(title: str, views: Sequence[DrawingView]) -> str:
         sheet = DrawingSheet(scale, MARGIN - left * scale, above + MARGIN + high * scale)
         inner += _view(view, sheet, above)
         above += (high - low) * scale + 2 * MARGIN
-    name = words(MARGIN, MARGIN / 2, title, font_weight="bold")
-    return document(
+    name = text_element(MARGIN, MARGIN / 2, title, font_weight="bold")
+    return svg_document(
         WIDTH + 2 * MARGIN, above, [name, *inner], font_family="sans-serif", font_size=TEXT
     )
 
 
 def _view(view: DrawingView, sheet: DrawingSheet, above: float) -> Iterator[str]:
-    yield words(MARGIN, above + TEXT, view.title)
+    yield text_element(MARGIN, above + TEXT, view.title)
     for outline in view.outlines:
         yield _outline(outline, sheet)
     for number, dimension in enumerate(view.dimensions):
@@ -187,11 +187,11 @@ def _view(view: DrawingView, sheet: DrawingSheet, above: float) -> Iterator[str]
 
 
 def _outline(outline: DrawingOutline, sheet: DrawingSheet) -> str:
-    return mark(
+    return element(
         "polygon" if outline.closed else "polyline",
-        mark("title", escape(outline.name)),
+        element("title", escape(outline.name)),
         data_part=outline.name,
-        points=points(map(sheet.place, outline.points)),
+        points=points_attribute(map(sheet.place, outline.points)),
         fill=FILLS[outline.colour] if outline.closed else "none",
         fill_opacity=0.8,
         stroke="#c03030" if outline.colour == "red" else "#222222",
@@ -207,14 +207,14 @@ def _dimension(dimension: Dimension, sheet: DrawingSheet, number: int) -> Iterat
         x1 = x2 = x1 - 2 * TEXT
     elif not inside:
         y1 = y2 = y1 + 1.5 * TEXT
-    yield mark("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke="#666666", stroke_dasharray="4 3")
+    yield element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke="#666666", stroke_dasharray="4 3")
     if upright:
         x, y = x1 - TEXT / 3, (y1 + y2) / 2
         turn = f"rotate(-90 {x:.2f} {y:.2f})"
-        yield words(x, y, dimension.label, text_anchor="middle", transform=turn)
+        yield text_element(x, y, dimension.label, text_anchor="middle", transform=turn)
     else:
         x, y = (x1 + x2) / 2, y1 + TEXT * 1.2
-        yield words(x, y, dimension.label, text_anchor="middle")
+        yield text_element(x, y, dimension.label, text_anchor="middle")
 
 
 def _reach(view: DrawingView) -> tuple[float, float, float, float]:

@@ -13,40 +13,40 @@ PLOT_COLOURS = ("#c0392b", "#2e7d32", "#1f4e9c", "#7b1fa2")
 GRID_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # mm between two lines of the grid
 
 
-def mark(kind: str, *inside: str, **looks: object) -> str:
+def element(kind: str, *inside: str, **looks: object) -> str:
     """One mark, such as `line` or `circle`, with the marks `inside` it.
 
     A look's name has `_` where SVG has `-`, and one behind a word of Python's (`class_`); None
     leaves it out. Numbers are lengths in pixels, to a hundredth.
     """
     said = "".join(
-        f" {name.rstrip('_').replace('_', '-')}={quoteattr(number(value))}"
+        f" {name.rstrip('_').replace('_', '-')}={quoteattr(format_number(value))}"
         for name, value in looks.items()
         if value is not None
     )
     return f"<{kind}{said}>{''.join(inside)}</{kind}>" if inside else f"<{kind}{said}/>"
 
 
-def words(x: float, y: float, text: str, **looks: object) -> str:
+def text_element(x: float, y: float, text: str, **looks: object) -> str:
     """A text whose base line is at y."""
-    return mark("text", escape(text), x=x, y=y, **looks)
+    return element("text", escape(text), x=x, y=y, **looks)
 
 
-def points(places: Iterable[Point]) -> str:
+def points_attribute(places: Iterable[Point]) -> str:
     """The corners of a polyline or polygon."""
-    return " ".join(f"{number(x)},{number(y)}" for x, y in places)
+    return " ".join(f"{format_number(x)},{format_number(y)}" for x, y in places)
 
 
-def document(
+def svg_document(
     width: float, height: float, marks: Iterable[str], paper: str = "white", **looks: object
 ) -> str:
     """A whole picture on coloured paper; what comes later lies on top."""
     width, height = round(width), round(height)
-    ground = mark("rect", width="100%", height="100%", fill=paper)
+    ground = element("rect", width="100%", height="100%", fill=paper)
     inside = "\n".join(["", "<!-- diffbotctl -->", ground, *marks, ""])
     box = f"0 0 {width} {height}"
     return (
-        mark(
+        element(
             "svg",
             inside,
             xmlns="http://www.w3.org/2000/svg",
@@ -59,7 +59,7 @@ def document(
     )
 
 
-def number(value: object) -> str:
+def format_number(value: object) -> str:
     """A number as SVG has it, as short as it can be; anything else as its text."""
     if not isinstance(value, float):
         return str(value)
@@ -73,14 +73,14 @@ def end_error_svg(title: str, points: Mapping[str, Sequence[Point]]) -> str:
     reach = max([*everything, 0.005]) * MM * 1.1  # half of the picture's width, in mm
     scale = (PLOT_SIZE / 2 - PLOT_MARGIN) / reach
     step = next((nice for nice in GRID_STEPS if reach / nice <= 5), GRID_STEPS[-1])
-    marks = [words(PLOT_MARGIN, 20, title, font_size=14), *_grid_lines(step, reach, scale)]
+    marks = [text_element(PLOT_MARGIN, 20, title, font_size=14), *_grid_lines(step, reach, scale)]
     for number, (kind, many) in enumerate(points.items()):
         colour = PLOT_COLOURS[number % len(PLOT_COLOURS)]
         marks += [_dot(_plot_point(point, scale), colour) for point in many]
         y = PLOT_SIZE + 8 + 14 * (number // 2)
         x = PLOT_MARGIN + (number % 2) * PLOT_SIZE // 2
-        marks += [_dot((x, y - 4), colour), words(x + 10, y, kind)]
-    return document(
+        marks += [_dot((x, y - 4), colour), text_element(x + 10, y, kind)]
+    return svg_document(
         PLOT_SIZE, PLOT_SIZE + PLOT_MARGIN, marks, font_family="sans-serif", font_size=12
     )
 
@@ -94,11 +94,13 @@ def _grid_lines(step: int, reach: float, scale: float) -> list[str]:
         colour = "#888" if number == 0 else "#ddd"
         low, high = PLOT_MARGIN, PLOT_SIZE - PLOT_MARGIN
         route = f"M{x:.1f} {low}V{high}M{low} {y:.1f}H{high}"
-        marks.append(mark("path", d=route, stroke=colour))
-        marks.append(words(x, high + 14, str(number * step), text_anchor="middle"))
+        marks.append(element("path", d=route, stroke=colour))
+        marks.append(text_element(x, high + 14, str(number * step), text_anchor="middle"))
     return [
         *marks,
-        words(PLOT_SIZE - PLOT_MARGIN, PLOT_SIZE - PLOT_MARGIN + 28, "mm", text_anchor="end"),
+        text_element(
+            PLOT_SIZE - PLOT_MARGIN, PLOT_SIZE - PLOT_MARGIN + 28, "mm", text_anchor="end"
+        ),
     ]
 
 
@@ -107,4 +109,4 @@ def _plot_point(point: Point, scale: float) -> Point:
 
 
 def _dot(at: Point, colour: str) -> str:
-    return mark("circle", cx=at[0], cy=at[1], r=4, fill=colour)
+    return element("circle", cx=at[0], cy=at[1], r=4, fill=colour)

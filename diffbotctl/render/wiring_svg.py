@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from textwrap import wrap
 
 from diffbotctl.config.harness import BOARD, CELLS, DRIVER, GROUND, RADIO, SUPPLY, Harness
-from diffbotctl.render.svg import document, mark, words
+from diffbotctl.render.svg import element, svg_document, text_element
 from diffbotctl.render.wiring_layout import Layout, PlacedPart, WireRun, layout
 
 # All in pixels. Left and right edge of each column of parts; the gaps hold the wires.
@@ -46,7 +46,7 @@ path { fill: none; stroke-linejoin: round }
 """
 
 
-def drawing(harness: Harness, notes: Iterable[str], title: str) -> str:
+def wiring_svg(harness: Harness, notes: Iterable[str], title: str) -> str:
     """The picture as the text of an SVG file, with `notes` below it."""
     plan = layout(harness)
     key = _y(plan.rows) + ROW
@@ -55,17 +55,17 @@ def drawing(harness: Harness, notes: Iterable[str], title: str) -> str:
     height = key_end + len(lines_below) * NOTE + MARGIN
     parts = (line for placed in plan.parts for line in _part(placed))
     marks = [
-        mark("style", STYLE),
-        words(MARGIN, 46, title, class_="title"),
+        element("style", STYLE),
+        text_element(MARGIN, 46, title, class_="title"),
         *_wires(plan),
         *parts,
         *_key(harness.colours(), key),
         *(
-            words(MARGIN + (0 if first else 18), key_end + n * NOTE, line, class_="note")
+            text_element(MARGIN + (0 if first else 18), key_end + n * NOTE, line, class_="note")
             for n, (first, line) in enumerate(lines_below)
         ),
     ]
-    return document(WIDTH, height, marks, paper=PAPER)
+    return svg_document(WIDTH, height, marks, paper=PAPER)
 
 
 def _y(row: int) -> int:
@@ -100,25 +100,25 @@ def _wire(run: WireRun) -> Iterator[str]:
 
 def _line(route: str, colour: str, over: bool = False) -> Iterator[str]:
     if over:
-        yield mark("path", d=route, stroke=PAPER, stroke_width=HALO)
+        yield element("path", d=route, stroke=PAPER, stroke_width=HALO)
     if colour == "white":  # else it would be lost on light paper
-        yield mark("path", d=route, stroke="#555", stroke_width=WIRE + 2)
-    yield mark("path", class_="wire", d=route, stroke=PAINTS[colour], stroke_width=WIRE)
+        yield element("path", d=route, stroke="#555", stroke_width=WIRE + 2)
+    yield element("path", class_="wire", d=route, stroke=PAINTS[colour], stroke_width=WIRE)
 
 
 def _dot(x: float, y: float, colour: str) -> str:
-    return mark("circle", cx=x, cy=y, r=PIN, fill=PAINTS[colour])
+    return element("circle", cx=x, cy=y, r=PIN, fill=PAINTS[colour])
 
 
 def _divider(run: WireRun) -> Iterator[str]:
     """1 kOhm in the wire, and 2 kOhm from behind it down to the ground rail."""
     x, y, below = RAILS[GROUND], _y(run.start), _y(run.start + 1)
     route = f"M{NODE} {y} V{below} H{x}"
-    yield mark("path", d=route, stroke=PAINTS[GROUND], stroke_width=WIRE)
+    yield element("path", d=route, stroke=PAINTS[GROUND], stroke_width=WIRE)
     yield _dot(x, below, GROUND)
     yield _dot(NODE, y, run.wire.colour)
     for height, ohms in ((y, "1 kΩ"), (below, "2 kΩ")):
-        yield mark(
+        yield element(
             "rect",
             x=RESISTORS,
             y=height - RESISTOR_HEIGHT // 2,
@@ -128,7 +128,7 @@ def _divider(run: WireRun) -> Iterator[str]:
             fill="#ecd9b0",
             stroke="#7c6a45",
         )
-        yield words(RESISTORS + RESISTOR_WIDTH / 2, height + 4, ohms, class_="ohm")
+        yield text_element(RESISTORS + RESISTOR_WIDTH / 2, height + 4, ohms, class_="ohm")
 
 
 def _part(placed: PlacedPart) -> Iterator[str]:
@@ -136,7 +136,7 @@ def _part(placed: PlacedPart) -> Iterator[str]:
     top, bottom = _y(placed.top) - 10, _y(placed.bottom) - 2
     middle = (first + last) / 2
     paint = BOARDS_PAINT.get(placed.part.key, PLAIN_PAINT)
-    yield mark(
+    yield element(
         "rect",
         x=first,
         y=top,
@@ -149,9 +149,9 @@ def _part(placed: PlacedPart) -> Iterator[str]:
     title, room = placed.part.title, last - first - 20
     squeezed = {"textLength": room, "lengthAdjust": "spacingAndGlyphs"}
     looks = squeezed if len(title) > LONG_TITLE else {}
-    yield words(middle, top + 18, title, class_="part", **looks)
+    yield text_element(middle, top + 18, title, class_="part", **looks)
     if placed.part.remark:
-        yield words(middle, bottom - 7, placed.part.remark, class_="remark")
+        yield text_element(middle, bottom - 7, placed.part.remark, class_="remark")
     yield from _pins(placed.left, first, 1)
     yield from _pins(placed.right, last, -1)
 
@@ -160,8 +160,8 @@ def _pins(rows: dict[int, str], edge: int, inward: int) -> Iterator[str]:
     anchor = None if inward > 0 else "end"
     for row, name in rows.items():
         y = _y(row)
-        yield mark("circle", cx=edge, cy=y, r=PIN, fill="#e7c45a", stroke="#5c4a12")
-        yield words(edge + inward * 13, y + 5, name, class_="pin", text_anchor=anchor)
+        yield element("circle", cx=edge, cy=y, r=PIN, fill="#e7c45a", stroke="#5c4a12")
+        yield text_element(edge + inward * 13, y + 5, name, class_="pin", text_anchor=anchor)
 
 
 def _key(colours: dict[str, str], y: int) -> Iterable[str]:
@@ -169,4 +169,4 @@ def _key(colours: dict[str, str], y: int) -> Iterable[str]:
         x = MARGIN + number % KEY_COLUMNS * KEY_WIDTH
         at = y + number // KEY_COLUMNS * NOTE
         yield from _line(f"M{x} {at - 5} h22", colour)
-        yield words(x + 28, at, f"{colour}: {meaning}", class_="note")
+        yield text_element(x + 28, at, f"{colour}: {meaning}", class_="note")

@@ -29,7 +29,7 @@ STYLES = {
 Rails = dict[str, tuple[int, int]]  # first and last row of each
 
 
-def picture(harness: Harness) -> Text:
+def wiring_text(harness: Harness) -> Text:
     """The picture as lines of text, for a dark or light terminal."""
     plan = layout(harness)
     canvas = _Canvas()

@@ -17,7 +17,7 @@ from diffbotctl.control_socket.run_state import RunInfo
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.recording.black_box_store import BlackBoxStore
-from diffbotctl.render.map_scene import scene
+from diffbotctl.render.map_scene import describe_scene
 from diffbotctl.runs.build_graph import Assembly
 
 EXIT_TIMEOUT_S = 1.5  # the server gives its clients half a second to read the rest
@@ -96,5 +96,5 @@ def _drivers(port: str) -> dict[str, type]:
 def _scene(
     configuration: Configuration, assembly: Assembly, port: str, is_replay: bool
 ) -> dict[str, Any]:
-    fields = scene(configuration, assembly.graph, port)
+    fields = describe_scene(configuration, assembly.graph, port)
     return {**fields, "simulated": "REPLAY"} if is_replay else fields

@@ -4,11 +4,7 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.estimation.slot_errors import SlotErrors
-from diffbotctl.estimation.wheel_odometer import (
-    MEASURED_OPEN_SHARE_SD,
-    LinkTiming,
-    WheelOdometer,
-)
+from diffbotctl.estimation.wheel_odometer import MEASURED_OPEN_SHARE_SD, LinkTiming, WheelOdometer
 
 
 @pytest.mark.parametrize("slots", [20, 100])  # the errors of so many are not learnt

@@ -13,8 +13,8 @@ from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.harness import BOARD, RADIO, harness, notes
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import UserError
-from diffbotctl.render.wiring_svg import BOXES, PAINTS, drawing
-from diffbotctl.render.wiring_terminal import picture
+from diffbotctl.render.wiring_svg import BOXES, PAINTS, wiring_svg
+from diffbotctl.render.wiring_terminal import wiring_text
 
 # Written by hand from robots/book_2wd.yaml: pin of the Mega 2560, part, its pin, colour.
 BOOK = {
@@ -163,11 +163,11 @@ TITLES = {board.title for board in BOARDS.values()}
 
 
 def test_the_svg_shows_every_wire_and_no_other(robot):
-    assert sorted(drawn(drawing(harness(robot), notes(robot), "it"))) == sorted(expected(robot))
+    assert sorted(drawn(wiring_svg(harness(robot), notes(robot), "it"))) == sorted(expected(robot))
 
 
 def test_the_svg_stays_on_its_paper(robot):
-    root = ElementTree.fromstring(drawing(harness(robot), notes(robot), "<a> & b"))
+    root = ElementTree.fromstring(wiring_svg(harness(robot), notes(robot), "<a> & b"))
     width, height = float(root.get("width")), float(root.get("height"))
     for element in root:
         for name, most in (("x", width), ("cx", width), ("y", height), ("cy", height)):
@@ -195,7 +195,7 @@ BACK = {"N": "S", "S": "N", "E": "W", "W": "E"}
 def lines_of(robot):
     console = Console(width=80, force_terminal=False, record=False)
     with console.capture() as capture:
-        console.print(picture(harness(robot)))
+        console.print(wiring_text(harness(robot)))
     return capture.get().splitlines()
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from diffbotctl.config import lookup
 from diffbotctl.config.load import load_robot
-from diffbotctl.model.frames import Ball, Box, Cylinder, caster_x, frames, solids
+from diffbotctl.model.frames import Box, Cylinder, Sphere, caster_x, robot_frames, robot_solids
 from diffbotctl.model.urdf import urdf
 from diffbotctl.render import robot_drawing
-from diffbotctl.render.robot_drawing import svg
+from diffbotctl.render.robot_drawing import drawing_svg
 
 ROBOTS = lookup.names("robots")
 EXACT = 1e-9  # m or rad
@@ -29,7 +29,7 @@ MOMENTS = [
     # 12 kg, r 1 m, 2 m long: about its own axis m r2 / 2 = 6, across m/12 (3 r2 + l2) = 7
     (Cylinder(1.0, 2.0), 12.0, (7.0, 6.0, 7.0)),
     # 5 kg, r 1 m: 2/5 m r2
-    (Ball(1.0), 5.0, (2.0, 2.0, 2.0)),
+    (Sphere(1.0), 5.0, (2.0, 2.0, 2.0)),
 ]
 
 
@@ -137,7 +137,7 @@ def test_the_root_weighs_nothing_and_the_rest_has_a_collision_shape(robot):
     links = {link.get("name"): link for link in root.iter("link")}
     assert len(links.pop("base_footprint")) == 0
     assert {name for name, link in links.items() if link.find("collision") is None} == set()
-    assert len(links) == len(list(solids(robot)))
+    assert len(links) == len(list(robot_solids(robot)))
 
 
 def test_a_caster_without_a_place_stands_at_the_longer_end(robot):
@@ -149,7 +149,7 @@ def test_a_caster_without_a_place_stands_at_the_longer_end(robot):
 
 def test_every_frame_has_its_parent_before_it(robot):
     seen = {"odom"}
-    for frame in frames(robot):
+    for frame in robot_frames(robot):
         assert frame.parent in seen
         seen.add(frame.name)
 
@@ -162,7 +162,7 @@ def corners(outlines, name):
 
 
 def test_what_is_drawn_from_above(lopsided):
-    view = robot_drawing.top(lopsided)
+    view = robot_drawing.top_view(lopsided)
     assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, -0.0755, 0.0755))
     # 60 mm long, 26 mm wide, its middle 62.5 mm to the left
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0495, 0.0755))
@@ -173,7 +173,7 @@ def test_what_is_drawn_from_above(lopsided):
 
 
 def test_what_is_drawn_from_the_side(lopsided):
-    view = robot_drawing.side(lopsided)
+    view = robot_drawing.side_view(lopsided)
     # from its underside, 20 mm above the ground, 100 mm up
     assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, 0.02, 0.12))
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0, 0.06))
@@ -181,8 +181,8 @@ def test_what_is_drawn_from_the_side(lopsided):
 
 
 def test_the_picture_is_to_scale(lopsided):
-    views = [robot_drawing.top(lopsided), robot_drawing.side(lopsided)]
-    root = ElementTree.fromstring(svg("lopsided", views))
+    views = [robot_drawing.top_view(lopsided), robot_drawing.side_view(lopsided)]
+    root = ElementTree.fromstring(drawing_svg("lopsided", views))
     parts = [part for part in root.iter() if part.get("data-part") == "chassis"]
     sizes = []
     for part in parts:
@@ -199,6 +199,6 @@ def test_the_picture_is_to_scale(lopsided):
 
 
 def test_a_wheel_is_as_far_away_as_its_place_says(robot):
-    for frame in frames(robot):
+    for frame in robot_frames(robot):
         if frame.moves == "wheel":
             assert hypot(frame.x, frame.y) == pytest.approx(robot.drive.track / 2)

@@ -9,7 +9,7 @@ from rich.console import Console
 from diffbotctl.config.load import load
 from diffbotctl.messages import Canvas, Odometry, Scan
 from diffbotctl.processes.screen import RunSnapshot
-from diffbotctl.render.map_scene import Scene, scene, scene_of
+from diffbotctl.render.map_scene import Scene, describe_scene, parse_scene
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.ui.live_view import LiveView
 from diffbotctl.ui.map import layers
@@ -82,7 +82,7 @@ def test_a_long_line_loses_its_beginning():
 
 def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
     setup = load("turtle")
-    shown = scene_of(scene(setup, None, "sim"))
+    shown = parse_scene(describe_scene(setup, None, "sim"))
     assert len(shown.walls) == 4
     assert shown.field == ((0.0, 0.0), (11.09, 0.0), (11.09, 11.09), (0.0, 11.09))
     text = drawn(
@@ -103,18 +103,18 @@ def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
     ],
 )
 def test_walls_stand_in_the_frame_of_the_pose(robot, wanted):
-    (wall,) = scene_of(scene(load("goal", robot), None, "sim")).walls
+    (wall,) = parse_scene(describe_scene(load("goal", robot), None, "sim")).walls
     assert wall == pytest.approx(wanted)
 
 
 def test_of_a_real_robot_s_world_nothing_is_drawn():
-    said = scene(load("goal"), None, "/dev/ttyUSB0")
+    said = describe_scene(load("goal"), None, "/dev/ttyUSB0")
     assert (said["walls"], said["rounds"], said["field"]) == ([], [], [])
 
 
 def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     setup = load("wander")
-    shown = scene_of(scene(setup, assemble(setup, False).graph, "sim"))
+    shown = parse_scene(describe_scene(setup, assemble(setup, False).graph, "sim"))
     (eye,) = shown.beams
     assert (eye.topic, eye.x) == ("robot.scan", -0.032)
     # ahead 1.032 m, clear to the left, too close behind, 0.5 m to the right of the eye

@@ -10,7 +10,13 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.estimation.pose_filter import arc
 from diffbotctl.geometry.footprint import placed
-from diffbotctl.render.robot_drawing import Dimension, DrawingOutline, DrawingView, svg, top
+from diffbotctl.render.robot_drawing import (
+    Dimension,
+    DrawingOutline,
+    DrawingView,
+    drawing_svg,
+    top_view,
+)
 
 PAGE = Path(__file__).parents[3] / "docs" / "kinematics.svg"
 RADIUS = 0.3  # m
@@ -28,7 +34,7 @@ def outlines(robot: Robot) -> Iterator[DrawingOutline]:
     """The paths of both wheels and of the middle between them, and the robot at both ends."""
     for share in SHOWN:
         pose = pose_at(robot, share)
-        for part in top(robot).outlines:
+        for part in top_view(robot).outlines:
             if part.closed:
                 yield part._replace(points=tuple(placed(list(part.points), *pose)))
     half = robot.drive.track / 2
@@ -46,7 +52,7 @@ def picture() -> str:
     robot = load_robot("book_2wd").robot
     radius = Dimension((0.0, 0.0), (0.0, RADIUS), f"R = {RADIUS * 1000:.0f} mm")
     view = DrawingView("a quarter of a circle about the ICC", tuple(outlines(robot)), (radius,))
-    return svg("book_2wd", [view])
+    return drawing_svg("book_2wd", [view])
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any, Literal, assert_never
 from diffbotctl.messages import BUILT_IN, LogLine
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
-from diffbotctl.render.map_scene import Scene, scene_of
+from diffbotctl.render.map_scene import Scene, parse_scene
 from diffbotctl.time import SECOND
 from diffbotctl.ui.map.state import MapState
 
@@ -50,7 +50,7 @@ class RunView(MapState):
         """Update what the reply to `request` contains."""
         match request:
             case "scene":
-                self.scene = scene_of(reply)
+                self.scene = parse_scene(reply)
             case "list_topics":
                 self._take_topics(reply)
             case "snapshot":

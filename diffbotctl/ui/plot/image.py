@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.recording.fields import Series
-from diffbotctl.render.svg import document, mark, points, words
+from diffbotctl.render.svg import element, points_attribute, svg_document, text_element
 from diffbotctl.ui.plot.axes import Axis, make_axis
 
 FIGURE_WIDTH, PANEL_HEIGHT = 900, 240  # pixels
@@ -103,7 +103,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 def encode_svg(figure: Figure) -> bytes:
     """The figure as an SVG document."""
-    return document(
+    return svg_document(
         figure.width,
         figure.height,
         map(_svg_mark, figure.shapes),
@@ -114,10 +114,12 @@ def encode_svg(figure: Figure) -> bytes:
 
 def _svg_mark(shape: FigureLine | FigureText) -> str:
     if isinstance(shape, FigureText):
-        return words(shape.x, shape.y, shape.text, text_anchor=shape.anchor, fill=shape.colour)
-    return mark(
+        return text_element(
+            shape.x, shape.y, shape.text, text_anchor=shape.anchor, fill=shape.colour
+        )
+    return element(
         "polyline",
-        points=points(shape.points),
+        points=points_attribute(shape.points),
         fill="none",
         stroke=shape.colour,
         stroke_width=shape.width,
