@@ -6,13 +6,15 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import Literal
 
 WIDTH = 80  # columns of the narrowest terminal in common use
-CONTEXT = 24  # columns of the user's line kept in front of the caret when it must be shortened
-NARROWEST = 34  # columns below which a cause beside the caret becomes a thin tower of words
-SLACK = 12  # columns that breaking between words may cost
-LONGEST = 500  # characters of a cause or a fix; ours have at most half of it
-CUT = "..."
+CONTEXT_COLUMNS_MIN = 24  # of the user's line, kept before the caret when it is shortened
+CAUSE_COLUMNS_MIN = 34  # columns below which a cause beside the caret becomes a thin tower of words
+WRAP_ALLOWANCE_COLUMNS = 12  # columns that breaking between words may cost
+TEXT_LENGTH_MAX = 500  # characters of a cause or a fix; ours have at most half of it
+ELLIPSIS = "..."
+Severity = Literal["error", "warning"]
 
 
 class Source:
@@ -50,7 +52,7 @@ class Problem:
     place: Place | str
     cause: str
     fix: str = ""
-    severity: str = "error"
+    severity: Severity = "error"
 
     @property
     def file(self) -> str:
@@ -74,7 +76,7 @@ class Problem:
         """The problem as a person reads it, in at most `width` columns where its words allow."""
         mark = "  (warning)" if self.severity == "warning" else ""
         head = [f"{escape_control(str(self.place))}  {self.code}{mark}"]
-        cause, fix = _spoken(self.cause), _spoken(self.fix)
+        cause, fix = _safe_text(self.cause), _safe_text(self.fix)
         if isinstance(self.place, str):
             body = _wrapped(cause, "  ", width)
         else:
@@ -129,38 +131,48 @@ def escape_control(text: str) -> str:
     )
 
 
-def _spoken(text: str) -> str:
+def _safe_text(text: str) -> str:
     """Words that may quote a file: nothing in them steers the terminal, nor fills it."""
-    return escape_control(text if len(text) <= LONGEST else text[:LONGEST] + CUT)
+    if len(text) > TEXT_LENGTH_MAX:
+        text = text[:TEXT_LENGTH_MAX] + ELLIPSIS
+    return escape_control(text)
 
 
 def _quoted(place: Place, cause: str, width: int) -> list[str]:
     """The user's own line, and below it the caret with the cause behind it."""
     number = f"  {place.line} "
-    room = width - len(number) - 2
-    line = escape_control(place.source.line(place.line))
-    before, here = line[: place.column - 1], max(1, min(place.length, len(line) - place.column + 1))
-    after_caret = here + 1 + len(cause)
-    if _columns(line) > room or _columns(before) + after_caret > room:
-        keep = max(CONTEXT, room - after_caret)
-        if len(before) > keep:
-            line = CUT + line[len(before) - keep + len(CUT) :]
-            before = CUT + before[len(before) - keep + len(CUT) :]
-        if _columns(line) > room:
-            line = line[: max(room - len(CUT), len(before) + 1)] + CUT
-        here = min(here, max(1, room - len(before)))
-    margin = " " * (len(number)) + "| "
-    caret = margin + " " * _columns(before) + "^" * here
-    beside = width - len(caret) - 1
+    line, before, marked = _shortened(place, len(cause), width - len(number) - 2)
+    margin = " " * len(number) + "| "
     first = f"{number}| {line}".rstrip()
-    if len(cause) <= beside or (beside >= NARROWEST and len(cause) <= 2 * beside - SLACK):
+    caret = margin + " " * _display_width(before) + "^" * marked
+    beside = width - len(caret) - 1
+    if len(cause) <= beside or (
+        beside >= CAUSE_COLUMNS_MIN and len(cause) <= 2 * beside - WRAP_ALLOWANCE_COLUMNS
+    ):
         lines = _wrapped(cause, " " * (len(caret) - len(margin) + 1), width - len(margin))
-        rest = [margin + text for text in lines[1:]]
-        return [first, f"{caret} {lines[0].lstrip()}", *rest]
+        return [first, f"{caret} {lines[0].lstrip()}", *(margin + text for text in lines[1:])]
     return [first, caret, *(margin + text for text in _wrapped(cause, "", width - len(margin)))]
 
 
-def _columns(text: str) -> int:
+def _shortened(place: Place, cause_length: int, available: int) -> tuple[str, str, int]:
+    """The line of `place` in `available` columns: the line, its part before the caret, and how many
+    characters the caret marks."""
+    line = escape_control(place.source.line(place.line))
+    before = line[: place.column - 1]
+    marked = max(1, min(place.length, len(line) - place.column + 1))
+    after_caret = marked + 1 + cause_length
+    if _display_width(line) <= available and _display_width(before) + after_caret <= available:
+        return line, before, marked
+    keep = max(CONTEXT_COLUMNS_MIN, available - after_caret)
+    if len(before) > keep:
+        line = ELLIPSIS + line[len(before) - keep + len(ELLIPSIS) :]
+        before = ELLIPSIS + before[len(before) - keep + len(ELLIPSIS) :]
+    if _display_width(line) > available:
+        line = line[: max(available - len(ELLIPSIS), len(before) + 1)] + ELLIPSIS
+    return line, before, min(marked, max(1, available - len(before)))
+
+
+def _display_width(text: str) -> int:
     from unicodedata import east_asian_width  # a table of 300 kB: only where errors are shown
 
     return sum(2 if east_asian_width(character) in "WF" else 1 for character in text)

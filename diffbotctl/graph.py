@@ -98,7 +98,7 @@ class Graph:
         if book is not None:
             self.kinds[LOG] = LogLine
             for node in self.nodes:
-                node.block.log = book.of(node.name)
+                node.block.log = book.source_log(node.name)
         self.wires = list(self.kinds)
 
     def block(self, name: str) -> Block:
@@ -155,7 +155,7 @@ class Graph:
         def publish(now: int) -> None:
             if book is None:
                 return
-            for line in book.taken(now):
+            for line in book.take_lines(now):
                 if sink is not None:
                     sink(now, line)
                 if record is not None:

@@ -280,31 +280,7 @@ Message = (
     | Call
 )
 
-BUILT_IN: dict[str, type] = {
-    kind.__name__: kind
-    for kind in (
-        Encoders,
-        Volts,
-        Range,
-        Scan,
-        Odometry,
-        Twist,
-        Wheels,
-        Duty,
-        Goal,
-        Path,
-        GoalState,
-        Stop,
-        Link,
-        Battery,
-        Text,
-        Canvas,
-        LogLine,
-        Resume,
-        Setting,
-        Call,
-    )
-}
+BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 
 
 def fields(kind: type) -> dict[str, tuple[Any, Field]]:
@@ -312,10 +288,10 @@ def fields(kind: type) -> dict[str, tuple[Any, Field]]:
 
     Raises TypeError naming the field when one is not declared with `Annotated[type, Field(...)]`.
     """
-    found: dict[str, tuple[Any, Field]] = {}
+    declared: dict[str, tuple[Any, Field]] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         notes = [note for note in get_args(hint)[1:] if isinstance(note, Field)]
         if not notes:
             raise TypeError(f"{kind.__name__}.{name} is not declared with a Field")
-        found[name] = (get_args(hint)[0], notes[0])
-    return found
+        declared[name] = (get_args(hint)[0], notes[0])
+    return declared

@@ -4,7 +4,7 @@ import pytest
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.graph import Graph, Node
-from diffbotctl.log import MOST, Logbook
+from diffbotctl.log import LINES_PER_SECOND_MAX, Logbook
 from diffbotctl.messages import LOG_LEVELS, LogLine, Twist
 from diffbotctl.time import SECOND
 
@@ -17,7 +17,7 @@ class Speaks(Block):
 
     def react(self, now, twist):
         for level, name in enumerate(LOG_LEVELS):
-            self.log.say(level, f"{name} at {twist.linear:g}")
+            self.log.write(level, f"{name} at {twist.linear:g}")
         return twist
 
 
@@ -62,7 +62,7 @@ def test_lines_follow_their_instant_with_its_time_on_the_last_wire():
 
 def test_all_are_set_at_once_and_an_unknown_level_changes_nothing():
     book = Logbook()
-    book.of("one")
+    book.source_log("one")
     book.set_level("*", "error")
     assert book.level("one") == book.level("robot") == "error"
     with pytest.raises(ValueError):
@@ -73,14 +73,14 @@ def test_all_are_set_at_once_and_an_unknown_level_changes_nothing():
 def test_a_block_that_says_a_line_a_message_is_cut_short_and_that_is_said():
     book = Logbook()
     book.set_level("one", "error")  # one line an instant
-    log = book.of("one")
+    log = book.source_log("one")
     found = []
-    for now in range(MOST + 7):  # 7 too many within a second
+    for now in range(LINES_PER_SECOND_MAX + 7):  # 7 too many within a second
         log.error(f"line {now}")
-        found += book.taken(now)
-    assert len(found) == MOST
+        found += book.take_lines(now)
+    assert len(found) == LINES_PER_SECOND_MAX
     log.error("later")
-    told, later = book.taken(SECOND)
+    told, later = book.take_lines(SECOND)
     assert told == LogLine(
         SECOND, "warning", "one", "7 lines of one were left out: too many in a second"
     )
@@ -89,10 +89,10 @@ def test_a_block_that_says_a_line_a_message_is_cut_short_and_that_is_said():
 
 def test_sources_are_counted_apart():
     book = Logbook()
-    for _ in range(MOST + 1):
-        book.of("one").info("again")
-    book.of("two").info("once")
-    assert [line.source for line in book.taken(0)] == ["one"] * MOST + ["two"]
+    for _ in range(LINES_PER_SECOND_MAX + 1):
+        book.source_log("one").info("again")
+    book.source_log("two").info("once")
+    assert [line.source for line in book.take_lines(0)] == ["one"] * LINES_PER_SECOND_MAX + ["two"]
 
 
 def test_a_block_that_stands_alone_says_nothing():

@@ -63,13 +63,13 @@ def _short(difference: str) -> str:
 
     A pipe gets them whole.
     """
-    from diffbotctl.errors import CUT, WIDTH
+    from diffbotctl.errors import ELLIPSIS, WIDTH
 
     if not sys.stdout.isatty():
         return difference
     lines = difference.split("\n")
     return "\n".join(
-        line if len(line) <= WIDTH else line[: WIDTH - len(CUT)] + CUT for line in lines
+        line if len(line) <= WIDTH else line[: WIDTH - len(ELLIPSIS)] + ELLIPSIS for line in lines
     )
 
 

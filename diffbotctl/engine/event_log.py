@@ -36,7 +36,7 @@ class EventLogger:
     def __init__(self, graph: Graph, book: Logbook) -> None:
         self.graph = graph
         self.book = book
-        self.robot, self.operator = book.of("robot"), book.of("operator")
+        self.robot, self.operator = book.source_log("robot"), book.source_log("operator")
         self.goals: dict[str, tuple[int, str]] = {}
         self.stops: dict[str, str] = {}
         self.link = ""
@@ -58,9 +58,9 @@ class EventLogger:
         for node in self.graph.nodes:
             for port, out in outputs(type(node.block)).items():
                 if out.kind is Stop:
-                    found[f"{node.name}.{port}"] = self._stop(self.book.of(node.name))
+                    found[f"{node.name}.{port}"] = self._stop(self.book.source_log(node.name))
                 elif out.kind is GoalState:
-                    found[f"{node.name}.{port}"] = self._goal_state(self.book.of(node.name))
+                    found[f"{node.name}.{port}"] = self._goal_state(self.book.source_log(node.name))
         return found
 
     def _of_drivers(self) -> dict[str, Sink]:
@@ -132,7 +132,7 @@ class EventLogger:
 
     def _line(self, now: int, line: LogLine) -> None:
         """What a driver says, heard at its source's own level."""
-        self.book.of(line.source).say(LOG_LEVELS.index(line.level), line.text)
+        self.book.source_log(line.source).write(LOG_LEVELS.index(line.level), line.text)
 
     def _link(self, now: int, link: Link) -> None:
         if link.restarts > self.restarts:
@@ -142,7 +142,7 @@ class EventLogger:
             return
         self.link = link.state
         why = f": {link.cause}" if link.cause else ""
-        self.robot.say(LINK_LEVELS.get(link.state, INFO), f"link {link.state}{why}")
+        self.robot.write(LINK_LEVELS.get(link.state, INFO), f"link {link.state}{why}")
 
     def _text(self, now: int, text: Text) -> None:
         self.robot.info(text.text)

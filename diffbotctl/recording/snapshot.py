@@ -82,13 +82,13 @@ def _said(book: Logbook | None) -> tuple[dict[str, int], dict[str, tuple[int, in
     """Which lines are wanted of each source, and how many it has said; on these the log hangs."""
     if book is None:
         return None
-    return {source: log.threshold for source, log in book.logs.items()}, book.said
+    return {source: log.threshold for source, log in book.logs.items()}, book.line_counts
 
 
 def _say_on(book: Logbook, thresholds: dict[str, int], said: dict[str, tuple[int, int]]) -> None:
     for source, threshold in thresholds.items():
-        book.of(source).set(threshold)
-    book.said.update(said)
+        book.source_log(source).set_threshold(threshold)
+    book.line_counts.update(said)
 
 
 class _Plain(pickle.Unpickler):
