@@ -1,8 +1,8 @@
-"""What a block is: a state machine with declared parameters, input ports and output ports.
+"""The base class of blocks: a state machine with declared parameters, inputs and outputs.
 
-A block does no I/O, never asks the time and draws no chance. `reset` makes its state; `react` is
-called once at each instant that reaches it, with the logical time and the inputs in the order in
-which the class declares them, and returns its outputs.
+A block does no I/O, reads no clock and uses no random numbers. `reset` creates its state; `react`
+is called once in each instant that reaches the block, with the logical time and the inputs in the
+order of their declaration, and returns the outputs.
 
     class DiffDrive(Block):
         '''Turn a body velocity into wheel speeds.'''
@@ -12,7 +12,7 @@ which the class declares them, and returns its outputs.
         def react(self, now: int, twist: Twist | None) -> Wheels | None: ...
 
 With one output `react` returns the message or None; with several, a tuple in declared order.
-An input that never came, or is older than its `fresh_for`, is None.
+An input is None before its first message, and when its last one is older than `fresh_for`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Port:
-    """A place where a wire ends."""
+    """An end of a wire."""
 
     name: str
 
@@ -39,10 +39,10 @@ class Port:
 class In(Port):
     """An input for messages of class `kind`.
 
-    `trigger`: a new message makes the block react (otherwise it is only looked at).
-    `fresh_for`: seconds, or the name of a parameter that holds them; older is absent, and the
-    engine wakes the block at the moment it becomes so.
-    `optional`: may stay unconnected, then it is always None.
+    `trigger`: a new message makes the block react; otherwise the input is only sampled.
+    `fresh_for`: maximum age in seconds, or the name of a parameter that holds it. An older message
+    is None in `react`, and the block reacts at the time at which it becomes too old.
+    `optional`: may stay unconnected; it is then always None.
     """
 
     def __init__(
@@ -64,8 +64,8 @@ class In(Port):
 class Every(Port):
     """A timer: the block reacts each `period` seconds (or the parameter of that name).
 
-    Its argument in `react` is the nominal time in ns when the timer fired in this instant, else
-    None. The first firing is one period after the start.
+    Its argument in `react` is the nominal time in ns if the timer fired in this instant, else
+    None. It fires for the first time one period after the start.
     """
 
     def __init__(self, period: float | str) -> None:
@@ -75,7 +75,7 @@ class Every(Port):
 class Out(Port):
     """An output of messages of class `kind`.
 
-    `name` is the port's name where an input of the block already has the one that fits.
+    `name` is the port's name if it differs from the attribute's, because an input has that name.
     """
 
     def __init__(self, kind: type, *, name: str = "", help: str = "") -> None:
@@ -96,7 +96,7 @@ def action(**units: str) -> Callable[[Method], Method]: ...
 
 
 def action(method: Method | None = None, /, **units: str) -> Any:
-    """Mark a method `name(self, now, **arguments)` that an operator may call on a running block.
+    """Mark a method `name(self, now, **arguments)` that may be called on a running block.
 
     `units`: the SI unit of each argument, as in `@action(x="m", heading="rad")`. An argument
     without a declared unit takes a number in any unit.
@@ -111,24 +111,24 @@ def action(method: Method | None = None, /, **units: str) -> Any:
 
 
 class Block:
-    """Common ground of all blocks: takes its parameters, knows its ports, says what happens.
+    """Base class of all blocks: sets the parameters and checks the ports.
 
-    `log` takes a line an event: `self.log.warning("...")`; see `diffbotctl.log`.
-    Raises TypeError at class creation when `react` does not name the inputs in declared order,
-    or when something of the block's own is called `log`.
+    `log` takes one line for each event: `self.log.warning("...")`; see `diffbotctl.log`.
+    Raises TypeError at class creation if the arguments of `react` are not the inputs in declared
+    order, or if the class has an attribute of its own called `log`.
     """
 
     log: Log = QUIET
 
     def __init_subclass__(cls) -> None:
         if "log" in vars(cls):
-            raise TypeError(f"{cls.__name__}.log: `log` is where a block says what happens")
-        wanted = ["self", "now", *inputs(cls)]
-        given = list(inspect.signature(cls.react).parameters)
-        if given != wanted:
+            raise TypeError(f"{cls.__name__}.log: the name `log` is reserved for the block's log")
+        expected = ["self", "now", *inputs(cls)]
+        actual = list(inspect.signature(cls.react).parameters)
+        if actual != expected:
             raise TypeError(
-                f"{cls.__name__}.react must take ({', '.join(wanted)}), "
-                f"the inputs in the order of their declaration; it takes ({', '.join(given)})"
+                f"{cls.__name__}.react must take ({', '.join(expected)}), "
+                f"the inputs in the order of their declaration; it takes ({', '.join(actual)})"
             )
 
     def __init__(self, **values: Any) -> None:
@@ -141,16 +141,16 @@ class Block:
         self.reset()
 
     def reset(self) -> None:
-        """Make the state as it is before the first message."""
+        """Create the state before the first message."""
 
     def changed(self, name: str) -> None:
-        """Called after the live parameter `name` was changed."""
+        """Called after the live parameter `name` has changed."""
 
     react: Callable[..., Any]
 
 
 def _nothing(self: Block, now: int) -> None:
-    """React to nothing."""
+    """Do nothing: a block without inputs."""
 
 
 Block.react = _nothing
@@ -167,12 +167,12 @@ def outputs(block: type[Block]) -> dict[str, Out]:
 
 
 def robot_fields(block: type[Block]) -> dict[str, str]:
-    """Attributes that come from the robot file: attribute name to the field's dotted path."""
+    """Attributes read from the robot file: attribute name to dotted path of the field."""
     return {name: value.field for name, value in members(block, RobotField).items()}
 
 
 def actions(block: type) -> dict[str, Callable[..., Any]]:
-    """Actions of a block class, or of a driver's, by name."""
+    """Actions of a block class or driver class, by name."""
     return {
         name: getattr(block, name)
         for name in dir(block)

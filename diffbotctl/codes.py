@@ -1,7 +1,4 @@
-"""Texts of the codes that a problem or a stop can carry, for `diffbotctl explain`.
-
-The texts are data, in `codes.yaml` beside this file.
-"""
+"""Texts of the codes of problems and stops, for `diffbotctl explain`; read from `codes.yaml`."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from typing import NamedTuple
 
 
 class Code(NamedTuple):
-    """What a code means, in a few words and in a paragraph or two."""
+    """The meaning of a code: a title, and a text of one or two paragraphs."""
 
     title: str
     text: str
@@ -19,8 +16,8 @@ class Code(NamedTuple):
 
 @cache
 def code_texts() -> dict[str, Code]:
-    """Every code with its texts, in the order of the file."""
-    import yaml  # heavy, and most commands explain no code
+    """All codes with their texts, in the order of the file."""
+    import yaml  # slow to import, and most commands need no code
 
     text = (Path(__file__).parent / "codes.yaml").read_text(encoding="utf-8")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -1,4 +1,4 @@
-"""What went wrong, said to a person: where it stands, what is wrong, what to do about it."""
+"""Problems as the user sees them: the place, the cause and the fix."""
 
 from __future__ import annotations
 
@@ -10,30 +10,32 @@ from typing import Literal
 
 WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT_COLUMNS_MIN = 24  # of the user's line, kept before the caret when it is shortened
-CAUSE_COLUMNS_MIN = 34  # columns below which a cause beside the caret becomes a thin tower of words
-WRAP_ALLOWANCE_COLUMNS = 12  # columns that breaking between words may cost
-TEXT_LENGTH_MAX = 500  # characters of a cause or a fix; ours have at most half of it
+CAUSE_COLUMNS_MIN = 34  # columns; a cause beside the caret is not wrapped into fewer
+WRAP_ALLOWANCE_COLUMNS = 12  # columns that wrapping between words may waste
+TEXT_LENGTH_MAX = (
+    500  # characters of a cause or a fix; texts of this package have at most half of it
+)
 ELLIPSIS = "..."
 Severity = Literal["error", "warning"]
 
 
 class Source:
-    """A text that problems can point into: a file, or the words of a command line."""
+    """A text that problems refer to: a file, or the arguments of a command line."""
 
     def __init__(self, name: str, text: str, is_own: bool = True) -> None:
-        """`is_own`: the user wrote it, as opposed to a file that ships with diffbotctl."""
+        """`is_own`: the user wrote it; False for a file that ships with diffbotctl."""
         self.name = name
         self.is_own = is_own
         self.lines = re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
 
     def line(self, number: int) -> str:
-        """Line `number`, counted from 1; empty beyond the end."""
+        """Line `number`, counted from 1; empty after the last one."""
         return self.lines[number - 1] if 0 < number <= len(self.lines) else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A stretch of one line of a source; line and column count from 1."""
+    """A part of one line of a source; line and column are counted from 1."""
 
     source: Source
     line: int
@@ -46,7 +48,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One mistake: a code to look up, its place, its cause in words, and the way out."""
+    """One mistake: its code, its place, its cause and how to fix it."""
 
     code: str
     place: Place | str
@@ -60,12 +62,12 @@ class Problem:
 
     @property
     def line(self) -> int:
-        """Line of the mistake from 1; 0 when the whole file is meant."""
+        """Line of the mistake, counted from 1; 0 for the whole file."""
         return 0 if isinstance(self.place, str) else self.place.line
 
     @property
     def column(self) -> int:
-        """Column of the mistake from 1; 0 when the whole file is meant."""
+        """Column of the mistake, counted from 1; 0 for the whole file."""
         return 0 if isinstance(self.place, str) else self.place.column
 
     @property
@@ -73,7 +75,7 @@ class Problem:
         return 0 if isinstance(self.place, str) else self.place.length
 
     def render(self, width: int = WIDTH) -> str:
-        """The problem as a person reads it, in at most `width` columns where its words allow."""
+        """The problem as text, in at most `width` columns unless a single word is longer."""
         mark = "  (warning)" if self.severity == "warning" else ""
         head = [f"{escape_control(str(self.place))}  {self.code}{mark}"]
         cause, fix = _safe_text(self.cause), _safe_text(self.fix)
@@ -85,7 +87,7 @@ class Problem:
 
 
 class UserError(Exception):
-    """Something that a person can mend; carries the problems and the exit code to leave with."""
+    """An error that the user can fix, with its problems and the exit code of the command."""
 
     exit_code = 2
 
@@ -95,7 +97,7 @@ class UserError(Exception):
 
 
 class ConfigurationError(UserError):
-    """The files are wrong: every problem of all of them at once. Nothing has started."""
+    """The files are wrong. Lists every problem of all files; nothing has started."""
 
 
 class UsageError(UserError):
@@ -103,13 +105,13 @@ class UsageError(UserError):
 
 
 class RunError(UserError):
-    """It ran, and failed."""
+    """The command started and then failed."""
 
     exit_code = 1
 
 
 def closest_match(word: str, words: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The one of `words` that was probably meant by `word`, or None when none is near."""
+    """The one of `words` that `word` most likely stands for, or None if none is similar."""
     from difflib import get_close_matches  # needed only after a mistake
 
     return next(iter(get_close_matches(word[:80], list(words), n=1, cutoff=cutoff)), None)
@@ -124,7 +126,7 @@ def join_words(words: Iterable[object], joint: str = "or") -> str:
 
 
 def escape_control(text: str) -> str:
-    """`text` with every character that would upset a terminal replaced by one that does not."""
+    """`text` with every control character replaced by a printable one."""
     return "".join(
         character if character.isprintable() else " " if character == "\t" else "\N{MIDDLE DOT}"
         for character in text
@@ -132,14 +134,14 @@ def escape_control(text: str) -> str:
 
 
 def _safe_text(text: str) -> str:
-    """Words that may quote a file: nothing in them steers the terminal, nor fills it."""
+    """A text that may quote a file, without control characters and of limited length."""
     if len(text) > TEXT_LENGTH_MAX:
         text = text[:TEXT_LENGTH_MAX] + ELLIPSIS
     return escape_control(text)
 
 
 def _quoted(place: Place, cause: str, width: int) -> list[str]:
-    """The user's own line, and below it the caret with the cause behind it."""
+    """The user's line, and below it the caret followed by the cause."""
     number = f"  {place.line} "
     line, before, marked = _shortened(place, len(cause), width - len(number) - 2)
     margin = " " * len(number) + "| "
@@ -173,7 +175,7 @@ def _shortened(place: Place, cause_length: int, available: int) -> tuple[str, st
 
 
 def _display_width(text: str) -> int:
-    from unicodedata import east_asian_width  # a table of 300 kB: only where errors are shown
+    from unicodedata import east_asian_width  # a table of 300 kB, needed only when errors are shown
 
     return sum(2 if east_asian_width(character) in "WF" else 1 for character in text)
 

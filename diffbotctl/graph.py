@@ -1,16 +1,16 @@
 """The wired graph: blocks in topological order, compiled into one flat function.
 
-The rules it keeps, at each instant `now` (one logical time with everything that arrived at it):
+The rules in each instant `now` (one logical time with all messages that arrived at it):
 
-1. A block is reached when a new message is on one of its trigger inputs, when one of its timers is
-   due, or when one of its inputs has just outlived its `fresh_for`.
-2. Each block that is reached reacts once, in topological order; its outputs are visible to the
-   blocks after it within the same instant.
-3. An input holds the last message of its wire; where it declares `fresh_for`, older is None.
+1. A block reacts if there is a new message on one of its trigger inputs, if one of its timers is
+   due, or if the message of one of its inputs has just become older than its `fresh_for`.
+2. Each block reacts at most once, in topological order. Its outputs are visible to the later blocks
+   in the same instant.
+3. An input holds the last message of its wire. If it declares `fresh_for`, an older one is None.
 
-A hop is an assignment to a local variable: the graph is written out as the source of one function
-per run, because walking a list of wires costs twice as much as the call itself. A talker with a
-timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, recorded, become
+A message passes along a wire by assignment to a local variable: the graph is compiled into one
+function, because a loop over the wires takes twice as long as the calls of the blocks. For a talker
+with a timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, both recorded, it is
 
     def make():
         next_talker_tick = 1000000000
@@ -55,14 +55,14 @@ from diffbotctl.log import Logbook
 from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
-LOG = "log"  # the wire of all lines; it comes last
+LOG = "log"  # the wire of all log lines, the last one of a graph
 
 Sink = Callable[[int, Any], None]
 Instant = Callable[..., None]
 
 
 class Node(NamedTuple):
-    """A block under its name in the pipeline; `wires` maps an input to `node.port`."""
+    """A block and its name in the pipeline; `wires` maps each connected input to `node.port`."""
 
     name: str
     block: Block
@@ -70,7 +70,7 @@ class Node(NamedTuple):
 
 
 class LoopError(ValueError):
-    """Blocks feed each other in a circle; `names` lists them in order, the first one again last."""
+    """Blocks form a loop; `names` lists them in order and repeats the first one at the end."""
 
     def __init__(self, names: list[str]) -> None:
         super().__init__(f"the blocks {' -> '.join(names)} form a loop")
@@ -78,11 +78,11 @@ class LoopError(ValueError):
 
 
 class Graph:
-    """Blocks and wires, ready to run.
+    """Blocks and wires.
 
-    `sources` are the wires that drivers deliver on, by name with their message class. After
-    construction `wires` lists all wires, sources first, then the blocks' outputs in the order in
-    which they are computed. With a `book` the blocks are heard, on the last wire, `log`.
+    `sources` maps each wire on which drivers deliver to its message class. `wires` lists all wires:
+    the sources, then the outputs of the blocks in topological order. With a `book`, the lines that
+    blocks log are on the last wire, `log`.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Graph:
         self.wires = list(self.kinds)
 
     def block(self, name: str) -> Block:
-        """The block under `name`. Raises KeyError."""
+        """The block of the node `name`. Raises KeyError."""
         return {node.name: node.block for node in self.nodes}[name]
 
     def compile(
@@ -111,13 +111,13 @@ class Graph:
         record: Callable[[tuple[Any, ...]], object] | None,
         listeners: dict[str, Sink] | None = None,
     ) -> Compiled:
-        """Make the run's functions.
+        """Compile the graph.
 
         `sinks` are called with (now, message) at the end of an instant for each new message on
-        their wire. `record`, when given, then gets one tuple an instant: (now, message or None for
-        each of `wires`); and one more, with the same time, for each line of the log. `listeners`
-        are called like sinks, after them all and in the order of the wires: what they say must not
-        hang on which sinks there are.
+        their wire. `listeners` are called in the same way, after all sinks and in the order of the
+        wires, so that the lines they log do not depend on which sinks there are. `record` is then
+        called with one tuple for the instant, (now, message or None for each of `wires`), and with
+        one more tuple of the same time for each line of the log.
         """
         sinks = dict(sinks)
         publish = self._publisher(sinks.pop(LOG, None), record)
@@ -131,7 +131,7 @@ class Graph:
         names.update({f"react_{writer.nodes[node.name]}": node.block.react for node in self.nodes})
         names.update({f"sink_{writer.wires[wire]}": sinks[wire] for wire in sinks})
         names.update({f"listener_{writer.wires[wire]}": listeners[wire] for wire in listeners})
-        exec(compile(source, GENERATED, "exec"), names)  # the graph's own source
+        exec(compile(source, GENERATED, "exec"), names)  # source generated above
         instant, due, timers = names["make"]()
         return Compiled(
             instant=instant,
@@ -149,7 +149,7 @@ class Graph:
     def _publisher(
         self, sink: Sink | None, record: Callable[[tuple[Any, ...]], object] | None
     ) -> Callable[[int], None]:
-        """What hands out the lines said in the instant at the time it is given."""
+        """A function that publishes the lines logged in the instant `now`."""
         book, blank = self.book, [None] * (len(self.wires) - 1)
 
         def publish(now: int) -> None:
@@ -165,13 +165,13 @@ class Graph:
 
 
 class Compiled(NamedTuple):
-    """A graph turned into functions.
+    """A compiled graph.
 
-    `instant(now, message or None for each source)` runs one instant; `due()` is the time at which
-    the graph wants an instant of its own accord; `publish(now)` hands out the lines of the log that
-    an instant which raised has left. `timers()` are the timers' next times, `timer_owners` their
-    nodes and periods in ns. `line_owner` maps a line of `source` to the node that it calls, `nodes`
-    a node to its name in `source`, `former_names` a name in `source` to the one of version 0.1.
+    `instant(now, message or None for each source)` runs one instant. `due()` is the time of the
+    next timer or deadline. `publish(now)` publishes the log lines that remain after an instant that
+    raised. `timers()` are the next times of the timers, `timer_owners` their nodes and periods in
+    ns. `line_owner` maps a line of `source` to the node whose block it calls, `nodes` a node to its
+    name in `source`, `former_names` a variable of `source` to its name in version 0.1.
     """
 
     instant: Instant
@@ -186,15 +186,15 @@ class Compiled(NamedTuple):
     former_names: dict[str, str]
 
     def swap(self, node: str, react: Callable[..., Any]) -> None:
-        """From the next instant on call `react` for the node of this name."""
+        """Call `react` for this node from the next instant on."""
         self.names[f"react_{self.nodes[node]}"] = react
 
     def state(self) -> dict[str, Any]:
-        """What wires and timers hold between two instants, by the names in `source`."""
+        """The state of wires and timers between two instants, by the names in `source`."""
         return {name: cell.cell_contents for name, cell in self._cells().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Bring back a `state` of an equal graph, also one that version 0.1 saved.
+        """Restore a `state` of an equal graph, which version 0.1 may have saved.
 
         Raises KeyError when a name is missing.
         """
@@ -206,7 +206,7 @@ class Compiled(NamedTuple):
         return dict(zip(closure.__code__.co_freevars, closure.__closure__ or (), strict=True))
 
     def culprit(self, error: BaseException) -> str | None:
-        """The node whose reaction raised `error`, or None when no reaction did."""
+        """The node whose block raised `error`, or None if no block did."""
         trace = error.__traceback__
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == GENERATED:
@@ -219,7 +219,7 @@ GENERATED = "<graph>"
 
 
 def in_order(nodes: Sequence[Node]) -> list[Node]:
-    """`nodes` in topological order; ties keep the order of the file. Raises LoopError."""
+    """`nodes` in topological order; otherwise in the order of the file. Raises LoopError."""
     by_name = {node.name: node for node in nodes}
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for node in nodes:
@@ -239,7 +239,7 @@ def in_order(nodes: Sequence[Node]) -> list[Node]:
 
 
 def nanoseconds(block: Block, seconds: float | str) -> int:
-    """A period of a port: seconds, or the name of the parameter that holds them."""
+    """A period in ns, from seconds or the name of the parameter that holds them."""
     value = getattr(block, seconds) if isinstance(seconds, str) else seconds
     return round(value * SECOND)
 
@@ -258,8 +258,8 @@ def _identifiers(texts: Iterable[str]) -> dict[str, str]:
 
 
 class _Input(NamedTuple):
-    """What the source has for one input: lines before the reaction, the conditions under which it
-    reaches the node, and the argument."""
+    """The source for one input: lines before the call, conditions under which the block reacts, and
+    the argument of `react`."""
 
     lines: list[str]
     conditions: list[str]
@@ -350,7 +350,7 @@ class _Writer:
         return [f"if {new} is not None:", f"    {callee}_{self.wires[wire]}(now, {new})"]
 
     def _reaction(self, place: int, node: Node) -> list[str]:
-        """The lines that decide whether the node is reached and let it react."""
+        """The lines that check whether the block reacts, and call it."""
         ports = [
             self._input(node, port, declaration, f"{place}_{port}")
             for port, declaration in inputs(type(node.block)).items()

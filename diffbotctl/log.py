@@ -1,8 +1,8 @@
-"""What happens, in words: one line an event, with a level, from a source; never one a message.
+"""The log of a run: one line for each event, with a level and a source.
 
-A block says `self.log.info("the wall is gone")`. The line gets the logical time of its instant when
-the instant is over, so that a block needs no clock and a replay says the same. Where putting a line
-into words costs something, ask first: `if self.log.debugs: self.log.debug(f"...")`.
+A block calls `self.log.info("the wall is gone")`. The line gets the logical time of its instant, so
+a block needs no clock and a replay logs the same lines. Log events, not messages. If the text is
+expensive to build, check the level first: `if self.log.debugs: self.log.debug(f"...")`.
 """
 
 from __future__ import annotations
@@ -13,19 +13,17 @@ from diffbotctl.messages import LOG_LEVELS, LogLine
 from diffbotctl.time import SECOND
 
 DEBUG, INFO, WARNING, ERROR = range(len(LOG_LEVELS))
-OFF = len(LOG_LEVELS)  # a threshold that no line reaches
+OFF = len(LOG_LEVELS)  # a threshold above every level
 DEFAULT_LEVEL = "info"
 ALL = "*"  # every source
-LEVEL = "log_level"  # what a Setting calls the level of a source
-NON_BLOCK_SOURCES = ("robot", "operator", "engine")  # sources that are no blocks
-LINES_PER_SECOND_MAX = (
-    50  # lines of one source in a second: a block that says one a message is cut short
-)
-LINE_LENGTH_MAX = 400  # characters of a line; more is no line any longer
+LEVEL = "log_level"  # the name of a source's level in a Setting
+NON_BLOCK_SOURCES = ("robot", "operator", "engine")  # sources other than blocks
+LINES_PER_SECOND_MAX = 50  # of one source; limits a block that logs every message
+LINE_LENGTH_MAX = 400  # characters; longer lines are cut
 
 
 class Log:
-    """The voice of one source. `debugs`: debug lines are wanted at present."""
+    """The log of one source. `debugs`: lines of level debug are kept at present."""
 
     def __init__(self, source: str, lines: list[tuple[int, str, str]], threshold: int) -> None:
         self.source = source
@@ -33,37 +31,37 @@ class Log:
         self.set_threshold(threshold)
 
     def set_threshold(self, threshold: int) -> None:
-        """Leave out what is below `threshold`."""
+        """Discard lines below `threshold`."""
         self.threshold = threshold
         self.debugs = threshold <= DEBUG
 
     def write(self, level: int, text: str) -> None:
-        """Say a line at `level`, a place in LOG_LEVELS."""
+        """Log a line at `level`, an index of LOG_LEVELS."""
         if level >= self.threshold:
             self.lines.append((level, self.source, text))
 
     def debug(self, text: str) -> None:
-        """For whoever looks for a fault in this block."""
+        """Log a detail for debugging this block."""
         self.write(DEBUG, text)
 
     def info(self, text: str) -> None:
-        """An event of a run that goes well."""
+        """Log an event of normal operation."""
         self.write(INFO, text)
 
     def warning(self, text: str) -> None:
-        """What a person should know of; the run goes on by itself."""
+        """Log an event that the operator should know of; the run continues by itself."""
         self.write(WARNING, text)
 
     def error(self, text: str) -> None:
-        """What a person must mend or consent to."""
+        """Log an event that needs action by the operator."""
         self.write(ERROR, text)
 
 
-QUIET = Log("", [], OFF)  # for a block that stands alone, as in a test
+QUIET = Log("", [], OFF)  # for a block outside a graph, as in a test
 
 
 class Logbook:
-    """The voices of a run. `lines` holds what was said in the instant that is under way."""
+    """The logs of a run by source. `lines` holds the lines of the current instant."""
 
     def __init__(self) -> None:
         self.lines: list[tuple[int, str, str]] = []
@@ -73,13 +71,13 @@ class Logbook:
             self.source_log(source)
 
     def source_log(self, source: str) -> Log:
-        """The voice of `source`, at the level `info` unless it was set."""
+        """The log of `source`; its level is `info` unless it was set."""
         if source not in self.logs:
             self.logs[source] = Log(source, self.lines, LOG_LEVELS.index(DEFAULT_LEVEL))
         return self.logs[source]
 
     def set_level(self, source: str, level: str) -> None:
-        """Leave out what `source`, or ALL, says below `level`.
+        """Discard lines of `source`, or of ALL, below `level`.
 
         Raises ValueError for an unknown level.
         """
@@ -88,11 +86,11 @@ class Logbook:
             log.set_threshold(LOG_LEVELS.index(level))
 
     def level(self, source: str) -> str:
-        """The level from which on `source` is heard."""
+        """The lowest level at which lines of `source` are kept."""
         return LOG_LEVELS[self.source_log(source).threshold]
 
     def take_lines(self, now: int) -> list[LogLine]:
-        """The lines said in this instant, stamped with its time `now`; empties the book."""
+        """Remove and return the lines of this instant, with its time `now`."""
         lines = [
             line
             for level, source, text in self.lines
@@ -102,7 +100,7 @@ class Logbook:
         return lines
 
     def _limited(self, now: int, level: int, source: str, text: str) -> Iterator[LogLine]:
-        """The line, none when its source says too many, and how many those were afterwards."""
+        """The line, unless its source exceeds the limit; and later, how many were left out."""
         start, count = self.line_counts.get(source, (now, 0))
         if now - start >= SECOND:
             if count > LINES_PER_SECOND_MAX:

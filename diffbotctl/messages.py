@@ -1,9 +1,9 @@
-"""The records that travel along wires: typed, immutable, SI units, right-handed frames.
+"""The messages on the wires: typed, immutable, in SI units and right-handed frames.
 
 x points forward, y left, headings turn counter-clockwise (REP-103); poses are in the frame `odom`,
-velocities in `base_link` (REP-105). Every message begins with `time`: integer nanoseconds of the
-engine's logical clock at which its content was true. A field is declared once, here, with its unit
-and a sentence; schemas, recordings and reference pages are made from these declarations.
+velocities in `base_link` (REP-105). The first field of each message is `time`: the logical time in
+integer nanoseconds at which its content was true. Each field is declared here with its unit and a
+sentence; schemas, recordings and reference pages are derived from these declarations.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 
 class Field(NamedTuple):
-    """What a message field means: its SI unit ("" where it has none) and one sentence."""
+    """Description of a message field: its SI unit ("" if it has none) and one sentence."""
 
     unit: str
     help: str
@@ -25,8 +25,8 @@ GoalEnd = Literal["reached", "blocked", "stuck", "timed_out"]
 LinkState = Literal["opening", "negotiating", "up", "stale", "lost"]
 LogLevel = Literal["debug", "info", "warning", "error"]
 LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)  # in order of severity
-# Codes of the stops that the blocks and the gate of this package cause; another package's block
-# may have codes of its own.
+# Codes of the stops of this package. Blocks of other packages may have codes of their own, so
+# Stop.code is a str.
 StopCode = Literal[
     "",
     "operator_stop",
@@ -48,10 +48,10 @@ Metres = Annotated[float, Field("m", "A length.")]
 
 
 class Encoders(NamedTuple):
-    """Both wheels' counts, taken at one moment, with the commands then in force.
+    """Counts of both wheels at one time, with the commands in force at that time.
 
-    Counts are unwrapped and signed by the board's idea of direction. `boot` changes when the board
-    has restarted; counts then start anew and no difference may be taken across the change.
+    Counts are unwrapped, and signed by the direction that the board assumes. `boot` changes when
+    the board restarts: counts then start again, and differences across the change are invalid.
     """
 
     time: Time
@@ -64,10 +64,10 @@ class Encoders(NamedTuple):
     command_kind: Annotated[CommandKind, Field("", "`wheels` (rad/s) or `duty` (-1 to 1).")] = (
         "wheels"
     )
-    command_time: Annotated[int | None, Field("ns", "When that command took hold, if known.")] = (
+    command_time: Annotated[int | None, Field("ns", "When that command took effect, if known.")] = (
         None
     )
-    boot: Annotated[int, Field("", "Changes whenever the board has restarted.")] = 0
+    boot: Annotated[int, Field("", "Changes each time the board restarts.")] = 0
 
 
 class Volts(NamedTuple):
@@ -81,23 +81,25 @@ class Range(NamedTuple):
     """One distance along a sensor's axis."""
 
     time: Time
-    distance: Annotated[float, Field("m", "Distance; the reach when clear, 0 when too close.")]
+    distance: Annotated[
+        float, Field("m", "Distance; the maximum range when clear, 0 when too close.")
+    ]
     state: Annotated[RangeState, Field("", "`clear`, `measured`, `too_close` or `fault`.")]
 
 
 class Scan(NamedTuple):
-    """Distances at equal steps of bearing, in the sensor's frame."""
+    """Distances at equally spaced bearings, in the sensor's frame."""
 
     time: Time
     start: Annotated[float, Field("rad", "Bearing of the first ray.")]
-    step: Annotated[float, Field("rad", "Bearing from one ray to the next.")]
+    step: Annotated[float, Field("rad", "Angle between neighbouring rays.")]
     distances: Annotated[
-        tuple[float, ...], Field("m", "One a ray: inf when clear, 0 when too close.")
+        tuple[float, ...], Field("m", "One for each ray: inf when clear, 0 when too close.")
     ]
 
 
 class Odometry(NamedTuple):
-    """Pose of base_link in odom, velocity in base_link."""
+    """Pose of base_link in odom, and velocity in base_link."""
 
     time: Time
     x: Annotated[float, Field("m", "Position forward of the start.")]
@@ -128,7 +130,7 @@ class Wheels(NamedTuple):
 
 
 class Duty(NamedTuple):
-    """Desired motor duty for boards that take nothing else; positive drives forward."""
+    """Desired motor duty, for boards without a speed loop; positive drives forward."""
 
     time: Time
     left: Annotated[float, Field("1", "Left motor, -1 to 1.")]
@@ -136,12 +138,12 @@ class Duty(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """A pose to reach in odom; `number` tells one goal from the next, 0 withdraws the last one."""
+    """A pose to reach, in odom. `number` identifies the goal; 0 cancels the current one."""
 
     time: Time
-    number: Annotated[int, Field("", "Rises with every goal; 0 means no goal.")]
-    x: Annotated[float, Field("m", "Where, forward.")] = 0.0
-    y: Annotated[float, Field("m", "Where, left.")] = 0.0
+    number: Annotated[int, Field("", "Increases with every goal; 0 means no goal.")]
+    x: Annotated[float, Field("m", "Position along x.")] = 0.0
+    y: Annotated[float, Field("m", "Position along y.")] = 0.0
     heading: Annotated[float | None, Field("rad", "Final heading, or none.")] = None
 
 
@@ -149,49 +151,51 @@ class Path(NamedTuple):
     """All waypoints in one message, in order."""
 
     time: Time
-    goals: Annotated[tuple[Goal, ...], Field("", "Waypoints in the order to visit them.")]
+    goals: Annotated[
+        tuple[Goal, ...], Field("", "Waypoints, in the order in which they are visited.")
+    ]
 
 
 class GoalState(NamedTuple):
-    """How the goal that is under way is doing."""
+    """Progress of the current goal."""
 
     time: Time
-    number: Annotated[int, Field("", "Number of the goal this speaks of.")]
+    number: Annotated[int, Field("", "Number of the goal.")]
     state: Annotated[
         Literal[GoalPhase, GoalEnd],
         Field(
             "",
-            "`idle`, `turning`, `driving`, `aligning`, or how it ended: `reached`, "
+            "`idle`, `turning`, `driving`, `aligning`, or how the goal ended: `reached`, "
             "`blocked`, `stuck`, `timed_out`.",
         ),
     ]
-    distance: Annotated[float, Field("m", "Distance left to the goal.")]
-    turn: Annotated[float, Field("rad", "Heading error left.")]
-    cause: Annotated[str, Field("", "Why, in words, when it ended badly.")] = ""
+    distance: Annotated[float, Field("m", "Remaining distance to the goal.")]
+    turn: Annotated[float, Field("rad", "Remaining heading error.")]
+    cause: Annotated[str, Field("", "Why the goal was not reached.")] = ""
 
 
 class Stop(NamedTuple):
-    """The robot is held still, or released again when `code` is empty."""
+    """The robot is stopped, or released again when `code` is empty."""
 
     time: Time
-    code: Annotated[str, Field("", "Which rule stopped it; empty when nothing holds it.")]
-    cause: Annotated[str, Field("", "Why, in words.")]
-    latched: Annotated[bool, Field("", "True when only `resume` ends it.")]
+    code: Annotated[str, Field("", "The rule that stopped the robot; empty when it may move.")]
+    cause: Annotated[str, Field("", "Why the robot is stopped.")]
+    latched: Annotated[bool, Field("", "True when only `resume` ends the stop.")]
 
 
 class Link(NamedTuple):
-    """Health of the link to the board."""
+    """State of the link to the board."""
 
     time: Time
     state: Annotated[LinkState, Field("", "`opening`, `negotiating`, `up`, `stale` or `lost`.")]
-    received: Annotated[int, Field("", "Good frames since the start.")] = 0
-    damaged: Annotated[int, Field("", "Frames or bytes thrown away as damaged.")] = 0
-    lost: Annotated[int, Field("", "Frames missing from the sequence.")] = 0
-    restarts: Annotated[int, Field("", "Times the board has restarted.")] = 0
-    latency: Annotated[float, Field("s", "Last time from command to echo; nan if unknown.")] = (
+    received: Annotated[int, Field("", "Valid frames received since the start.")] = 0
+    damaged: Annotated[int, Field("", "Damaged frames or bytes, which were discarded.")] = 0
+    lost: Annotated[int, Field("", "Frames missing in the sequence.")] = 0
+    restarts: Annotated[int, Field("", "Number of restarts of the board.")] = 0
+    latency: Annotated[float, Field("s", "Latest time from command to echo; nan if unknown.")] = (
         float("nan")
     )
-    cause: Annotated[str, Field("", "Why it is not up, in words.")] = ""
+    cause: Annotated[str, Field("", "Why the link is not up.")] = ""
 
 
 class Battery(NamedTuple):
@@ -199,62 +203,62 @@ class Battery(NamedTuple):
 
     time: Time
     volts: Annotated[float, Field("V", "Supply voltage.")]
-    low: Annotated[bool, Field("", "True below the robot file's low limit.")] = False
+    low: Annotated[bool, Field("", "True below the low limit of the robot file.")] = False
 
 
 class Text(NamedTuple):
-    """Words."""
+    """A text."""
 
     time: Time
-    text: Annotated[str, Field("", "The words.")]
+    text: Annotated[str, Field("", "The text.")]
 
 
 class Canvas(NamedTuple):
-    """The sheet on which a simulated turtle draws."""
+    """The canvas on which a simulated turtle draws."""
 
     time: Time
-    sheet: Annotated[int, Field("", "Rises whenever the line was wiped off.")]
-    background: Annotated[str, Field("", "Colour of the sheet, #rrggbb.")]
-    pen: Annotated[str, Field("", "Colour of the pen, #rrggbb.")]
-    is_down: Annotated[bool, Field("", "True while the pen leaves a line.")]
+    sheet: Annotated[int, Field("", "Increases each time the drawing is cleared.")]
+    background: Annotated[str, Field("", "Background colour, #rrggbb.")]
+    pen: Annotated[str, Field("", "Pen colour, #rrggbb.")]
+    is_down: Annotated[bool, Field("", "True while the pen draws.")]
     turtles: Annotated[
         tuple[float, ...],
-        Field("m, rad", "Number, x, y and heading of each turtle beside the first, in a row."),
+        Field("m, rad", "Number, x, y and heading of each further turtle, concatenated."),
     ] = ()
 
 
 class LogLine(NamedTuple):
-    """One event, in words."""
+    """One event in the log."""
 
     time: Time
     level: Annotated[LogLevel, Field("", "`debug`, `info`, `warning` or `error`.")]
-    source: Annotated[str, Field("", "The block that says it, `robot`, `operator` or `engine`.")]
-    text: Annotated[str, Field("", "The words.")]
+    source: Annotated[str, Field("", "The block that logged it, `robot`, `operator` or `engine`.")]
+    text: Annotated[str, Field("", "The text.")]
 
 
 class Resume(NamedTuple):
-    """A person's consent to move again after a latched stop."""
+    """Permission to move again after a latched stop."""
 
     time: Time
 
 
 class Setting(NamedTuple):
-    """A live parameter of a running block, changed by a person; neither number nor text: none."""
+    """A change of a live parameter of a running block; neither number nor text means none."""
 
     time: Time
-    block: Annotated[str, Field("", "The block's name in the pipeline.")]
-    name: Annotated[str, Field("", "The parameter's attribute.")]
-    number: Annotated[float | None, Field("see unit", "The value where it is a number.")] = None
-    text: Annotated[str | None, Field("", "The value where it is a text.")] = None
+    block: Annotated[str, Field("", "Name of the block in the pipeline.")]
+    name: Annotated[str, Field("", "Name of the parameter.")]
+    number: Annotated[float | None, Field("see unit", "The value, if it is a number.")] = None
+    text: Annotated[str | None, Field("", "The value, if it is a text.")] = None
 
 
 class Call(NamedTuple):
-    """An action of a running block, or of the simulated robot, called by a person."""
+    """A call of an action of a running block or of the simulated robot."""
 
     time: Time
-    block: Annotated[str, Field("", "The block's name in the pipeline, or `robot`.")]
-    action: Annotated[str, Field("", "The action's name.")]
-    arguments: Annotated[tuple[float, ...], Field("SI", "Its arguments in order.")] = ()
+    block: Annotated[str, Field("", "Name of the block in the pipeline, or `robot`.")]
+    action: Annotated[str, Field("", "Name of the action.")]
+    arguments: Annotated[tuple[float, ...], Field("SI", "Arguments, in order.")] = ()
 
 
 Message = (
@@ -284,9 +288,9 @@ BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 
 
 def fields(kind: type) -> dict[str, tuple[Any, Field]]:
-    """Each field of a message class: its plain type and its declaration.
+    """The fields of a message class: plain type and declaration of each.
 
-    Raises TypeError naming the field when one is not declared with `Annotated[type, Field(...)]`.
+    Raises TypeError, naming the field, if one is not declared with `Annotated[type, Field(...)]`.
     """
     declared: dict[str, tuple[Any, Field]] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():

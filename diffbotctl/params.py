@@ -1,7 +1,7 @@
-"""Declarations of settings: each stands once, with type, unit, bounds, default and a sentence.
+"""Declarations of settings: type, unit, bounds, default and help, each in one place.
 
-A block's parameter, a part of a robot file and an option of a pipeline are all declared with
-`Param`. From it come the JSON Schema, the reference page, the checks and the error texts.
+Parameters of blocks, fields of robot files and options of pipelines are all declared with `Param`.
+The JSON Schema, the reference page, the checks and the error texts are derived from it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 class Required:
-    """Stands for the default of a setting that must be given."""
+    """The default of a required setting."""
 
     def __repr__(self) -> str:
         return "required"
@@ -27,9 +27,9 @@ REQUIRED = Required()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Declaration:
-    """One declared setting. Class attribute of the Section or Block that it belongs to.
+    """One declared setting: a class attribute of its Section or Block.
 
-    `bounds` maps a key of BOUNDS to its limit in SI units; the other fields are as in `Param`.
+    `bounds` maps a key of BOUNDS to its limit in SI units; the other fields are those of `Param`.
     """
 
     kind: type
@@ -51,7 +51,7 @@ class Declaration:
 
     @property
     def is_required(self) -> bool:
-        """True when there is no default: the value must be given."""
+        """True when there is no default."""
         return isinstance(self.default, Required)
 
     def bound_phrases(self) -> list[str]:
@@ -59,7 +59,7 @@ class Declaration:
         return [self._phrase(bound, limit) for bound, limit in self.bounds.items()]
 
     def complaint(self, value: Any) -> str | None:
-        """What is wrong with an SI `value`, in words, or None when it is fine."""
+        """What is wrong with an SI `value`, or None when it is valid."""
         if value is None:
             return None if self.none else "must be given"
         if self.choices and value not in self.choices:
@@ -112,13 +112,17 @@ def Param(  # noqa: N802 - reads as a declaration
     """Declare a setting of type `kind`: float, int, bool, str, Pin, a Section, or a list[...],
     dict[str, ...] or tuple[...] of them (a tuple is a list of fixed length in the file).
 
-    `unit` is SI ("" for a plain number or text; "1" for a ratio that may be given in %).
-    `above/below` exclude their limit, `minimum/maximum` include it. `live`: may change while
-    running. `none`: the word `none` is allowed. A setting without default must be given. `key` is
-    the word in the file where it cannot be a name in Python (`in`, `with`, `from`). `reason` says
-    in words why the bounds are what they are. `shared`: a Section of which any part may be left
-    out, because it holds what is common to the sections beside it. `least/most` are the former
-    names of `minimum/maximum`; they warn with DeprecationWarning and go in the next release.
+    `unit`: SI unit; "" for a plain number or text, "1" for a ratio that may be written in %.
+    `above`, `below`: exclusive bounds. `minimum`, `maximum`: inclusive bounds.
+    `reason`: why the bounds are as they are, for the error text.
+    `default`: without one, the setting is required.
+    `live`: may change while the block runs.
+    `none`: the value `none` is allowed.
+    `key`: the key in the file, if it cannot be a Python name (`in`, `with`, `from`).
+    `shared`: a Section with the common values of its sibling sections; each of its settings may be
+    left out.
+    `least`, `most`: former names of `minimum` and `maximum`. They emit DeprecationWarning and will
+    be removed in the next release.
     """
     if least is not None or most is not None:
         text = "Param(least=, most=) are now called minimum= and maximum="
@@ -159,13 +163,13 @@ def Choice(  # noqa: N802 - reads as a declaration
 
 
 class Pin(str):
-    """A pin of the board by the number or name printed beside it: `5`, `A0`."""
+    """A pin of the board, by the number or name printed on the board: `5`, `A0`."""
 
 
 def FromRobot(field: str) -> Any:  # noqa: N802 - reads as a declaration
-    """Declare that a block needs a field of the robot file, such as `drive.track`.
+    """Declare that a block reads a field of the robot file, such as `drive.track`.
 
-    Geometry is never typed twice: its type, unit and bounds stand where the robot file declares it.
+    Type, unit and bounds are those of the field's declaration in the robot file.
     """
     return RobotField(field)
 
@@ -183,7 +187,7 @@ class RobotField:
 
 
 class Section:
-    """A mapping in a file, declared by its Params; instances hold the checked values."""
+    """A mapping in a file, declared by its Params. Instances hold the checked values."""
 
     def __init__(self, **values: Any) -> None:
         for name, declaration in declared(type(self)).items():
@@ -200,12 +204,12 @@ class Section:
 
 
 def declared(owner: type) -> dict[str, Declaration]:
-    """The Params of a Section or Block class by name, in the order they stand."""
+    """The Params of a Section or Block class by name, in the order of declaration."""
     return members(owner, Declaration)
 
 
 def members(owner: type, *kinds: type[T]) -> dict[str, T]:
-    """Class attributes of these types by name, inherited ones first, in the order they stand."""
+    """Class attributes of these types by name, inherited ones first, in declared order."""
     return {
         name: value
         for base in reversed(owner.__mro__)
@@ -215,6 +219,6 @@ def members(owner: type, *kinds: type[T]) -> dict[str, T]:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A number as a person reads it: `0.3 m/s`, `5`."""
+    """A number with its unit, for display: `0.3 m/s`, `5`."""
     text = f"{value:g}"
     return text if unit in ("", "1") else f"{text} {unit}"

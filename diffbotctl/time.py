@@ -1,4 +1,4 @@
-"""Units of the logical time. Every time in this package is an integer number of nanoseconds."""
+"""Units of logical time: integer nanoseconds since the start of the run."""
 
 MICROSECOND = 1_000  # ns
 MILLISECOND = 1_000_000  # ns

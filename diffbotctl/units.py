@@ -1,4 +1,4 @@
-"""Quantities with units: `65 mm`, `90 deg`, `100 rpm` become plain SI numbers."""
+"""Conversion of quantities with units, such as `65 mm`, `90 deg` or `100 rpm`, to SI numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from math import pi
 
 from diffbotctl.errors import closest_match
 
-# unit -> (SI unit it belongs to, factor). One table for files, the command line and messages.
+# unit -> (its SI unit, factor), for files, the command line and messages
 UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),
@@ -61,24 +61,24 @@ KINDS = {
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # as half of the world writes it
+_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # decimal comma
 
 
 class UnitError(ValueError):
-    """A text is no quantity of the wanted kind; its words say why and how to write it."""
+    """A text is not a quantity of the expected kind. The message says why and how to write it."""
 
 
 def quantity(text: str, unit: str) -> float:
-    """Read `text` as a number of SI `unit`, converting the unit it is written in.
+    """The number in SI `unit` that `text` stands for.
 
-    A bare number is taken to be in SI. Raises UnitError for no number, an unknown unit or a unit of
-    another kind.
+    A number without a unit is in SI. Raises UnitError if `text` is not a number, or if its unit is
+    unknown or of another kind.
     """
     match = _QUANTITY.match(text)
     if match is None:
         if _COMMA.match(text):
             raise UnitError(
-                f"'{text}' has a comma: write a point, {text.strip().replace(',', '.')}"
+                f"'{text}' has a decimal comma: write a point, {text.strip().replace(',', '.')}"
             )
         raise UnitError(f"'{text}' is not a number with a unit, such as {example(unit)}")
     number, written = float(match[1]), match[2]
@@ -86,16 +86,16 @@ def quantity(text: str, unit: str) -> float:
         return number
     written = written.replace("²", "2")
     if written not in UNITS:
-        raise UnitError(f"'{written}' is not a unit I know{_nearest(written, unit)}")
+        raise UnitError(f"'{written}' is not a known unit{_nearest(written, unit)}")
     kind, factor = UNITS[written]
     if kind != unit:
-        wanted = KINDS.get(unit, "a plain number")
-        raise UnitError(f"{written} is {KINDS[kind]}, but {wanted} is wanted here{_such_as(unit)}")
+        expected = KINDS.get(unit, "a plain number")
+        raise UnitError(f"{written} is {KINDS[kind]}, but {expected} is required{_such_as(unit)}")
     return number * factor
 
 
 def example(unit: str) -> str:
-    """A quantity of the kind that SI `unit` belongs to, as a person would write it."""
+    """An example of a quantity that can be converted to SI `unit`."""
     return {
         "m": "65 mm",
         "rad": "90 deg",
@@ -111,7 +111,7 @@ def example(unit: str) -> str:
 
 
 def of_kind(unit: str) -> list[str]:
-    """Every unit that can be converted to SI `unit`."""
+    """All units that can be converted to SI `unit`."""
     return [name for name, (kind, _) in UNITS.items() if kind == unit]
 
 

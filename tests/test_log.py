@@ -102,5 +102,5 @@ def test_a_block_that_stands_alone_says_nothing():
 
 
 def test_nothing_of_a_block_may_be_called_log():
-    with pytest.raises(TypeError, match="where a block says what happens"):
+    with pytest.raises(TypeError, match="reserved for the block's log"):
         type("Odd", (Block,), {"log": Out(Twist), "react": lambda self, now: None})

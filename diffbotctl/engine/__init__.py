@@ -1,1 +1,1 @@
-"""The only place where time passes: the loop, its clocks, the last gate, recording and replay."""
+"""The engine: the loop, its clocks, the safety gate, live changes, event log and profiler."""

@@ -1,4 +1,4 @@
-"""Clocks: they say when it is, and wait. Logical time is ns since the start of the run."""
+"""Clocks: read the logical time, in ns since the start of the run, and wait for it."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ MAX_SLEEP = 3600 * SECOND
 
 
 class Clock(Protocol):
-    """Waits for a logical time or for a file that can be read.
+    """Waits for a logical time or for a readable file.
 
-    `late`: ns by which the last `wait` returned after the time it was asked for.
+    `late`: ns by which the last `wait` returned after the requested time.
     """
 
     late: int
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
-        """Return (the logical time it is, files ready) at `until` or as soon as a file is ready."""
+        """Return (logical time, readable files) at `until`, or earlier when a file is readable."""
 
     def close(self) -> None:
-        """Nobody waits any longer."""
+        """Release all resources."""
 
 
 class VirtualClock:
-    """Time jumps to the next event: simulation and replay as fast as they go."""
+    """Jumps to the next event, for simulation and replay at full speed."""
 
     def __init__(self) -> None:
         self.poller = _Poller()
         self.waits = self.late = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
-        """Jump to `until`; files are looked at only now and then, for they mean people."""
+        """Jump to `until`. Files are polled only from time to time: they carry user commands."""
         self.waits += 1
         ready = (
             self.poller.ready(0, files) if files and self.waits % FILE_POLL_INSTANTS == 0 else []
@@ -43,15 +43,15 @@ class VirtualClock:
         return until, ready
 
     def close(self) -> None:
-        """Nobody waits any longer."""
+        """Release the poller's file descriptor."""
         self.poller.close()
 
 
 class PacedClock:
-    """Time of the wall since the start, for real robots and for simulation at real speed.
+    """Wall-clock time since the start, for real robots and for simulation in real time.
 
-    `exact`: report the time that was asked for rather than the moment of waking, so that a paced
-    simulation has the same logical times as an unpaced one.
+    `exact`: report the requested time instead of the time of waking, so that a paced simulation has
+    the same logical times as an unpaced one.
     """
 
     def __init__(self, exact: bool) -> None:
@@ -61,7 +61,7 @@ class PacedClock:
         self.start = time.monotonic_ns()
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
-        """Sleep until `until` or until a file can be read."""
+        """Sleep until `until`, or until a file is readable."""
         remaining = until - (time.monotonic_ns() - self.start)
         ready = self.poller.ready(max(remaining, 0), files)
         now = time.monotonic_ns() - self.start
@@ -69,12 +69,12 @@ class PacedClock:
         return (until if self.exact and not ready else now), ready
 
     def close(self) -> None:
-        """Nobody waits any longer."""
+        """Release the poller's file descriptor."""
         self.poller.close()
 
 
 class ScaledClock:
-    """`speed` times the wall's time from the logical time `begin` on; before it, time jumps."""
+    """`speed` times wall-clock time, from the logical time `begin` on; jumps to `begin`."""
 
     def __init__(self, speed: float, begin: int) -> None:
         self.speed = speed
@@ -83,7 +83,7 @@ class ScaledClock:
         self.late = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
-        """Sleep until the wall has come to `until`. No file is looked at."""
+        """Sleep until the logical time `until`. Files are ignored."""
         if until >= NEVER:
             return until, []
         if until > self.begin:
@@ -94,11 +94,11 @@ class ScaledClock:
         return until, []
 
     def close(self) -> None:
-        """Nobody waits any longer."""
+        """Do nothing: there are no resources to release."""
 
 
 class _Poller:
-    """Waits with nanoseconds; poll() alone knows only whole milliseconds."""
+    """Waits for readable files, or sleeps if there are none to wait for."""
 
     def __init__(self) -> None:
         self.epoll = select.epoll()
@@ -110,7 +110,7 @@ class _Poller:
         if not files:
             time.sleep(min(remaining, MAX_SLEEP) / SECOND)
             return []
-        # epoll rounds up to a millisecond; sleep the rest short of it so that timers stay sharp.
+        # Python rounds the timeout of epoll up to a whole millisecond.
         seconds = min(remaining, MAX_SLEEP) / SECOND
         return [file for file, _ in self.epoll.poll(seconds)]
 

@@ -1,4 +1,4 @@
-"""What the loop asks of a driver, the kind of block that touches the world."""
+"""The interface between the loop and the drivers, which do the I/O."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ class Delivery(NamedTuple):
 
 
 class Driver(Protocol):
-    """Delivers messages at logical times of its own, or when one of its files can be read."""
+    """Delivers messages at logical times that it chooses, or when one of its files is readable."""
 
     def due(self) -> int:
-        """The next logical time at which it wants to be called; NEVER when only files matter."""
+        """The next logical time at which to call `deliver`; NEVER if only files matter."""
 
     def files(self) -> list[int]:
-        """File descriptors whose readiness it waits for."""
+        """File descriptors to wait for."""
 
     def deliver(self, now: int) -> list[Delivery]:
-        """What has arrived by `now`, in order. Called at `due` and when a file is ready."""
+        """The messages that arrived by `now`, in order. Called at `due` or when a file is ready."""
 
     def close(self) -> None:
-        """Let go of ports and files. Called once, after the stop."""
+        """Release ports and files. Called once, after the robot was stopped."""
 
 
 class RobotDriver(Driver, Protocol):
     """The driver behind the node `robot`."""
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """Send a command; it replaces one that still waits."""
+    def command(self, now: int, command: Wheels | Duty) -> None:
+        """Send a command; it replaces one that was not sent yet."""
 
     def stop(self, now: int) -> None:
-        """Discard what waits and stop the motors; repeated by the driver until it is confirmed."""
+        """Discard unsent commands and stop the motors; repeated until the board confirms it."""
 
     @property
     def stopped(self) -> bool:
-        """True when the board has shown that it stands still since the last `stop`."""
+        """True when the board has confirmed standstill since the last `stop`."""

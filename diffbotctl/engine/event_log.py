@@ -1,7 +1,7 @@
-"""What happens in a run, put into lines of the log: goals, stops, the link, what a person did.
+"""Log lines for the events of a run: goals, stops, the link, commands of the operator.
 
-Everything is told from messages, so a replay tells the same. One line an event: a state that
-lasts is said when it begins.
+They are derived from messages, so a replay logs the same lines. Each event is one line; a state is
+logged when it begins.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LINK_LEVELS = {"stale": WARNING, "lost": ERROR}
 
 
 class EventLogger:
-    """Listens to the wires of `graph` and says what happens in its book."""
+    """Logs the events on the wires of `graph` in `book`."""
 
     def __init__(self, graph: Graph, book: Logbook) -> None:
         self.graph = graph
@@ -43,25 +43,25 @@ class EventLogger:
         self.restarts = 0
 
     def state(self) -> tuple[Any, ...]:
-        """What it remembers between two instants."""
+        """The state between two instants, for a snapshot."""
         return self.goals, self.stops, self.link, self.restarts
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Remember what another one, of an equal graph, gave as its `state`."""
+        """Restore a `state` that was saved for an equal graph."""
         self.goals, self.stops, self.link, self.restarts = state
 
     def sinks(self) -> dict[str, Sink]:
-        """What must hear which wire."""
-        found: dict[str, Sink] = {
+        """The function to call for each wire."""
+        sinks: dict[str, Sink] = {
             wire: sink for wire, sink in self._of_drivers().items() if wire in self.graph.sources
         }
         for node in self.graph.nodes:
             for port, out in outputs(type(node.block)).items():
                 if out.kind is Stop:
-                    found[f"{node.name}.{port}"] = self._stop(self.book.source_log(node.name))
+                    sinks[f"{node.name}.{port}"] = self._stop(self.book.source_log(node.name))
                 elif out.kind is GoalState:
-                    found[f"{node.name}.{port}"] = self._goal_state(self.book.source_log(node.name))
-        return found
+                    sinks[f"{node.name}.{port}"] = self._goal_state(self.book.source_log(node.name))
+        return sinks
 
     def _of_drivers(self) -> dict[str, Sink]:
         return {
@@ -75,7 +75,7 @@ class EventLogger:
         }
 
     def _stop(self, log: Log) -> Sink:
-        def hear(now: int, stop: Stop) -> None:
+        def on_stop(now: int, stop: Stop) -> None:
             before = self.stops.get(log.source, "")
             self.stops[log.source] = stop.code
             if stop.code == before:
@@ -87,28 +87,28 @@ class EventLogger:
             else:
                 log.warning(f"STOP {stop.code}: {stop.cause}; ends by itself")
 
-        return hear
+        return on_stop
 
     def _goal_state(self, log: Log) -> Sink:
-        def hear(now: int, state: GoalState) -> None:
-            said = (state.number, state.state)
-            if said == self.goals.get(log.source):
+        def on_goal_state(now: int, state: GoalState) -> None:
+            goal = (state.number, state.state)
+            if goal == self.goals.get(log.source):
                 return
-            self.goals[log.source] = said
+            self.goals[log.source] = goal
             if state.state == "reached":
-                log.info(f"goal {state.number} reached, {_away(state)} off")
+                log.info(f"goal {state.number} reached, {_remaining(state)} off")
             elif state.state in GIVEN_UP:
                 why = state.state.replace("_", " ")
                 log.error(
-                    f"goal {state.number} given up, {_away(state)} away: {why}: {state.cause}"
+                    f"goal {state.number} given up, {_remaining(state)} away: {why}: {state.cause}"
                 )
             elif state.state != "idle":
-                log.info(f"goal {state.number}: {state.state}, {_away(state)} to go")
+                log.info(f"goal {state.number}: {state.state}, {_remaining(state)} to go")
 
-        return hear
+        return on_goal_state
 
     def _goal(self, now: int, goal: Goal) -> None:
-        self.goals.clear()  # a goal that goes on after a pause begins anew
+        self.goals.clear()  # a goal that continues after a pause is logged again
         if not goal.number:
             self.operator.info("the goal is withdrawn")
             return
@@ -131,7 +131,7 @@ class EventLogger:
         self.operator.info(f"{call.block}.{call.action}({arguments}) called")
 
     def _line(self, now: int, line: LogLine) -> None:
-        """What a driver says, heard at its source's own level."""
+        """A line that a driver logged, subject to the level of its source."""
         self.book.source_log(line.source).write(LOG_LEVELS.index(line.level), line.text)
 
     def _link(self, now: int, link: Link) -> None:
@@ -148,5 +148,5 @@ class EventLogger:
         self.robot.info(text.text)
 
 
-def _away(state: GoalState) -> str:
+def _remaining(state: GoalState) -> str:
     return f"{state.distance * 1000:.0f} mm, {abs(degrees(state.turn)):.1f} deg"

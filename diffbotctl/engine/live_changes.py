@@ -1,7 +1,7 @@
-"""What a person changes in running blocks: live parameters, and actions.
+"""Changes to running blocks by the operator: live parameters and actions.
 
 Both arrive as recorded messages of `operator` and take effect at the end of their instant, in a
-live run and in its replay alike.
+live run and in its replay.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from diffbotctl.params import declared
 class LiveChanges:
     """Applies Settings and Calls to the blocks of `graph`, and to `drivers` by node name.
 
-    A driver that is not there, as in a replay, is passed over: what it did was recorded.
-    `outcomes` gets one entry a call: empty, or why the block refused.
+    A call to a driver that does not exist, as in a replay, is ignored: its effects were recorded.
+    `outcomes` gets one entry for each call: "", or why the block refused it.
     """
 
     def __init__(self, graph: Graph, drivers: dict[str, Any]) -> None:
@@ -28,11 +28,11 @@ class LiveChanges:
         self.outcomes: list[str] = []
 
     def sinks(self) -> dict[str, Sink]:
-        """What must hear which wire."""
+        """The function to call for each wire."""
         return {"operator.setting": self.set, "operator.call": self.call}
 
     def set(self, now: int, change: Setting) -> None:
-        """Give a block's parameter its new value, or a source of the log its level."""
+        """Set a parameter of a block, or the log level of a source."""
         if change.name == LEVEL:
             if self.book is not None and change.text is not None:
                 self.book.set_level(change.block, change.text)
@@ -45,13 +45,13 @@ class LiveChanges:
         setattr(block, change.name, value)
         block.changed(change.name)
 
-    def call(self, now: int, wanted: Call) -> None:
-        """Call an action; one that raises ValueError has refused, and changed nothing."""
-        target = self.targets.get(wanted.block)
+    def call(self, now: int, call: Call) -> None:
+        """Call an action. An action refuses by raising ValueError before it changes anything."""
+        target = self.targets.get(call.block)
         if target is None:
             return
         try:
-            getattr(target, wanted.action)(now, *wanted.arguments)
+            getattr(target, call.action)(now, *call.arguments)
         except ValueError as error:
             self.outcomes.append(str(error) or "it refuses")
         else:

@@ -1,8 +1,9 @@
-"""The engine: one loop that moves messages along the wires and passes time.
+"""The engine: one loop that waits for drivers and timers, and runs the instants of the graph.
 
-Before anything is delivered at time t, every timer due before t fires at its nominal time; what is
-due at t merges with what arrives at t. Each instant is later than the one before. Two messages for
-one wire never share an instant: the second waits a nanosecond.
+Before messages are delivered at time t, each timer that is due before t fires at its nominal time;
+a timer that is due at t fires in the same instant as the messages. Each instant is later than the
+previous one. If two messages for one wire arrive together, the second one is delivered one
+nanosecond later.
 """
 
 from __future__ import annotations
@@ -18,24 +19,25 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.time import NEVER, SECOND
 
-INTERRUPTED = 130  # exit code, as shells have it
-STOP_TIMEOUT = 2 * SECOND  # how long a final stop may take to be confirmed
+INTERRUPTED = 130  # exit code after SIGINT, as in shells
+STOP_TIMEOUT = 2 * SECOND  # for the confirmation of the final stop
 
 
 class SignalSource(Protocol):
-    """Something that hears of signals: `file` is readable when `cause` has been set."""
+    """Receives signals. `file` is readable when `cause` has been set."""
 
     file: int
 
     @property
     def cause(self) -> str | None:
-        """Why to end, once there is a reason."""
+        """Why the run has to end; None until there is a reason."""
 
 
 class RunOutcome(NamedTuple):
-    """How a run ended. `code` is the exit code; `stopped` is None without a robot.
+    """How a run ended.
 
-    `time` is the logical time at which it ended, or of the last instant if that came after it.
+    `code` is the exit code. `stopped`: whether the robot confirmed its stop; None without a robot.
+    `time` is the logical time at which the run ended, or of the last instant if that was later.
     """
 
     code: int
@@ -45,11 +47,11 @@ class RunOutcome(NamedTuple):
 
 
 class Engine:
-    """A graph, its drivers and a clock. `run` returns only after the robot was told to stop.
+    """Runs a graph with its drivers and a clock. `run` stops the robot before it returns.
 
-    `record` takes each instant as one tuple; `idle` is called after each step, when whatever the
-    instant commanded has left. `overruns` counts, by block, timers that fired late by more than
-    their period.
+    `record` is called with each instant as one tuple, `idle` after each step, when all commands of
+    the instant have been sent. `overruns` counts, for each block, the timer firings that were late
+    by more than the timer's period.
     """
 
     def __init__(
@@ -86,14 +88,14 @@ class Engine:
         self.overrun_tolerance = min(periods, default=NEVER)
 
     def end(self, code: int, cause: str) -> None:
-        """Ask the loop to end after this instant; the first cause stands."""
+        """End the loop after this instant. Only the first call has an effect."""
         if self.ending is None:
             self.ending = (code, cause)
 
     def run(self, until: int = NEVER) -> RunOutcome:
         """Run until `end` is called or logical time reaches `until`, then stop the robot."""
         gc.collect()
-        gc.freeze()  # what lives now lives to the end; collections need not walk it again
+        gc.freeze()  # these objects live until the end; exclude them from garbage collection
         try:
             while self.ending is None and self.step(until):
                 pass
@@ -114,7 +116,7 @@ class Engine:
         return RunOutcome(code, cause, stopped, max(self.last_instant, self.end_time))
 
     def step(self, until: int) -> bool:
-        """Wait for the next thing, and do it. False when logical time has reached `until`."""
+        """Wait for the next event and process it. False when logical time has reached `until`."""
         dues = [driver.due() for driver in self.drivers]
         wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
@@ -141,7 +143,7 @@ class Engine:
         return True
 
     def _count_overruns(self, now: int, actual: int) -> None:
-        """Count the timers due by `now` that are later than their period at the time `actual`."""
+        """Count the firings due by `now` that are more than a period late at `actual`."""
         due = self.compiled.timers()
         for (name, period), at in zip(self.compiled.timer_owners, due, strict=True):
             firings = range(at, min(now + 1, actual - period), period)
@@ -149,7 +151,7 @@ class Engine:
                 self.overruns[name] = self.overruns.get(name, 0) + len(firings)
 
     def deliver(self, now: int, deliveries: Iterable[Delivery]) -> None:
-        """Run the instant at `now`, and as many more as the deliveries need."""
+        """Run the instant at `now`, and further ones if a wire has several messages."""
         now = max(now, self.last_instant + 1)
         values = self.no_messages.copy()
         for wire, message in deliveries:
@@ -161,7 +163,7 @@ class Engine:
         self._instant(now, values)
 
     def _catch_up(self, before: int) -> None:
-        """Fire every timer that is due earlier than `before`, each at its nominal time."""
+        """Fire each timer that is due earlier than `before` at its nominal time."""
         while (due := self.compiled.due()) < before:
             self._react(due, self.no_messages)
 
@@ -194,7 +196,7 @@ class Engine:
         return files if self.signals is None else [*files, self.signals.file]
 
     def _stop(self) -> bool | None:
-        """Stop the robot and wait for the proof; None without a robot, False when not confirmed."""
+        """Stop the robot and wait for the confirmation. None without a robot, False on timeout."""
         if self.robot is None:
             return None
         now, _ = self.clock.wait(max(self.last_instant, 0), [])
@@ -208,7 +210,7 @@ class Engine:
         return self.robot.stopped
 
     def _deliver_final_telemetry(self, now: int, deliveries: list[Delivery]) -> None:
-        """Let the graph see the robot come to rest; its commands no longer count."""
+        """Deliver the telemetry of the stopping robot to the graph; its commands are not sent."""
         try:
             self.deliver(now, deliveries)
         except RunError as failure:

@@ -1,8 +1,8 @@
-"""How long each block's reactions take, measured only while somebody watches.
+"""Measures the computing time of each block, only on request.
 
-Nothing is measured on the way of a run that nobody looks at: the reactions are swapped for timed
-ones on request, and back again some seconds after the last request. Logical time and messages know
-nothing of it.
+On a request the `react` functions are replaced by timed ones, and restored some seconds after the
+last request, so that a run without requests has no overhead. Logical time and messages are not
+affected.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 from diffbotctl.engine.loop import Engine
 from diffbotctl.time import SECOND
 
-REPORT_PERIOD = SECOND  # ns of the wall over which a share is taken
-REQUEST_TIMEOUT = 5 * SECOND  # ns after the last request, then measuring ends
+REPORT_PERIOD = SECOND  # wall-clock time over which the load is averaged
+REQUEST_TIMEOUT = 5 * SECOND  # wall-clock time after the last request; then measuring ends
 
 
 class BlockLoad(NamedTuple):
-    """What a block cost: share of one core, reactions a second, timers fired too late so far."""
+    """Load of a block: share of one core, reactions per second, late timer firings so far."""
 
     busy: float
     reactions: float
@@ -27,7 +27,7 @@ class BlockLoad(NamedTuple):
 
 
 class BlockProfiler:
-    """Measures the blocks of `engine`. `is_on`: it was requested, so `report` is to be called."""
+    """Measures the blocks of `engine`. `is_on`: it is measuring, and `report` has to be called."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -38,7 +38,7 @@ class BlockProfiler:
         self.is_on = False
 
     def request(self) -> None:
-        """Measure from now on; without another word it ends after REQUEST_TIMEOUT."""
+        """Start measuring, or continue for another REQUEST_TIMEOUT."""
         now = time.perf_counter_ns()
         self.requested_until = now + REQUEST_TIMEOUT
         if not self.is_on:
@@ -48,7 +48,7 @@ class BlockProfiler:
             self._start_period(now)
 
     def report(self) -> dict[str, BlockLoad] | None:
-        """What each block cost, when a period is over. Ends measuring when nobody asks any more."""
+        """The load of each block at the end of a period, else None. Stops after REQUEST_TIMEOUT."""
         now = time.perf_counter_ns()
         if now > self.requested_until:
             self.is_on = False

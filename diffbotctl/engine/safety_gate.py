@@ -1,8 +1,8 @@
-"""The last gate: the one place that a command passes before it leaves. It stops; it never clamps.
+"""The safety gate: the last check of each command before it is sent. It stops; it never clamps.
 
-A command leaves when it is finite, when it and the telemetry are fresh, when both wheels are within
-their rated speed and the body within its limits of speed and turn rate, and when nothing latched
-holds the robot. Acceleration is not judged: a stop is never ramped.
+A command passes if it is finite, if it and the telemetry are fresh, if both wheels are within their
+rated speed and the robot within its limits of speed and turn rate, and if no stop is active.
+Acceleration is not checked, because a stop is never ramped.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
 
-ROUNDING_TOLERANCE = (
-    1e-6  # of the limit: what rounding may add on the way from m/s to rad/s and back
-)
+ROUNDING_TOLERANCE = 1e-6  # relative; for rounding between m/s and rad/s
 
 
 class Gate(Block):
-    """Let wheel commands leave, or hold the robot with a cause. Built into every robot pipeline."""
+    """Pass wheel commands, or stop the robot with a cause. Built into every robot pipeline."""
 
     telemetry_timeout = Param(
         float,
@@ -28,7 +26,7 @@ class Gate(Block):
         unit="s",
         minimum=0.1,
         maximum=0.5,
-        help="Silence of the board after which the robot is stopped.",
+        help="Time without telemetry after which the robot is stopped.",
     )
     command_timeout = Param(
         float,
@@ -36,7 +34,7 @@ class Gate(Block):
         unit="s",
         minimum=0.1,
         maximum=0.5,
-        help="Silence of the blocks, while a motion is in force, after which it is stopped.",
+        help="Time without a command, during a motion, after which the robot is stopped.",
     )
     left_rated: float = FromRobot("drive.left.motor.rated")
     right_rated: float = FromRobot("drive.right.motor.rated")
@@ -46,14 +44,16 @@ class Gate(Block):
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")
 
-    command = In(Wheels, fresh_for="command_timeout", help="What the pipeline wants.")
-    encoders = In(Encoders, fresh_for="telemetry_timeout", help="The board's telemetry.")
-    link = In(Link, optional=True, help="The link's health.")
+    command = In(Wheels, fresh_for="command_timeout", help="The command of the pipeline.")
+    encoders = In(Encoders, fresh_for="telemetry_timeout", help="Telemetry of the board.")
+    link = In(Link, optional=True, help="State of the link.")
     board = In(Stop, optional=True, help="A stop by the board: button, wheel fault.")
-    operator = In(Stop, optional=True, help="A stop by a person, or for want of one.")
-    resume = In(Resume, optional=True, help="Consent to move after a latched stop.")
-    wheels = Out(Wheels, help="What leaves.")
-    stop = Out(Stop, help="What holds the robot; an empty code when nothing does.")
+    operator = In(
+        Stop, optional=True, help="A stop by the operator, or because the operator was lost."
+    )
+    resume = In(Resume, optional=True, help="Permission to move after a latched stop.")
+    wheels = Out(Wheels, help="The command that is sent.")
+    stop = Out(Stop, help="The active stop; its code is empty when there is none.")
 
     def reset(self) -> None:
         self.active_stop: Stop | None = None
@@ -86,14 +86,14 @@ class Gate(Block):
         return outgoing, changed
 
     def update_stop(self, fault: Stop | None) -> None:
-        """Enter, keep or leave the held state; a latched stop is only left by `resume`."""
+        """Set or clear the active stop; only `resume` clears a latched one."""
         if self.active_stop is not None and self.active_stop.latched:
             return
         if fault is None or self.active_stop is None or fault.code != self.active_stop.code:
             self.active_stop = fault
 
     def outgoing_command(self, now: int, command: Wheels | None) -> Wheels | None:
-        """The command that leaves in this instant: the new one, a zero in its place, or none."""
+        """The command to send in this instant: the new one, zero in its place, or none."""
         if not self.is_new("command", command) or command is None:
             return None
         if self.active_stop is not None or not self.telemetry_time:
@@ -112,7 +112,7 @@ class Gate(Block):
         board: Stop | None,
         operator: Stop | None,
     ) -> Stop | None:
-        """What forbids motion now, the gravest first."""
+        """The reason why motion is not allowed now, the most severe first; None if it is."""
         for name, stop in (("board", board), ("operator", operator)):
             if self.is_new(name, stop) and stop is not None and stop.code:
                 return stop
@@ -130,7 +130,7 @@ class Gate(Block):
         return None if command is None else self.check_limits(now, command)
 
     def check_telemetry(self, now: int, encoders: Encoders) -> Stop | None:
-        """Judge newly arrived telemetry: a restarted board, or one that was silent for long."""
+        """The stop for a board that has restarted or was silent for 1 s, or None."""
         silent, self.telemetry_time = now - self.telemetry_time if self.telemetry_time else 0, now
         boot, self.boot = self.boot, encoders.boot
         if boot is not None and boot != encoders.boot:
@@ -141,12 +141,12 @@ class Gate(Block):
         return None
 
     def telemetry_stop(self, now: int) -> Stop:
-        """The stop for telemetry that has gone stale."""
+        """The stop for stale telemetry."""
         limit = f"{self.telemetry_timeout * 1000:.0f} ms"
         return Stop(now, "telemetry_stale", f"no telemetry from the board for {limit}", False)
 
     def check_limits(self, now: int, command: Wheels) -> Stop | None:
-        """The stop for a command beyond what the robot file allows, or None."""
+        """The stop for a command beyond the limits of the robot file, or None."""
         left, right = command.left, command.right
         if not (isfinite(left) and isfinite(right)):
             return self.limit_stop(now, f"a wheel command is not a number ({left}, {right})")

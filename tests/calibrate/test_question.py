@@ -44,8 +44,8 @@ def test_an_answer_is_read(question, typed, value):
         (READING, "-998", "not between 650 mm and 1350 mm: is it millimetres?"),
         (READING, "0.998", "not between"),  # metres, taken for millimetres
         (READING, "a metre", "not a number with a unit"),
-        (READING, "998 kg", "kg is a mass, but a length is wanted"),
-        (READING, "998 mn", "'mn' is not a unit I know"),
+        (READING, "998 kg", "kg is a mass, but a length is required"),
+        (READING, "998 mn", "'mn' is not a known unit"),
         (READING, "nan", "not a number that a rule can show"),
         (READING, "", "an answer is needed: a number in mm"),
         (READING, True, "no answer"),

@@ -169,7 +169,7 @@ def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
     for typed, reason in (
         ("far", "is not a number with a unit"),
         ("-300", "is not between 195 mm and 405 mm"),
-        ("300 kg", "kg is a mass, but a length is wanted"),
+        ("300 kg", "kg is a mass, but a length is required"),
     ):
         person.wait_for("how far did it go")
         person.type(typed)
