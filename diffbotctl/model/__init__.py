@@ -1,1 +1,1 @@
-"""The robot as frames and solids, made from its file: URDF, frame tree and drawings."""
+"""Model of the robot, derived from its file: frames, solids, URDF."""

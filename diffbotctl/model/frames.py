@@ -1,30 +1,26 @@
-"""The frames of a robot and how they hang together, by the names of REP-105 and REP-120.
+"""The frames of a robot (REP-105, REP-120), and the solids attached to them.
 
-`odom` is where the run began; `base_footprint` lies on the ground under the middle of the axle;
-`base_link` is that middle itself, x forward, y left, z up. What sits on the robot hangs on it.
-
-The bodies that a robot is made of: shape, mass, and inertia about their own middles.
-
-Boxes, cylinders and spheres of even density; their moments of inertia are those of any textbook of
-mechanics. Metres, kilograms, kg m2.
+`odom` is the pose at the start of the run; `base_footprint` lies on the ground below the middle of
+the axle; `base_link` is the middle of the axle, x forward, y left, z up. Solids are boxes,
+cylinders and spheres of uniform density, in m, kg and kg m2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.config.robot import Robot
 
 WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
-ON_ROBOT = ("sharp_gp2y0a41sk0f", "lds01")  # sensors of these kinds ride on the robot
-CASTER_SHARE = 0.8  # of the longer overhang: where a caster stands whose place is not given
+ON_ROBOT = ("sharp_gp2y0a41sk0f", "lds01")  # types of sensors that are mounted on the robot
+CASTER_SHARE = 0.8  # of the longer overhang: default position of the caster
 
 
 class RobotFrame(NamedTuple):
-    """A frame in its parent: m, and rad about the parent's z axis.
+    """Pose of a frame in its parent: m, and rad about the parent's z axis.
 
-    `moves` says what changes it: `odometry`, `wheel` (it turns about its own y axis) or nothing.
+    `moves`: what changes the pose: `odometry`, `wheel` (rotation about its own y axis) or nothing.
     """
 
     name: str
@@ -33,16 +29,16 @@ class RobotFrame(NamedTuple):
     y: float = 0.0
     z: float = 0.0
     heading: float = 0.0
-    moves: str = ""
+    moves: Literal["", "odometry", "wheel"] = ""
 
 
 def axle_height(robot: Robot) -> float:
-    """How high the middle of the axle is above the ground: the mean of both wheels' radii, m."""
+    """Height of the middle of the axle above the ground, m: the mean of both wheels' radii."""
     return 0.25 * (robot.drive.left.wheel.diameter + robot.drive.right.wheel.diameter)
 
 
 def caster_x(robot: Robot) -> float:
-    """Where the caster touches the ground, m forward of the axle."""
+    """Position of the caster, m forward of the axle."""
     body = robot.body
     if body.caster.x is not None:
         return body.caster.x
@@ -50,15 +46,15 @@ def caster_x(robot: Robot) -> float:
 
 
 def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
-    """Every frame of `robot`, parents first."""
+    """All frames of `robot`, parents first."""
     height = axle_height(robot)
     yield RobotFrame(GROUND, WORLD, moves="odometry")
     yield RobotFrame(BASE, GROUND, z=height)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         radius = 0.5 * getattr(robot.drive, side).wheel.diameter
-        aside = sign * 0.5 * robot.drive.track
-        # Wheels of unequal size both stand on the ground, so that their hubs differ in height.
-        yield RobotFrame(f"{side}_wheel_link", BASE, y=aside, z=radius - height, moves="wheel")
+        y = sign * 0.5 * robot.drive.track
+        # Wheels of different size both touch the ground, so their hubs differ in height.
+        yield RobotFrame(f"{side}_wheel_link", BASE, y=y, z=radius - height, moves="wheel")
     caster = 0.5 * robot.body.caster.diameter
     yield RobotFrame("caster_link", BASE, caster_x(robot), z=caster - height)
     for name, sensor in robot.sensors.items():
@@ -69,7 +65,7 @@ def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
 
 Moments = tuple[float, float, float]  # about x, y and z
 SENSOR_MASS = {"sharp_gp2y0a41sk0f": 0.0036, "lds01": 0.125}  # kg, data sheets
-SENSOR_SIZE = {  # m: how deep, wide and high; data sheets
+SENSOR_SIZE = {  # m: depth, width, height; data sheets
     "sharp_gp2y0a41sk0f": (0.0135, 0.0295, 0.0130),
     "lds01": (0.0695, 0.0955, 0.0395),
 }
@@ -81,20 +77,20 @@ class Box(NamedTuple):
     size: tuple[float, float, float]
 
     def moments(self, mass: float) -> Moments:
-        """Moments of inertia about its middle."""
+        """Moments of inertia about its centre."""
         x, y, z = (length * length for length in self.size)
         twelfth = mass / 12.0
         return twelfth * (y + z), twelfth * (x + z), twelfth * (x + y)
 
 
 class Cylinder(NamedTuple):
-    """A cylinder lying along y, as a wheel does."""
+    """A cylinder with its axis along y, like a wheel."""
 
     radius: float
     length: float
 
     def moments(self, mass: float) -> Moments:
-        """Moments of inertia about its middle."""
+        """Moments of inertia about its centre."""
         square = self.radius * self.radius
         across = mass / 12.0 * (3.0 * square + self.length * self.length)
         return across, 0.5 * mass * square, across
@@ -106,13 +102,13 @@ class Sphere(NamedTuple):
     radius: float
 
     def moments(self, mass: float) -> Moments:
-        """Moments of inertia about its middle."""
+        """Moments of inertia about its centre."""
         moment = 0.4 * mass * self.radius * self.radius
         return moment, moment, moment
 
 
 class Solid(NamedTuple):
-    """A shape in the frame called `frame`, its middle at `at` (m)."""
+    """A shape in the frame `frame`, with its centre at `at` (m)."""
 
     frame: str
     shape: Box | Cylinder | Sphere
@@ -122,7 +118,7 @@ class Solid(NamedTuple):
 
 
 def robot_solids(robot: Robot) -> Iterator[Solid]:
-    """Every body of `robot`: the chassis, both wheels, the caster, the sensors."""
+    """All solids of `robot`: the chassis, both wheels, the caster, the sensors."""
     body = robot.body
     length = body.front + body.back
     above = body.clearance + 0.5 * body.height - axle_height(robot)
@@ -135,6 +131,5 @@ def robot_solids(robot: Robot) -> Iterator[Solid]:
     yield Solid("caster_link", Sphere(0.5 * body.caster.diameter), body.caster.mass)
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
-            shape_of_it = Box(SENSOR_SIZE[sensor.type])
-            mass = SENSOR_MASS[sensor.type]
-            yield Solid(f"{name}_sensor_link", shape_of_it, mass, colour="red")
+            box = Box(SENSOR_SIZE[sensor.type])
+            yield Solid(f"{name}_sensor_link", box, SENSOR_MASS[sensor.type], colour="red")

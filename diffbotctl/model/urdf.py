@@ -1,4 +1,4 @@
-"""A robot as URDF, the model language of ROS, so that its other tools can draw and simulate it.
+"""Export of a robot as URDF, the model format of ROS, for drawing and simulation.
 
 Format: http://wiki.ros.org/urdf/XML.
 """
@@ -29,7 +29,7 @@ COLOURS = {
 
 
 def urdf(robot: Robot, name: str) -> str:
-    """The robot called `name` as URDF text, its root at base_footprint."""
+    """The robot `name` as URDF text, with the root base_footprint."""
     root = Element("robot", name=name)
     for colour, values in COLOURS.items():
         SubElement(SubElement(root, "material", name=colour), "color", rgba=numbers(*values))
@@ -38,7 +38,7 @@ def urdf(robot: Robot, name: str) -> str:
     for frame in tree:
         _link(root, frame.name, bodies.get(frame.name))
     for frame in tree:
-        if frame.parent != WORLD:  # where the robot stands is not part of what it is
+        if frame.parent != WORLD:  # the pose of the robot is not part of its model
             _joint(root, frame)
     indent(root)
     return (
@@ -47,7 +47,7 @@ def urdf(robot: Robot, name: str) -> str:
 
 
 def numbers(*values: float) -> str:
-    """Numbers as URDF writes them, to twelve digits: a robot of a metre to a picometre."""
+    """Numbers in URDF notation, with twelve significant digits."""
     return " ".join(f"{value:.12g}" for value in values)
 
 
@@ -63,7 +63,7 @@ def _link(root: Element, name: str, solid: Solid | None) -> None:
     SubElement(inertial, "inertia", {axis: numbers(value) for axis, value in about.items()})
     for use in ("visual", "collision"):
         part = SubElement(link, use)
-        # URDF's cylinder stands along z; ours lies along y.
+        # The axis of a URDF cylinder is z; ours is y.
         roll = 0.5 * pi if isinstance(solid.shape, Cylinder) else 0.0
         SubElement(part, "origin", xyz=numbers(*solid.at), rpy=numbers(roll, 0, 0))
         _shape(SubElement(part, "geometry"), solid.shape)
@@ -82,13 +82,13 @@ def _shape(geometry: Element, shape: Box | Cylinder | Sphere) -> None:
 
 
 def _joint(root: Element, frame: RobotFrame) -> None:
-    turns = frame.moves == "wheel"
-    kind = "continuous" if turns else "fixed"
+    is_wheel = frame.moves == "wheel"
+    kind = "continuous" if is_wheel else "fixed"
     joint = SubElement(root, "joint", name=f"{frame.name.removesuffix('_link')}_joint", type=kind)
     SubElement(joint, "parent", link=frame.parent)
     SubElement(joint, "child", link=frame.name)
     place = numbers(frame.x, frame.y, frame.z)
     SubElement(joint, "origin", xyz=place, rpy=numbers(0, 0, frame.heading))
-    if turns:
-        # Turning about +y, left, rolls the wheel along +x, forward.
+    if is_wheel:
+        # A positive rotation about y (left) drives the wheel along +x (forward).
         SubElement(joint, "axis", xyz=numbers(0, 1, 0))

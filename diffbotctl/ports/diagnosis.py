@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.errors import Problem, Severity
+from diffbotctl.errors import Problem
 from diffbotctl.ports import access
 from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices

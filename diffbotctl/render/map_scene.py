@@ -1,6 +1,6 @@
-"""What a map draws of a run that does not change: walls, the robot's outline, its sensors.
+"""The static parts of a map: walls, the outline of the robot, its sensors.
 
-What a map draws that does not change during a run, as the control socket's `scene` tells it.
+The control socket sends them in its reply to the request `scene`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Numbers = list[list[float]]
 
 
 def describe_scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[str, Any]:
-    """Plain values in metres and radians; outline and sensors in base_link, the world in the frame
-    of the pose that is shown: odom where a block reckons it, else the world's own.
+    """The scene as JSON values, in metres and radians.
 
-    The world is known of a simulated robot only. `robot` is None for a pipeline without one;
-    without `graph` no sensor is placed.
+    Outline and sensors are in base_link. The world is in the frame of the displayed pose: odom if a
+    block estimates the pose, else the frame of the world. The world is empty for a real robot.
+    `robot` is None for a pipeline without one; without `graph` there are no sensors.
     """
     robot = configuration.robot
     walls, rounds, field = _world(configuration) if port in VIRTUAL_PORTS else ([], [], [])
@@ -43,12 +43,12 @@ def describe_scene(configuration: Configuration, graph: Graph | None, port: str)
 
 
 def _world(configuration: Configuration) -> tuple[Numbers, Numbers, Numbers]:
-    """Walls, round obstacles, and the corners of the field, if there is one."""
+    """Walls, round obstacles, and the corners of the field (empty if there is none)."""
     world, place = configuration.world, _place(configuration)
     right, top = world.field or (0.0, 0.0)
     corners = [place(x, y) for x, y in ((0.0, 0.0), (right, 0.0), (right, top), (0.0, top))]
     walls = [[*place(*wall.start), *place(*wall.end)] for wall in world.walls]
-    rounds = [[*place(*thing.at), thing.radius] for thing in world.obstacles]
+    rounds = [[*place(*obstacle.at), obstacle.radius] for obstacle in world.obstacles]
     if world.field is None:
         return walls, rounds, []
     walls += [[*start, *end] for start, end in pairwise([*corners, corners[0]])]
@@ -56,11 +56,11 @@ def _world(configuration: Configuration) -> tuple[Numbers, Numbers, Numbers]:
 
 
 def _place(configuration: Configuration) -> Callable[[float, float], tuple[float, float]]:
-    """A function from the world's frame to that of the pose that is shown."""
-    reckoned = any(
+    """A function from the frame of the world to that of the displayed pose."""
+    has_odometry = any(
         out.kind is Odometry for use in configuration.blocks for out in outputs(use.cls).values()
     )
-    if not reckoned or configuration.nominal is None:
+    if not has_odometry or configuration.nominal is None:
         return lambda x, y: (x, y)
     start = configuration.nominal.simulation.start
     c, s = cos(start.heading), sin(start.heading)
@@ -87,24 +87,24 @@ def _outline(robot: Robot) -> dict[str, float]:
 
 
 def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
-    """Each sensor whose distances a block hands out, and the wire that has them."""
-    found = []
+    """The sensors whose distances are on a wire, with the name of the wire."""
+    sensors = []
     for node in graph.nodes:
         if isinstance(node.block, RangeSensor):
             at = robot.sensors[node.block.sensor].at
             place = {"x": at.x, "y": at.y, "heading": at.heading}
-            found.append({"topic": f"{node.name}.range", **place, "reach": REACH})
+            sensors.append({"topic": f"{node.name}.range", **place, "reach": REACH})
     for name, sensor in robot.sensors.items():
         if sensor.type in LASER_SCANNERS:
             place = {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
-            found.append(
+            sensors.append(
                 {"topic": f"robot.{name}", **place, "reach": LASER_SCANNERS[sensor.type].reach}
             )
-    return found
+    return sensors
 
 
 class SceneOutline(NamedTuple):
-    """The robot from above, in metres from the middle of its axle; wheels and limits beside it."""
+    """Outline of the robot in m from the middle of the axle, with its wheels and limits."""
 
     front: float
     back: float
@@ -117,7 +117,7 @@ class SceneOutline(NamedTuple):
 
 
 class SceneBeam(NamedTuple):
-    """A distance sensor in base_link: metres and radians, and the topic that has its distances."""
+    """A distance sensor: pose in base_link (m, rad), and the topic of its distances."""
 
     topic: str
     x: float
@@ -127,9 +127,9 @@ class SceneBeam(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Walls are (x1, y1, x2, y2), round obstacles (x, y, radius), metres in the pose's frame.
+    """Walls are (x1, y1, x2, y2), round obstacles (x, y, radius), in m in the frame of the pose.
 
-    `field`: the corners of a field that is always shown whole; empty: what matters is shown.
+    `field`: the corners of a field that is always displayed as a whole; empty if there is none.
     """
 
     title: str
@@ -141,15 +141,15 @@ class Scene(NamedTuple):
     field: tuple[tuple[float, float], ...] = ()
 
 
-def parse_scene(said: dict[str, Any]) -> Scene:
-    """The scene from the answer of the verb."""
-    robot = said["robot"]
+def parse_scene(reply: dict[str, Any]) -> Scene:
+    """The scene from the reply to the request `scene`."""
+    robot = reply["robot"]
     return Scene(
-        said["title"],
-        said["simulated"],
-        tuple(tuple(wall) for wall in said["walls"]),
-        tuple(tuple(thing) for thing in said["rounds"]),
+        reply["title"],
+        reply["simulated"],
+        tuple(tuple(wall) for wall in reply["walls"]),
+        tuple(tuple(obstacle) for obstacle in reply["rounds"]),
         None if robot is None else SceneOutline(**robot),
-        tuple(SceneBeam(**beam) for beam in said["sensors"]),
-        tuple((x, y) for x, y in said.get("field", ())),
+        tuple(SceneBeam(**beam) for beam in reply["sensors"]),
+        tuple((x, y) for x, y in reply.get("field", ())),
     )

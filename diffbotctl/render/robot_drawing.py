@@ -1,9 +1,7 @@
-"""A robot seen from above and from its left side, as outlines in metres.
+"""Drawings of a robot from above and from its left side, to scale, with dimensions, as SVG.
 
-From above x points right and y up, as on the map; from the side x points right and z up, and the
-ground is z = 0 of base_footprint.
-
-Views of a robot as one SVG picture, drawn to scale, with their lengths.
+Outlines are in metres. From above x points right and y up, as on the map. From the side x points
+right and z up, and the ground is z = 0 of base_footprint.
 """
 
 from __future__ import annotations
@@ -28,12 +26,12 @@ from diffbotctl.model.frames import (
 from diffbotctl.render.svg import element, points_attribute, svg_document, text_element
 
 Point = tuple[float, float]
-CIRCLE = 32  # corners of a drawn circle
-GAZE = 0.06  # m; how long the line is that shows where a sensor looks
+CIRCLE = 32  # corners of a polygon that stands for a circle
+SENSOR_LINE_LENGTH = 0.06  # m; of the line along the axis of a sensor
 
 
 class DrawingOutline(NamedTuple):
-    """A closed line, or an open one, around the part called `name`."""
+    """Outline of the part `name`: a polygon, or an open line."""
 
     name: str
     colour: str
@@ -42,7 +40,7 @@ class DrawingOutline(NamedTuple):
 
 
 class Dimension(NamedTuple):
-    """A length to write into the drawing, from one point to another, `label` beside it."""
+    """A dimension line between two points, with a label."""
 
     start: Point
     end: Point
@@ -50,7 +48,7 @@ class Dimension(NamedTuple):
 
 
 class DrawingView(NamedTuple):
-    """One drawing: its title, what is seen, and the lengths written into it."""
+    """One view: its title, outlines and dimensions."""
 
     title: str
     outlines: tuple[DrawingOutline, ...]
@@ -63,12 +61,12 @@ def top_view(robot: Robot) -> DrawingView:
     parts = [_from_above(solid, places[solid.frame]) for solid in robot_solids(robot)]
     half = 0.5 * robot.drive.track
     edge = 0.5 * body.width
-    lengths = (
+    dimensions = (
         Dimension((-body.back, -edge), (body.front, -edge), _mm("long", body.front + body.back)),
         Dimension((-body.back, -edge), (-body.back, edge), _mm("wide", body.width)),
         Dimension((0.0, -half), (0.0, half), _mm("track", robot.drive.track)),
     )
-    return DrawingView("from above", (*parts, *_gazes(robot)), lengths)
+    return DrawingView("from above", (*parts, *_sensor_lines(robot)), dimensions)
 
 
 def side_view(robot: Robot) -> DrawingView:
@@ -78,12 +76,12 @@ def side_view(robot: Robot) -> DrawingView:
     parts = [_from_left(solid, places[solid.frame], height) for solid in robot_solids(robot)]
     ground = DrawingOutline("ground", "grey", ((-body.back, 0.0), (body.front, 0.0)), closed=False)
     diameter = robot.drive.left.wheel.diameter
-    top_of_it = body.clearance + body.height
-    lengths = (
+    top = body.clearance + body.height
+    dimensions = (
         Dimension((0.0, 0.0), (0.0, diameter), _mm("wheel", diameter)),
-        Dimension((-body.back, 0.0), (-body.back, top_of_it), _mm("high", top_of_it)),
+        Dimension((-body.back, 0.0), (-body.back, top), _mm("high", top)),
     )
-    return DrawingView("from the left", (ground, *parts), lengths)
+    return DrawingView("from the left", (ground, *parts), dimensions)
 
 
 def _from_above(solid: Solid, frame: RobotFrame) -> DrawingOutline:
@@ -103,29 +101,34 @@ def _from_left(solid: Solid, frame: RobotFrame, height: float) -> DrawingOutline
     x, z = frame.x + solid.at[0], base + solid.at[2] + height
     match solid.shape:
         case Box(size):
-            # A box that looks aside shows its corners' whole reach.
-            deep = abs(size[0] * cos(frame.heading)) + abs(size[1] * sin(frame.heading))
-            points = _rectangle(x, z, deep, size[2], 0.0)
+            # A rotated box is drawn with the extent of its corners.
+            depth = abs(size[0] * cos(frame.heading)) + abs(size[1] * sin(frame.heading))
+            points = _rectangle(x, z, depth, size[2], 0.0)
         case Cylinder(radius) | Sphere(radius):
             points = _circle(x, z, radius)
     return DrawingOutline(_name(solid), solid.colour, points)
 
 
-def _gazes(robot: Robot) -> Iterator[DrawingOutline]:
+def _sensor_lines(robot: Robot) -> Iterator[DrawingOutline]:
     for frame in robot_frames(robot):
         if frame.name.endswith("_sensor_link"):
-            far = frame.x + GAZE * cos(frame.heading), frame.y + GAZE * sin(frame.heading)
-            name = f"{frame.name.removesuffix('_sensor_link')} looks there"
-            yield DrawingOutline(name, "red", ((frame.x, frame.y), far), closed=False)
+            end = (
+                frame.x + SENSOR_LINE_LENGTH * cos(frame.heading),
+                frame.y + SENSOR_LINE_LENGTH * sin(frame.heading),
+            )
+            name = f"{frame.name.removesuffix('_sensor_link')} axis"
+            yield DrawingOutline(name, "red", ((frame.x, frame.y), end), closed=False)
 
 
-def _rectangle(x: float, y: float, long: float, wide: float, heading: float) -> tuple[Point, ...]:
-    ahead, aside = cos(heading), sin(heading)
+def _rectangle(
+    x: float, y: float, length: float, width: float, heading: float
+) -> tuple[Point, ...]:
+    c, s = cos(heading), sin(heading)
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     return tuple(
         (
-            x + 0.5 * (a * long * ahead - b * wide * aside),
-            y + 0.5 * (a * long * aside + b * wide * ahead),
+            x + 0.5 * (a * length * c - b * width * s),
+            y + 0.5 * (a * length * s + b * width * c),
         )
         for a, b in corners
     )
@@ -144,31 +147,31 @@ def _mm(word: str, length: float) -> str:
     return f"{word} {length * 1000:.4g} mm"
 
 
-WIDTH = 640.0  # px of the wider view; enough to read every length
-MARGIN = 70.0  # px around a view, where its lengths are written
+WIDTH = 640.0  # px of the wider view
+MARGIN = 70.0  # px around a view, for its dimensions
 TEXT = 14.0  # px
 FILLS = {"blue": "#cfe0f7", "black": "#9a9a9a", "grey": "#dddddd", "red": "#f4b6b6"}
 
 
 class DrawingSheet(NamedTuple):
-    """Where a view lies on the paper: px a metre, and the paper's place of (0, 0)."""
+    """Position of a view in the picture: px per metre, and the pixel of (0, 0)."""
 
     scale: float
     x: float
     y: float
 
     def place(self, at: Point) -> Point:
-        """A point in metres as one on the paper, whose y grows downwards."""
+        """The pixel of a point in metres; y points down."""
         return self.x + at[0] * self.scale, self.y - at[1] * self.scale
 
 
 def drawing_svg(title: str, views: Sequence[DrawingView]) -> str:
-    """The picture of `views`, one under the other."""
-    reaches = [_reach(view) for view in views]
-    scale = WIDTH / max(right - left for left, right, _, _ in reaches)
+    """An SVG document with `views`, one below the other."""
+    extents = [_extent(view) for view in views]
+    scale = WIDTH / max(right - left for left, right, _, _ in extents)
     above = MARGIN
     inner: list[str] = []
-    for view, (left, _, low, high) in zip(views, reaches, strict=True):
+    for view, (left, _, low, high) in zip(views, extents, strict=True):
         sheet = DrawingSheet(scale, MARGIN - left * scale, above + MARGIN + high * scale)
         inner += _view(view, sheet, above)
         above += (high - low) * scale + 2 * MARGIN
@@ -202,7 +205,7 @@ def _dimension(dimension: Dimension, sheet: DrawingSheet, number: int) -> Iterat
     (x1, y1), (x2, y2) = sheet.place(dimension.start), sheet.place(dimension.end)
     upright = abs(x2 - x1) < abs(y2 - y1)
     inside = dimension.start[0] == 0.0 and upright
-    # Lengths at the edge are drawn outside of it, those of the axle where it is.
+    # Dimensions of the outline are drawn beside it, those of the axle inside.
     if not inside and upright:
         x1 = x2 = x1 - 2 * TEXT
     elif not inside:
@@ -217,8 +220,8 @@ def _dimension(dimension: Dimension, sheet: DrawingSheet, number: int) -> Iterat
         yield text_element(x, y, dimension.label, text_anchor="middle")
 
 
-def _reach(view: DrawingView) -> tuple[float, float, float, float]:
-    """Leftmost, rightmost, lowest and highest of a view, m."""
+def _extent(view: DrawingView) -> tuple[float, float, float, float]:
+    """Left, right, lower and upper end of a view, m."""
     points = [point for outline in view.outlines for point in outline.points]
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return min(xs), max(xs), min(ys), max(ys)

@@ -1,4 +1,4 @@
-"""Pictures as SVG: marks, and the document around them. Text that any browser shows."""
+"""SVG elements and documents as text, and the plot of end errors of a calibration."""
 
 from __future__ import annotations
 
@@ -6,44 +6,48 @@ from collections.abc import Iterable, Mapping, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
 Point = tuple[float, float]
-PLOT_SIZE = 480  # pixels, each way
+PLOT_SIZE = 480  # pixels, width and height
 PLOT_MARGIN = 40  # pixels around the points
 MM = 1000.0  # a metre
 PLOT_COLOURS = ("#c0392b", "#2e7d32", "#1f4e9c", "#7b1fa2")
-GRID_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # mm between two lines of the grid
+GRID_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000)  # mm between grid lines
 
 
-def element(kind: str, *inside: str, **looks: object) -> str:
-    """One mark, such as `line` or `circle`, with the marks `inside` it.
+def element(kind: str, *inside: str, **attributes: object) -> str:
+    """One element, such as `line` or `circle`, with the elements `inside` it.
 
-    A look's name has `_` where SVG has `-`, and one behind a word of Python's (`class_`); None
-    leaves it out. Numbers are lengths in pixels, to a hundredth.
+    In the names of attributes `_` stands for `-`; a Python keyword gets a `_` at the end
+    (`class_`). An attribute that is None is omitted. Numbers are in pixels, with two decimals.
     """
-    said = "".join(
+    text = "".join(
         f" {name.rstrip('_').replace('_', '-')}={quoteattr(format_number(value))}"
-        for name, value in looks.items()
+        for name, value in attributes.items()
         if value is not None
     )
-    return f"<{kind}{said}>{''.join(inside)}</{kind}>" if inside else f"<{kind}{said}/>"
+    return f"<{kind}{text}>{''.join(inside)}</{kind}>" if inside else f"<{kind}{text}/>"
 
 
-def text_element(x: float, y: float, text: str, **looks: object) -> str:
-    """A text whose base line is at y."""
-    return element("text", escape(text), x=x, y=y, **looks)
+def text_element(x: float, y: float, text: str, **attributes: object) -> str:
+    """A text with its baseline at y."""
+    return element("text", escape(text), x=x, y=y, **attributes)
 
 
-def points_attribute(places: Iterable[Point]) -> str:
-    """The corners of a polyline or polygon."""
-    return " ".join(f"{format_number(x)},{format_number(y)}" for x, y in places)
+def points_attribute(corners: Iterable[Point]) -> str:
+    """The attribute `points` of a polyline or polygon."""
+    return " ".join(f"{format_number(x)},{format_number(y)}" for x, y in corners)
 
 
 def svg_document(
-    width: float, height: float, marks: Iterable[str], paper: str = "white", **looks: object
+    width: float,
+    height: float,
+    marks: Iterable[str],
+    background: str = "white",
+    **attributes: object,
 ) -> str:
-    """A whole picture on coloured paper; what comes later lies on top."""
+    """A document with a background colour; later elements cover earlier ones."""
     width, height = round(width), round(height)
-    ground = element("rect", width="100%", height="100%", fill=paper)
-    inside = "\n".join(["", "<!-- diffbotctl -->", ground, *marks, ""])
+    backdrop = element("rect", width="100%", height="100%", fill=background)
+    inside = "\n".join(["", "<!-- diffbotctl -->", backdrop, *marks, ""])
     box = f"0 0 {width} {height}"
     return (
         element(
@@ -53,14 +57,14 @@ def svg_document(
             width=width,
             height=height,
             viewBox=box,
-            **looks,
+            **attributes,
         )
         + "\n"
     )
 
 
 def format_number(value: object) -> str:
-    """A number as SVG has it, as short as it can be; anything else as its text."""
+    """A float as short text with at most two decimals; other values as their text."""
     if not isinstance(value, float):
         return str(value)
     text = f"{value:.2f}".rstrip("0").rstrip(".")
@@ -68,15 +72,15 @@ def format_number(value: object) -> str:
 
 
 def end_error_svg(title: str, points: Mapping[str, Sequence[Point]]) -> str:
-    """Points (m) by their kind around the place where they should all lie, x right, y up."""
-    everything = [abs(each) for many in points.values() for point in many for each in point]
-    reach = max([*everything, 0.005]) * MM * 1.1  # half of the picture's width, in mm
+    """Plot of points (m) by kind around the origin, where all should lie; x right, y up."""
+    values = [abs(value) for group in points.values() for point in group for value in point]
+    reach = max([*values, 0.005]) * MM * 1.1  # half of the width, mm
     scale = (PLOT_SIZE / 2 - PLOT_MARGIN) / reach
     step = next((nice for nice in GRID_STEPS if reach / nice <= 5), GRID_STEPS[-1])
     marks = [text_element(PLOT_MARGIN, 20, title, font_size=14), *_grid_lines(step, reach, scale)]
-    for number, (kind, many) in enumerate(points.items()):
+    for number, (kind, group) in enumerate(points.items()):
         colour = PLOT_COLOURS[number % len(PLOT_COLOURS)]
-        marks += [_dot(_plot_point(point, scale), colour) for point in many]
+        marks += [_dot(_plot_point(point, scale), colour) for point in group]
         y = PLOT_SIZE + 8 + 14 * (number // 2)
         x = PLOT_MARGIN + (number % 2) * PLOT_SIZE // 2
         marks += [_dot((x, y - 4), colour), text_element(x + 10, y, kind)]

@@ -1,7 +1,7 @@
-"""Where each part and pin of a wiring picture goes: four columns, and one row for each pin.
+"""Layout of a wiring diagram: parts in four columns, and one row for each pin.
 
-Signals run straight along their row from one column to the next. What the right column takes from
-the board's 5 V and GND runs down two rails.
+A signal is a straight line along its row, from one column to the next. 5 V and GND of the right
+column are connected to the board by two vertical rails.
 """
 
 from __future__ import annotations
@@ -22,8 +22,12 @@ from diffbotctl.config.harness import (
     HarnessWire,
 )
 
-SOURCES, DRIVES, BRAIN, SENSES = range(4)  # columns, from left to right
-LEFT_ROWS = {"left motor": 0, "right motor": 4, CELLS: 8}  # top row of each part of the first one
+SOURCES, DRIVES, BRAIN, SENSES = range(4)  # columns from left to right
+LEFT_ROWS = {
+    "left motor": 0,
+    "right motor": 4,
+    CELLS: 8,
+}  # top row of each part in the first column
 DRIVER_ROWS = {
     "OUT1": 1,
     "OUT2": 2,
@@ -43,9 +47,9 @@ SUPPLIES = ("VCC", "GND")
 
 
 class PlacedPart(NamedTuple):
-    """A part in the picture: `left` and `right` map the row of each pin on that side to its name.
+    """A part in the diagram. `left` and `right` map the row of each pin on that side to its name.
 
-    It covers the rows from `top` to `bottom`, both of which are its border.
+    Its border is in the rows `top` and `bottom`.
     """
 
     part: HarnessPart
@@ -57,9 +61,9 @@ class PlacedPart(NamedTuple):
 
 
 class WireRun(NamedTuple):
-    """How one wire runs: from a row of one column to a row of the next; by a rail if they differ.
+    """A wire from row `start` of one column to row `end` of the next; along a rail if they differ.
 
-    `start` is the wire's end on the left.
+    `start` is the end on the left.
     """
 
     wire: HarnessWire
@@ -69,12 +73,12 @@ class WireRun(NamedTuple):
 
     @property
     def is_railed(self) -> bool:
-        """True for 5 V and ground between board and right column."""
+        """True for 5 V and GND between the board and the right column."""
         return self.column == BRAIN and self.wire.colour in (SUPPLY, GROUND)
 
 
 class Layout(NamedTuple):
-    """A whole picture in rows and columns."""
+    """A diagram in rows and columns."""
 
     parts: tuple[PlacedPart, ...]
     runs: tuple[WireRun, ...]
@@ -82,7 +86,7 @@ class Layout(NamedTuple):
 
 
 def layout(harness: Harness) -> Layout:
-    """Place everything."""
+    """Place all parts and wires."""
     senses = list(_senses(harness))
     runs = list(_runs(harness, {placed.part.key: placed for placed in senses}))
     left = {run.end: _board_pin(harness, run) for run in runs if run.column == DRIVES}
@@ -117,9 +121,9 @@ def _driver(harness: Harness) -> PlacedPart:
 
 
 def _senses(harness: Harness) -> Iterator[PlacedPart]:
-    """The right column, from the radio down."""
-    taken = {CELLS, DRIVER, BOARD, *LEFT_ROWS}
-    keys = [key for key in harness.parts if key not in taken]
+    """The parts of the right column, from the radio down."""
+    placed_elsewhere = {CELLS, DRIVER, BOARD, *LEFT_ROWS}
+    keys = [key for key in harness.parts if key not in placed_elsewhere]
     order = {RADIO: 0, STOP: 2}
     top = 0
     for key in sorted(keys, key=lambda key: order.get(key, 1)):
@@ -127,13 +131,13 @@ def _senses(harness: Harness) -> Iterator[PlacedPart]:
         names = sorted(part.pins, key=lambda name: (name not in SUPPLIES, name == "RXD"))
         rows = {top + 1 + number: name for number, name in enumerate(names)}
         divided = any(wire.through for wire in harness.of(BOARD, key))
-        bottom = top + len(names) + 1 + divided  # the resistor to ground needs a row
+        bottom = top + len(names) + 1 + divided  # a row for the resistor to ground
         yield PlacedPart(part, SENSES, top, bottom, rows, {})
         top = bottom + 1
 
 
 def _runs(harness: Harness, senses: dict[str, PlacedPart]) -> Iterator[WireRun]:
-    heads: dict[str, int] = {}  # row of the board's own 5V and GND pins for the right column
+    heads: dict[str, int] = {}  # row of the board's 5V and GND pins for the right column
     for wire in harness.wires:
         ends = {wire.start.part: wire.start.name, wire.end.part: wire.end.name}
         if DRIVER in ends:

@@ -1,4 +1,4 @@
-"""A wiring picture as SVG: parts as boards, wires in their own colours, what to mind below."""
+"""A wiring diagram as SVG: parts, wires in their colours, and notes below."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from diffbotctl.config.harness import BOARD, CELLS, DRIVER, GROUND, RADIO, SUPPL
 from diffbotctl.render.svg import element, svg_document, text_element
 from diffbotctl.render.wiring_layout import Layout, PlacedPart, WireRun, layout
 
-# All in pixels. Left and right edge of each column of parts; the gaps hold the wires.
+# In pixels. Left and right edge of each column of parts; the wires are in the gaps.
 BOXES = ((30, 150), (220, 380), (480, 650), (860, 1010))
 RAILS = {SUPPLY: 700, GROUND: 728}
-RESISTORS, NODE = 750, 822  # left end of the divider's resistors, and where they meet
+RESISTORS, NODE = 750, 822  # left end of the resistors of the divider, and the node between them
 RESISTOR_WIDTH, RESISTOR_HEIGHT = 48, 16
 WIDTH, ROW, TOP, MARGIN = 1040, 28, 92, 30
 PIN, WIRE, HALO, NOTE = 5, 4, 9, 21
@@ -47,7 +47,7 @@ path { fill: none; stroke-linejoin: round }
 
 
 def wiring_svg(harness: Harness, notes: Iterable[str], title: str) -> str:
-    """The picture as the text of an SVG file, with `notes` below it."""
+    """The diagram as an SVG document, with `notes` below it."""
     plan = layout(harness)
     key = _y(plan.rows) + ROW
     lines_below = [line for note in notes for line in _wrapped(note)]
@@ -65,11 +65,11 @@ def wiring_svg(harness: Harness, notes: Iterable[str], title: str) -> str:
             for n, (first, line) in enumerate(lines_below)
         ),
     ]
-    return svg_document(WIDTH, height, marks, paper=PAPER)
+    return svg_document(WIDTH, height, marks, background=PAPER)
 
 
 def _y(row: int) -> int:
-    """The height of the middle of a row."""
+    """The y of the middle of a row."""
     return TOP + row * ROW
 
 
@@ -79,7 +79,7 @@ def _wrapped(note: str) -> Iterator[tuple[bool, str]]:
 
 
 def _wires(plan: Layout) -> Iterator[str]:
-    """Rails first, so that what runs straight is seen to pass over them."""
+    """Rails first, so that straight wires are drawn on top of them."""
     for run in sorted(plan.runs, key=lambda run: not run.is_railed):
         yield from _wire(run)
     for run in plan.runs:
@@ -101,7 +101,7 @@ def _wire(run: WireRun) -> Iterator[str]:
 def _line(route: str, colour: str, over: bool = False) -> Iterator[str]:
     if over:
         yield element("path", d=route, stroke=PAPER, stroke_width=HALO)
-    if colour == "white":  # else it would be lost on light paper
+    if colour == "white":  # visible on the light background
         yield element("path", d=route, stroke="#555", stroke_width=WIRE + 2)
     yield element("path", class_="wire", d=route, stroke=PAINTS[colour], stroke_width=WIRE)
 
@@ -111,7 +111,7 @@ def _dot(x: float, y: float, colour: str) -> str:
 
 
 def _divider(run: WireRun) -> Iterator[str]:
-    """1 kOhm in the wire, and 2 kOhm from behind it down to the ground rail."""
+    """A voltage divider: 1 kOhm in the wire, then 2 kOhm to the ground rail."""
     x, y, below = RAILS[GROUND], _y(run.start), _y(run.start + 1)
     route = f"M{NODE} {y} V{below} H{x}"
     yield element("path", d=route, stroke=PAINTS[GROUND], stroke_width=WIRE)

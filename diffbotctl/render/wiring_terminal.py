@@ -1,4 +1,4 @@
-"""A wiring picture in characters, 80 columns wide."""
+"""A wiring diagram in characters, 80 columns wide."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from rich.text import Text
 from diffbotctl.config.harness import GROUND, SUPPLY, Harness
 from diffbotctl.render.wiring_layout import BRAIN, SENSES, Layout, PlacedPart, WireRun, layout
 
-# First and last column of characters of each column of parts; the gaps hold the wires.
+# First and last character column of each column of parts; the wires are in the gaps.
 BOXES = ((0, 12), (16, 30), (36, 51), (64, 79))
 RAILS = {SUPPLY: 54, GROUND: 56}
-RESISTOR, NODE = 58, 61  # of the divider: its resistors, and where they meet
-KEY_GAP = 2  # rows between the lowest part on the left and the names of the colours
+RESISTOR, NODE = 58, 61  # of the divider: its resistors, and the node between them
+KEY_GAP = 2  # rows between the lowest part on the left and the colour key
 STYLES = {
     "red": "red",
     "black": "grey46",
@@ -26,11 +26,11 @@ STYLES = {
 }
 
 
-Rails = dict[str, tuple[int, int]]  # first and last row of each
+Rails = dict[str, tuple[int, int]]  # first and last row of each rail, by colour
 
 
 def wiring_text(harness: Harness) -> Text:
-    """The picture as lines of text, for a dark or light terminal."""
+    """The diagram as text, for a dark or light terminal."""
     plan = layout(harness)
     canvas = _Canvas()
     rails = _rails(plan)
@@ -44,7 +44,7 @@ def wiring_text(harness: Harness) -> Text:
 
 
 def _key(canvas: _Canvas, harness: Harness, plan: Layout) -> int:
-    """What the colours mean, in the free place at the lower left; the row after it."""
+    """Write the colour key at the lower left; returns the row after it."""
     top = KEY_GAP + max(placed.bottom for placed in plan.parts if placed.column < BRAIN)
     colours = harness.colours()
     for number, (colour, meaning) in enumerate(colours.items()):
@@ -54,7 +54,7 @@ def _key(canvas: _Canvas, harness: Harness, plan: Layout) -> int:
 
 
 class _Canvas:
-    """Characters by place. What crosses a line that is there already becomes a crossing."""
+    """Characters by position."""
 
     def __init__(self) -> None:
         self.cells: dict[tuple[int, int], tuple[str, str]] = {}
@@ -77,19 +77,19 @@ class _Canvas:
 
 
 def _rails(plan: Layout) -> Rails:
-    found: Rails = {}
+    rails: Rails = {}
     for run in plan.runs:
         if run.is_railed:
-            first, last = found.get(run.wire.colour, (run.start, run.end))
-            found[run.wire.colour] = (first, max(last, run.end))
+            first, last = rails.get(run.wire.colour, (run.start, run.end))
+            rails[run.wire.colour] = (first, max(last, run.end))
         elif run.wire.through:
-            first, last = found[GROUND]
-            found[GROUND] = (first, max(last, run.end + 1))
-    return found
+            first, last = rails[GROUND]
+            rails[GROUND] = (first, max(last, run.end + 1))
+    return rails
 
 
 def _level(canvas: _Canvas, first: int, last: int, run: WireRun, row: int, rails: Rails) -> None:
-    """A line along `row`, with a crossing where it passes a rail."""
+    """A line along `row`, with a crossing at each rail."""
     style = STYLES[run.wire.colour]
     for x in range(first, last):
         crossed = [
@@ -110,7 +110,7 @@ def _straight(canvas: _Canvas, run: WireRun, rails: Rails) -> None:
 
 
 def _tap(canvas: _Canvas, run: WireRun, rails: Rails) -> None:
-    """From the board to the rail and down it, or from the rail to a part."""
+    """A line from the board to its rail, or from the rail to a part."""
     colour = run.wire.colour
     x, style, (top, bottom) = RAILS[colour], STYLES[colour], rails[colour]
     if run.start == run.end:

@@ -166,8 +166,8 @@ def test_what_is_drawn_from_above(lopsided):
     assert corners(view.outlines, "chassis") == pytest.approx((-0.15, 0.08, -0.0755, 0.0755))
     # 60 mm long, 26 mm wide, its middle 62.5 mm to the left
     assert corners(view.outlines, "left_wheel") == pytest.approx((-0.03, 0.03, 0.0495, 0.0755))
-    (gaze,) = [each for each in view.outlines if each.name == "front looks there"]
-    (x1, y1), (x2, y2) = gaze.points
+    (axis,) = [outline for outline in view.outlines if outline.name == "front axis"]
+    (x1, y1), (x2, y2) = axis.points
     assert atan2(y2 - y1, x2 - x1) == pytest.approx(pi / 6)
     assert "track 125 mm" in [each.label for each in view.dimensions]
 
