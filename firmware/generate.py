@@ -10,7 +10,7 @@ import yaml
 HERE = Path(__file__).parent
 HEADER = HERE / "protocol.h"
 MODULE = HERE.parent / "diffbotctl" / "links" / "diffbot_frames.py"
-NOTICE = "Made from firmware/protocol.yaml by firmware/generate.py; change those."
+NOTICE = "Generated from firmware/protocol.yaml by firmware/generate.py: change those."
 TYPE_BITS = 4
 CHECK_BYTES = 3
 
@@ -18,7 +18,7 @@ Frame = dict[str, Any]
 
 
 def fields(frame: Frame) -> list[tuple[str, int, str, int]]:
-    """Every field as (name, bits, meaning, how many); bits are negative when signed."""
+    """Fields as (name, bits, meaning, number of values); bits are negative when signed."""
     return [
         (name, spec[0], spec[1], spec[2] if len(spec) > 2 else 1)
         for name, spec in frame["fields"].items()
@@ -29,12 +29,12 @@ def size(frame: Frame) -> int:
     """Payload length in bytes."""
     bits = TYPE_BITS + sum(abs(width) * count for _, width, _, count in fields(frame))
     if bits % 8:
-        raise ValueError(f"{frame['help']}: {bits} bits are no whole bytes")
+        raise ValueError(f"{frame['help']}: {bits} bits are not whole bytes")
     return bits // 8
 
 
 def wire(frame: Frame) -> int:
-    """Bytes on the wire: payload, checksum, one COBS code, delimiter."""
+    """Bytes on the wire: payload, checksum, one byte of COBS, delimiter."""
     return size(frame) + CHECK_BYTES + 2
 
 
@@ -63,7 +63,7 @@ def header(protocol: dict[str, Any]) -> str:
 
 
 def _c_frame(name: str, frame: Frame) -> list[str]:
-    """A packed structure that is the payload: gcc lays bit-fields from the lowest bit up."""
+    """A packed structure that is the payload: gcc places bit-fields from the lowest bit up."""
     lines = [f"/* {frame['help']} */", "typedef struct __attribute__((packed)) {"]
     lines.append("    uint8_t type : 4;")
     offset = TYPE_BITS
@@ -181,14 +181,16 @@ def _python_codes(group: str, codes: dict[str, Any]) -> list[str]:
 
 
 def _python_frame(name: str, frame: Frame) -> list[str]:
-    lines = ["", "", f"class {_frame_class(name)}(NamedTuple):", f'    """{frame["help"]}"""', ""]
+    help = frame["help"]
+    lines = ["", "", f"class {_frame_class(name)}(NamedTuple):"]
+    lines += [f'    """{help[0].upper()}{help[1:]}."""', ""]
     for field, width, meaning, count in fields(frame):
         lines.append(f"    {field}: {_type_name(width, count)}  # {meaning}")
     return lines
 
 
 def load() -> dict[str, Any]:
-    """The declaration, with every type number used once."""
+    """The declaration. Raises ValueError when a type number is used twice."""
     protocol: dict[str, Any] = yaml.safe_load((HERE / "protocol.yaml").read_text())
     types = [frame["type"] for frame in protocol["frames"].values()]
     if len(set(types)) != len(types) or not all(0 < number < 16 for number in types):
@@ -197,7 +199,7 @@ def load() -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write both files."""
+    """Write both files; print the sizes of all frames."""
     protocol = load()
     HEADER.write_text(header(protocol))
     MODULE.write_text(module(protocol))

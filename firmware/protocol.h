@@ -1,4 +1,4 @@
-/* Made from firmware/protocol.yaml by firmware/generate.py; change those. */
+/* Generated from firmware/protocol.yaml by firmware/generate.py: change those. */
 #ifndef PROTOCOL_H
 #define PROTOCOL_H
 
@@ -47,7 +47,7 @@ enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B
 /* wheel speeds; 10 bytes on the wire */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
-    uint8_t sequence : 4; /* number of this command */
+    uint8_t sequence : 4; /* sequence number of this command */
     int16_t left; /* 1/256 rad/s */
     int16_t right; /* 1/256 rad/s */
 } command_t;
@@ -57,22 +57,22 @@ _Static_assert(sizeof(command_t) == 5, "the structure is the payload");
 /* raw duty for identification */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
-    uint8_t sequence : 4; /* number of this command */
+    uint8_t sequence : 4; /* sequence number of this command */
     int16_t left; /* 1/32767 */
     int16_t right; /* 1/32767 */
 } duty_t;
 enum { TYPE_DUTY = 2 };
 _Static_assert(sizeof(duty_t) == 5, "the structure is the payload");
 
-/* motors off; also claims the commands when nobody owns them; 6 bytes on the wire */
+/* motors off; also claims the commands when no link owns them; 6 bytes on the wire */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
-    uint8_t sequence : 4; /* number of this command */
+    uint8_t sequence : 4; /* sequence number of this command */
 } stop_t;
 enum { TYPE_STOP = 3 };
 _Static_assert(sizeof(stop_t) == 1, "the structure is the payload");
 
-/* asks for hello, and for telemetry from now on */
+/* requests a hello, and telemetry from now on */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t version : 4; /* the host's protocol version */
@@ -80,7 +80,7 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_ASK = 4 };
 _Static_assert(sizeof(ask_t) == 1, "the structure is the payload");
 
-/* a small deed */
+/* one action of the board */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t action : 4; /* code */
@@ -89,16 +89,16 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_ACTION = 5 };
 _Static_assert(sizeof(action_t) == 2, "the structure is the payload");
 
-/* everything the firmware must know of the robot; also the content of an EEPROM slot */
+/* all settings of the robot; also the content of an EEPROM slot */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t edge : 2; /* which edges count */
     uint8_t edge_times : 1; /* state frames rather than counts frames */
     uint8_t brake : 1; /* brake at rest rather than coast */
-    uint8_t left_reversed : 1; /* the motor's wires are swapped */
-    uint8_t right_reversed : 1; /* the motor's wires are swapped */
-    uint8_t left_encoder_reversed : 1; /* quadrature counts the other way */
-    uint8_t right_encoder_reversed : 1; /* quadrature counts the other way */
+    uint8_t left_reversed : 1; /* in1 high turns the wheel backwards */
+    uint8_t right_reversed : 1; /* in1 high turns the wheel backwards */
+    uint8_t left_encoder_reversed : 1; /* quadrature counts down going forward */
+    uint8_t right_encoder_reversed : 1; /* quadrature counts down going forward */
     uint8_t enable_inverted : 1; /* the driver is enabled by a low level */
     uint8_t button_high : 1; /* pressed is high (a normally closed contact to ground) */
     uint8_t reserved : 2; /* zero */
@@ -117,8 +117,8 @@ typedef struct __attribute__((packed)) {
     uint8_t range; /* analog channel (A0 is 0), or none */
     uint8_t battery; /* analog channel, or none */
     uint16_t telemetry; /* Hz */
-    uint16_t slots; /* counts in a turn of the wheel */
-    uint16_t glitch; /* us a level must last before the edge that ends it counts */
+    uint16_t slots; /* counts per turn of the wheel */
+    uint16_t glitch; /* us that a level must last for the edge at its end to count */
     uint16_t deadman; /* ms */
     uint16_t left_start; /* duty that just moves the wheel, 1/32768 */
     uint16_t left_gain; /* duty per rad/s, 1/32768 */
@@ -131,12 +131,12 @@ enum { TYPE_SETTINGS = 6 };
 _Static_assert(sizeof(settings_t) == 36, "the structure is the payload");
 enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_PROPORTIONAL, FIELD_INTEGRAL };
 
-/* both wheels at one moment, with the ages of their last edges */
+/* both wheels at one time, with the ages of their last edges */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
-    uint8_t sequence : 6; /* counts frames of this kind */
-    uint8_t dropped : 1; /* a frame found no room since the last one */
+    uint8_t sequence : 6; /* sequence number of frames of this type */
+    uint8_t dropped : 1; /* a frame was dropped since the last one */
     uint8_t reserved : 1; /* zero */
     uint8_t mode : 4; /* code */
     uint16_t command_age : 12; /* 128 us */
@@ -144,19 +144,19 @@ typedef struct __attribute__((packed)) {
     uint16_t left; /* low bits of the count */
     uint16_t right; /* low bits of the count */
     uint16_t range : 12; /* the analog sensor, mean of 16 readings */
-    uint8_t command : 4; /* number of the command in force */
+    uint8_t command : 4; /* sequence number of the command in force */
     uint16_t left_age; /* 64 us */
     uint16_t right_age; /* 64 us */
 } state_t;
 enum { TYPE_STATE = 8 };
 _Static_assert(sizeof(state_t) == 16, "the structure is the payload");
 
-/* the beginning of a state frame without the ages, for 50 Hz */
+/* a state frame without the ages, for 50 Hz */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
-    uint8_t sequence : 6; /* counts frames of this kind */
-    uint8_t dropped : 1; /* a frame found no room since the last one */
+    uint8_t sequence : 6; /* sequence number of frames of this type */
+    uint8_t dropped : 1; /* a frame was dropped since the last one */
     uint8_t reserved : 1; /* zero */
     uint8_t mode : 4; /* code */
     uint16_t command_age : 12; /* 128 us */
@@ -164,12 +164,12 @@ typedef struct __attribute__((packed)) {
     uint16_t left; /* low bits of the count */
     uint16_t right; /* low bits of the count */
     uint16_t range : 12; /* the analog sensor, mean of 16 readings */
-    uint8_t command : 4; /* number of the command in force */
+    uint8_t command : 4; /* sequence number of the command in force */
 } counts_t;
 enum { TYPE_COUNTS = 9 };
 _Static_assert(sizeof(counts_t) == 12, "the structure is the payload");
 
-/* one of the things that change slowly, in turn, so that no state frame waits long for it */
+/* one of the slowly changing values, in turn, so that it delays no state frame much */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t item : 4; /* code */
@@ -178,7 +178,7 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_STATUS = 10 };
 _Static_assert(sizeof(status_t) == 3, "the structure is the payload");
 
-/* who this is */
+/* identity of the board and its state */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
@@ -189,31 +189,31 @@ typedef struct __attribute__((packed)) {
     uint8_t board; /* code */
     uint8_t reset : 4; /* code */
     uint8_t mode : 4; /* code */
-    uint8_t uart; /* which UART this came from */
-    uint32_t settings; /* checksum of the settings in use, 0 without */
+    uint8_t uart; /* UART that sends this frame */
+    uint32_t settings; /* checksum of the settings in use, 0: none */
 } hello_t;
 enum { TYPE_HELLO = 11 };
 _Static_assert(sizeof(hello_t) == 12, "the structure is the payload");
 
-/* what became of the settings sent */
+/* reply to the settings */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t refusal : 4; /* code */
-    uint8_t field; /* number of the field that was refused, in the order of the settings frame */
-    uint32_t settings; /* checksum of the settings now in use, 0 without */
+    uint8_t field; /* index of the refused field in the settings frame */
+    uint32_t settings; /* checksum of the settings now in use, 0: none */
 } answer_t;
 enum { TYPE_ANSWER = 12 };
 _Static_assert(sizeof(answer_t) == 6, "the structure is the payload");
 
-/* raw edges, both flanks, unfiltered */
+/* raw edges, rising and falling, unfiltered */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
-    uint8_t used : 4; /* entries in use */
-    uint8_t sequence : 6; /* counts frames of this kind */
-    uint8_t lost : 1; /* edges found no room */
+    uint8_t used : 4; /* number of edges */
+    uint8_t sequence : 6; /* sequence number of frames of this type */
+    uint8_t lost : 1; /* edges were lost */
     uint8_t reserved : 1; /* zero */
-    uint32_t time; /* 64 us, low 20 bits, of this frame; no edge in it is a second old */
-    uint16_t edges[8]; /* 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us */
+    uint32_t time; /* of this frame, 64 us, low 20 bits; no edge in it is a second old */
+    uint16_t edges[8]; /* wheel (1 bit, 0 left), level (1 bit), low 14 bits of its time in 64 us */
 } capture_t;
 enum { TYPE_CAPTURE = 13 };
 _Static_assert(sizeof(capture_t) == 22, "the structure is the payload");

@@ -1,4 +1,4 @@
-"""Frames of the protocol `diffbot`. Made from firmware/protocol.yaml by firmware/generate.py; change those."""
+"""Frames of the protocol `diffbot`. Generated from firmware/protocol.yaml by firmware/generate.py: change those."""
 
 # ruff: noqa: E501
 from enum import IntEnum
@@ -9,29 +9,29 @@ CHECK_POLYNOMIAL = 0x5D6DCB
 CHECK_START = 0xFEDCBA
 CHECK_BYTES = 3
 TYPE_BITS = 4
-TICK_NANOSECONDS = 64000  # one unit of the board's time in frames and of edge ages
-SPEED_ONE = 256  # a speed of 1 rad/s in frames
+TICK_NANOSECONDS = 64000  # unit of board time in frames and of edge ages
+SPEED_ONE = 256  # 1 rad/s in frames
 DUTY_ONE = 32767  # full duty in a `duty` frame
 GAIN_ONE = 32768  # full duty in the gains: duty, duty per rad/s
 INTEGRAL_ONE = 83886  # a gain of 1 duty per rad: 65536 * 32768 / 256 a second / 100 periods
-GAIN_MAXIMUM = 24576  # of every gain; 0.75 duty, or duty per rad/s, and 0.29 duty per rad
-COMMAND_AGE_NANOSECONDS = 128000  # one unit of a command's age
-AGE_NONE = 65535  # the age of an edge that was never seen or is too old to tell
-COMMAND_AGE_NONE = 4095  # the age of a command that is too old to tell
-ANALOG_ONE = 4092  # a pin at the reference voltage (sixteen readings of 1023, by four)
-ANALOG_NONE = 4095  # no such sensor
+GAIN_MAXIMUM = 24576  # of every gain: 0.75 duty, or duty per rad/s; 0.29 duty per rad
+COMMAND_AGE_NANOSECONDS = 128000  # unit of a command's age
+AGE_NONE = 65535  # no edge yet, or its age does not fit
+COMMAND_AGE_NONE = 4095  # the age of the command does not fit
+ANALOG_ONE = 4092  # reading at the reference voltage: 16 conversions of 1023, divided by 4
+ANALOG_NONE = 4095  # no such sensor, or not measured yet
 PIN_NONE = 255  # not connected
 DEADMAN_MINIMUM = 100  # ms
 DEADMAN_MAXIMUM = 500  # ms
 TELEMETRY_MAXIMUM = 100  # Hz
 GLITCH_MAXIMUM = 50000  # us; at 20 slots and 100 rpm one slot lasts 15 ms
-SLOTS_MAXIMUM = 10000  # counts a turn; ten times what a hobby encoder gives
-FLAG_STORED = 16  # settings are in the EEPROM
+SLOTS_MAXIMUM = 10000  # counts per turn; ten times those of a hobby encoder
+FLAG_STORED = 16  # the settings are stored in the EEPROM
 FLAG_BUTTON = 32  # the stop button is pressed
-FLAG_LEFT_FAULT = 64  # the left motor had power and its encoder gave no edges
+FLAG_LEFT_FAULT = 64  # the left motor was driven and its encoder gave no edges
 FLAG_RIGHT_FAULT = 128  # the same on the right
 CAPTURE_EDGES = 8  # edges in one capture frame
-CAPTURE_TIME = 16383  # mask of the time in an entry
+CAPTURE_TIME = 16383  # mask of the time in an edge
 
 # Types of fields: bits on the wire, negative when signed; then the number of values.
 Int16 = Annotated[int, -16]
@@ -67,11 +67,11 @@ class ProtocolCode(IntEnum):
 class ModeCode(ProtocolCode):
     """Codes of `mode`."""
 
-    UNSET = 0, "no valid settings, nothing moves"
-    STOPPED = 1, "stopped by its owner"
+    UNSET = 0, "no valid settings, no motion"
+    STOPPED = 1, "stopped by the link that owns the commands"
     SPEED = 2, "the wheel-speed loop runs"
     DUTY = 3, "raw duty"
-    EXPIRED = 4, "the dead-man stopped it: no valid command in time"
+    EXPIRED = 4, "stopped by the dead-man timeout: no valid command in time"
     FAULT = 5, "a motor had power and its encoder gave no edges"
     OVERRULED = 6, "another link stopped it"
     BUTTON = 7, "the stop button is pressed"
@@ -80,23 +80,23 @@ class ModeCode(ProtocolCode):
 class ResetCode(ProtocolCode):
     """Codes of `reset`."""
 
-    UNKNOWN = 0, "not told by the chip or the bootloader"
-    POWER = 1, "power came on"
+    UNKNOWN = 0, "not reported by the chip or the bootloader"
+    POWER = 1, "power-on"
     LINE = 2, "the reset line"
-    BROWNOUT = 3, "the supply dipped"
+    BROWNOUT = 3, "the supply voltage dipped"
     WATCHDOG = 4, "the program hung"
 
 
 class RefusalCode(ProtocolCode):
     """Codes of `refusal`."""
 
-    NONE = 0, "taken"
-    MOVING = 1, "settings are taken at rest only"
+    NONE = 0, "accepted"
+    MOVING = 1, "settings are accepted at standstill only"
     PIN_MISSING = 2, "the board has no such pin"
     PIN_LINK = 3, "the pin carries a serial link"
     PIN_PWM = 4, "the pin has no PWM"
     PIN_INTERRUPT = 5, "the pin cannot raise an interrupt"
-    PIN_ANALOG = 6, "the pin is no analog input"
+    PIN_ANALOG = 6, "the pin is not an analog input"
     PIN_TWICE = 7, "the pin is used twice"
     RANGE = 8, "the value is out of range"
     OWNED = 9, "another link owns the commands"
@@ -109,19 +109,19 @@ class ItemCode(ProtocolCode):
     FLAGS = 1, "reset cause, and the bits FLAG_..."
     BATTERY = 2, "analog reading"
     FREE_STACK = 3, "bytes never used"
-    LOOP = 4, "longest pass of the main loop since told last, us"
-    LEFT_REJECTED = 5, "edges refused by the glitch filter"
-    RIGHT_REJECTED = 6, "edges refused by the glitch filter"
-    DAMAGED = 7, "frames refused"
-    FOREIGN = 8, "commands of a link that did not own them"
-    DROPPED = 9, "frames that found no room"
+    LOOP = 4, "longest pass of the main loop since the last report, us"
+    LEFT_REJECTED = 5, "edges rejected by the glitch filter"
+    RIGHT_REJECTED = 6, "edges rejected by the glitch filter"
+    DAMAGED = 7, "frames discarded"
+    FOREIGN = 8, "commands of a link that does not own them"
+    DROPPED = 9, "frames not sent for lack of room"
 
 
 class ActionCode(ProtocolCode):
     """Codes of `action`."""
 
     LIGHT = 0, "LED: 0 off, 1 on, 2 toggle"
-    CLEAR = 1, "forget a wheel fault"
+    CLEAR = 1, "clear a wheel fault"
     CAPTURE = 2, "raw edges: 0 off, 1 on"
 
 
@@ -151,50 +151,50 @@ class BaudCode(ProtocolCode):
 
 
 class CommandFrame(NamedTuple):
-    """wheel speeds; 10 bytes on the wire"""
+    """Wheel speeds; 10 bytes on the wire."""
 
-    sequence: Uint4  # number of this command
+    sequence: Uint4  # sequence number of this command
     left: Int16  # 1/256 rad/s
     right: Int16  # 1/256 rad/s
 
 
 class DutyFrame(NamedTuple):
-    """raw duty for identification"""
+    """Raw duty for identification."""
 
-    sequence: Uint4  # number of this command
+    sequence: Uint4  # sequence number of this command
     left: Int16  # 1/32767
     right: Int16  # 1/32767
 
 
 class StopFrame(NamedTuple):
-    """motors off; also claims the commands when nobody owns them; 6 bytes on the wire"""
+    """Motors off; also claims the commands when no link owns them; 6 bytes on the wire."""
 
-    sequence: Uint4  # number of this command
+    sequence: Uint4  # sequence number of this command
 
 
 class AskFrame(NamedTuple):
-    """asks for hello, and for telemetry from now on"""
+    """Requests a hello, and telemetry from now on."""
 
     version: Uint4  # the host's protocol version
 
 
 class ActionFrame(NamedTuple):
-    """a small deed"""
+    """One action of the board."""
 
     action: Uint4  # code
     value: Uint8  # its argument
 
 
 class SettingsFrame(NamedTuple):
-    """everything the firmware must know of the robot; also the content of an EEPROM slot"""
+    """All settings of the robot; also the content of an EEPROM slot."""
 
     edge: Uint2  # which edges count
     edge_times: Uint1  # state frames rather than counts frames
     brake: Uint1  # brake at rest rather than coast
-    left_reversed: Uint1  # the motor's wires are swapped
-    right_reversed: Uint1  # the motor's wires are swapped
-    left_encoder_reversed: Uint1  # quadrature counts the other way
-    right_encoder_reversed: Uint1  # quadrature counts the other way
+    left_reversed: Uint1  # in1 high turns the wheel backwards
+    right_reversed: Uint1  # in1 high turns the wheel backwards
+    left_encoder_reversed: Uint1  # quadrature counts down going forward
+    right_encoder_reversed: Uint1  # quadrature counts down going forward
     enable_inverted: Uint1  # the driver is enabled by a low level
     button_high: Uint1  # pressed is high (a normally closed contact to ground)
     reserved: Uint2  # zero
@@ -213,8 +213,8 @@ class SettingsFrame(NamedTuple):
     range: Uint8  # analog channel (A0 is 0), or none
     battery: Uint8  # analog channel, or none
     telemetry: Uint16  # Hz
-    slots: Uint16  # counts in a turn of the wheel
-    glitch: Uint16  # us a level must last before the edge that ends it counts
+    slots: Uint16  # counts per turn of the wheel
+    glitch: Uint16  # us that a level must last for the edge at its end to count
     deadman: Uint16  # ms
     left_start: Uint16  # duty that just moves the wheel, 1/32768
     left_gain: Uint16  # duty per rad/s, 1/32768
@@ -225,11 +225,11 @@ class SettingsFrame(NamedTuple):
 
 
 class StateFrame(NamedTuple):
-    """both wheels at one moment, with the ages of their last edges"""
+    """Both wheels at one time, with the ages of their last edges."""
 
     boot: Uint4  # changes at each restart
-    sequence: Uint6  # counts frames of this kind
-    dropped: Uint1  # a frame found no room since the last one
+    sequence: Uint6  # sequence number of frames of this type
+    dropped: Uint1  # a frame was dropped since the last one
     reserved: Uint1  # zero
     mode: Uint4  # code
     command_age: Uint12  # 128 us
@@ -237,17 +237,17 @@ class StateFrame(NamedTuple):
     left: Uint16  # low bits of the count
     right: Uint16  # low bits of the count
     range: Uint12  # the analog sensor, mean of 16 readings
-    command: Uint4  # number of the command in force
+    command: Uint4  # sequence number of the command in force
     left_age: Uint16  # 64 us
     right_age: Uint16  # 64 us
 
 
 class CountsFrame(NamedTuple):
-    """the beginning of a state frame without the ages, for 50 Hz"""
+    """A state frame without the ages, for 50 Hz."""
 
     boot: Uint4  # changes at each restart
-    sequence: Uint6  # counts frames of this kind
-    dropped: Uint1  # a frame found no room since the last one
+    sequence: Uint6  # sequence number of frames of this type
+    dropped: Uint1  # a frame was dropped since the last one
     reserved: Uint1  # zero
     mode: Uint4  # code
     command_age: Uint12  # 128 us
@@ -255,18 +255,18 @@ class CountsFrame(NamedTuple):
     left: Uint16  # low bits of the count
     right: Uint16  # low bits of the count
     range: Uint12  # the analog sensor, mean of 16 readings
-    command: Uint4  # number of the command in force
+    command: Uint4  # sequence number of the command in force
 
 
 class StatusFrame(NamedTuple):
-    """one of the things that change slowly, in turn, so that no state frame waits long for it"""
+    """One of the slowly changing values, in turn, so that it delays no state frame much."""
 
     item: Uint4  # code
     value: Uint16  # its value
 
 
 class HelloFrame(NamedTuple):
-    """who this is"""
+    """Identity of the board and its state."""
 
     boot: Uint4  # changes at each restart
     version: Uint8  # of the protocol
@@ -276,27 +276,27 @@ class HelloFrame(NamedTuple):
     board: Uint8  # code
     reset: Uint4  # code
     mode: Uint4  # code
-    uart: Uint8  # which UART this came from
-    settings: Uint32  # checksum of the settings in use, 0 without
+    uart: Uint8  # UART that sends this frame
+    settings: Uint32  # checksum of the settings in use, 0: none
 
 
 class AnswerFrame(NamedTuple):
-    """what became of the settings sent"""
+    """Reply to the settings."""
 
     refusal: Uint4  # code
-    field: Uint8  # number of the field that was refused, in the order of the settings frame
-    settings: Uint32  # checksum of the settings now in use, 0 without
+    field: Uint8  # index of the refused field in the settings frame
+    settings: Uint32  # checksum of the settings now in use, 0: none
 
 
 class CaptureFrame(NamedTuple):
-    """raw edges, both flanks, unfiltered"""
+    """Raw edges, rising and falling, unfiltered."""
 
-    used: Uint4  # entries in use
-    sequence: Uint6  # counts frames of this kind
-    lost: Uint1  # edges found no room
+    used: Uint4  # number of edges
+    sequence: Uint6  # sequence number of frames of this type
+    lost: Uint1  # edges were lost
     reserved: Uint1  # zero
-    time: Uint32  # 64 us, low 20 bits, of this frame; no edge in it is a second old
-    edges: Uint16x8  # 1 bit wheel (0 left), 1 bit level, low 14 bits of its time in 64 us
+    time: Uint32  # of this frame, 64 us, low 20 bits; no edge in it is a second old
+    edges: Uint16x8  # wheel (1 bit, 0 left), level (1 bit), low 14 bits of its time in 64 us
 
 
 Frame = (
