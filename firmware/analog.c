@@ -4,9 +4,9 @@
 #include <util/atomic.h>
 
 #define READINGS 16
-#define SCALE 4 /* sum of sixteen 10-bit readings to the 12 bits of a frame */
+#define SCALE 4 /* from the sum of sixteen 10-bit readings to the 12 bits of a frame */
 
-/* Range and battery; the converter takes them in turns, one each time it is called. */
+/* Range and battery, which the converter reads in turn. */
 static struct {
     uint8_t channel;
     uint8_t readings;
@@ -14,7 +14,7 @@ static struct {
     volatile uint16_t mean;
 } inputs[2] = {{PIN_NONE, 0, 0, ANALOG_NONE}, {PIN_NONE, 0, 0, ANALOG_NONE}};
 static uint8_t current;
-/* The battery is read once for each sixteen readings of the range. */
+/* Counts readings of the range: the battery is read once per sixteen of them. */
 static uint8_t turn;
 
 static void start(uint8_t input)
@@ -25,7 +25,7 @@ static void start(uint8_t input)
     current = input;
     ADMUX = (uint8_t)(1 << REFS0 | (channel & 7));
     ADCSRB = channel > 7 ? 1 << MUX5 : 0;
-    ADCSRA = 1 << ADEN | 1 << ADSC | 1 << ADIE | 7; /* 125 kHz: 104 us a conversion */
+    ADCSRA = 1 << ADEN | 1 << ADSC | 1 << ADIE | 7; /* 125 kHz: 104 us per conversion */
 }
 
 void analog_configure(const settings_t *settings)

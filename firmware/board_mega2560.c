@@ -1,4 +1,4 @@
-/* Arduino Mega 2560. Timer 1 is the clock, so pins 11 and 12 make no PWM; 13 does, by timer 0. */
+/* Arduino Mega 2560. Timer 1 is the clock, so pins 11 and 12 have no PWM; 13 has that of timer 0. */
 #include "board.h"
 
 #ifdef __AVR__
@@ -12,7 +12,7 @@ const uint8_t board_code = BOARD_MEGA2560;
 const uint8_t board_analogs = 16;
 const uint8_t board_first_analog = 54;
 
-/* One word a pin: port, bit, number of the PWM output, number of the interrupt. */
+/* One word per pin: port, bit, number of the PWM output, number of the interrupt. */
 enum { A, B, C, D, E, F, G, H, J, K, L };
 #define PIN(port, bit, pwm, interrupt) (port | bit << 4 | (pwm) << 8 | interrupt << 12)
 #define PLAIN(port, bit) PIN(port, bit, BOARD_NOTHING, BOARD_NOTHING)
@@ -20,7 +20,7 @@ enum { A, B, C, D, E, F, G, H, J, K, L };
 #define PWM(port, bit, output) PIN(port, bit, output, BOARD_NOTHING)
 #define EDGE(port, bit, number) PIN(port, bit, BOARD_NOTHING, number)
 #define BOTH(port, bit, output, number) PIN(port, bit, output, number)
-/* A PWM output: OCnA, OCnB or OCnC of the timer that stands here in `controls`. */
+/* Number of a PWM output: OCnA, OCnB or OCnC of a timer, in the order of `controls`. */
 #define OC0(channel) (channel)
 #define OC2(channel) (3 + channel)
 #define OC3(channel) (6 + channel)
@@ -56,7 +56,7 @@ static uint8_t mask(uint8_t bit)
     return mask;
 }
 
-/* Data address of PINx: A to G stand in a row, H to L further up. */
+/* Data address of PINx: A to G are consecutive, H to L start at 0x100. */
 static uint16_t address(uint8_t port)
 {
     return (port < H ? 0x20 : 0x100 - 3 * H) + 3 * port;

@@ -1,7 +1,7 @@
 #include "capture.h"
 
 #define RING 32 /* a power of two */
-/* After 100 ms what there is goes out: 14 bits of time last a second. */
+/* Edges are sent after 100 ms at the latest: their 14 bits of time wrap after a second. */
 #define WAIT_UNITS 1563
 #define WHEEL 0x8000
 #define LEVEL 0x4000

@@ -1,4 +1,4 @@
-/* Raw encoder edges, for calibration: kept in a ring until a capture frame takes them away. */
+/* Raw encoder edges for calibration, in a ring until they are sent in a capture frame. */
 #ifndef CAPTURE_H
 #define CAPTURE_H
 
@@ -8,10 +8,10 @@
 #include "protocol.h"
 #include "ticks.h"
 
-/* From an interrupt. */
+/* Adds an edge; from an interrupt. */
 void capture_put(uint8_t wheel, bool level, ticks_t now);
 
-/* Fills a frame once there is enough for one, or something has waited long; false otherwise. */
+/* Fills a frame when enough edges wait, or one has waited 100 ms; else returns false. */
 bool capture_take(capture_t *frame, ticks_t now);
 
 #endif

@@ -45,7 +45,7 @@ ticks_t clock_now(void)
         low = TCNT1;
         high = overflows;
         if ((TIFR1 & 1 << TOV1) && low < 0x8000)
-            high++; /* the overflow's interrupt is still waiting */
+            high++; /* the overflow interrupt is pending */
     }
     return (ticks_t)high << 16 | low;
 }

@@ -1,4 +1,4 @@
-/* The board's time: timer 1 at 4 us a tick; only differences mean anything. */
+/* Board time: timer 1 at 4 us per tick. Only differences have a meaning. */
 #ifndef CLOCK_H
 #define CLOCK_H
 
@@ -13,14 +13,14 @@ void clock_overflow(void);
 void clock_millisecond(void);
 void clock_sample(void);
 
-/* Time now. May be called with interrupts on or off. */
+/* Present time. May be called with interrupts on or off. */
 ticks_t clock_now(void);
 
-/* True once for each millisecond that has begun. */
+/* True once per millisecond. */
 bool clock_tick(void);
 
-/* The analog converter's turn comes every 1032 us: sixteen readings last 16.5 ms, the period in
-   which a Sharp distance sensor takes a new measurement. */
+/* Period of the analog converter, 1032 us: sixteen readings take 16.5 ms, the measuring period of a
+   Sharp distance sensor. */
 #define CLOCK_SAMPLE_TICKS 258
 
 #endif

@@ -21,7 +21,7 @@ uint32_t codec_check(const void *payload, uint8_t size)
     return check & CHECK_MASK;
 }
 
-void codec_sign(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES])
+void codec_append_check(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES])
 {
     uint32_t value = codec_check(payload, size);
     check[2] = (uint8_t)value;
@@ -31,12 +31,12 @@ void codec_sign(const void *payload, uint8_t size, uint8_t check[CHECK_BYTES])
 
 uint8_t codec_encode(const void *payload, uint8_t size, uint8_t *wire)
 {
-    uint8_t *code = wire; /* where the distance to the next zero goes */
+    uint8_t *code = wire; /* place of the distance to the next zero */
     uint8_t *to = wire + 1;
     const uint8_t *from = payload;
     for (uint8_t i = 0; i < size; i++)
         *to++ = from[i];
-    codec_sign(payload, size, to);
+    codec_append_check(payload, size, to);
     to += CHECK_BYTES;
     for (uint8_t *at = wire + 1; at != to; at++)
         if (*at == 0) {
@@ -48,8 +48,8 @@ uint8_t codec_encode(const void *payload, uint8_t size, uint8_t *wire)
     return (uint8_t)(to - wire);
 }
 
-/* Undoes COBS: each code is replaced by the zero that it stands for, and the payload begins behind
-   the first. False when the codes do not end at the delimiter. */
+/* Decodes COBS: replaces each code by the zero that it stands for; the payload begins after the first.
+   False when the codes do not end at the delimiter. */
 static bool unstuff(uint8_t *bytes, uint8_t size)
 {
     uint8_t at = 0;
@@ -81,7 +81,7 @@ uint8_t codec_receive(codec_t *codec, uint8_t byte)
     uint8_t used = codec->used;
     codec->used = 0;
     if (used == 0)
-        return CODEC_MORE; /* delimiters in a row are idle line */
+        return CODEC_MORE; /* consecutive delimiters are an idle line */
     if (used == WIRE_LONGEST)
         return CODEC_DAMAGED;
     return whole(codec->bytes, used) ? CODEC_FRAME : CODEC_DAMAGED;

@@ -2,7 +2,7 @@
 
 void deadman_begin(deadman_t *deadman)
 {
-    *deadman = (deadman_t){.mode = MODE_UNSET, .owner = NOBODY};
+    *deadman = (deadman_t){.mode = MODE_UNSET, .owner = NO_OWNER};
 }
 
 void deadman_ready(deadman_t *deadman)
@@ -12,7 +12,7 @@ void deadman_ready(deadman_t *deadman)
 
 bool deadman_allows(const deadman_t *deadman, uint8_t link)
 {
-    return deadman->owner == NOBODY || deadman->owner == link;
+    return deadman->owner == NO_OWNER || deadman->owner == link;
 }
 
 void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t now)
@@ -22,7 +22,7 @@ void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t no
     deadman->since = now;
     if (allowed) {
         deadman->owner = link;
-        deadman->heard = now;
+        deadman->commanded = now;
     }
     if (deadman->mode == MODE_UNSET || deadman->mode == MODE_FAULT || deadman->pressed)
         return;
@@ -36,7 +36,7 @@ bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t seq
             deadman->foreign++;
         return false;
     }
-    deadman->heard = now;
+    deadman->commanded = now;
     if (deadman->mode != MODE_STOPPED && !deadman_drives(deadman))
         return false;
     deadman->mode = mode;
@@ -47,9 +47,9 @@ bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t seq
 
 void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now)
 {
-    if (deadman->owner == NOBODY || now - deadman->heard < limit)
+    if (deadman->owner == NO_OWNER || now - deadman->commanded < limit)
         return;
-    deadman->owner = NOBODY;
+    deadman->owner = NO_OWNER;
     if (deadman_drives(deadman))
         deadman->mode = MODE_EXPIRED;
 }

@@ -1,4 +1,5 @@
-/* Who may move the robot, and for how long. Pure; also built for the host. Times in ticks of 4 us. */
+/* Ownership of the commands, and the dead-man timeout. Pure; also built for the host. Times in ticks
+   of 4 us. */
 #ifndef DEADMAN_H
 #define DEADMAN_H
 
@@ -8,41 +9,41 @@
 #include "protocol.h"
 #include "ticks.h"
 
-#define NOBODY 0xFF
+#define NO_OWNER 0xFF
 
 typedef struct {
     uint8_t mode;     /* MODE_... of the protocol */
-    uint8_t owner;    /* link, or NOBODY */
-    uint8_t sequence; /* number of the command in force */
-    uint8_t foreign;  /* commands of a link that did not own them */
-    bool pressed;     /* the stop button, now */
-    ticks_t heard;   /* when the owner's last valid command came */
-    ticks_t since;   /* when the command in force took hold */
+    uint8_t owner;    /* link that owns the commands, or NO_OWNER */
+    uint8_t sequence; /* sequence number of the command in force */
+    uint8_t foreign;  /* number of commands of a link that does not own them */
+    bool pressed;     /* state of the stop button */
+    ticks_t commanded; /* when the owner's last valid command arrived */
+    ticks_t since;     /* when the command in force took effect */
 } deadman_t;
 
 void deadman_begin(deadman_t *deadman);
 
-/* Valid settings are in use: the robot may move from now on. */
+/* Valid settings are in use: the robot may move. */
 void deadman_ready(deadman_t *deadman);
 
-/* A stop from any link. It claims the commands when nobody owns them; from a link that does not
-   own them it holds the robot until the owner has sent a stop itself. */
+/* A stop from any link. It claims the commands when no link owns them. From a link that does not own
+   them it overrules the owner, which cannot drive until it has sent a stop itself. */
 void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t now);
 
-/* A command that would set `mode`; true when it is to be obeyed. */
+/* A command that sets `mode`; true when it is accepted. */
 bool deadman_command(deadman_t *deadman, uint8_t link, uint8_t mode, uint8_t sequence, ticks_t now);
 
-/* True when `link` may change what does not move: it owns the commands, or nobody does. */
+/* True when `link` may change settings: it owns the commands, or no link does. */
 bool deadman_allows(const deadman_t *deadman, uint8_t link);
 
-/* The passing of time: an owner silent for `limit` ticks loses the commands. */
+/* Dead-man timeout: an owner silent for `limit` ticks loses the commands. */
 void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now);
 
 void deadman_fault(deadman_t *deadman);
 void deadman_clear(deadman_t *deadman);
 void deadman_button(deadman_t *deadman, bool pressed);
 
-/* True while the motors may have power. */
+/* True while the motors may be driven. */
 static inline bool deadman_drives(const deadman_t *deadman)
 {
     return deadman->mode == MODE_SPEED || deadman->mode == MODE_DUTY;

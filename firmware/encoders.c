@@ -7,12 +7,12 @@
 #include "clock.h"
 #include "status.h"
 
-/* Ages are told in 16 bits of 64 us; older edges are marked so before the clock comes round. */
+/* Ages have 16 bits of 64 us; older edges are marked before the clock wraps. */
 #define OLD_TICKS ((ticks_t)AGE_NONE * 16)
 
 static ticks_t glitch; /* 0: no filter */
 static uint8_t edge_kind;
-static bool any_flank; /* interrupts on both flanks */
+static bool both_edges; /* interrupts on rising and falling edges */
 static bool capturing;
 
 static void counted(encoder_t *encoder, bool level, ticks_t now)
@@ -33,18 +33,18 @@ static void counted(encoder_t *encoder, bool level, ticks_t now)
         encoder->run++;
 }
 
-/* An edge counts when the level that it ends had lasted the glitch time: bounce of either flank
-   makes only short levels, so neither adds a count. */
+/* An edge counts when the level before it lasted the glitch time: bounce makes only short levels, so
+   it adds no count. */
 void encoders_edge(encoder_t *encoder)
 {
     ticks_t now = clock_now();
     bool level = board_read(&encoder->in);
-    if (any_flank) {
+    if (both_edges) {
         if (capturing)
             capture_put(encoder->wheel, level, now);
         ticks_t lasted = now - encoder->changed;
-        /* The level that the first edge since the last look went to; the pin may have gone there
-           and back before this interrupt ran. */
+        /* Level after the first edge since the last interrupt; the pin may have changed twice before
+           this interrupt ran. */
         bool reached = !encoder->level;
         encoder->changed = now;
         encoder->level = level;
@@ -62,12 +62,12 @@ void encoders_edge(encoder_t *encoder)
 static void sense(encoder_t *encoder)
 {
     encoder->level = board_read(&encoder->in);
-    board_sense(encoder->interrupt, any_flank ? EDGE_BOTH : edge_kind);
+    board_sense(encoder->interrupt, both_edges ? EDGE_BOTH : edge_kind);
 }
 
-static void choose_flanks(void)
+static void choose_edges(void)
 {
-    any_flank = glitch != 0 || capturing || edge_kind == EDGE_BOTH;
+    both_edges = glitch != 0 || capturing || edge_kind == EDGE_BOTH;
 }
 
 void encoders_configure(const settings_t *settings)
@@ -75,7 +75,7 @@ void encoders_configure(const settings_t *settings)
     EIMSK = 0;
     glitch = settings->glitch / 4;
     edge_kind = settings->edge;
-    choose_flanks();
+    choose_edges();
 }
 
 void encoders_connect(encoder_t *encoder, const uint8_t *pins)
@@ -90,7 +90,7 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins)
     sense(encoder);
 }
 
-void encoders_face(encoder_t *encoder, int16_t wanted)
+void encoders_set_direction(encoder_t *encoder, int16_t wanted)
 {
     if (wanted != 0 && !encoder->in_b.at)
         encoder->direction = wanted < 0 ? -1 : 1;
@@ -102,7 +102,7 @@ uint16_t encoders_age(encoder_t *encoder, ticks_t now)
     if (age >= OLD_TICKS)
         encoder->any = false;
     if (now - encoder->changed >= OLD_TICKS)
-        encoder->changed = now - OLD_TICKS; /* before the clock comes round */
+        encoder->changed = now - OLD_TICKS; /* before the clock wraps */
     return encoder->any ? (uint16_t)(age >> 4) : AGE_NONE;
 }
 
@@ -122,7 +122,7 @@ ticks_t encoders_period(const encoder_t *encoder)
 void encoders_capture(encoder_t *left, encoder_t *right, bool on)
 {
     capturing = on;
-    choose_flanks();
+    choose_edges();
     if (left->in.at)
         ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
         {

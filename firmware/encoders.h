@@ -9,50 +9,51 @@
 #include "protocol.h"
 #include "ticks.h"
 
-/* Written by interrupts; everybody else reads with interrupts off what is longer than a byte. */
+/* Written by interrupts; elsewhere fields longer than a byte are read with interrupts off. */
 typedef struct {
-    bit_t in;       /* at null before there are settings */
-    bit_t in_b;     /* the second channel; at null with one channel */
+    bit_t in;       /* `at` is null before there are settings */
+    bit_t in_b;     /* the second channel; `at` is null with one channel */
     uint8_t interrupt;
     uint8_t wheel;  /* 0 left, 1 right */
-    bool level;     /* last one seen, when both flanks interrupt */
-    bool reversed;  /* quadrature counts the other way */
-    bool any;       /* there is a last edge, not too old */
-    volatile bool moved; /* an edge was counted; whoever reads this clears it */
+    bool level;     /* at the last interrupt, when both edges interrupt */
+    bool reversed;  /* quadrature counts down going forward */
+    bool any;       /* `last` is valid */
+    volatile bool moved; /* an edge was counted; the reader clears it */
     int8_t direction;
-    volatile uint8_t run; /* edges since the start from rest, up to 2 */
+    volatile uint8_t run; /* edges since standstill, up to 2 */
     uint16_t count;
     ticks_t changed; /* when the level last changed */
-    ticks_t last;    /* when the last edge counted */
+    ticks_t last;    /* when the last edge was counted */
     ticks_t period;
 } encoder_t;
 
 /* From its external interrupt. */
 void encoders_edge(encoder_t *encoder);
 
-/* What both have in common; neither interrupts any more until it is connected. */
+/* Applies the settings of both encoders; each is off until it is connected. */
 void encoders_configure(const settings_t *settings);
 
-/* `pins` are the first and the second channel, as they stand in the settings. Interrupts off. */
+/* `pins`: first and second channel, as in the settings. To be called with interrupts off. */
 void encoders_connect(encoder_t *encoder, const uint8_t *pins);
 
-/* Which way a wheel turns, as the sign of what its motor is commanded. Quadrature knows better. */
-void encoders_face(encoder_t *encoder, int16_t wanted);
+/* Sets the counting direction to the sign of the motor's command. No effect with quadrature. */
+void encoders_set_direction(encoder_t *encoder, int16_t wanted);
 
-/* Since the last edge, 64 us; AGE_NONE when there was none, or long ago. Interrupts off. */
+/* Age of the last edge in 64 us; AGE_NONE when there was none, or too long ago. To be called with
+   interrupts off. */
 uint16_t encoders_age(encoder_t *encoder, ticks_t now) __attribute__((noinline));
 
-/* The larger of the time between the last two edges and the time since the last; TICKS_UNKNOWN when
-   there were fewer than two since the wheel started. */
+/* The larger of the time between the last two edges and the time since the last one; TICKS_UNKNOWN
+   with fewer than two edges since standstill. */
 ticks_t encoders_period(const encoder_t *encoder);
 
-/* Forgets the run of edges: the next one is the first since rest. */
+/* The next edge is the first since standstill. */
 static inline void encoders_forget(encoder_t *encoder)
 {
     encoder->run = 0;
 }
 
-/* Raw edges of both flanks go to the capture ring while on. */
+/* While on, every rising and falling edge is added to the capture ring. */
 void encoders_capture(encoder_t *left, encoder_t *right, bool on);
 
 #endif

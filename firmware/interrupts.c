@@ -1,5 +1,5 @@
-/* All interrupts enter here. The compiler would save and restore a dozen registers in each of
-   eleven handlers, a tenth of the image; one entry does it once, and hands on who called. */
+/* Common entry of all interrupts. The compiler would save and restore a dozen registers in each of
+   eleven handlers, a tenth of the image; here this code exists once and gets the handler's number. */
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
@@ -30,7 +30,7 @@ ENTRY(TIMER1_COMPA_vect, MILLISECOND)
 ENTRY(TIMER1_COMPB_vect, SAMPLE)
 ENTRY(ADC_vect, CONVERTED)
 
-/* Saves what a called function may change (avr-gcc's ABI), calls, restores. */
+/* Saves the registers that a function may change (avr-gcc ABI), calls interrupts_serve, restores. */
 __attribute__((naked, used, externally_visible)) void interrupts_enter(void)
 {
     __asm__ volatile(

@@ -7,17 +7,17 @@
 #include "progmem.h"
 #include "status.h"
 
-#define ROOM_IN 64   /* 5.5 ms at 115200 */
+#define ROOM_IN 64   /* 5.5 ms at 115200 baud */
 #define ROOM_OUT 128 /* five state frames */
 #define NO_CHANGE 0xFF
-#define LAST_BYTES_MS 4 /* two bytes may still be in the UART: 2.1 ms at 9600 */
+#define LAST_BYTES_MS 4 /* two bytes may be in the UART: 2.1 ms at 9600 baud */
 
 typedef struct {
     volatile uint8_t in_head, out_tail, out_head;
     uint8_t in_tail;
     uint8_t baud; /* code to change to, or NO_CHANGE */
     bool spoken;
-    uint8_t idle; /* ms since the ring of bytes to send was seen empty */
+    uint8_t idle; /* ms since the send ring is empty */
     codec_t codec;
     volatile uint8_t in[ROOM_IN];
     volatile uint8_t out[ROOM_OUT];
@@ -25,11 +25,11 @@ typedef struct {
 
 static port_t ports[LINKS];
 
-/* Divisors at 16 MHz, double speed: the nearest to 9600, 19200, 38400, 57600, 115200. */
+/* Divisors at 16 MHz, double speed, for 9600, 19200, 38400, 57600, 115200 baud. */
 static const uint8_t divisors[] PROGMEM = {207, 103, 51, 34, 16};
 
-/* The registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. Every
-   AVR with more than one has them eight bytes apart. */
+/* Registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. Every AVR
+   with several UARTs has them eight bytes apart. */
 #define UART(link) (&UCSR0A + 8 * (link))
 #define STATE 0
 #define CONTROL 1
@@ -64,7 +64,7 @@ void link_received(uint8_t link)
     uint8_t byte = UART(link)[DATA];
     uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
     if (next == port->in_tail)
-        return; /* the frame that misses this byte fails its checksum */
+        return; /* ring full: the frame without this byte fails its checksum */
     port->in[port->in_head] = byte;
     port->in_head = next;
 }
@@ -140,7 +140,7 @@ void link_tick(void)
     }
 }
 
-bool link_spoken(uint8_t link)
+bool link_active(uint8_t link)
 {
     return ports[link].spoken;
 }

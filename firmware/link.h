@@ -1,4 +1,4 @@
-/* The two serial links: UART0 (USB) and UART1 (Bluetooth). The same frames on both. */
+/* The two serial links, UART0 (USB) and UART1 (Bluetooth), with the same frames. */
 #ifndef LINK_H
 #define LINK_H
 
@@ -9,26 +9,26 @@
 
 void link_start(void);
 
-/* From the interrupts of a UART: a byte has come; there is room for one to go. */
+/* From the interrupts of a UART: a byte was received; the next can be sent. */
 void link_received(uint8_t link);
 void link_empty(uint8_t link);
 
-/* A BAUD_... code for a link; takes hold when what waits has gone out. */
+/* Sets a BAUD_... code of a link; takes effect when the waiting bytes have been sent. */
 void link_baud(uint8_t link, uint8_t code);
 
-/* The next whole frame of a link, or null. It stays valid until the next call for that link. */
+/* Payload of the next frame of a link, or null. Valid until the next call for that link. */
 const void *link_receive(uint8_t link);
 
-/* Queues a frame; false, and counted, when it does not fit. Never waits. */
+/* Queues a frame; when it does not fit, counts it as dropped and returns false. Never waits. */
 bool link_send(uint8_t link, const void *payload, uint8_t size);
 
-/* Bytes that wait to be sent. */
+/* Number of bytes that wait to be sent. */
 uint8_t link_backlog(uint8_t link);
 
-/* Changes a baud rate that waits for silence. */
+/* Applies a new baud rate when the line is idle. To be called each millisecond. */
 void link_tick(void);
 
-/* Telemetry goes only where somebody has spoken validly. */
-bool link_spoken(uint8_t link);
+/* True when a valid frame was received on the link: telemetry is sent only there. */
+bool link_active(uint8_t link);
 
 #endif

@@ -1,4 +1,4 @@
-/* diffbot: the firmware of a two-wheeled robot. Sleeps until an interrupt brings work. */
+/* diffbot: firmware of a differential-drive robot. The main loop sleeps between interrupts. */
 #include <avr/interrupt.h>
 #include <avr/sleep.h>
 
@@ -14,7 +14,7 @@ static void listen(void)
     for (uint8_t link = 0; link < LINKS; link++) {
         const void *payload;
         while ((payload = link_receive(link)) != 0)
-            robot_obey(link, payload);
+            robot_handle(link, payload);
     }
 }
 
@@ -25,7 +25,7 @@ int main(void)
     clock_start();
     link_start();
     robot_start();
-    SMCR = 1 << SE; /* idle: timers and serial ports go on */
+    SMCR = 1 << SE; /* idle mode: timers and serial ports keep running */
     sei();
     for (;;) {
         uint16_t begun = (uint16_t)clock_now();
@@ -33,10 +33,10 @@ int main(void)
         listen();
         while (clock_tick())
             robot_tick();
-        /* The motors are released and the watchdog bites long before this wraps. */
+        /* The motors are released and the watchdog resets the chip long before this wraps. */
         uint16_t took_us = (uint16_t)(((uint16_t)clock_now() - begun) * 4);
         if (took_us > status[ITEM_LOOP])
             status[ITEM_LOOP] = took_us;
-        sleep_cpu(); /* a byte that came just before is looked at within the millisecond */
+        sleep_cpu(); /* a byte received just before is read within a millisecond */
     }
 }

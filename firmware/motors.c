@@ -1,13 +1,13 @@
 #include "motors.h"
 
-/* The timer holds the pin only between the ends: fast PWM cannot be quite off or quite on. */
+/* The timer drives the pin only between 0 and full duty, which fast PWM cannot produce exactly. */
 static void enable(const motor_t *motor, uint8_t duty)
 {
     if (!motor->pwm.compare)
         return;
     if (motor->inverted)
         duty = (uint8_t)~duty;
-    *motor->pwm.compare = duty; /* the high byte of a 16-bit timer's stays 0 */
+    *motor->pwm.compare = duty; /* the high byte of a 16-bit timer stays 0 */
     board_write(&motor->pins[ENABLE], OUTPUT, duty == UINT8_MAX);
     board_write(&motor->pwm.connect, 0, (uint8_t)(duty + 1) > 1);
 }

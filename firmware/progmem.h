@@ -1,4 +1,4 @@
-/* Tables in program memory; plain constants where the pure parts are built for the host. */
+/* Tables in program memory; plain constants when built for the host. */
 #ifndef PROGMEM_H
 #define PROGMEM_H
 

@@ -8,27 +8,27 @@
 
 #define MAGIC 0xD1FB
 #define HUNG_MS 100
-/* The watchdog bites after 250 ms; a loop that had not passed for most of that was hung. */
+/* The watchdog resets after 250 ms: a reset after most of this time without a pass is its own. */
 #define BITTEN_MS 200
 #define PAINT 0xA5
 #define GAP 64
-/* EEPROM cell that counts power-ups, behind the slots of the settings: after one, no number in
-   memory tells this start from the last. */
+/* EEPROM cell that counts power-ups, after the slots of the settings: RAM, which counts the other
+   starts, is lost at a power-up. */
 #define POWER_UPS ((uint8_t *)128)
 
-/* Memory that a restart leaves as it was. The bootloader clears the chip's own record (MCUSR), so
-   the cause is told from this when that is empty. */
+/* Memory that keeps its content over a restart. The bootloader clears the chip's reset flags (MCUSR);
+   the cause is determined from this memory when they are empty. */
 static struct {
     uint16_t magic;
     uint8_t boots;
-    volatile uint8_t silent; /* ms since the main loop last passed */
+    volatile uint8_t silent; /* ms since the last pass of the main loop */
 } kept __attribute__((section(".noinit")));
 
 uint8_t reset_cause;
 extern uint8_t _end;
-static uint8_t *lowest; /* of the stack, as far as it was ever used */
+static uint8_t *lowest; /* lowest address of the stack in use so far */
 
-/* A watchdog left running by a watchdog reset would bite during start-up. */
+/* After a watchdog reset the watchdog is still running: stop it before it resets the start-up. */
 static uint8_t flags __attribute__((section(".noinit")));
 void reset_early(void) __attribute__((naked, used, section(".init3")));
 void reset_early(void)
@@ -66,7 +66,7 @@ void reset_begin(void)
     reset_cause = cause();
     if (kept.magic != MAGIC) {
         kept.boots = (uint8_t)(eeprom_read_byte(POWER_UPS) + 1);
-        eeprom_write_byte(POWER_UPS, kept.boots); /* takes 3 ms of its own, nobody waits */
+        eeprom_write_byte(POWER_UPS, kept.boots); /* takes 3 ms in the background */
     }
     kept.magic = MAGIC;
     kept.boots++;
@@ -95,8 +95,8 @@ bool reset_hung(void)
 
 uint16_t reset_free_stack(void)
 {
-    /* Not from the end of the variables on, which would take milliseconds: no function leaves a gap
-       of this many untouched bytes. */
+    /* Searching from the end of the variables would take milliseconds: start GAP below the last result,
+       since no function leaves that many bytes untouched. */
     uint8_t *at = lowest - GAP;
     if (at < &_end)
         at = &_end;

@@ -1,4 +1,4 @@
-/* Why the board started, which start this is, and the watchdog. */
+/* Cause and number of the present start, and the watchdog. */
 #ifndef RESET_H
 #define RESET_H
 
@@ -7,19 +7,19 @@
 
 extern uint8_t reset_cause; /* RESET_... of the protocol */
 
-/* Finds the cause, counts the start, turns the watchdog on. */
+/* Determines the cause, counts the start, starts the watchdog. */
 void reset_begin(void);
 
-/* Low bits of the number of starts since power came on. */
+/* Low 4 bits of the number of starts. */
 uint8_t reset_boot(void);
 
-/* To be called by every pass of the main loop. */
+/* To be called in every pass of the main loop. */
 void reset_feed(void);
 
-/* Called each millisecond from an interrupt: true when the main loop has not passed for 100 ms. */
+/* To be called each millisecond from an interrupt: true when the main loop has hung for 100 ms. */
 bool reset_hung(void);
 
-/* Bytes of stack never used. */
+/* Bytes of stack that were never used. */
 uint16_t reset_free_stack(void);
 
 #endif

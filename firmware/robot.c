@@ -18,18 +18,18 @@
 #define VERSION_MINOR 1
 #define VERSION_PATCH 0
 #define LIGHT_PIN 13
-/* A wheel without an edge for this many loop periods stands still: 300 ms. */
+/* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
-/* The button must be seen for this long, so that a spike of the motors is no press. */
+/* Time that the button must be pressed, so that motor noise is not taken for a press. */
 #define PRESS_MS 3
 
 static deadman_t deadman;
 static settings_t settings;
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
-static uint32_t limit; /* of the dead-man, ticks */
+static uint32_t limit; /* dead-man timeout, ticks */
 static uint8_t faults; /* FLAG_... */
 static uint8_t period_ms, press_ms, rest;
-static bit_t button; /* without a pin, mask 0 */
+static bit_t button; /* mask 0: no button */
 
 static void release(void)
 {
@@ -40,7 +40,7 @@ static void release(void)
     }
 }
 
-/* Takes over what the settings say of one wheel: its pins, from the enable's on, and its gains. */
+/* Applies the settings of one wheel: its pins, from `enable` on, and its gains. */
 static void use_wheel(wheel_t *wheel, const uint8_t *pins, uint16_t start, uint16_t gain)
 {
     speed_t *speed = &wheel->speed;
@@ -57,7 +57,7 @@ static void use_wheel(wheel_t *wheel, const uint8_t *pins, uint16_t start, uint1
 
 static void use(void)
 {
-    wheels_release(); /* off by the old settings */
+    wheels_release(); /* motors off, with the old pins */
     settings_mark = codec_check(&settings, sizeof settings);
     limit = (uint32_t)settings.deadman * TICKS_PER_MS;
     encoders_configure(&settings);
@@ -78,7 +78,7 @@ static void use(void)
     deadman_ready(&deadman);
 }
 
-/* What becomes of new settings: a refusal, and the field that is to blame. */
+/* Applies new settings, or returns the refusal and the field that causes it. */
 static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
 {
     *field = 0;
@@ -86,7 +86,7 @@ static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
         return REFUSAL_OWNED;
     if (settings_mark != 0) {
         if (codec_check(wanted, sizeof *wanted) == settings_mark)
-            return REFUSAL_NONE; /* the same; the host knows settings by this number, too */
+            return REFUSAL_NONE; /* unchanged; the host, too, identifies settings by their checksum */
         if (rest < REST_PERIODS)
             return REFUSAL_MOVING;
     }
@@ -132,10 +132,10 @@ void robot_start(void)
         use();
     link_tick();
     for (uint8_t link = 0; link < LINKS; link++)
-        hello(link); /* a host that was driving learns at once that the board has restarted */
+        hello(link); /* informs a host that was driving of the restart */
 }
 
-/* Brings a wheel's duty up to date; `passed` as the speed loop wants it. */
+/* Updates a wheel's duty; `passed` as in speed_step. */
 static void power(wheel_t *wheel, bool passed)
 {
     if (deadman.mode == MODE_SPEED)
@@ -145,7 +145,7 @@ static void power(wheel_t *wheel, bool passed)
 
 static void drive_wheel(wheel_t *wheel, int16_t wanted)
 {
-    encoders_face(&wheel->encoder, wanted);
+    encoders_set_direction(&wheel->encoder, wanted);
     if (deadman.mode == MODE_DUTY)
         wheel->speed.duty = wanted;
     else if (speed_command(&wheel->speed, wanted))
@@ -153,7 +153,7 @@ static void drive_wheel(wheel_t *wheel, int16_t wanted)
     power(wheel, false);
 }
 
-/* A command and a duty frame have the same shape. */
+/* A command and a duty frame have the same layout. */
 static void drive(uint8_t link, const command_t *frame)
 {
     uint8_t mode = frame->type == TYPE_DUTY ? MODE_DUTY : MODE_SPEED;
@@ -166,7 +166,7 @@ static void drive(uint8_t link, const command_t *frame)
     drive_wheel(RIGHT, frame->right);
 }
 
-/* Pin 13 is the light only as long as the settings leave it free. */
+/* Pin 13 is the LED unless the settings use it. */
 static void light(uint8_t how)
 {
     static bool lit;
@@ -194,9 +194,9 @@ static void act(uint8_t link, const action_t *frame)
         telemetry_capture(frame->value);
 }
 
-void robot_obey(uint8_t link, const void *payload)
+void robot_handle(uint8_t link, const void *payload)
 {
-    const stop_t *frame = payload; /* type and sequence stand alike in every frame to the board */
+    const stop_t *frame = payload; /* every frame to the board has type and sequence here */
     switch (frame->type) {
     case TYPE_COMMAND:
     case TYPE_DUTY:
@@ -216,7 +216,7 @@ void robot_obey(uint8_t link, const void *payload)
         answer(link, payload);
         break;
     default:
-        break; /* frames of a board: a line that echoes */
+        break; /* frames of a board: the line echoes */
     }
 }
 
@@ -239,7 +239,7 @@ static void loop(void)
         rest++;
     for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
         bool edge = wheel->encoder.moved;
-        wheel->encoder.moved = false; /* an edge just between is seen by the next one */
+        wheel->encoder.moved = false; /* an edge between these lines is missed here */
         power(wheel, true);
         if (edge || wheel->speed.duty != 0)
             rest = 0;

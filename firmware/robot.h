@@ -1,4 +1,4 @@
-/* The robot as commanded: wheels, modes, settings in use. Everything a frame can do ends here. */
+/* The robot: wheels, mode, settings in use. Carries out the frames. */
 #ifndef ROBOT_H
 #define ROBOT_H
 
@@ -7,10 +7,10 @@
 
 void robot_start(void);
 
-/* Obeys one frame that came on `link`. */
-void robot_obey(uint8_t link, const void *payload);
+/* Carries out one frame received on `link`. */
+void robot_handle(uint8_t link, const void *payload);
 
-/* Each millisecond. */
+/* To be called each millisecond. */
 void robot_tick(void);
 
 #endif

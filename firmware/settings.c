@@ -7,7 +7,7 @@
 
 enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, OPTIONAL = 0x10 };
 
-/* What the pins of the settings frame are for, in its order from left_enable on. */
+/* Roles of the pins of the settings frame, in its order from left_enable on. */
 #define PINS 13
 static const uint8_t roles[PINS] PROGMEM = {
     PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL,
@@ -15,8 +15,8 @@ static const uint8_t roles[PINS] PROGMEM = {
     ANALOG_CHANNEL | OPTIONAL, ANALOG_CHANNEL | OPTIONAL,
 };
 
-/* Lowest and highest of the numbers of the settings frame, in its order from telemetry on; the last
-   holds for every gain. */
+/* Minimum and maximum of the numbers of the settings frame, in its order from telemetry on; the last
+   row is that of every gain. */
 #define NUMBERS 10
 #define GAINS 4
 static const uint16_t limits[GAINS + 1][2] PROGMEM = {
@@ -40,7 +40,7 @@ static uint8_t suits(uint8_t number, uint8_t role)
 
 static uint8_t check_pins(const uint8_t *wanted, uint8_t *index)
 {
-    uint8_t pins[PINS]; /* analog channels too, as the pins that they are */
+    uint8_t pins[PINS]; /* analog channels as pin numbers */
     for (uint8_t i = 0; i < PINS; i++) {
         uint8_t role = pgm_read_byte(&roles[i]), pin = wanted[i];
         *index = i;

@@ -1,4 +1,4 @@
-/* What the firmware must know of the robot: whether it can be used. Pure; also built for the host. */
+/* Check of the robot's settings. Pure; also built for the host. */
 #ifndef SETTINGS_H
 #define SETTINGS_H
 
@@ -6,7 +6,7 @@
 
 #include "protocol.h"
 
-/* REFUSAL_NONE, or why these settings cannot be used and which field is to blame. */
+/* REFUSAL_NONE, or the reason why these settings cannot be used and the field that causes it. */
 uint8_t settings_check(const settings_t *settings, uint8_t *field);
 
 #endif

@@ -1,14 +1,14 @@
 #include "speed.h"
 
-/* A time between edges above which the wheel's speed is not known: 300 ms. */
+/* Time between edges above which the wheel's speed is unknown: 300 ms. */
 #define PERIOD_LONGEST (TICKS_PER_SECOND * 3 / 10)
-/* 2 pi * 256 * 250000: one turn in the units of pitch. */
+/* 2 pi * 256 * 250000: one turn in the unit of pitch. */
 #define TURN 402123860UL
-/* What fits into the fixed point of `wanted` and `sum`: duty with 8 bits of fraction. */
+/* Full duty in the fixed point of `wanted` and `sum`, with 8 bits of fraction. */
 #define FULL ((int32_t)DUTY_FULL << 8)
 /* The integrator may add a quarter of full duty. */
 #define INTEGRATOR_LIMIT (FULL / 4)
-/* On a reversal power grows by at most 0.05 a period, so that a gear is not slammed. */
+/* After a reversal the duty grows by at most 0.05 per period, to protect the gear. */
 #define SLEW 1638
 /* Duty above 0.3 for 500 ms must give an edge. */
 #define STALL_DUTY 9830
@@ -21,7 +21,7 @@ uint32_t speed_pitch(uint16_t slots)
 
 void speed_stop(speed_t *speed)
 {
-    speed->target = 0; /* the next one starts with a cleared integrator */
+    speed->target = 0; /* the next target clears the integrator */
     speed->duty = 0;
     speed->stalled = 0;
 }
@@ -30,7 +30,7 @@ bool speed_command(speed_t *speed, int16_t target)
 {
     int16_t before = speed->target;
     if (target == INT16_MIN)
-        target++; /* has no opposite */
+        target++; /* its negative does not fit */
     speed->target = target;
     if (before != 0 && target != 0 && (before ^ target) >= 0)
         return false;
@@ -41,7 +41,7 @@ bool speed_command(speed_t *speed, int16_t target)
     return true;
 }
 
-/* Speed that the wheel lacks, in the direction of its target; 0 while its speed is not known. */
+/* Speed error in the direction of the target; 0 while the speed is unknown. */
 static int16_t lack(int16_t target, uint32_t pitch, ticks_t period)
 {
     if (period > PERIOD_LONGEST)
@@ -62,8 +62,8 @@ static void gather(speed_t *speed, int32_t more)
     speed->sum = more;
 }
 
-/* After a reversal power grows slowly until it is what is wanted. `was` is negative while it is still
-   that of the old direction. */
+/* Limits the growth of the duty after a reversal. `was` is negative while it is that of the old
+   direction. */
 static int16_t slewed(speed_t *speed, int16_t was, int16_t duty, bool passed)
 {
     if (was < 0)
@@ -79,8 +79,8 @@ static int16_t slewed(speed_t *speed, int16_t was, int16_t duty, bool passed)
     return speed->slewing ? was : duty;
 }
 
-/* All in the direction of the target, so that signs need no care: the loop is symmetric. No gain is
-   above GAIN_MAXIMUM, so the sum of both products and the rest fits into 32 bits. */
+/* All values are in the direction of the target: the loop is symmetric. No gain exceeds GAIN_MAXIMUM,
+   so the sum of the products and the other terms fits into 32 bits. */
 void speed_step(speed_t *speed, ticks_t period, bool passed)
 {
     bool backwards = speed->target < 0;

@@ -12,30 +12,30 @@
 #define DUTY_FULL 32767
 
 typedef struct {
-    /* As in the settings: duty that just moves the wheel and duty per rad/s, then duty per rad/s of
-       error, all in 1/32768, and per rad of error, in 1/INTEGRAL_ONE. */
+    /* As in the settings: duty that just moves the wheel, duty per rad/s, duty per rad/s of error, in
+       1/32768; duty per rad of error, in 1/INTEGRAL_ONE. */
     int16_t start, gain, proportional, integral;
-    uint32_t pitch; /* one slot's angle, 1/256 rad/s times ticks */
+    uint32_t pitch; /* angle of one slot, 1/256 rad/s times ticks */
     int16_t target;
     int16_t duty;
     int32_t sum; /* integrator, duty in 1/32768/256 */
     bool slewing;
-    uint8_t stalled; /* loop periods with power and without an edge */
+    uint8_t stalled; /* loop periods with drive and without an edge */
 } speed_t;
 
-/* One slot's angle in the units of `pitch`, for `slots` counts a turn. */
+/* Angle of one slot in the unit of `pitch`, for `slots` counts per turn. */
 uint32_t speed_pitch(uint16_t slots);
 
 void speed_stop(speed_t *speed);
 
-/* A new target; its feed-forward acts with the next step, which should follow at once. True when it
-   starts the wheel, stops it or turns it round: the edges' history counts no more then. */
+/* Sets a new target; its feed-forward acts in the next step, which should follow at once. True when it
+   starts, stops or reverses the wheel: the last edges are then no measure of its speed. */
 bool speed_command(speed_t *speed, int16_t target);
 
-/* Works out the duty from the time between edges; `passed` when a period of the loop has passed. */
+/* Computes the duty from the time between edges; `passed`: a period of the loop has passed. */
 void speed_step(speed_t *speed, ticks_t period, bool passed);
 
-/* To be called once a period: true when the wheel has had power for long and gave no edge. */
+/* To be called once a period: true when the wheel was driven for 500 ms and gave no edge. */
 bool speed_stalled(speed_t *speed, bool edge);
 
 #endif

@@ -1,5 +1,5 @@
-/* What changes slowly, in the order of the protocol's items. Whoever knows one keeps it here; two are
-   counted by interrupts, so readers switch those off. */
+/* Slowly changing values, in the order of the protocol's items. Each module writes its own; interrupts
+   count two of them, so readers switch interrupts off. */
 #ifndef STATUS_H
 #define STATUS_H
 

@@ -6,13 +6,13 @@
 
 #define SLOTS 2
 #define SLOT_ROOM 64
-/* Says that all other bytes of the slot were written; erased first and written last. */
+/* Marks a completely written slot; erased first and written last. */
 #define COMPLETE 0xA5
 #define ERASED 0xFF
 
 typedef struct {
     uint8_t marker;
-    uint8_t version; /* of the protocol, which gives the payload its meaning */
+    uint8_t version; /* of the protocol, which defines the payload */
     uint8_t generation;
     settings_t settings;
     uint8_t check[CHECK_BYTES];
@@ -23,7 +23,8 @@ typedef struct {
 
 static slot_t image; /* being written, or just read */
 static uint8_t slot, generation;
-static uint8_t left; /* steps of a write: the first erases the marker, the last sets it */
+/* Steps of a write; the first erases the marker, the last sets it. */
+static uint8_t remaining;
 static bool done;
 
 static uint8_t *address(uint8_t number)
@@ -53,28 +54,28 @@ bool store_load(settings_t *settings)
 
 void store_begin(const settings_t *settings)
 {
-    if (left == 0) { /* a write under way starts anew in its own slot */
+    if (remaining == 0) { /* a running write starts again in its slot */
         slot ^= 1;
         generation++;
     }
     image.version = PROTOCOL_VERSION;
     image.generation = generation;
     image.settings = *settings;
-    codec_sign(&image.version, BODY - CHECK_BYTES, image.check);
-    left = STEPS;
+    codec_append_check(&image.version, BODY - CHECK_BYTES, image.check);
+    remaining = STEPS;
     done = false;
 }
 
 void store_tick(void)
 {
-    if (left == 0 || !eeprom_is_ready())
+    if (remaining == 0 || !eeprom_is_ready())
         return;
     uint8_t *to = address(slot);
-    left--;
-    if (left == BODY + 1) {
+    remaining--;
+    if (remaining == BODY + 1) {
         eeprom_write_byte(to, ERASED);
-    } else if (left != 0) {
-        eeprom_write_byte(to + left, ((const uint8_t *)&image)[left]);
+    } else if (remaining != 0) {
+        eeprom_write_byte(to + remaining, ((const uint8_t *)&image)[remaining]);
     } else {
         eeprom_write_byte(to, COMPLETE);
         done = true;

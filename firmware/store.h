@@ -1,4 +1,4 @@
-/* Settings in the EEPROM: two slots written in turn, so that a cut at any byte leaves one valid. */
+/* Settings in the EEPROM: two slots, written alternately, so that one is valid after a power loss. */
 #ifndef STORE_H
 #define STORE_H
 
@@ -10,13 +10,13 @@
 /* Settings of the newest valid slot; false when there is none. */
 bool store_load(settings_t *settings);
 
-/* Begins to write settings into the older slot. */
+/* Starts to write settings into the older slot. */
 void store_begin(const settings_t *settings);
 
-/* Writes the next byte once the last one is done. */
+/* Writes the next byte when the last one is written. */
 void store_tick(void);
 
-/* True when the settings last begun or loaded stand in the EEPROM. */
+/* True when the settings last started or loaded are in the EEPROM. */
 bool store_done(void);
 
 #endif

@@ -14,7 +14,7 @@
 #define COMMAND_UNIT_TICKS 32 /* 128 us */
 #define DEFAULT_RATE 40
 #define ANY_BACKLOG UINT8_MAX
-/* Status goes out only right behind a state frame, so that answers are never held up by it. */
+/* Status is sent only directly after a state frame, so that it never delays an answer. */
 #define STATE_BACKLOG (sizeof(state_t) + CHECK_BYTES + 2)
 
 static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE; /* ticks */
@@ -35,15 +35,15 @@ void telemetry_capture(bool on)
     encoders_capture(&LEFT->encoder, &RIGHT->encoder, on);
 }
 
-/* Leaves a link out that has more than `backlog` bytes to send already. */
+/* Sends on every active link with at most `backlog` waiting bytes. */
 static void send(const void *payload, uint8_t size, uint8_t backlog)
 {
     for (uint8_t link = 0; link < LINKS; link++)
-        if (link_spoken(link) && link_backlog(link) <= backlog)
+        if (link_active(link) && link_backlog(link) <= backlog)
             link_send(link, payload, size);
 }
 
-/* The same structure serves both kinds of frame: a counts frame is its beginning. */
+/* One structure for both types of frame: a counts frame is the beginning of a state frame. */
 static void send_state(const deadman_t *deadman)
 {
     state_t frame = {.type = state_size == sizeof(state_t) ? TYPE_STATE : TYPE_COUNTS};
@@ -80,7 +80,7 @@ static uint8_t flags(const deadman_t *deadman, uint8_t faults)
     return flags;
 }
 
-/* The next item in turn. */
+/* Sends the next item. */
 static void send_status(const deadman_t *deadman, uint8_t faults)
 {
     status_t frame = {.type = TYPE_STATUS};
@@ -107,7 +107,7 @@ void telemetry_tick(const deadman_t *deadman, uint8_t faults)
     ticks_t step = capturing ? 2 * period : period;
     next_state += step;
     if (ticks_due(now, next_state))
-        next_state = now + step; /* the loop was held up for more than a frame */
+        next_state = now + step; /* the loop was delayed by more than a frame */
     send_state(deadman);
     if ((sequence & 3) == 0)
         send_status(deadman, faults);

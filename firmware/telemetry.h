@@ -1,4 +1,4 @@
-/* What the board tells of itself, at its own pace. */
+/* Telemetry of the board, at the rate of the settings. */
 #ifndef TELEMETRY_H
 #define TELEMETRY_H
 
@@ -10,10 +10,10 @@
 
 void telemetry_configure(const settings_t *settings);
 
-/* Sends what is due on every link that has been spoken to. */
+/* Sends the frames that are due, on every active link. */
 void telemetry_tick(const deadman_t *deadman, uint8_t faults);
 
-/* Raw edges go out, and state frames at half their rate, while on. */
+/* While on, raw edges are sent, and state frames at half their rate. */
 void telemetry_capture(bool on);
 
 #endif

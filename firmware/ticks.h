@@ -1,5 +1,5 @@
-/* Moments and spans of the board's clock, in ticks of 4 us. Three bytes are enough where four would
-   cost a tenth of the image: they come round after 67 s, and nothing here waits so long. */
+/* Times and durations of the board's clock, in ticks of 4 us. Three bytes, where four would cost a
+   tenth of the image: they wrap after 67 s, longer than any duration used. */
 #ifndef TICKS_H
 #define TICKS_H
 

@@ -16,7 +16,7 @@ extern wheel_t wheels[2];
 #define LEFT (&wheels[0])
 #define RIGHT (&wheels[1])
 
-/* Both motors off at once; may be called from an interrupt. */
+/* Both motors off; may be called from an interrupt. */
 void wheels_release(void);
 
 #endif

@@ -147,7 +147,7 @@ static void fuzz_deadman(deadman_t *deadman, uint32_t *now)
     }
     }
     deadman_tick(deadman, 75000, *now);
-    if (deadman_drives(deadman) && (deadman->owner == NOBODY || *now - deadman->heard >= 75000))
+    if (deadman_drives(deadman) && (deadman->owner == NO_OWNER || *now - deadman->commanded >= 75000))
         exit(5); /* drives although the owner is silent */
 }
 
