@@ -19,7 +19,8 @@ from diffbotctl.messages import Encoders, Goal
 from diffbotctl.recording import writer
 from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs.build_graph import assemble
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 

@@ -18,9 +18,10 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.black_box import BlackBox, StopEvent
 from diffbotctl.recording.black_box_store import SIZE_MAX_BYTES
-from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
-from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.runs.control_socket import RunControlSocket
+from diffbotctl.runs.options import RunOptions, SocketOptions
+from diffbotctl.runs.outputs import RunReports, run_facts, start_black_box
 from diffbotctl.testing.trials.row import Row
 from diffbotctl.time import SECOND
 
@@ -37,9 +38,12 @@ def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
     """A hub with a flight recorder; the engine is this program."""
     setup = load("goal", None, [])
     assembly = assemble(setup, real=False)
-    facts = recording.run_facts(setup, "sim", 0, [], None)
-    flight, keeper = recording.start_black_box(
-        folder, setup, assembly, facts, lambda: None, lambda said: None, print
+    facts = run_facts(setup, RunOptions(), [])
+    flight, keeper = start_black_box(
+        folder,
+        setup,
+        assembly,
+        RunReports(facts, lambda: (0, 0), lambda: None, lambda line: None, print),
     )
     with patch.dict(os.environ, {"XDG_RUNTIME_DIR": str(folder)}):
         station = RunControlSocket(SocketOptions("load"), setup, assembly, "sim", store=keeper)

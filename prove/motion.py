@@ -13,8 +13,10 @@ from typing import NamedTuple
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time
-from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.messages import Goal, GoalState
+from diffbotctl.runs.build_graph import wires_of
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, printed
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
@@ -51,12 +53,32 @@ def configuration(kind: str, *sets: str) -> Configuration:
     return load("goal", ROBOTS[kind], [*OPEN_FLOOR, *TOLERANCES.get(kind, ()), *sets])
 
 
+class TimedRun(Run):
+    """A run that notes when its goal was reached first."""
+
+    reached_at = 0
+
+    def _sinks(self):
+        sinks = super()._sinks()
+        for wire in wires_of(self.assembly, GoalState):
+            sinks[wire].append(self._on_goal_state)
+        return sinks
+
+    def _on_goal_state(self, now, state):
+        if state.state == "reached" and not self.reached_at:
+            self.reached_at = now
+
+    def seconds_of_goal(self):
+        """How long the goal was under way: from the first frame to `reached`."""
+        return (self.reached_at or self.engine.last_instant) / 1e9
+
+
 def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> Trip:
     """Run one goal on the robot that `seed` draws; `reverse`: the bound may drive backwards."""
-    run = Run(setup, RunOptions(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
+    run = TimedRun(setup, RunOptions(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
     start = hypot(goal.x, goal.y)
     farthest = [0.0]
-    plant = run.robot.robot
+    plant = run.plant
     wire = run.engine.compiled  # the truth is looked at after each turn of the loop
     assert wire is not None
 
@@ -65,7 +87,6 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
         farthest[0] = max(farthest[0], hypot(goal.x - body.x, goal.y - body.y) - start)
 
     run.engine.idle = look
-    began = seconds_of_goal(run)
     result = run.go()
     pose, at = result.odometry, result.truth.pose
     heading = goal.heading or 0.0
@@ -91,26 +112,10 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
         hypot(goal.x - at.x, goal.y - at.y),
         abs(turn(heading - at.heading)),
         farthest[0],
-        began() / bound,
+        run.seconds_of_goal() / bound,
         at.x - goal.x,
         at.y - goal.y,
     )
-
-
-def seconds_of_goal(run: Run):
-    """A function that tells how long the goal was under way: from the first frame to `reached`."""
-    ended = [0]
-    hear = run.operator.hear_goal_state
-
-    def note(now, state):
-        if state.state == "reached" and not ended[0]:
-            ended[0] = now
-        hear(now, state)
-
-    for sinks in [run.engine.compiled]:
-        assert sinks is not None
-    run.operator.hear_goal_state = note
-    return lambda: (ended[0] or run.engine.last_instant) / 1e9
 
 
 def goals_within(nearest: float, farthest: float, chance: Random) -> Goal:

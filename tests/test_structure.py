@@ -370,8 +370,9 @@ REAL_RUN = """
 import os, sys
 from pathlib import Path
 from diffbotctl.config.load import load
-from diffbotctl.runs.control_socket import SocketOptions
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import SocketOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 port = os.ttyname(os.openpty()[1])
 configuration = load("goal", sys.argv[1], (), real=True)

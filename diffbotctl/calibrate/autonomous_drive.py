@@ -89,8 +89,8 @@ class AutonomousDrive:
         nodes, command = _pipeline(robot, style)
         sinks: dict[str, list[Sink]] = {
             command: [self._on_command],
-            "follower.state": [self.operator.hear_goal_state],
-            "gate.stop": [self.operator.hear_stop("gate.stop"), self._on_stop],
+            "follower.state": [self.operator.on_goal_state],
+            "gate.stop": [self.operator.stop_sink("gate.stop"), self._on_stop],
             "odometry.odometry": [self._on_pose],
             "robot.encoders": [session.on_frame],
         }
@@ -106,7 +106,7 @@ class AutonomousDrive:
     def run(self) -> Odometry:
         """Raises RunError."""
         session, engine = self.session, self.engine
-        self.operator.at = engine.last_instant = session.now  # the time of an engine starts at 0
+        self.operator.outbox_due = engine.last_instant = session.now  # the time of an engine starts at 0
         try:
             outcome = engine.run(session.now + DRIVE_TIMEOUT_NS)
         finally:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.messages import Goal
     from diffbotctl.processes.screen import RunSnapshot
-    from diffbotctl.runs.control_socket import SocketOptions
-    from diffbotctl.runs.run import Run, RunOptions, RunResult
+    from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
+    from diffbotctl.runs.run import Run
 
 
 @click.command()
@@ -95,7 +95,8 @@ def command(
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
     from diffbotctl.recording.black_box_store import black_box_folder
-    from diffbotctl.runs.run import Run, RunOptions
+    from diffbotctl.runs.options import RunOptions
+    from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
 
     if record is not None:
@@ -139,7 +140,7 @@ def command(
 
 
 def _socket(name: str | None, group: str | None) -> SocketOptions:
-    from diffbotctl.runs.control_socket import SocketOptions
+    from diffbotctl.runs.options import SocketOptions
 
     return SocketOptions(name, group)
 
@@ -171,7 +172,7 @@ def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
     else:
         from diffbotctl.ui.run_text import summary_lines
 
-        for line in summary_lines(result, run.operator.last):
+        for line in summary_lines(result, run.operator.last_reached):
             click.echo(line)
     if result.failure is not None:
         raise result.failure

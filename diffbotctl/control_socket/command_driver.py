@@ -121,7 +121,7 @@ class ControlClientDriver:
                     return ResultCode.DRIVING  # a goal must not start while a client drives
                 self.operator.resume(now)
             case requests.GotoRequest(x, y, heading):
-                self.operator.take(now, Goal(now, 0, x, y, heading))
+                self.operator.replace_goals(now, Goal(now, 0, x, y, heading))
             case requests.ReleaseRequest():
                 return self._release(now, command)
             case requests.OperatorLostRequest():
@@ -158,14 +158,14 @@ class ControlClientDriver:
         self, now: int, command: EngineCommand, request: requests.DriveRequest
     ) -> ResultCode:
         """Pass a velocity to the mux; an active goal is paused until `resume`."""
-        stop = self.operator.holding.get(GATE_STOP)
+        stop = self.operator.stops_in_force.get(GATE_STOP)
         if stop is not None and stop.latched:
             return ResultCode.STOPPED
         if self.lease.client != command.client:
             if self.lease.client is not None and not request.take_over:
                 return ResultCode.BUSY
             self.operator.pause(now)
-            self.operator.note(now, "info", "operator", f"{command.who} drives by hand")
+            self.operator.log(now, "info", "operator", f"{command.who} drives by hand")
         self.lease.renew(now, command)
         self._queue("twist", now, Twist(now, request.linear, request.angular))
         return ResultCode.DONE
@@ -175,7 +175,7 @@ class ControlClientDriver:
             return ResultCode.NOT_DRIVING
         self._queue("twist", now, Twist(now, 0.0, 0.0))
         self.lease.end()
-        self.operator.note(now, "info", "operator", f"{command.who} has let go")
+        self.operator.log(now, "info", "operator", f"{command.who} has let go")
         return ResultCode.DONE
 
     def _stop(self, now: int, who: str, reason: str) -> None:

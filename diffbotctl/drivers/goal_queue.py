@@ -24,126 +24,128 @@ ENDED: set[GoalEnd] = {"reached", "blocked", "stuck", "timed_out"}
 
 
 class Operator:
-    """A driver that speaks for the person: goals from the files or the command line, in turn.
+    """A driver that sends the goals of the files or the command line, one after the other.
 
     What it delivers in answer to a message comes one nanosecond after it: feedback from the end of
     the graph to its beginning goes through here, so that the graph itself has no loop.
+
+    `end` is called with exit code and cause when the run should end; with `stay` no goal ends it.
     """
 
-    def __init__(self, goals: Sequence[Goal], end: Callable[[int, str], None]) -> None:
-        self.waiting = list(goals)
+    def __init__(
+        self, goals: Sequence[Goal], end: Callable[[int, str], None], stay: bool = False
+    ) -> None:
         self.end = end
-        self.last: Goal | None = None
-        self.under_way: Goal | None = None
-        self.outbox: list[Delivery] = []
-        self.at = 0
+        self.stay = stay
+        self.waiting = list(goals)
+        self.active: Goal | None = None
+        self.paused: Goal | None = None
+        self.last_reached: Goal | None = None
         self.number = 0
+        """of the goal sent last; the first one is 1"""
         self.reached = 0
         self.stops: list[Stop] = []
-        self.holding: dict[str, Stop] = {}
-        self.state: GoalState | None = None
-        self.paused: Goal | None = None
-        self.stays = False
-        self._next(0)
+        """every stop of the run"""
+        self.stops_in_force: dict[str, Stop] = {}
+        """by the block that holds the robot"""
+        self.outbox: list[Delivery] = []
+        self.outbox_due = 0
+        self._goals_given = len(goals)
+        self._send_next(0)
 
     def due(self) -> int:
         """At once when something waits to be delivered."""
-        return self.at if self.outbox else NEVER
+        return self.outbox_due if self.outbox else NEVER
 
     def files(self) -> list[int]:
-        """None: goals of a file need no waiting."""
+        """None: everything comes through method calls."""
         return []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Hand out what waits, stamped with `now`."""
-        out = [Delivery(wire, _stamped(message, now)) for wire, message in self.outbox]
+        """The messages that wait, stamped with `now`."""
+        messages = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
-        return out
+        return messages
 
     def close(self) -> None:
         """Nothing is held open."""
 
-    def hear_goal_state(self, now: int, state: GoalState) -> None:
-        """Take the follower's word: the next goal when one is reached, the end when one failed."""
-        self.state = state
-        if self.under_way is None or state.number != self.under_way.number:
+    def progress(self) -> tuple[int, int]:
+        """Goals reached, and goals in all."""
+        return self.reached, max(self._goals_given, self.number)
+
+    def on_goal_state(self, now: int, state: GoalState) -> None:
+        """Send the next goal when one is reached; end the run when one failed."""
+        if self.active is None or state.number != self.active.number:
             return
         if state.state == "reached":
             self.reached += 1
-            self.last = self.under_way
-            self._next(now)
+            self.last_reached = self.active
+            self._send_next(now)
         elif state.state in ENDED:
-            self.under_way = None
-            if self.stays:
-                return
-            self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
+            self.active = None
+            if not self.stay:
+                self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
 
-    def hear_path(self, now: int, path: Path) -> None:
-        """Take all waypoints of a path as the goals to visit."""
+    def on_path(self, now: int, path: Path) -> None:
+        """Add all waypoints of a path to the goals."""
         self.waiting += path.goals
-        if self.under_way is None and self.paused is None:
-            self._next(now)
+        if self.active is None and self.paused is None:
+            self._send_next(now)
 
-    def hear_stop(self, source: str) -> Callable[[int, Stop], None]:
-        """A sink for the stops of the block `source`: noted for the summary, and echoed."""
+    def stop_sink(self, source: str) -> Callable[[int, Stop], None]:
+        """A sink for the stops of the block `source`: kept for the summary, and echoed."""
 
-        def hear(now: int, stop: Stop) -> None:
+        def on_stop(now: int, stop: Stop) -> None:
             if stop.code:
                 self.stops.append(stop)
-                self.holding[source] = stop
+                self.stops_in_force[source] = stop
             else:
-                self.holding.pop(source, None)
-            self._say(now, "stop", self._gravest(now))
+                self.stops_in_force.pop(source, None)
+            latched_first = sorted(self.stops_in_force.values(), key=lambda stop: not stop.latched)
+            echo = latched_first[0] if latched_first else Stop(now, "", "", False)
+            self._send(now, "stop", echo)
 
-        return hear
+        return on_stop
 
-    def take(self, now: int, goal: Goal) -> None:
-        """Follow a person's goal in place of all others. From now on no goal ends the run."""
-        self.stays = True
+    def replace_goals(self, now: int, goal: Goal) -> None:
+        """Follow `goal` instead of all others. From now on no goal ends the run."""
+        self.stay = True
         self.paused = None
         self.waiting = [goal]
-        self._next(now)
+        self._send_next(now)
 
     def pause(self, now: int) -> None:
-        """Withdraw the goal under way until `resume`: a person takes over."""
-        if self.under_way is None:
-            return
-        self.paused, self.under_way = self.under_way, None
-        self._say(now, "goal", Goal(now, 0))
+        """Withdraw the active goal until `resume`, for manual driving."""
+        if self.active is not None:
+            self.paused, self.active = self.active, None
+            self._send(now, "goal", Goal(now, 0))
 
     def resume(self, now: int) -> None:
-        """Consent to move again, and to go on with a goal that waits."""
-        self._say(now, "resume", Resume(now))
+        """Allow motion again after a latched stop, and continue with a paused goal."""
+        self._send(now, "resume", Resume(now))
         if self.paused is not None:
-            self.under_way, self.paused = self.paused, None
-            self._say(now, "goal", self.under_way)
+            self.active, self.paused = self.paused, None
+            self._send(now, "goal", self.active)
 
-    def note(self, now: int, level: LogLevel, source: str, text: str) -> None:
-        """Put a line into the log for what is no block."""
-        self._say(now, "log", LogLine(now, level, source, text))
+    def log(self, now: int, level: LogLevel, source: str, text: str) -> None:
+        """Write a log line for a source that is not a block."""
+        self._send(now, "log", LogLine(now, level, source, text))
 
     def set_level(self, now: int, source: str, level: str) -> None:
-        """Hear `source` in the log from `level` on."""
-        self._say(now, "setting", Setting(now, source, LEVEL, None, level))
+        """Set the lowest level that is logged from `source`."""
+        self._send(now, "setting", Setting(now, source, LEVEL, None, level))
 
-    def _gravest(self, now: int) -> Stop:
-        ranked = sorted(self.holding.values(), key=lambda stop: not stop.latched)
-        return ranked[0] if ranked else Stop(now, "", "", False)
-
-    def _next(self, now: int) -> None:
-        if not self.waiting:
-            if self.under_way is not None and not self.stays:
-                self.end(0, "all goals reached")
-            self.under_way = None
+    def _send_next(self, now: int) -> None:
+        if self.waiting:
+            self.number += 1
+            self.active = self.waiting.pop(0)._replace(number=self.number)
+            self._send(now, "goal", self.active)
             return
-        self.number += 1
-        self.under_way = self.waiting.pop(0)._replace(number=self.number)
-        self._say(now, "goal", self.under_way)
+        if self.active is not None and not self.stay:
+            self.end(0, "all goals reached")
+        self.active = None
 
-    def _say(self, now: int, port: str, message: Message) -> None:
+    def _send(self, now: int, port: str, message: Message) -> None:
         self.outbox.append(Delivery(f"operator.{port}", message))
-        self.at = now + 1
-
-
-def _stamped(message: Message, now: int) -> Message:
-    return message._replace(time=now)
+        self.outbox_due = now + 1

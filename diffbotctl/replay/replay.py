@@ -29,9 +29,10 @@ from diffbotctl.replay.recorded_run import (
     read_run,
     recorded_configuration,
 )
-from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import Assembly, assemble
-from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.runs.control_socket import RunControlSocket
+from diffbotctl.runs.options import SocketOptions
+from diffbotctl.runs.outputs import record_to
 from diffbotctl.time import NEVER
 
 Show = Callable[[Iterator[RunSnapshot]], None]
@@ -166,7 +167,7 @@ class _ReplayRun:
         sets = json.dumps(configuration.settings)
         facts = {**self.run.about, "replayed": str(self.run.path), "sets": sets}
         facts.pop("flight", None)  # this recording has the blocks' messages too
-        recorder, pid = recording.start_run_recorder(
+        recorder, pid = record_to(
             self.options.record, configuration, self.assembly, facts, True, _raise_loss
         )
         self.children.append(pid)

@@ -9,8 +9,8 @@ from pathlib import Path
 from diffbotctl.recording.metrics import recorded_metrics
 from diffbotctl.replay.recorded_run import RecordedRun, recorded_configuration
 from diffbotctl.replay.replay import ReplayOptions, ReplayResult
-from diffbotctl.runs.control_socket import SocketOptions
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions, SocketOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.time import NEVER, SECOND
 
 DURATION_MAX_RATIO = 10  # to the recorded run; one that does not end by itself is ended then

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
@@ -19,16 +19,10 @@ from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.render.map_scene import describe_scene
 from diffbotctl.runs.build_graph import Assembly
+from diffbotctl.runs.options import SocketOptions
 
 EXIT_TIMEOUT_S = 1.5  # the server gives its clients half a second to read the rest
 POLL_PERIOD_S = 0.005
-
-
-class SocketOptions(NamedTuple):
-    """Options of the command line: the socket's name, and the group that may use it."""
-
-    name: str | None = None
-    group: str | None = None
 
 
 class RunControlSocket:
@@ -68,7 +62,9 @@ class RunControlSocket:
         self.path = path
         self.channel = EngineChannel(end)
 
-    def person(self, operator: Operator, changes: LiveChanges, wakes: bool) -> ControlClientDriver:
+    def client_driver(
+        self, operator: Operator, changes: LiveChanges, wakes: bool
+    ) -> ControlClientDriver:
         """A driver that follows the commands of the clients."""
         return ControlClientDriver(self.channel, operator, changes, wakes)
 

@@ -22,7 +22,7 @@ from diffbotctl.messages import (
     Wheels,
 )
 from diffbotctl.processes.screen import RunSnapshot
-from diffbotctl.runs.run import RunResult
+from diffbotctl.runs.options import RunResult
 from diffbotctl.time import SECOND
 
 M = TypeVar("M", bound=Message)

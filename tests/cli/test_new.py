@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from diffbotctl.cli import check, new
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import UserError
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 ROOT = Path(__file__).parents[2]
 

@@ -68,7 +68,8 @@ def test_a_pipeline_that_would_drive_off_at_each_start_is_refused():
 
 def test_a_robot_on_standby_stands():
     from diffbotctl.config.load import load
-    from diffbotctl.runs.run import Run, RunOptions
+    from diffbotctl.runs.options import RunOptions
+    from diffbotctl.runs.run import Run
 
     result = Run(load("standby"), RunOptions(fast=True, duration=3.0, stay=True)).go()
     assert (result.ending.code, result.goals, result.path) == (0, 0, 0.0)

@@ -58,9 +58,9 @@ class Desk:
                 found.update({wire: message for wire, message in driver.deliver(now)})
         halt = found.get("operator.halt")
         if halt is not None:
-            self.operator.hear_stop("gate.stop")(now, halt)
+            self.operator.stop_sink("gate.stop")(now, halt)
         if "operator.resume" in found:
-            self.operator.hear_stop("gate.stop")(now, Stop(now, "", "", False))
+            self.operator.stop_sink("gate.stop")(now, Stop(now, "", "", False))
         return found
 
 
@@ -152,9 +152,9 @@ def test_a_persons_goal_does_not_end_the_run():
     desk.send(GotoRequest(0.5, 0.5, None))
     desk.idle(10)
     assert desk.instant(11)["operator.goal"].number == 2
-    desk.operator.hear_goal_state(20, GoalState(20, 2, "reached", 0.0, 0.0))
+    desk.operator.on_goal_state(20, GoalState(20, 2, "reached", 0.0, 0.0))
     desk.send(GotoRequest(0.5, 0.5, None))
     desk.idle(30)
     desk.instant(31)
-    desk.operator.hear_goal_state(40, GoalState(40, 3, "stuck", 0.0, 0.0, "a wall"))
+    desk.operator.on_goal_state(40, GoalState(40, 3, "stuck", 0.0, 0.0, "a wall"))
     assert desk.ended == []

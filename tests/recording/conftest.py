@@ -3,7 +3,8 @@
 import pytest
 
 from diffbotctl.config.load import load
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 
 @pytest.fixture(scope="session")

@@ -14,9 +14,10 @@ from diffbotctl.recording import black_box as engine_flight
 from diffbotctl.recording.black_box import StopEvent
 from diffbotctl.recording.black_box_store import AFTER_STOP, BlackBoxStore, RunMetadata
 from diffbotctl.recording.reader import recording_info
-from diffbotctl.runs import recording
 from diffbotctl.runs.build_graph import assemble
-from diffbotctl.runs.control_socket import RunControlSocket, SocketOptions
+from diffbotctl.runs.control_socket import RunControlSocket
+from diffbotctl.runs.options import RunOptions, SocketOptions
+from diffbotctl.runs.outputs import RunReports, run_facts, start_black_box
 from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient
 from diffbotctl.time import SECOND
 
@@ -101,10 +102,13 @@ def hub(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     configuration = load("goal")
     assembly = assemble(configuration, real=False)
-    facts = recording.run_facts(configuration, "sim", 0, [], None)
+    facts = run_facts(configuration, RunOptions(), [])
     told, folder = [], tmp_path / "flights"
-    flight, keeper = recording.start_black_box(
-        folder, configuration, assembly, facts, lambda: None, told.append, told.append
+    flight, keeper = start_black_box(
+        folder,
+        configuration,
+        assembly,
+        RunReports(facts, lambda: (0, 0), lambda: None, told.append, told.append),
     )
     station = RunControlSocket(SocketOptions("test"), configuration, assembly, "sim", store=keeper)
     place = assembly.graph.sources.index("robot.encoders")

@@ -12,7 +12,8 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import LogLine, Odometry, Range, Twist
 from diffbotctl.recording import foxglove
 from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 EPOCH = 1_700_000_000_000_000_000
 # SHA-256 of each schema of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.

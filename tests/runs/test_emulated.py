@@ -1,7 +1,8 @@
 """The real firmware binary in the emulator, in lockstep with the plant, as a user runs it."""
 
 from diffbotctl.config.load import load
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 
 def go(seed):

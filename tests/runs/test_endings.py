@@ -11,7 +11,8 @@ import pytest
 from diffbotctl.block import Block, In, Out
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 FAR = ["run", "goal", "--goal", "2 0", "--set", "world.walls=[]"]
 PROGRAM = "from diffbotctl.cli.main import main; main()"
@@ -48,7 +49,7 @@ def test_the_end_of_the_time_is_a_confirmed_stop():
     run = Run(load("goal", None, ["world.walls=[]"]), RunOptions(fast=True, duration=2.0))
     result = run.go()
     assert result.ending.stopped is True and result.ending.code == 0
-    left, right = (wheel.speed for wheel in run.robot.robot.wheels)
+    left, right = (wheel.speed for wheel in run.plant.wheels)
     assert abs(left) < 0.01 and abs(right) < 0.01
 
 

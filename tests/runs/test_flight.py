@@ -23,7 +23,8 @@ from diffbotctl.replay import recorded_run
 from diffbotctl.replay.recorded_run import ReplayDriver
 from diffbotctl.replay.replay import ReplayOptions, replay_run
 from diffbotctl.runs.build_graph import assemble
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from tests.runs.test_endings import FAR, read_until, start
 
 WALL = ("world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s")

@@ -8,7 +8,8 @@ import pytest
 from diffbotctl.config.load import load
 from diffbotctl.errors import RunError
 from diffbotctl.messages import LOG_LEVELS, LogLine
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 WALL = ["world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "guard.resume=by_itself"]
 

@@ -17,7 +17,8 @@ from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.replay import recorded_run
 from diffbotctl.replay.replay import ReplayOptions, replay_run
 from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
 
 WHEELS = "gate.wheels"

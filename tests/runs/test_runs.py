@@ -4,7 +4,8 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 
 def go(pipeline, robot=None, sets=(), **options):

@@ -8,7 +8,8 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 
 
 def go(pipeline, robot=None, sets=(), **options):
@@ -48,7 +49,7 @@ def test_a_wall_stops_the_burger_at_its_margin():
 def test_a_burger_keeps_to_its_limits():
     run = Run(load("wander"), RunOptions(fast=True, duration=20.0, seed=2))
     fastest = [0.0, 0.0]
-    plant = run.robot.robot
+    plant = run.plant
 
     def look():
         radius, (left, right) = 0.033, plant.wheels

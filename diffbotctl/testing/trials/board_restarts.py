@@ -8,13 +8,14 @@ from random import Random
 from typing import Any, NamedTuple
 
 from diffbotctl.config.load import load
-from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver
+from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver, emulated_robot_driver
 from diffbotctl.emulator.process import BROWNOUT, LINE, Emulator
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import Sink
 from diffbotctl.links.diffbot_frames import ResetCode
 from diffbotctl.messages import Goal, Odometry, Text
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import PortRobot, Run
 from diffbotctl.testing.trials.row import Row
 
 MS = 1_000_000
@@ -84,16 +85,15 @@ class StruckRun(Run):
 
     def consent(self, now: int) -> None:
         """What the operator finds, and `resume`."""
-        holding = self.operator.holding.values()
+        holding = self.operator.stops_in_force.values()
         self.held = any(stop.code == "board_restart" and stop.latched for stop in holding)
-        self.waited = self.operator.reached == 0 and self.operator.under_way is not None
+        self.waited = self.operator.reached == 0 and self.operator.active is not None
         self.resumed = True
         self.operator.resume(now)
 
-    def _robot(self) -> Any:
-        robot = super()._robot()
-        assert isinstance(robot, EmulatedRobotDriver)
-        return Struck(robot, self)
+    def _open_robot(self) -> PortRobot:
+        robot = emulated_robot_driver(self.configuration, self.options.seed)
+        return PortRobot(Struck(robot, self), robot.robot)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = super()._sinks()

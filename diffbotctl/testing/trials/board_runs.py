@@ -13,7 +13,8 @@ from diffbotctl.config.load import load
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Goal
-from diffbotctl.runs.run import Run, RunOptions, RunResult
+from diffbotctl.runs.options import RunOptions, RunResult
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import (
     BOOK,
     ENCODERS,

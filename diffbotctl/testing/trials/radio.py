@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 from diffbotctl.config.load import load
 from diffbotctl.emulator.emulated_robot import emulated_robot_driver
-from diffbotctl.engine.driver import RobotDriver
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.messages import Goal, Stop
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import PortRobot, Run
 from diffbotctl.testing.radio_module import DeliveredFrame
 from diffbotctl.testing.remote_board import RemoteBoard
 from diffbotctl.testing.trials.row import Row, printed
@@ -59,17 +59,17 @@ class Drive(Run):
         self.consents, self.looked = 0, 0
         self.far.person = self.look
 
-    def _robot(self) -> RobotDriver:
+    def _open_robot(self) -> PortRobot:
         near = emulated_robot_driver(self.configuration, self.options.seed)
         self.far = RemoteBoard(near.board, near.host, self.seed, self.outage)
-        return self.far
+        return PortRobot(self.far, self.far.robot)
 
     def look(self, now: int) -> None:
         """Resume, when a stop waits for it."""
         if now - self.looked < GLANCE:
             return
         self.looked = now
-        if any(stop.latched for stop in self.operator.holding.values()):
+        if any(stop.latched for stop in self.operator.stops_in_force.values()):
             self.consents += 1
             self.operator.resume(now)
 

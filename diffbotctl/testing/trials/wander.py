@@ -16,7 +16,8 @@ from diffbotctl.config.load import load
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.collision import BodyOutline, clearance, to_segment
 from diffbotctl.plant.world import Pillar, Wall, World
-from diffbotctl.runs.run import Run, RunOptions
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, printed
 
 WORLDS = 3
@@ -80,7 +81,8 @@ def walk(world: World, seed: int, minutes: float) -> WanderRun:
     run = Run(setup, RunOptions(seed=seed, fast=True, duration=60.0 * minutes))
     body = setup.robot.body
     outline = BodyOutline(body.front, body.back, 0.5 * body.width)
-    plant = run.robot.robot  # type: ignore[union-attr]
+    plant = run.plant
+    assert plant is not None
     least, contacts, touching = inf, 0, False
 
     def look() -> None:

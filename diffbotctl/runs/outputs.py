@@ -1,0 +1,268 @@
+"""What a run writes and shows: recording or black box, log file, screen, control socket, digest.
+
+Files, screens and sockets belong to child processes; here are the engine's ends of their channels.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from diffbotctl import __version__
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.engine.loop import RunOutcome
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.graph import LOG, Sink
+from diffbotctl.messages import Goal
+from diffbotctl.processes import child_process, screen
+from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
+from diffbotctl.recording.black_box import BlackBox
+from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
+from diffbotctl.recording.comparison import RunDigest
+from diffbotctl.recording.recorder import Recorder, last_line, log_sink, open_log
+from diffbotctl.recording.writer import RecordingHeader, start_recorder
+from diffbotctl.runs.build_graph import Assembly, mounts
+from diffbotctl.runs.options import RunOptions
+
+if TYPE_CHECKING:
+    from diffbotctl.runs.control_socket import RunControlSocket
+
+Report = Callable[[str], None]
+Show = Callable[[Iterator[RunSnapshot]], None]
+Instant = tuple[Any, ...]
+
+
+class RunReports(NamedTuple):
+    """What the outputs ask of their run, and where they report."""
+
+    facts: dict[str, str]
+    """metadata of the recording"""
+    progress: Callable[[], tuple[int, int]]
+    """goals reached, and goals in all"""
+    take_snapshot: Callable[[], bytes | None]
+    """the state of all blocks, or None when it has no bytes"""
+    announce: Report
+    """called with each black box file that was written"""
+    loss: Report
+    """called once for each file that can no longer be written"""
+    screen_closed: Callable[[], None] | None = None
+
+
+class RunOutputs:
+    """All outputs of one run; those that its options do not ask for are None."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        assembly: Assembly,
+        options: RunOptions,
+        reports: RunReports,
+        show: Show | None,
+    ) -> None:
+        """Fork the children. `show` draws the screen. Raises RunError."""
+        self.wires = assembly.graph.wires
+        self.children: list[int] = []
+        self.screen: ScreenFeed | None = None
+        self.recorder: Recorder | None = None
+        self.black_box: BlackBox | None = None
+        self.log_file: Recorder | None = None
+        self.control_socket: RunControlSocket | None = None
+        self.digest = RunDigest(assembly.graph.kinds) if options.digest else None
+        if show is not None:
+            channel, pid = screen.start_screen(show, options.dash)
+            self.children.append(pid)
+            self.screen = ScreenFeed(channel, reports.progress, reports.screen_closed)
+        store = self._start_recording(configuration, assembly, options, reports)
+        if options.log is not None:
+            self.log_file, pid = open_log(configuration, options.log, options.fast, reports.loss)
+            self.children.append(pid)
+        self._start_socket(configuration, assembly, options, store)
+
+    def _start_recording(
+        self,
+        configuration: Configuration,
+        assembly: Assembly,
+        options: RunOptions,
+        reports: RunReports,
+    ) -> BlackBoxStore | None:
+        """Start the recording; without one the black box, whose store is returned."""
+        if options.record is not None:
+            self.recorder, pid = record_to(
+                options.record, configuration, assembly, reports.facts, options.fast, reports.loss
+            )
+            self.children.append(pid)
+        elif options.flights is not None and configuration.robot is not None:
+            self.black_box, store = start_black_box(
+                options.flights, configuration, assembly, reports
+            )
+            return store
+        return None
+
+    def _start_socket(
+        self,
+        configuration: Configuration,
+        assembly: Assembly,
+        options: RunOptions,
+        store: BlackBoxStore | None,
+    ) -> None:
+        """Start the process that serves the control socket and keeps the black box."""
+        if options.socket is not None:
+            # Imported late: without a socket none of its modules is needed.
+            from diffbotctl.runs.control_socket import RunControlSocket
+
+            self.control_socket = RunControlSocket(
+                options.socket, configuration, assembly, options.port, store=store
+            )
+        elif store is not None:
+            # Imported late: only a run with a black box needs it.
+            from diffbotctl.control_socket import process
+
+            self.children.append(process.keep(store))
+
+    def sinks(self) -> Iterator[tuple[str, Sink]]:
+        """The wires that the screen and the log file follow."""
+        if self.screen is not None:
+            for wire in self.wires:
+                yield wire, self.screen.hear if wire == LOG else self.screen.sink(wire)
+        if self.log_file is not None:
+            yield LOG, log_sink(self.log_file)
+
+    def record(self) -> Callable[[Instant], object] | None:
+        """What takes each instant of the engine."""
+        takers: list[Callable[[Instant], object]] = [
+            taker.record
+            for taker in (
+                self.recorder,
+                self.black_box,
+                self.digest,
+                None if self.control_socket is None else self.control_socket.channel,
+            )
+            if taker is not None
+        ]
+        if len(takers) < 2:
+            return takers[0] if takers else None
+
+        def record_all(instant: Instant) -> None:
+            for take in takers:
+                take(instant)
+
+        return record_all
+
+    def idle(self) -> Callable[[int], None] | None:
+        """What to call in the engine's idle time, with its last time."""
+        senders = (self.recorder, self.black_box, self.log_file)
+        drains = [sender.drain for sender in senders if sender is not None]
+        screen_feed = self.screen
+        if screen_feed is None and not drains:
+            return None
+
+        def idle(now: int) -> None:
+            for drain in drains:
+                drain()
+            if screen_feed is not None:
+                screen_feed.idle(now)
+
+        return idle
+
+    def finish(self, ending: RunOutcome, last: int, truth: str) -> None:
+        """Hand on what waits, and how the run ended.
+
+        `last` is the time of the last instant, `truth` the JSON text of the simulated robot's pose.
+        """
+        line = last_line(ending)
+        if self.log_file is not None:
+            self.log_file.record(line)
+            self.log_file.close()
+        if self.control_socket is not None:
+            blank = [None] * (len(self.wires) - 1)
+            self.control_socket.channel.record((ending.time, *blank, line))
+        summary = {
+            "code": str(ending.code),
+            "cause": ending.cause,
+            "last": str(last),
+            "digest": self.digest.text() if self.digest else "",
+            "truth": truth,
+        }
+        if self.recorder is not None:
+            self.recorder.close(summary)
+        if self.black_box is not None:
+            self.black_box.finish(summary)
+        if self.screen is not None:
+            self.screen.hear(ending.time, line)
+            self.screen.finish(max(last, 0))
+
+    def close(self) -> None:
+        """Wait for the children to end."""
+        if self.control_socket is not None:
+            self.control_socket.end()
+        for pid in self.children:
+            with suppress(ChildProcessError):
+                os.waitpid(pid, 0)
+        if self.black_box is not None:  # last: no screen is left to draw over what it announces
+            self.black_box.close()
+
+
+def run_facts(
+    configuration: Configuration, options: RunOptions, goals: Sequence[Goal]
+) -> dict[str, str]:
+    """Metadata that makes a recording self-contained: version, files, options."""
+    return {
+        "version": __version__,
+        "epoch": str(time.time_ns()),
+        "pipeline": str(configuration.file),
+        "robot": str(configuration.robot_file or ""),
+        "sets": json.dumps(configuration.settings),
+        "port": options.port,
+        "seed": str(options.seed),
+        "goals": json.dumps([list(goal) for goal in goals]),
+        "duration": json.dumps(options.duration),
+        "files": json.dumps({str(file): file.read_text() for file in configuration.files}),
+    }
+
+
+def record_to(
+    path: Path,
+    configuration: Configuration,
+    assembly: Assembly,
+    facts: dict[str, str],
+    waits: bool,
+    loss: Report,
+) -> tuple[Recorder, int]:
+    """Start recording to `path`. Returns the engine's end and the child's pid. Raises RunError."""
+    graph = assembly.graph
+    try:
+        header = RecordingHeader(graph.kinds, len(graph.sources), facts, mounts(configuration))
+        channel, pid = start_recorder(path, header)
+    except OSError as error:
+        cause = f"cannot record there: {error.strerror}"
+        raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
+
+    def lost(cause: str) -> None:
+        loss(f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+
+    return Recorder(channel, waits, lost), pid
+
+
+def start_black_box(
+    folder: Path, configuration: Configuration, assembly: Assembly, reports: RunReports
+) -> tuple[BlackBox, BlackBoxStore]:
+    """Both ends of the black box, which writes to `folder`: the engine's, and the store."""
+    graph = assembly.graph
+    wires = {wire: graph.kinds[wire] for wire in graph.sources}
+    name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
+    ours, theirs = socket.socketpair()
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, child_process.BUFFER_BYTES)
+    store = BlackBoxStore(theirs, RunMetadata(folder, name, wires, reports.facts))
+
+    def lost(cause: str) -> None:
+        reports.loss(f"FLIGHT RECORDER STOPPED: {cause}; the last minutes of this run are not kept")
+
+    box = BlackBox(ours, len(graph.sources), reports.take_snapshot, reports.announce, lost)
+    return box, store
