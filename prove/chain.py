@@ -169,7 +169,7 @@ def _unnamed(planted: set[str], found: Chained) -> tuple[str, ...]:
 def _errors(found: Chained) -> tuple[float, float, float]:
     """Largest relative errors of distance scale, feed-forward and lag."""
     plant = found.truths._plant
-    body, drive = plant.body, found.session.file.robot.drive
+    body, drive = plant.chassis, found.session.file.robot.drive
     mean = (drive.left.wheel.diameter + drive.right.wheel.diameter) / 2
     scale = abs(mean / (body.left_radius + body.right_radius) - 1)
     ahead, lag = [], []
@@ -225,7 +225,7 @@ def stock_rows(seed: int, robots: int) -> Iterator[Row]:
             plant = found.truths._plant
             motor, link = found.session.file.robot.drive.left.motor, found.session.file.robot.link
             lags.append(motor.lag / (sum(each.lag for each in plant.motors) / 2) - 1)
-            dead.append(link.command_delay - plant.board.kind.command_delay * 1e-9)
+            dead.append(link.command_delay - plant.board.model.command_delay * 1e-9)
             found.session.close()
     what = f"motors, {robots} robots with stock firmware"
     yield Row(f"{what}: lag, sd", f"{100 * pstdev(lags):.1f} %", "(none)", True)

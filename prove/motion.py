@@ -83,7 +83,7 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
     assert wire is not None
 
     def look() -> None:
-        body = plant.body
+        body = plant.chassis
         farthest[0] = max(farthest[0], hypot(goal.x - body.x, goal.y - body.y) - start)
 
     run.engine.idle = look

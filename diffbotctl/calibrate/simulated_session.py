@@ -96,7 +96,7 @@ class SimulatedTools:
             case "gap":
                 return self._gap
             case "battery":
-                return self._plant.supply()
+                return self._plant.battery_voltage()
             case "forward":
                 return x * cos(start.heading) + y * sin(start.heading)
             case "left":
@@ -150,7 +150,7 @@ def _simulated(plant: SimulatedRobot) -> DriverFactory:
     def make_driver(file: RobotFile, previous: RobotDriver | None, now: int) -> RobotDriver:
         if previous is not None:
             plant.advance(now)
-            plant.rewire(plant_parameters(file.robot, file.nominal))
+            plant.restart_board(plant_parameters(file.robot, file.nominal))
         return SimulatedRobotDriver(plant, is_duty_board(file.robot))
 
     return make_driver

@@ -66,7 +66,7 @@ class SimulatedRobotDriver:
     @property
     def edges(self) -> list[CapturedEdge]:
         """What the board captured, until it is taken."""
-        return self.robot.flanks
+        return self.robot.captured_edges
 
     @action(x="m", y="m", heading="rad")
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:

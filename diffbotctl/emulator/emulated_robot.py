@@ -18,7 +18,7 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.messages import Duty, Wheels
-from diffbotctl.plant.simulated_board import RADIO
+from diffbotctl.plant.simulated_board import RADIO_DELAY
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import World, build_world
 
@@ -45,7 +45,7 @@ class EmulatedBoard:
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
         plant.capture(True)
-        self._first = self._transitions(plant.levels())
+        self._first = self._transitions(plant.encoder_levels())
 
     @property
     def now(self) -> int:
@@ -67,7 +67,7 @@ class EmulatedBoard:
             _, uart, data = self._coming.popleft()
             arriving[uart] += data
         first, self._first = self._first, []
-        flanks = self.plant.roll(until, self.duty[0], self.duty[1])
+        flanks = self.plant.advance_with_duties(until, self.duty[0], self.duty[1])
         transitions = first + self._transitions(flanks)
         did = self.emulator.step(until, transitions, self._millivolts(), (arriving[0], arriving[1]))
         for change in did.changes:
@@ -83,8 +83,10 @@ class EmulatedBoard:
     def _millivolts(self) -> dict[int, int]:
         found = {}
         if self.settings.battery_channel is not None:
-            found[self.settings.battery_channel] = round(self.plant.battery_pin() * MILLIVOLTS)
-        volts = self.plant.volts().get(self.settings.range_name)
+            found[self.settings.battery_channel] = round(
+                self.plant.battery_pin_voltage() * MILLIVOLTS
+            )
+        volts = self.plant.sensor_volts().get(self.settings.range_name)
         if self.settings.range_channel is not None and volts is not None:
             found[self.settings.range_channel] = round(volts * MILLIVOLTS)
         return found
@@ -93,7 +95,7 @@ class EmulatedBoard:
 class EmulatedRobotDriver:
     """A robot driver: the protocol's host half, wired to an emulated board."""
 
-    def __init__(self, board: EmulatedBoard, host: DiffbotHost, radio: int = RADIO) -> None:
+    def __init__(self, board: EmulatedBoard, host: DiffbotHost, radio: int = RADIO_DELAY) -> None:
         """`radio`: ns that each direction takes besides the wire."""
         self.board = board
         self.robot = board.plant

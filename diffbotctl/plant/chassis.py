@@ -1,4 +1,4 @@
-"""Where the simulated robot truly is: exact arcs from what its wheels roll on the ground."""
+"""The true pose of the simulated robot: exact arcs from the distances that its wheels roll."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diffbotctl.config.simulation import Simulation
 from diffbotctl.plant.robot_parameters import PlantParameters
 
-SLIP_STEP = 0.004  # m of travel between draws of slip: fine against a tick of 10 mm
+SLIP_STEP = 0.004  # m of travel between draws of slip: fine against an encoder pitch of 10 mm
 
 
 class Pose(NamedTuple):
@@ -19,16 +19,34 @@ class Pose(NamedTuple):
     y: float = 0.0
     heading: float = 0.0
 
+    def to_parent(self, pose: Pose) -> Pose:
+        """`pose`, given in the frame at this pose, in the parent of this frame."""
+        c, s = cos(self.heading), sin(self.heading)
+        return Pose(
+            self.x + pose.x * c - pose.y * s,
+            self.y + pose.x * s + pose.y * c,
+            self.heading + pose.heading,
+        )
+
+    def from_parent(self, pose: Pose) -> Pose:
+        """The inverse of `to_parent`."""
+        c, s = cos(self.heading), sin(self.heading)
+        x, y = pose.x - self.x, pose.y - self.y
+        return Pose(x * c + y * s, y * c - x * s, pose.heading - self.heading)
+
 
 class Chassis:
-    """Two wheels on one axle, with slip. `x`, `y` in m, `heading` in rad, unwrapped."""
+    """Two wheels on one axle, with slip. `x`, `y` in m, `heading` in rad, unwrapped.
+
+    `travel` is the length of the path (m), `turned` the sum of all turning (rad).
+    """
 
     __slots__ = (
-        "_chance",
-        "_due_left",
-        "_due_right",
-        "_left",
-        "_right",
+        "_left_angle",
+        "_left_since_slip",
+        "_right_angle",
+        "_right_since_slip",
+        "_rng",
         "_slip",
         "heading",
         "left_radius",
@@ -41,54 +59,59 @@ class Chassis:
     )
 
     def __init__(
-        self, track: float, left_radius: float, right_radius: float, slip: float, chance: Random
+        self, track: float, left_radius: float, right_radius: float, slip: float, rng: Random
     ) -> None:
         """`slip`: standard deviation in m per square root of a metre of each wheel's travel."""
         self.track, self.left_radius, self.right_radius = track, left_radius, right_radius
         self.x = self.y = self.heading = 0.0
         self.travel = self.turned = 0.0
-        self._slip, self._chance = slip, chance
-        self._left = self._right = 0.0
-        self._due_left = self._due_right = 0.0
+        self._slip, self._rng = slip, rng
+        self._left_angle = self._right_angle = 0.0
+        self._left_since_slip = self._right_since_slip = 0.0
 
-    def roll(self, left: float, right: float) -> None:
-        """Move on to the wheel angles `left` and `right` (rad since the start)."""
-        if left == self._left and right == self._right:
+    @property
+    def pose(self) -> Pose:
+        """Pose in the frame `odom`."""
+        return Pose(self.x, self.y, self.heading)
+
+    def roll(self, left_angle: float, right_angle: float) -> None:
+        """Move on to these wheel angles (rad since the start)."""
+        if left_angle == self._left_angle and right_angle == self._right_angle:
             return
-        ahead_left = (left - self._left) * self.left_radius
-        ahead_right = (right - self._right) * self.right_radius
-        self._left, self._right = left, right
+        left = (left_angle - self._left_angle) * self.left_radius
+        right = (right_angle - self._right_angle) * self.right_radius
+        self._left_angle, self._right_angle = left_angle, right_angle
         if self._slip:
-            self._due_left += abs(ahead_left)
-            self._due_right += abs(ahead_right)
-            if self._due_left > SLIP_STEP:
-                ahead_left += self._slipped(self._due_left)
-                self._due_left = 0.0
-            if self._due_right > SLIP_STEP:
-                ahead_right += self._slipped(self._due_right)
-                self._due_right = 0.0
-        ahead = 0.5 * (ahead_left + ahead_right)
-        turn = (ahead_right - ahead_left) / self.track
+            self._left_since_slip += abs(left)
+            self._right_since_slip += abs(right)
+            if self._left_since_slip > SLIP_STEP:
+                left += self._draw_slip(self._left_since_slip)
+                self._left_since_slip = 0.0
+            if self._right_since_slip > SLIP_STEP:
+                right += self._draw_slip(self._right_since_slip)
+                self._right_since_slip = 0.0
+        distance = 0.5 * (left + right)
+        turn = (right - left) / self.track
         half = 0.5 * turn
         # The chord of an arc: its length by sin(h)/h, its direction the mean heading.
-        chord = ahead * (sin(half) / half) if half else ahead
+        chord = distance * (sin(half) / half) if half else distance
         middle = self.heading + half
         self.x += chord * cos(middle)
         self.y += chord * sin(middle)
         self.heading = middle + half
-        self.travel += abs(ahead)
+        self.travel += abs(distance)
         self.turned += abs(turn)
 
-    def _slipped(self, travel: float) -> float:
-        return self._chance.gauss(0.0, self._slip * sqrt(travel))
+    def _draw_slip(self, travel: float) -> float:
+        return self._rng.gauss(0.0, self._slip * sqrt(travel))
 
 
-def draw_body(machine: PlantParameters, simulation: Simulation, chance: Random) -> Chassis:
-    """Wheels and axle, as they were really made."""
+def draw_chassis(parameters: PlantParameters, simulation: Simulation, rng: Random) -> Chassis:
+    """Wheels and axle with their true lengths."""
     truth = simulation.geometry
-    track = machine.track * (1.0 + chance.uniform(-1.0, 1.0) * truth.track_spread)
+    track = parameters.track * (1.0 + rng.uniform(-1.0, 1.0) * truth.track_spread)
     radii = [
-        0.5 * diameter * (1.0 + chance.uniform(-1.0, 1.0) * truth.diameter_spread)
-        for diameter in (machine.left_diameter, machine.right_diameter)
+        0.5 * diameter * (1.0 + rng.uniform(-1.0, 1.0) * truth.diameter_spread)
+        for diameter in (parameters.left_diameter, parameters.right_diameter)
     ]
-    return Chassis(track, radii[0], radii[1], simulation.slip, Random(chance.getrandbits(64)))
+    return Chassis(track, radii[0], radii[1], simulation.slip, Random(rng.getrandbits(64)))

@@ -106,11 +106,9 @@ class RangeSensors:
         return min([scanner.due for _, scanner in self.scanners], default=NEVER)
 
 
-def _sensor_pose(mounting: MountedSensor, pose: Pose) -> tuple[float, float, float]:
-    """x, y (m) and bearing (rad) of a sensor in the world."""
-    x = pose.x + mounting.x * cos(pose.heading) - mounting.y * sin(pose.heading)
-    y = pose.y + mounting.x * sin(pose.heading) + mounting.y * cos(pose.heading)
-    return x, y, pose.heading + mounting.heading
+def _sensor_pose(mounting: MountedSensor, pose: Pose) -> Pose:
+    """Pose of a sensor in the world; it measures along its heading."""
+    return pose.to_parent(Pose(mounting.x, mounting.y, mounting.heading))
 
 
 def draw_sharps(

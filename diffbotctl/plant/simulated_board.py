@@ -1,8 +1,8 @@
-"""What each kind of board makes of commands and edges, and when the host hears of it.
+"""What each kind of board does with commands and edges, and when its frames reach the host.
 
-`stock` runs the published rosserial firmware: raw duty, counts in steps, late and jittering.
-`counts` and `edges` run ours: a wheel-speed loop and a dead-man's stop; `edges` also tells when
-each wheel's last edge came. All times are logical nanoseconds.
+`stock` runs the published rosserial firmware: raw duty, counts in steps, late and with jitter.
+`counts` and `edges` run ours: a wheel-speed loop and a dead-man's stop; frames of `edges` also hold
+the time of each wheel's last edge. All times are logical nanoseconds.
 """
 
 from __future__ import annotations
@@ -15,60 +15,123 @@ from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoo
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
 
-COMMAND_WIRE = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
-RADIO = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a loop of counts
+COMMAND_WIRE_TIME = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
+RADIO_DELAY = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a count loop
+JITTER_MAX_SD = 2  # standard deviations of the arrival; keeps frames in order
 
 
 class BoardModel(NamedTuple):
-    """Timing of one kind of board."""
+    """Timing of one kind of board. Times are ns."""
 
-    period: int  # ns between two frames
-    frame: int  # ns; how long after its sample a frame has arrived
-    stamp_jitter: int  # ns; standard deviation of the arrival
-    command_delay: int  # ns; from the host to the motor
-    command_spread: int  # ns; largest difference of one wheel's delay from that
-    regulates: bool  # takes rad/s, and stops by itself when it hears nothing
+    period: int
+    """between two frames"""
+    frame_delay: int
+    """from a frame's sample to its arrival"""
+    stamp_jitter: int
+    """standard deviation of the arrival"""
+    command_delay: int
+    """from the host to the motor"""
+    command_spread: int
+    """largest difference of one wheel's delay from that"""
+    has_speed_loop: bool
+    """takes rad/s, and stops by itself without commands"""
     edge_times: bool
 
 
-KINDS = {
+BOARD_MODELS = {
     # 16.5 Hz and 100 ms were measured with the published firmware; 12 bytes come after the sample.
     "stock": BoardModel(
-        60_606_061,
-        17 * MILLISECOND,
-        8 * MILLISECOND,
-        100 * MILLISECOND,
-        25 * MILLISECOND,
-        False,
-        False,
+        period=60_606_061,
+        frame_delay=17 * MILLISECOND,
+        stamp_jitter=8 * MILLISECOND,
+        command_delay=100 * MILLISECOND,
+        command_spread=25 * MILLISECOND,
+        has_speed_loop=False,
+        edge_times=False,
     ),
     "counts": BoardModel(
-        20 * MILLISECOND, 15_600_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, False
+        period=20 * MILLISECOND,
+        frame_delay=15_600_000 + RADIO_DELAY,
+        stamp_jitter=0,
+        command_delay=COMMAND_WIRE_TIME + RADIO_DELAY,
+        command_spread=0,
+        has_speed_loop=True,
+        edge_times=False,
     ),
-    # No radio and no cable: a robot that lives in the simulator alone. Its file says how often.
-    "simulated": BoardModel(40 * MILLISECOND, MILLISECOND, 0, MILLISECOND, 0, True, True),
+    # No radio and no cable: a robot that exists in the simulator alone; its file has the period.
+    "simulated": BoardModel(
+        period=40 * MILLISECOND,
+        frame_delay=MILLISECOND,
+        stamp_jitter=0,
+        command_delay=MILLISECOND,
+        command_spread=0,
+        has_speed_loop=True,
+        edge_times=True,
+    ),
     "edges": BoardModel(
-        25 * MILLISECOND, 21_900_000 + RADIO, 0, COMMAND_WIRE + RADIO, 0, True, True
+        period=25 * MILLISECOND,
+        frame_delay=21_900_000 + RADIO_DELAY,
+        stamp_jitter=0,
+        command_delay=COMMAND_WIRE_TIME + RADIO_DELAY,
+        command_spread=0,
+        has_speed_loop=True,
+        edge_times=True,
     ),
 }
-MOST_JITTER = 2  # standard deviations; keeps frames in order
+
+
+class PendingCommand(NamedTuple):
+    """A command of one wheel that takes hold at `time` (ns): rad/s, or a duty."""
+
+    time: int
+    value: float
+    is_duty: bool
 
 
 class BoardSide:
     """What a board keeps for one wheel."""
 
-    __slots__ = ("coming", "count", "duty", "edge", "hold", "loop", "raw", "sign", "since")
+    __slots__ = (
+        "command",
+        "command_time",
+        "count",
+        "direction",
+        "duty",
+        "is_duty",
+        "last_edge",
+        "loop",
+        "pending",
+    )
 
     def __init__(self, loop: WheelSpeedLoop | None) -> None:
         self.loop = loop
         self.count = 0
-        self.sign = 1
-        self.edge: int | None = None
+        self.direction = 1  # in which edges are counted
+        self.last_edge: int | None = None
         self.duty = 0.0
-        self.hold = 0.0  # the command in force
-        self.since: int | None = None
-        self.raw = loop is None  # whether the command in force is a duty
-        self.coming: deque[tuple[int, float, bool]] = deque()
+        self.command = 0.0  # in force: rad/s, or a duty if `is_duty`
+        self.command_time: int | None = None
+        self.is_duty = loop is None
+        self.pending: deque[PendingCommand] = deque()
+
+    def apply(self, command: PendingCommand) -> None:
+        """Put a command into force."""
+        self.command, self.command_time = command.value, command.time
+        loop = self.loop
+        if loop is None:
+            self.duty = command.value
+            # The published firmware counts forward at zero.
+            self.direction = -1 if command.value < 0.0 else 1
+            return
+        if command.is_duty is not self.is_duty:
+            self.is_duty = command.is_duty
+            loop.command(command.time, 0.0)  # a command of the other kind begins from rest
+        if self.is_duty:
+            loop.set_duty(command.time, command.value)
+        else:
+            loop.command(command.time, command.value)
+        self.direction = loop.direction
+        self.duty = loop.duty
 
 
 class SimulatedBoard:
@@ -79,59 +142,108 @@ class SimulatedBoard:
 
     def __init__(
         self,
-        kind: BoardModel,
+        model: BoardModel,
         gains: tuple[SpeedGains, SpeedGains],
         slots: int,
         glitch: int,
         deadman: int,
-        chance: Random,
+        rng: Random,
         boot: int = 0,
         now: int = 0,
     ) -> None:
         """`glitch`, `deadman` in ns; `gains` left and right; started at `now`."""
+        self.model = model
         self.boot = boot
-        self.kind = kind
-        self._glitch, self._deadman, self._chance = glitch, deadman, chance
+        self._glitch, self._deadman, self._rng = glitch, deadman, rng
         self.sides = tuple(
-            BoardSide(WheelSpeedLoop(gain, slots) if kind.regulates else None) for gain in gains
+            BoardSide(WheelSpeedLoop(gain, slots) if model.has_speed_loop else None)
+            for gain in gains
         )
-        self._silent = NEVER
-        self._tick = (now // LOOP_PERIOD + 1) * LOOP_PERIOD if kind.regulates else NEVER
+        self._deadman_due = NEVER
+        self._loop_due = (now // LOOP_PERIOD + 1) * LOOP_PERIOD if model.has_speed_loop else NEVER
         self._sent: deque[tuple[int, float, float]] = deque([(-NEVER, 0.0, 0.0)])
-        self.due = self._tick
+        self.due = self._loop_due
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """The host sends `wanted` at `now`; it takes hold later.
+    def command(self, now: int, command: Wheels | Duty) -> None:
+        """The host sends `command` at `now`; it takes hold later.
 
         Raises TypeError for Wheels where the board has no speed loop.
         """
-        raw = isinstance(wanted, Duty)
-        if not raw and not self.kind.regulates:
-            raise TypeError(f"this board does not take {type(wanted).__name__}")
-        self._sent.append((now + self.kind.command_delay, wanted.left, wanted.right))
-        for side, value in zip(self.sides, (wanted.left, wanted.right), strict=True):
-            spread = self.kind.command_spread
-            late = self._chance.randint(-spread, spread) if spread else 0
-            time = now + self.kind.command_delay + late
-            if side.coming:
-                time = max(time, side.coming[-1][0])
-            side.coming.append((time, value, raw))
-        self._look_ahead()
+        is_duty = isinstance(command, Duty)
+        if not is_duty and not self.model.has_speed_loop:
+            raise TypeError(f"this board does not take {type(command).__name__}")
+        arrival, spread = now + self.model.command_delay, self.model.command_spread
+        self._sent.append((arrival, command.left, command.right))
+        for side, value in zip(self.sides, (command.left, command.right), strict=True):
+            time = arrival + (self._rng.randint(-spread, spread) if spread else 0)
+            if side.pending:
+                time = max(time, side.pending[-1].time)
+            side.pending.append(PendingCommand(time, value, is_duty))
+        self._update_due()
 
     def serve(self, now: int) -> None:
         """Let everything happen that is due at `now`."""
         for side in self.sides:
-            coming = side.coming
-            while coming and coming[0][0] <= now:
-                self._take(side, *coming.popleft())
-        if now >= self._silent:
-            self._silent = NEVER
+            while side.pending and side.pending[0].time <= now:
+                self._receive(side, side.pending.popleft())
+        if now >= self._deadman_due:
+            self._deadman_due = NEVER
             for side in self.sides:
-                if side.hold:
-                    self._hold(side, now, 0.0, side.raw)
-        if now >= self._tick:
+                if side.command:
+                    self._apply(side, PendingCommand(now, 0.0, side.is_duty))
+        if now >= self._loop_due:
             self._run_loops(now)
-        self._look_ahead()
+        self._update_due()
+
+    def edge(self, side: BoardSide, time: int) -> None:
+        """A counted edge at the pin of `side`; one within the glitch time is ignored."""
+        if side.last_edge is not None and time - side.last_edge < self._glitch:
+            return
+        side.last_edge = time
+        side.count += side.direction
+        if side.loop is not None:
+            side.loop.edge(time)
+
+    def sample(self, now: int) -> Encoders:
+        """The frame sampled at `now`, as it will reach the graph. `time` is still the sample's."""
+        if not self.model.has_speed_loop:
+            return self._stock_sample(now)
+        left, right = self.sides
+        times = self.model.edge_times
+        since = [side.command_time for side in self.sides if side.command_time is not None]
+        return Encoders(
+            now,
+            left.count,
+            right.count,
+            left.last_edge if times else None,
+            right.last_edge if times else None,
+            left.command,
+            right.command,
+            "duty" if left.is_duty else "wheels",
+            max(since) if since and times else None,
+            self.boot,
+        )
+
+    def _stock_sample(self, now: int) -> Encoders:
+        """Stock firmware echoes nothing: the driver assumes what it sent 100 ms ago."""
+        while len(self._sent) > 1 and self._sent[1][0] <= now:
+            self._sent.popleft()
+        since, left, right = self._sent[0]
+        a, b = self.sides
+        time = since if since > -NEVER else None
+        return Encoders(now, a.count, b.count, None, None, left, right, "duty", time, self.boot)
+
+    def _receive(self, side: BoardSide, command: PendingCommand) -> None:
+        """Restart the dead-man's time; a command equal to the one in force changes nothing else."""
+        self._deadman_due = command.time + self._deadman if self.model.has_speed_loop else NEVER
+        in_force = (side.command, side.is_duty)
+        if in_force != (command.value, command.is_duty) or side.command_time is None:
+            self._apply(side, command)
+
+    def _apply(self, side: BoardSide, command: PendingCommand) -> None:
+        side.apply(command)
+        if side.loop is not None and self._loop_due == NEVER:
+            self._loop_due = -(-command.time // LOOP_PERIOD) * LOOP_PERIOD  # the timer's next tick
 
     def _run_loops(self, now: int) -> None:
         """Run the speed loops, and not again before a command comes if they have come to rest."""
@@ -140,97 +252,17 @@ class SimulatedBoard:
             loop = side.loop
             if loop is None:
                 continue
-            if side.raw:
+            if side.is_duty:
                 at_rest = at_rest and not loop.check_stall(now, side.duty)
                 side.duty = loop.duty
             else:
                 side.duty = loop.tick(now)
                 at_rest = at_rest and loop.is_at_rest
-        self._tick = NEVER if at_rest else now + LOOP_PERIOD
+        self._loop_due = NEVER if at_rest else now + LOOP_PERIOD
 
-    def edge(self, side: BoardSide, time: int) -> None:
-        """A rising edge at the pin of `side`."""
-        if side.edge is not None and time - side.edge < self._glitch:
-            return
-        side.edge = time
-        side.count += side.sign
-        if side.loop is not None:
-            side.loop.edge(time)
-
-    def sample(self, now: int) -> Encoders:
-        """The frame taken at `now`, as it will reach the graph. `time` is still the sample's."""
-        left, right = self.sides
-        if not self.kind.regulates:
-            return self._stock_sample(now)
-        times = self.kind.edge_times
-        since = [side.since for side in self.sides if side.since is not None]
-        return Encoders(
-            now,
-            left.count,
-            right.count,
-            left.edge if times else None,
-            right.edge if times else None,
-            left.hold,
-            right.hold,
-            "duty" if left.raw else "wheels",
-            max(since) if since and times else None,
-            self.boot,
-        )
-
-    def clear(self) -> None:
-        """Forget a stall, as the host's `clear` does."""
+    def _update_due(self) -> None:
+        due = self._loop_due if self._loop_due < self._deadman_due else self._deadman_due
         for side in self.sides:
-            if side.loop is not None:
-                side.loop.fault = False
-
-    def _stock_sample(self, now: int) -> Encoders:
-        """Stock firmware echoes nothing: the driver reckons with what it sent 100 ms ago."""
-        while len(self._sent) > 1 and self._sent[1][0] <= now:
-            self._sent.popleft()
-        since, left, right = self._sent[0]
-        a, b = self.sides
-        return Encoders(
-            now,
-            a.count,
-            b.count,
-            None,
-            None,
-            left,
-            right,
-            "duty",
-            since if since > -NEVER else None,
-            self.boot,
-        )
-
-    def _take(self, side: BoardSide, time: int, value: float, raw: bool) -> None:
-        self._silent = time + self._deadman if self.kind.regulates else NEVER
-        if value != side.hold or raw is not side.raw or side.since is None:
-            self._hold(side, time, value, raw)
-
-    def _hold(self, side: BoardSide, time: int, value: float, raw: bool) -> None:
-        side.hold, side.since = value, time
-        loop = side.loop
-        if loop is None:
-            side.duty = value
-            side.sign = -1 if value < 0.0 else 1  # the published code counts forward at zero
-            return
-        if raw is not side.raw:
-            side.raw = raw
-            loop.command(time, 0.0)  # another kind of command begins from rest
-        if raw:
-            loop.set_duty(time, value)
-        else:
-            loop.command(time, value)
-        if self._tick == NEVER:
-            self._tick = (
-                -(-time // LOOP_PERIOD) * LOOP_PERIOD
-            )  # the timer has gone on; this is its next
-        side.sign = loop.direction
-        side.duty = loop.duty
-
-    def _look_ahead(self) -> None:
-        due = self._tick if self._tick < self._silent else self._silent
-        for side in self.sides:
-            if side.coming and side.coming[0][0] < due:
-                due = side.coming[0][0]
+            if side.pending and side.pending[0].time < due:
+                due = side.pending[0].time
         self.due = due

@@ -1,102 +1,128 @@
-"""An encoder's wire that tells nothing of its wheel: a dead light barrier, or a wire that is off.
-
-The firmware's inputs have no pull-up, so a wire that hangs in the air picks up the mains.
-
-How a simulated robot was soldered together: motors to the driver, encoders to the board.
-"""
+"""The electrics of a simulated robot: its battery, and its wiring with faults."""
 
 from __future__ import annotations
 
 from random import Random
 
-from diffbotctl.config.simulation import WiringTruth
+from diffbotctl.config.simulation import BatteryTruth, WiringTruth
 from diffbotctl.plant.robot_parameters import PlantParameters
 from diffbotctl.plant.wheel import LevelChange
 
-MAINS = 20_000_000  # ns; one period of 50 Hz
-HIGH = MAINS // 4  # ns that the pin is high in each: its threshold lies above the middle
-TREMBLE = 1_000_000  # ns, standard deviation: no pick-up is quite regular
+MAINS_PERIOD = 20_000_000  # ns; 50 Hz
+MAINS_HIGH_TIME = MAINS_PERIOD // 4  # ns; the pin's threshold lies above the middle of the sine
+MAINS_JITTER = 1_000_000  # ns, standard deviation
+
+ADC_REFERENCE = 5.0  # V; the board's analog inputs read up to this
+ADC_STEPS = 1023
+
+MotorRow = tuple[float, float]
+
+
+class SimulatedBattery:
+    """The motor supply: its voltage drops in proportion to the duties of both motors."""
+
+    def __init__(self, truth: BatteryTruth) -> None:
+        self._truth = truth
+
+    def voltage_ratio(self, left: float, right: float) -> float:
+        """Voltage under the load of two duties, relative to the rest voltage."""
+        return 1.0 - self._truth.sag * 0.5 * (abs(left) + abs(right))
+
+    def voltage(self, left: float, right: float) -> float:
+        """Voltage (V) under the load of two duties."""
+        return self._truth.volts * self.voltage_ratio(left, right)
+
+    def pin_voltage(self, voltage: float, divider: float) -> float:
+        """Voltage (V) at the board's pin, behind a divider that is nominally `divider`."""
+        return voltage / (divider * (1.0 + self._truth.divider_error))
+
+
+def read_analog(voltage: float) -> float:
+    """A pin's voltage (V) as the board's converter rounds it."""
+    steps = min(round(voltage / ADC_REFERENCE * ADC_STEPS), ADC_STEPS)
+    return steps / ADC_STEPS * ADC_REFERENCE
 
 
 class MainsPickup:
-    """What a pin does without any wheel; nothing at all when `chance` is None."""
+    """50 Hz mains pick-up on a floating encoder input; no change at all when `rng` is None.
 
-    def __init__(self, chance: Random | None) -> None:
-        self._chance = chance
-        self._rise = 0 if chance is None else chance.randrange(MAINS)
+    The firmware's inputs have no pull-up, so an unconnected wire picks up the mains; a dead light
+    barrier keeps its level.
+    """
+
+    def __init__(self, rng: Random | None) -> None:
+        self._rng = rng
+        self._rise = 0 if rng is None else rng.randrange(MAINS_PERIOD)
         self._fall: int | None = None
 
     def changes(self, until: int) -> list[LevelChange]:
-        """All that the pin did since the last call, until `until`."""
-        found: list[LevelChange] = []
-        if self._chance is None:
-            return found
+        """The pin's changes since the last call, until `until`."""
+        changes: list[LevelChange] = []
+        if self._rng is None:
+            return changes
         while True:
             if self._fall is not None:
                 if self._fall > until:
-                    return found
-                found.append(LevelChange(self._fall, 0))
+                    return changes
+                changes.append(LevelChange(self._fall, 0))
                 self._fall = None
             if self._rise > until:
-                return found
-            found.append(LevelChange(self._rise, 1))
-            self._fall = self._rise + HIGH
-            wait = MAINS + int(self._chance.gauss(0.0, TREMBLE))
-            self._rise += max(wait, MAINS // 2)
-
-
-Row = tuple[float, float]
+                return changes
+            changes.append(LevelChange(self._rise, 1))
+            self._fall = self._rise + MAINS_HIGH_TIME
+            period = MAINS_PERIOD + int(self._rng.gauss(0.0, MAINS_JITTER))
+            self._rise += max(period, MAINS_PERIOD // 2)
 
 
 class PlantWiring:
     """The wires between board, driver, motors and encoders.
 
-    `outputs`: how each motor (row) follows each driver output (column): 1, -1, or 0 for not at all.
-    `pins`: which side of the board hears the encoder of each wheel, None for neither. `hums`: by
-    wheel, what its encoder's wire carries that tells nothing of it.
+    `outputs`: 2x2 matrix from the board's motor outputs (columns) to the motors (rows): 1, -1 or 0.
+    `pins`: the side of the board to which the encoder of each wheel is connected, None for neither.
+    `pickups`: by wheel, the signal on the wire of an encoder that does not work.
     """
 
-    __slots__ = ("_wiring", "hums", "outputs", "pins")
+    __slots__ = ("_wiring", "outputs", "pickups", "pins")
 
-    def __init__(self, wiring: WiringTruth, machine: PlantParameters, chance: Random) -> None:
+    def __init__(self, wiring: WiringTruth, parameters: PlantParameters, rng: Random) -> None:
         self._wiring = wiring
-        self.hums = _hums(wiring, chance)
-        self.tell(machine)
+        self.pickups = _pickups(wiring, rng)
+        self.set_board(parameters)
 
-    def tell(self, machine: PlantParameters) -> None:
-        """The board is told other settings; the wires stay."""
-        self.outputs = _outputs(self._wiring, machine)
-        self.pins = (self._pin(0, machine), self._pin(1, machine))
+    def set_board(self, parameters: PlantParameters) -> None:
+        """Update what depends on the board's settings; the wires stay."""
+        self.outputs = _outputs(self._wiring, parameters)
+        self.pins = (self._pin(0, parameters), self._pin(1, parameters))
 
     def socket(self, wheel: int) -> int:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
         return 1 - wheel if self._wiring.encoders == "swapped" else wheel
 
-    def _pin(self, wheel: int, machine: PlantParameters) -> int | None:
+    def _pin(self, wheel: int, parameters: PlantParameters) -> int | None:
         socket = self.socket(wheel)
-        return next((side for side in (0, 1) if machine.sockets[side] == socket), None)
+        return next((side for side in (0, 1) if parameters.sockets[side] == socket), None)
 
 
-def _outputs(wiring: WiringTruth, machine: PlantParameters) -> tuple[Row, Row]:
-    """What the board is told as `reversed` undoes leads that are soldered the other way round."""
-    table = [[0.0, 0.0], [0.0, 0.0]]
-    for motor, way in enumerate((wiring.left, wiring.right)):
-        if way == "dead":
+def _outputs(wiring: WiringTruth, parameters: PlantParameters) -> tuple[MotorRow, MotorRow]:
+    """The matrix `outputs`: the setting `reversed` undoes leads that are soldered reversed."""
+    matrix = [[0.0, 0.0], [0.0, 0.0]]
+    for motor, fault in enumerate((wiring.left, wiring.right)):
+        if fault == "dead":
             continue
-        output = 1 - motor if way == "swapped" else motor
-        leads = -1.0 if way == "reversed" else 1.0
-        side = machine.channels[output]
-        table[motor][output] = -leads if machine.reversed[side] else leads
-    return (table[0][0], table[0][1]), (table[1][0], table[1][1])
+        output = 1 - motor if fault == "swapped" else motor
+        sign = -1.0 if fault == "reversed" else 1.0
+        side = parameters.channels[output]
+        matrix[motor][output] = -sign if parameters.reversed[side] else sign
+    return (matrix[0][0], matrix[0][1]), (matrix[1][0], matrix[1][1])
 
 
-def _hums(wiring: WiringTruth, chance: Random) -> dict[int, MainsPickup]:
-    found = {}
+def _pickups(wiring: WiringTruth, rng: Random) -> dict[int, MainsPickup]:
+    pickups = {}
     for wheel, (motor, encoder) in enumerate(
         ((wiring.left, wiring.left_encoder), (wiring.right, wiring.right_encoder))
     ):
         if encoder == "dead":
-            found[wheel] = MainsPickup(None)
+            pickups[wheel] = MainsPickup(None)
         elif "floating" in (motor, encoder):
-            found[wheel] = MainsPickup(Random(chance.getrandbits(64)))
-    return found
+            pickups[wheel] = MainsPickup(Random(rng.getrandbits(64)))
+    return pickups

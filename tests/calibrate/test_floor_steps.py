@@ -36,7 +36,7 @@ def prepared(tmp_path):
         made, truths = open_session(load_robot(str(robot)), "sim", seed)
         prompter = AnswersFile(answers, truths)
         run_step(make_step("motors"), made, prompter, Quiet())
-        return made, prompter, truths._plant.body
+        return made, prompter, truths._plant.chassis
 
     return prepare
 

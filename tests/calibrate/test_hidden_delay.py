@@ -27,7 +27,7 @@ def stock(seed, delay):
     """A session of the stock robot; its commands take `delay` ms, which its file does not state."""
     made, truths = open_session(load_robot("book_2wd_stock"), "sim", seed)
     board = truths._plant.board
-    board.kind = board.kind._replace(command_delay=delay * MS)
+    board.model = board.model._replace(command_delay=delay * MS)
     made.connect()
     return made, truths._plant
 

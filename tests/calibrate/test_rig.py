@@ -154,7 +154,7 @@ def test_findings_go_to_the_board_and_add_up(made):
     assert (drive.left.motor.loop.static, drive.right.motor.loop.static) == (0.2, 0.3)
     assert one.file.nominal.drive.left.motor.loop.static == 0.1
     assert "0.2" not in one.file.file.read_text()  # nothing is written yet
-    assert [gains.static for gains in one.driver.robot.machine.gains] == [0.2, 0.3]
+    assert [gains.static for gains in one.driver.robot.parameters.gains] == [0.2, 0.3]
 
 
 def test_what_is_not_plausible_is_not_tried(made):

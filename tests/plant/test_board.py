@@ -6,7 +6,7 @@ import pytest
 
 from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Wheels
-from diffbotctl.plant.simulated_board import KINDS, SimulatedBoard
+from diffbotctl.plant.simulated_board import BOARD_MODELS, SimulatedBoard
 
 MS = 1_000_000
 # Half duty for 5 rad/s by the feed-forward alone.
@@ -15,7 +15,7 @@ HELD = 14_900_000  # ns; 10.4 ms on the wire and 4.5 ms by radio
 
 
 def board(kind="edges", glitch=2 * MS, deadman=300 * MS, seed=1):
-    return SimulatedBoard(KINDS[kind], (GAINS, GAINS), 20, glitch, deadman, Random(seed))
+    return SimulatedBoard(BOARD_MODELS[kind], (GAINS, GAINS), 20, glitch, deadman, Random(seed))
 
 
 def serve_until(made, until):
@@ -38,7 +38,7 @@ def test_a_command_takes_hold_after_its_way():
     assert [side.duty for side in made.sides] == [0.0, 0.0]
     serve_until(made, HELD)
     assert [side.duty for side in made.sides] == pytest.approx([0.5, -0.5])
-    assert [side.sign for side in made.sides] == [1, -1]
+    assert [side.direction for side in made.sides] == [1, -1]
 
 
 def test_the_dead_man_stops_it_300_ms_after_the_last_command():

@@ -150,15 +150,15 @@ def test_captured_flanks_are_those_at_the_board_s_pins(wiring, sides):
     made.capture(True)
     made.turn_by_hand(0, 2 * pi, 2 * pi)
     made.advance(SECOND + SECOND // 10)
-    assert {flank.side for flank in made.flanks} == sides
-    turned = [flank for flank in made.flanks if flank.side == min(sides, default=0)]
+    assert {flank.side for flank in made.captured_edges} == sides
+    turned = [flank for flank in made.captured_edges if flank.side == min(sides, default=0)]
     if "left_encoder" not in wiring:
         assert len(turned) == pytest.approx(40, abs=1)  # both flanks of 20 slots
     made.capture(False)
-    told = len(made.flanks)
+    told = len(made.captured_edges)
     made.turn_by_hand(0, 2 * pi, 2 * pi)
     made.advance(3 * SECOND)
-    assert len(made.flanks) == told
+    assert len(made.captured_edges) == told
 
 
 def test_a_board_of_ours_drives_with_raw_duty_too():
@@ -175,7 +175,7 @@ def test_a_board_of_ours_drives_with_raw_duty_too():
 def test_a_restarted_board_counts_anew_and_says_so():
     made = robot()
     driven(made, 1.0, 5.0, 5.0)
-    made.rewire(made.machine._replace(slots=30))
+    made.restart_board(made.parameters._replace(slots=30))
     made.advance(2 * SECOND)
     last = made.deliver()[-1][1]
     assert last.boot == 1

@@ -70,7 +70,7 @@ def test_scans_come_five_times_a_second_and_in_order():
 def test_a_scan_is_seen_from_where_the_scanner_sits():
     # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
     plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
-    plant._eyes.scanners[0][1]._spread = 0.0
+    plant._sensors.scanners[0][1]._spread = 0.0
     (scan, *_) = [m for _, m in heard(plant, SECOND // 2) if isinstance(m, Scan)]
     assert scan.distances[0] == pytest.approx(0.932)
     assert scan.distances[180] == inf
@@ -86,7 +86,7 @@ def test_the_camera_sees_the_true_pose_in_the_world():
     assert last.linear == pytest.approx(0.4, rel=0.02)
     assert last.y == pytest.approx(5.544)
     truth = plant.truth().pose
-    assert plant.place().x == pytest.approx(5.544 + truth.x)
+    assert plant.pose_in_world().x == pytest.approx(5.544 + truth.x)
 
 
 def test_the_start_is_where_odom_begins_in_the_world():

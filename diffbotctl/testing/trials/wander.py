@@ -87,7 +87,7 @@ def walk(world: World, seed: int, minutes: float) -> WanderRun:
 
     def look() -> None:
         nonlocal least, contacts, touching
-        at = plant.body
+        at = plant.chassis
         far = clearance(outline, Pose(at.x, at.y, at.heading), world, within=max(least, 1e-9))
         least = min(least, far)
         contacts += far == 0.0 and not touching
