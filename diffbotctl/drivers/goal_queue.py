@@ -41,13 +41,10 @@ class Operator:
         self.active: Goal | None = None
         self.paused: Goal | None = None
         self.last_reached: Goal | None = None
-        self.number = 0
-        """of the goal sent last; the first one is 1"""
+        self.number = 0  # of the goal sent last; the first one is 1
         self.reached = 0
-        self.stops: list[Stop] = []
-        """every stop of the run"""
-        self.stops_in_force: dict[str, Stop] = {}
-        """by the block that holds the robot"""
+        self.stops: list[Stop] = []  # every stop of the run
+        self.stops_in_force: dict[str, Stop] = {}  # by the block that holds the robot
         self.outbox: list[Delivery] = []
         self.outbox_due = 0
         self._goals_given = len(goals)

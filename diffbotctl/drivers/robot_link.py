@@ -15,8 +15,8 @@ from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.time import SECOND
 
+# Ports without a real robot, each with how screens mark it
 VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
-"""Ports without a real robot, each with how screens mark it."""
 FIRMWARE_BOARD = "mega2560"
 FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
 TICK_BYTES, BITS_PER_BYTE = 16, 10  # what is sent of a pair of ticks after the counts were taken

@@ -40,8 +40,7 @@ class EmulatedBoard:
         self.sides = (settings.left, settings.right)
         self.pins = (settings.left.encoder, settings.right.encoder)
         self.duty = [0.0, 0.0]
-        self.changed = [0, 0]
-        """ns at which each motor's duty last changed"""
+        self.changed = [0, 0]  # ns at which each motor's duty last changed
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._coming: deque[tuple[int, int, bytes]] = deque()
         plant.capture(True)

@@ -30,7 +30,7 @@ STOP_SECONDS = 5.0
 _HEAD = struct.Struct("<cQHHHH")
 _TRANSITION = struct.Struct("<IBB")
 _ANALOG = struct.Struct("<BH")
-_ANSWER = struct.Struct("<QHHB")
+_REPLY = struct.Struct("<QHHB")
 _EVENT = struct.Struct("<IBhB")
 _BYTE = struct.Struct("<IBB")
 
@@ -45,32 +45,24 @@ class EmulatorError(RunError):
 class PinTransition(NamedTuple):
     """A pin driven from outside."""
 
-    time: int
-    """ns of board time"""
-    pin: int
-    """Arduino number"""
-    level: int
-    """0 or 1"""
+    time: int  # ns of board time
+    pin: int  # Arduino number
+    level: int  # 0 or 1
 
 
 class MotorChange(NamedTuple):
     """What a motor's bridge was switched to."""
 
-    time: int
-    """ns of board time"""
-    motor: int
-    """place in the list of motors given at the start"""
-    duty: float
-    """-1 to 1; positive when the first input is high and the second low"""
-    brake: bool
-    """true when the bridge shorts the motor, false when it leaves it open or drives it"""
+    time: int  # ns of board time
+    motor: int  # place in the list of motors given at the start
+    duty: float  # -1 to 1; positive when the first input is high and the second low
+    brake: bool  # true when the bridge shorts the motor, false when it leaves it open or drives it
 
 
 class SentByte(NamedTuple):
     """A byte that the board has sent, at the end of its stop bit."""
 
-    time: int
-    """ns of board time"""
+    time: int  # ns of board time
     uart: int
     byte: int
 
@@ -78,8 +70,7 @@ class SentByte(NamedTuple):
 class StepResult(NamedTuple):
     """What the board did in one step."""
 
-    now: int
-    """ns of board time reached"""
+    now: int  # ns of board time reached
     changes: list[MotorChange]
     sent: list[SentByte]
     was_reset: bool
@@ -198,15 +189,15 @@ class Emulator:
         words += ["--pty"] * pty + ["--paced"] * paced
         self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdin is not None and self._process.stdout is not None
-        self._requests, self._answers = self._process.stdin, self._process.stdout
-        self._turn = Lock()  # one request and its answer at a time, from whatever thread
+        self._requests, self._replies = self._process.stdin, self._process.stdout
+        self._lock = Lock()  # one request and its reply at a time, from any thread
         self.now = 0
         self.ports: tuple[str, str] | None = None
         if pty:
             self.ports = self._ports()
 
     def _ports(self) -> tuple[str, str]:
-        names = self._answers.readline().decode().split()
+        names = self._replies.readline().decode().split()
         if len(names) != 2:
             self.close()
             raise EmulatorError("it did not start", f"sudo apt-get install {SIMAVR}")
@@ -231,13 +222,13 @@ class Emulator:
             _TRANSITION.pack(max(0, time - self.now), pin, level) for time, pin, level in changes
         ]
         parts += [_ANALOG.pack(channel, value) for channel, value in analogs.items()]
-        with self._turn:
+        with self._lock:
             self._write(b"".join([*parts, *received]))
             return self._result()
 
     def _result(self) -> StepResult:
         began = self.now
-        self.now, events, sent, flags = _ANSWER.unpack(self._read(_ANSWER.size))
+        self.now, events, sent, flags = _REPLY.unpack(self._read(_REPLY.size))
         data = self._read(events * _EVENT.size + sent * _BYTE.size)
         split = events * _EVENT.size
         changes = [
@@ -251,40 +242,28 @@ class Emulator:
         return StepResult(self.now, changes, whole, bool(flags & 1), bool(flags & 2))
 
     def reset(self, cause: int = LINE) -> None:
-        """Pull the reset line, or let another cause act."""
-        with self._turn:
-            self._write(bytes((ord("R"), cause)))
-            self._read(1)
+        """Pull the reset line, or reset for another cause."""
+        self._request(bytes((ord("R"), cause)), 1)
 
     def hang(self) -> None:
         """The main program stops making progress from now on; interrupts still run."""
-        with self._turn:
-            self._write(b"H")
-            self._read(1)
+        self._request(b"H", 1)
 
     def eeprom(self) -> bytes:
         """All bytes of the EEPROM."""
-        with self._turn:
-            self._write(b"Q")
-            return self._read(EEPROM_SIZE)
+        return self._request(b"Q", EEPROM_SIZE)
 
     def set_eeprom(self, content: bytes) -> None:
         """Put `content` into the EEPROM, as if it had always been there."""
-        with self._turn:
-            self._write(b"W" + content.ljust(EEPROM_SIZE, b"\xff"))
-            self._read(1)
+        self._request(b"W" + content.ljust(EEPROM_SIZE, b"\xff"), 1)
 
     def flash(self, offset: int, length: int) -> bytes:
         """Bytes of the flash."""
-        with self._turn:
-            self._write(b"F" + struct.pack("<II", offset, length))
-            return self._read(length)
+        return self._request(b"F" + struct.pack("<II", offset, length), length)
 
     def dirty_writes(self) -> int:
-        """Flash words that were written without having been erased."""
-        with self._turn:
-            self._write(b"D")
-            return int.from_bytes(self._read(4), "little")
+        """Number of flash words that were written without having been erased."""
+        return int.from_bytes(self._request(b"D", 4), "little")
 
     def close(self) -> None:
         """End the emulator."""
@@ -295,13 +274,18 @@ class Emulator:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
-        self._answers.close()
+        self._replies.close()
 
     def __enter__(self) -> Emulator:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _request(self, data: bytes, reply_size: int) -> bytes:
+        with self._lock:
+            self._write(data)
+            return self._read(reply_size)
 
     def _write(self, data: bytes) -> None:
         try:
@@ -311,7 +295,7 @@ class Emulator:
             raise EmulatorError("it has died") from None
 
     def _read(self, size: int) -> bytes:
-        data = self._answers.read(size)
+        data = self._replies.read(size)
         if len(data) != size:
             raise EmulatorError("it has died")
         return data

@@ -49,8 +49,7 @@ class VirtualBoard:
         self.usb, self.radio = self.folder / "ttyACM0", self.folder / "rfcomm0"
         for link, port in zip((self.usb, self.radio), emulator.ports, strict=True):
             link.symlink_to(port)
-        self.lost = 0.0
-        """s that the machine was too slow for, and which the board has not lived"""
+        self.lost = 0.0  # s that the machine was too slow for, and which the board has not lived
 
     def serve(self, stop: int, tell: Callable[[str], None]) -> None:
         """Keep pace with real time until the file `stop` becomes readable.

@@ -24,8 +24,7 @@ class PlantComponents(NamedTuple):
     chassis: Chassis
     wheels: tuple[WheelModel, ...]
     sensors: RangeSensors
-    cameras: tuple[str, ...]
-    """names of the overhead cameras"""
+    cameras: tuple[str, ...]  # names of the overhead cameras
     board_rng: Random
 
 

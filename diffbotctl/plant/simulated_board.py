@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.messages import Duty, Encoders, Wheels
-from diffbotctl.time import MILLISECOND, NEVER
+from diffbotctl.time import MILLISECOND as MS
+from diffbotctl.time import NEVER
 
 COMMAND_WIRE_TIME = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
 RADIO_DELAY = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a count loop
@@ -23,60 +24,26 @@ JITTER_MAX_SD = 2  # standard deviations of the arrival; keeps frames in order
 class BoardModel(NamedTuple):
     """Timing of one kind of board. Times are ns."""
 
-    period: int
-    """between two frames"""
-    frame_delay: int
-    """from a frame's sample to its arrival"""
-    stamp_jitter: int
-    """standard deviation of the arrival"""
-    command_delay: int
-    """from the host to the motor"""
-    command_spread: int
-    """largest difference of one wheel's delay from that"""
-    has_speed_loop: bool
-    """takes rad/s, and stops by itself without commands"""
-    edge_times: bool
+    period: int  # between two frames
+    frame_delay: int  # from a frame's sample to its arrival
+    command_delay: int  # from the host to the motor
+    stamp_jitter: int = 0  # standard deviation of the arrival
+    command_spread: int = 0  # largest difference of one wheel's delay from `command_delay`
+    has_speed_loop: bool = True  # takes rad/s, and stops by itself without commands
+    edge_times: bool = True
 
 
 BOARD_MODELS = {
     # 16.5 Hz and 100 ms were measured with the published firmware; 12 bytes come after the sample.
     "stock": BoardModel(
-        period=60_606_061,
-        frame_delay=17 * MILLISECOND,
-        stamp_jitter=8 * MILLISECOND,
-        command_delay=100 * MILLISECOND,
-        command_spread=25 * MILLISECOND,
-        has_speed_loop=False,
-        edge_times=False,
+        60_606_061, 17 * MS, 100 * MS, 8 * MS, 25 * MS, has_speed_loop=False, edge_times=False
     ),
     "counts": BoardModel(
-        period=20 * MILLISECOND,
-        frame_delay=15_600_000 + RADIO_DELAY,
-        stamp_jitter=0,
-        command_delay=COMMAND_WIRE_TIME + RADIO_DELAY,
-        command_spread=0,
-        has_speed_loop=True,
-        edge_times=False,
+        20 * MS, 15_600_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY, edge_times=False
     ),
     # No radio and no cable: a robot that exists in the simulator alone; its file has the period.
-    "simulated": BoardModel(
-        period=40 * MILLISECOND,
-        frame_delay=MILLISECOND,
-        stamp_jitter=0,
-        command_delay=MILLISECOND,
-        command_spread=0,
-        has_speed_loop=True,
-        edge_times=True,
-    ),
-    "edges": BoardModel(
-        period=25 * MILLISECOND,
-        frame_delay=21_900_000 + RADIO_DELAY,
-        stamp_jitter=0,
-        command_delay=COMMAND_WIRE_TIME + RADIO_DELAY,
-        command_spread=0,
-        has_speed_loop=True,
-        edge_times=True,
-    ),
+    "simulated": BoardModel(40 * MS, MS, MS),
+    "edges": BoardModel(25 * MS, 21_900_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY),
 }
 
 

@@ -27,30 +27,22 @@ ROLL_PERIOD = 20_000_000  # ns between two arcs of the chassis: 6 mm at 0.3 m/s,
 class CapturedEdge(NamedTuple):
     """A change of an encoder's pin."""
 
-    time: int
-    """ns"""
-    side: int
-    """0 left, 1 right: of the board that captured it, or of the socket it is plugged into"""
-    level: int
-    """0 or 1, after the change"""
+    time: int  # ns
+    side: int  # 0 left, 1 right: of the board that captured it, or of the socket it is plugged into
+    level: int  # 0 or 1, after the change
 
 
 class PlantTruth(NamedTuple):
     """The true state of the plant: for tests and the summary only, never for a block."""
 
-    time: int
-    """ns"""
+    time: int  # ns
     pose: Pose
-    left_angle: float
-    """rad"""
+    left_angle: float  # rad
     right_angle: float
-    left_speed: float
-    """rad/s"""
+    left_speed: float  # rad/s
     right_speed: float
-    travel: float
-    """m, length of the path"""
-    turned: float
-    """rad, sum of all turning"""
+    travel: float  # m, length of the path
+    turned: float  # rad, sum of all turning
 
 
 class SimulatedRobot:
@@ -88,8 +80,8 @@ class SimulatedRobot:
         self._wiring = PlantWiring(simulation.wiring, parameters, rng)
         self._motor_duties = (0.0, 0.0)
         self._is_capturing = False
+        # what the board has captured, until it is taken
         self.captured_edges: list[CapturedEdge] = []
-        """what the board has captured, until it is taken"""
         self._next_battery = 0
         self._next_roll = ROLL_PERIOD
         self._next_frame = model.period

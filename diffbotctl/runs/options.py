@@ -16,36 +16,26 @@ if TYPE_CHECKING:
 class SocketOptions(NamedTuple):
     """The control socket: its name, and the group whose members may use it."""
 
-    name: str | None = None
-    """None: the pipeline's name"""
-    group: str | None = None
-    """None: only the user who started the run"""
+    name: str | None = None  # None: the pipeline's name
+    group: str | None = None  # None: only the user who started the run
 
 
 class RunOptions(NamedTuple):
     """Options of a run, as the command line states them."""
 
     port: str = "sim"
-    goals: tuple[Goal, ...] = ()
-    """in place of the pipeline file's"""
+    goals: tuple[Goal, ...] = ()  # in place of the pipeline file's
     seed: int = 0
-    fast: bool = False
-    """simulate without waiting for real time"""
-    duration: float | None = None
-    """s; None: until the goals are reached"""
+    fast: bool = False  # simulate without waiting for real time
+    duration: float | None = None  # s; None: until the goals are reached
     record: Path | None = None
     digest: bool = False
-    socket: SocketOptions | None = None
-    """None: no control socket"""
-    stay: bool = False
-    """go on after the last goal"""
-    dash: bool = False
-    """the screen also sends commands"""
+    socket: SocketOptions | None = None  # None: no control socket
+    stay: bool = False  # go on after the last goal
+    dash: bool = False  # the screen also sends commands
     log: Path | None = None
-    levels: tuple[tuple[str, str], ...] = ()
-    """(source, level) of the log"""
-    flights: Path | None = None
-    """folder for the last minutes before a stop; None: not kept"""
+    levels: tuple[tuple[str, str], ...] = ()  # (source, level) of the log
+    flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
 
 
 class RunResult(NamedTuple):
@@ -56,14 +46,10 @@ class RunResult(NamedTuple):
     reached: int
     goals: int
     stops: tuple[Stop, ...]
-    odometry: Odometry | None
-    """the last estimate"""
+    odometry: Odometry | None  # the last estimate
+    # of a simulated robot, its pose in the frame in which the goals were given
     truth: PlantTruth | None
-    """of a simulated robot, its pose in the frame in which the goals were given"""
-    path: float
-    """m, driven by odometry"""
-    link: Link | None
-    """the last state of the link"""
+    path: float  # m, driven by odometry
+    link: Link | None  # the last state of the link
     digest: str | None
-    recording: str | None
-    """why the recording is incomplete"""
+    recording: str | None  # why the recording is incomplete

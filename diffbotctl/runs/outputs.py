@@ -42,16 +42,12 @@ Instant = tuple[Any, ...]
 class RunReports(NamedTuple):
     """What the outputs ask of their run, and where they report."""
 
-    facts: dict[str, str]
-    """metadata of the recording"""
-    progress: Callable[[], tuple[int, int]]
-    """goals reached, and goals in all"""
+    facts: dict[str, str]  # metadata of the recording
+    progress: Callable[[], tuple[int, int]]  # goals reached, and goals in all
+    # the state of all blocks, or None when it has no bytes
     take_snapshot: Callable[[], bytes | None]
-    """the state of all blocks, or None when it has no bytes"""
-    announce: Report
-    """called with each black box file that was written"""
-    loss: Report
-    """called once for each file that can no longer be written"""
+    announce: Report  # called with each black box file that was written
+    loss: Report  # called once for each file that can no longer be written
     screen_closed: Callable[[], None] | None = None
 
 

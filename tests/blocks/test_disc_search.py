@@ -20,7 +20,7 @@ SPEED = 8.0  # rad/s
 
 def errors(disc: EncoderDisc, first: int) -> list[float]:
     """Of the flanks seen forward (0) or backward (1), about their mean, in pitches."""
-    places = [flank / PITCH - slot for slot, flank in enumerate(disc.flanks[first::2])]
+    places = [flank / PITCH - slot for slot, flank in enumerate(disc.edges[first::2])]
     return [place - fmean(places) for place in places]
 
 
@@ -89,9 +89,9 @@ def test_a_strange_disc_is_not_believed(seed):
     def mirrored(disc: EncoderDisc) -> EncoderDisc:
         turned = tuple(
             2 * (place // 2 * PITCH + place % 2 * 0.5 * PITCH) - flank
-            for place, flank in enumerate(disc.flanks)
+            for place, flank in enumerate(disc.edges)
         )
-        return disc._replace(flanks=turned)
+        return disc._replace(edges=turned)
 
     odometry, _ = drive(seed, 1.0, 1.0, mirrored)
     for wheel in odometry.wheels:

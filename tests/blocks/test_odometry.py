@@ -114,7 +114,7 @@ def test_the_disc_is_learnt_in_a_few_turns():
 
 def slot_errors(disc) -> list[float]:
     pitch = 2 * pi / 20
-    return [flank / pitch - slot for slot, flank in enumerate(disc.flanks[0::2])]
+    return [flank / pitch - slot for slot, flank in enumerate(disc.edges[0::2])]
 
 
 def spread(true: list[float], learnt: list[float]) -> float:

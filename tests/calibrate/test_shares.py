@@ -95,7 +95,7 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
         made.close()
     found = {each.field: each.value for each in outcome.findings}
     for side, disc in zip(("left", "right"), truths._plant.discs, strict=True):
-        ups, downs = disc.flanks[::2], disc.flanks[1::2]
+        ups, downs = disc.edges[::2], disc.edges[1::2]
         high = sum(b - a for a, b in zip(ups, downs, strict=True)) / (2 * pi)
         wanted = high if edge == "rising" else 1.0 - high
         # An eighth of a slot in a hundred pitches, and the mean of ratios for the ratio of means.

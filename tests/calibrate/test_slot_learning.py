@@ -54,7 +54,7 @@ def test_both_flanks_of_each_slot_are_learnt_in_one_order(seed):
     """To about a quarter of what they are cut to (0.03); both rows begin at the same slot."""
     robot, frames = turned(seed)
     for found, disc in zip(learn_discs(learner(), frames), robot.discs, strict=True):
-        places = [flank / PITCH - number / 2 for number, flank in enumerate(disc.flanks)]
+        places = [flank / PITCH - number / 2 for number, flank in enumerate(disc.edges)]
         forward, backward = places[0::2], places[1::2]
         first = min(range(SLOTS), key=lambda each: scatter(forward, found.forward, each))
         assert scatter(forward, found.forward, first) < 0.012

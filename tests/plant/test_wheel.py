@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.config.simulation import EncoderTruth
-from diffbotctl.plant.wheel import REST, EncoderDisc, MotorModel, WheelModel, draw_disc
+from diffbotctl.plant.wheel import REST_SPEED, EncoderDisc, MotorModel, WheelModel, draw_disc
 from diffbotctl.time import SECOND
 
 SLOTS = 20
@@ -164,12 +164,12 @@ def test_linear_coasting_dies_exponentially_down_to_rest():
     made = wheel()
     made.advance(3 * SECOND, HALF)
     before = made.angle
-    stops = 3.0 + LAG * log(5 / REST)  # 0.391 s later
+    stops = 3.0 + LAG * log(5 / REST_SPEED)  # 0.391 s later
     made.advance(int((stops - 0.001) * SECOND), 0.0)
-    assert made.speed == pytest.approx(REST * exp(0.01), rel=1e-3)
+    assert made.speed == pytest.approx(REST_SPEED * exp(0.01), rel=1e-3)
     made.advance(int((stops + 0.001) * SECOND), 0.0)
     assert made.speed == 0.0
-    assert made.angle - before == pytest.approx((5 - REST) * LAG, rel=1e-6)
+    assert made.angle - before == pytest.approx((5 - REST_SPEED) * LAG, rel=1e-6)
 
 
 def test_coulomb_coasting_stops_in_finite_time():
@@ -219,8 +219,8 @@ def test_ripple_swings_about_the_same_mean():
 def test_a_drawn_disc_has_its_flanks_in_order():
     for seed in range(50):
         disc = draw_disc(EncoderTruth(slot_spread=0.15, duty_spread=0.15), SLOTS, Random(seed))
-        flanks = [*disc.flanks, disc.flanks[0] + 2 * pi]
-        assert len(disc.flanks) == 2 * SLOTS and flanks == sorted(flanks)
+        flanks = [*disc.edges, disc.edges[0] + 2 * pi]
+        assert len(disc.edges) == 2 * SLOTS and flanks == sorted(flanks)
 
 
 @given(st.integers(0, 10_000))
