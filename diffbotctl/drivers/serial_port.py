@@ -1,4 +1,4 @@
-"""A serial port as the loop wants it: locked, raw, never blocking."""
+"""A serial port for the engine: locked, raw, non-blocking."""
 
 from __future__ import annotations
 
@@ -23,11 +23,12 @@ from diffbotctl.ports.diagnosis import (
     survey_ports,
 )
 
-READ_SIZE = 4096  # bytes; more than any board sends between two looks
+FIND_PORT = "look for the board's name under /dev/serial/by-id, or unplug it and see what vanishes"
+READ_SIZE = 4096  # bytes; more than any board sends between two reads
 
 
 class SerialPortDevice:
-    """An open serial device. Raises OSError from `read` and `write` when the device is gone."""
+    """An open serial device. `read` and `write` raise OSError when it has disconnected."""
 
     def __init__(self, device: str, baud: int) -> None:
         self.device = device
@@ -42,7 +43,7 @@ class SerialPortDevice:
             raise
 
     def read(self) -> bytes:
-        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+        """The bytes that have arrived, b"" for none. Raises OSError when disconnected."""
         try:
             data = os.read(self.fd, READ_SIZE)
         except BlockingIOError:
@@ -52,55 +53,55 @@ class SerialPortDevice:
         return data
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the kernel; returns how many it took."""
+        """Pass bytes to the kernel. Returns how many it accepted."""
         try:
             return os.write(self.fd, data)
         except BlockingIOError:
             return 0
 
     def change_baud(self, baud: int) -> None:
-        """Go on at another rate, and forget what came at the old one. Raises OSError."""
+        """Change the rate, and discard input received at the old one. Raises OSError."""
         if baud != self.baud:
             self.baud = baud
             _make_raw(self.fd, baud)
             termios.tcflush(self.fd, termios.TCIFLUSH)
 
     def discard_unsent(self) -> None:
-        """Throw away what the kernel has not put on the wire."""
+        """Discard what the kernel has not transmitted yet."""
         with suppress(termios.error):
             termios.tcflush(self.fd, termios.TCOFLUSH)
 
     def close(self) -> None:
-        """Let the device go."""
+        """Close the device."""
         with suppress(OSError):
             os.close(self.fd)
 
 
 class OpenPort(Protocol):
-    """What the loop needs of a port, whatever it is made of."""
+    """Interface of a port, of whatever kind."""
 
     device: str
     baud: int
     fd: int
 
     def read(self) -> bytes:
-        """What has arrived; b"" when nothing has. Raises OSError when the device is gone."""
+        """The bytes that have arrived, b"" for none. Raises OSError when disconnected."""
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the kernel; returns how many it took. Raises OSError."""
+        """Pass bytes to the kernel. Returns how many it accepted. Raises OSError."""
 
     def change_baud(self, baud: int) -> None:
-        """Go on at another rate. Raises OSError."""
+        """Change the rate. Raises OSError."""
 
     def discard_unsent(self) -> None:
-        """Throw away what has not left, as far as that can be done."""
+        """Discard what has not been transmitted, as far as possible."""
 
     def close(self) -> None:
-        """Let the device go."""
+        """Close the device."""
 
 
 def reopen_port(device: str, baud: int) -> OpenPort:
-    """Open a port that was lost; a module is only called, without waiting. Raises OSError."""
+    """Open a port that was lost. A Bluetooth connection is started, not awaited. Raises OSError."""
     return connect_radio(device, baud) if is_socket(device) else SerialPortDevice(device, baud)
 
 
@@ -115,33 +116,26 @@ def open_port(device: str, baud: int) -> OpenPort:
 
 
 def disconnected_error(device: str, error: OSError) -> RunError:
-    """What to tell of a device that is not there, or no longer."""
+    """The error for a device that is not there, or has disconnected."""
     if is_socket(device):
         return unreachable(device, error)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
-    return _trouble("E-PORT-OPEN", device, error.strerror or str(error), fix)
+    return _port_error("E-PORT-OPEN", device, error.strerror or str(error), fix)
 
 
 def _open(device: str) -> int:
     try:
         fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except PermissionError as error:
-        raise _no_right(device) from error
+        raise _permission_error(device) from error
     except OSError as error:
         if error.errno == errno.EBUSY:
-            raise _busy(device) from error
+            raise _busy_error(device) from error
         raise
     if not stat.S_ISCHR(os.fstat(fd).st_mode) or not os.isatty(fd):
         os.close(fd)
-        raise _trouble("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
+        raise _port_error("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
     return fd
-
-
-def _trouble(code: str, device: str, cause: str, fix: str) -> RunError:
-    return RunError(Problem(code, f"port {device}", cause, fix))
-
-
-FIND_PORT = "look for the board's name under /dev/serial/by-id, or unplug it and see what vanishes"
 
 
 def _lock(fd: int, device: str) -> None:
@@ -149,30 +143,33 @@ def _lock(fd: int, device: str) -> None:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.ioctl(fd, termios.TIOCEXCL)
     except OSError as error:
-        raise _busy(device) from error
+        raise _busy_error(device) from error
 
 
-def _busy(device: str) -> RunError:
+def _port_error(code: str, device: str, cause: str, fix: str) -> RunError:
+    return RunError(Problem(code, f"port {device}", cause, fix))
+
+
+def _busy_error(device: str) -> RunError:
     user = port_user(Path("/"), os.path.abspath(device)) or HIDDEN_USER
     return RunError(busy_problem(device, user))
 
 
-def _no_right(device: str) -> RunError:
-    """What to do about it, as `diffbotctl ports` would say; a port it does not know has a group."""
+def _permission_error(device: str) -> RunError:
+    """The error that `diffbotctl ports` reports; for an unlisted port, how to join its group."""
     root = Path("/")
-    found = diagnose_name(root, survey_ports(root, current_user()), os.path.abspath(device))
-    problems = found.problems if isinstance(found, PortReport) else ()
-    for problem in problems:
+    report = diagnose_name(root, survey_ports(root, current_user()), os.path.abspath(device))
+    for problem in report.problems if isinstance(report, PortReport) else ():
         if problem.code in PERMISSION_CODES:
             return RunError(problem)
     group = _group(device)
     fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"
     cause = f"you have no right to open it; it belongs to the group {group}"
-    return _trouble("E-PORT-RIGHTS", device, cause, fix)
+    return _port_error("E-PORT-RIGHTS", device, cause, fix)
 
 
 def _group(device: str) -> str:
-    """The group that owns the device; `dialout`, as Debian has it, when that is of no use."""
+    """The group that owns the device; Debian's `dialout` when that is root or unknown."""
     try:
         number = os.stat(device).st_gid
         return grp.getgrgid(number).gr_name if number else "dialout"
@@ -190,7 +187,7 @@ def _make_raw(fd: int, baud: int) -> None:
     control = termios.CS8 | termios.CREAD | termios.CLOCAL
     try:
         special = termios.tcgetattr(fd)[6]
-        special[termios.VMIN], special[termios.VTIME] = 1, 0  # so that empty means hung up
+        special[termios.VMIN], special[termios.VTIME] = 1, 0  # an empty read then means a hang-up
         settings: list[object] = [0, 0, control, 0, speed, speed, special]
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
     except termios.error as error:

@@ -1,4 +1,4 @@
-"""The robot behind a serial port: bytes of the port to the protocol, and its bytes to the port."""
+"""The robot behind a serial port: moves bytes between the port and the link protocol."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from diffbotctl.links.link_protocol import LinkProtocol
 from diffbotctl.messages import Duty, Message, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
 
-FIRST_RETRY = 200 * MILLISECOND  # a replugged board needs about this long to appear
-# A board's times repeat every 2.1 s, so what waited for half of that may be taken for later than it
-# is: after a person was asked, after a laptop slept, what has piled up tells nothing any more.
-BACKLOG = 64  # reads of up to 4 kB
-OUTDATED = 1_000 * MILLISECOND
-LONGEST_RETRY = 2_000 * MILLISECOND
+RETRY_PERIOD_MIN = 200 * MILLISECOND  # a replugged board needs about this long to appear
+RETRY_PERIOD_MAX = 2_000 * MILLISECOND
+# A board's 16-bit times wrap around every 2.1 s, so bytes that waited for half of that cannot be
+# dated any more (after a prompt to the user, after a suspended laptop): they are discarded.
+INPUT_AGE_MAX = 1_000 * MILLISECOND
+DISCARD_READS_MAX = 64  # reads of up to 4 kB
 NO_DEADMAN = """\
 Note: this board cannot stop by itself when the host falls silent. A guardian process
 does it if diffbotctl dies; nothing can if the cable or the radio fails."""
@@ -36,48 +36,48 @@ def open_serial_robot(
     if robot.link.protocol != "rosserial":
         host = diffbot_host(robot, device)
         driver = SerialRobot(host, lambda: reopen_port(device, host.baud))
-        driver.adopt(now, open_port(device, host.baud))
+        driver.use_port(now, open_port(device, host.baud))
         return driver
     watchdog = WatchdogProcess()
     try:
         port = open_port(device, robot.link.baud)
     except RunError:
-        watchdog.dismiss()
+        watchdog.exit()
         raise
     tell(NO_DEADMAN)
     driver = SerialRobot(
         rosserial_host(robot), partial(reopen_port, device, robot.link.baud), watchdog
     )
-    driver.adopt(now, port)
+    driver.use_port(now, port)
     return driver
 
 
 class SerialRobot:
-    """A driver. Reopens a port that vanished, with growing pauses; a stop comes first after it.
+    """A driver that reopens a port that vanished, with growing pauses, and then stops the robot.
 
-    `open_port` raises OSError while the device is away. The guardian, if there is one, is handed
-    each newly opened port and the frames that stop the board.
+    `reopen` raises OSError while the device is away. The watchdog, if there is one, gets each newly
+    opened port and the frames that stop the board.
     """
 
     def __init__(
         self,
         protocol: LinkProtocol,
-        open_port: Callable[[], OpenPort],
-        guardian: WatchdogProcess | None = None,
+        reopen: Callable[[], OpenPort],
+        watchdog: WatchdogProcess | None = None,
     ) -> None:
         self.protocol = protocol
-        self.open_port = open_port
-        self.guardian = guardian
+        self.reopen = reopen
+        self.watchdog = watchdog
         self.port: OpenPort | None = None
         self.retry_at = 0
-        self.retry_pause = FIRST_RETRY
+        self.retry_period = RETRY_PERIOD_MIN
         self.unsent = b""
-        self.gave_up = False
-        self.heard_at = 0
+        self.refusal_raised = False
+        self.last_read = 0
 
     def due(self) -> int:
-        """The protocol's next wish, or the next try to open the port."""
-        if self.protocol.refusal is not None and not self.gave_up:
+        """When the protocol next needs a call, or the next attempt to open the port."""
+        if self.protocol.refusal is not None and not self.refusal_raised:
             return 0
         return self.retry_at if self.port is None else self.protocol.due()
 
@@ -86,41 +86,42 @@ class SerialRobot:
         return [] if self.port is None else [self.port.fd]
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Read, let time speak, write what is due.
+        """Read, update timeouts, write what is due.
 
-        Raises RunError, once, when the port leads to no board that can be driven; a stop can still
-        be sent after it.
+        Raises RunError, once, when the port leads to no board that can be driven; the robot can
+        still be stopped after it.
         """
         if self.port is None:
-            return self._reopen(now)
-        self._give_up(self.port)
-        unheard, self.heard_at = now - self.heard_at, now
+            self._try_reopen(now)
+            return []
+        self._raise_refusal(self.port)
+        age, self.last_read = now - self.last_read, now
         try:
-            if unheard > OUTDATED:
-                _discard(self.port)
+            if age > INPUT_AGE_MAX:
+                _discard_input(self.port)
             data = self.port.read()
-            heard = self.protocol.receive(now, data) if data else []
-            heard += self.protocol.on_time(now)
+            messages = self.protocol.receive(now, data) if data else []
+            messages += self.protocol.on_time(now)
             self.port.change_baud(self.protocol.baud)
             self._write(now)
-            if self.guardian is not None:
-                self.guardian.arm(self.protocol.stop_frame())
+            if self.watchdog is not None:
+                self.watchdog.set_stop_frame(self.protocol.stop_frame())
         except OSError as error:
-            return self._lost(now, error)
-        return _addressed(heard)
+            return self._disconnect(now, error)
+        return _as_deliveries(messages)
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """Hand the command to the protocol and send it at once if the wire is free."""
-        self.protocol.command(now, wanted)
-        self._write_or_lose(now)
+    def command(self, now: int, command: Wheels | Duty) -> None:
+        """Pass the command to the protocol, and send it at once if the line is free."""
+        self.protocol.command(now, command)
+        self._write_or_retry(now)
 
     def stop(self, now: int) -> None:
-        """Discard what waits here and in the kernel, then stop, again and again."""
+        """Discard unsent bytes here and in the kernel, then stop, repeatedly."""
         self.unsent = b""
         if self.port is not None:
             self.port.discard_unsent()
         self.protocol.stop(now)
-        self._write_or_lose(now)
+        self._write_or_retry(now)
 
     @property
     def stopped(self) -> bool:
@@ -128,19 +129,29 @@ class SerialRobot:
         return self.protocol.stopped
 
     def close(self) -> None:
-        """Close the port. The robot has been stopped, or cannot be reached: no guardian either."""
-        if self.guardian is not None:
-            self.guardian.dismiss()
+        """End the watchdog and close the port: the robot has been stopped, or is out of reach."""
+        if self.watchdog is not None:
+            self.watchdog.exit()
         if self.port is not None:
             self.port.close()
 
-    def _give_up(self, port: OpenPort) -> None:
+    def use_port(self, now: int, port: OpenPort) -> None:
+        """Use an open port: negotiate again, with a stop as the first command."""
+        self.port, self.unsent, self.last_read = port, b"", now
+        self.protocol.opened(now)
+        self.protocol.stop(now)
+        self.retry_at = NEVER
+        if self.watchdog is not None:
+            self.watchdog.set_port(port.fd)
+        self._write_or_retry(now)
+
+    def _raise_refusal(self, port: OpenPort) -> None:
         refusal = self.protocol.refusal
-        if refusal is not None and not self.gave_up:
-            self.gave_up = True
+        if refusal is not None and not self.refusal_raised:
+            self.refusal_raised = True
             raise RunError(Problem(refusal.code, f"port {port.device}", refusal.cause, refusal.fix))
 
-    def _write_or_lose(self, now: int) -> None:
+    def _write_or_retry(self, now: int) -> None:
         try:
             self._write(now)
         except OSError:
@@ -154,43 +165,31 @@ class SerialRobot:
         if self.unsent:
             self.unsent = self.unsent[self.port.write(self.unsent) :]
 
-    def _lost(self, now: int, error: OSError) -> list[Delivery]:
-        cause = error.strerror or str(error)
+    def _disconnect(self, now: int, error: OSError) -> list[Delivery]:
         if self.port is not None:
             self.port.close()
         self.port, self.unsent = None, b""
-        self.retry_at, self.retry_pause = now + FIRST_RETRY, FIRST_RETRY
-        return _addressed(self.protocol.closed(now, cause))
+        self.retry_at, self.retry_period = now + RETRY_PERIOD_MIN, RETRY_PERIOD_MIN
+        return _as_deliveries(self.protocol.closed(now, error.strerror or str(error)))
 
-    def _reopen(self, now: int) -> list[Delivery]:
+    def _try_reopen(self, now: int) -> None:
         if now < self.retry_at:
-            return []
+            return
         try:
-            port = self.open_port()
+            port = self.reopen()
         except (OSError, RunError):
-            self.retry_pause = min(2 * self.retry_pause, LONGEST_RETRY)
-            self.retry_at = now + self.retry_pause
-            return []
-        self.adopt(now, port)
-        return []
-
-    def adopt(self, now: int, port: OpenPort) -> None:
-        """Use an open port: negotiate anew, and make a stop the first command on it."""
-        self.port, self.unsent, self.heard_at = port, b"", now
-        self.protocol.opened(now)
-        self.protocol.stop(now)
-        self.retry_at = NEVER
-        if self.guardian is not None:
-            self.guardian.watch(port.fd)
-        self._write_or_lose(now)
+            self.retry_period = min(2 * self.retry_period, RETRY_PERIOD_MAX)
+            self.retry_at = now + self.retry_period
+        else:
+            self.use_port(now, port)
 
 
-def _discard(port: OpenPort) -> None:
-    """Read away what waits; at most what the kernel may have kept."""
-    for _ in range(BACKLOG):
+def _discard_input(port: OpenPort) -> None:
+    """Discard what waits in the kernel's buffer."""
+    for _ in range(DISCARD_READS_MAX):
         if not port.read():
             return
 
 
-def _addressed(heard: list[tuple[str, Message]]) -> list[Delivery]:
-    return [Delivery(f"robot.{port}", message) for port, message in heard]
+def _as_deliveries(messages: list[tuple[str, Message]]) -> list[Delivery]:
+    return [Delivery(f"robot.{port}", message) for port, message in messages]

@@ -13,22 +13,22 @@ from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_
 from diffbotctl.plant.world import build_world
 from diffbotctl.time import SECOND
 
-STILL = SECOND // 4  # ns without an edge: at 4 cm/s and more they come faster than that
-COASTED = 7 * SECOND // 10  # ns of zero command, over four lags of a slow motor: slower ones stand
+STILL_TIME = SECOND // 4  # without an edge: at 4 cm/s and more they come faster than that
+COASTING_TIME = 7 * SECOND // 10  # of zero command: four lags of a slow motor
 
 
 class SimulatedRobotDriver:
-    """A driver that lets the plant's time pass and hands out what its board sends."""
+    """A driver that lets time pass in the plant and delivers what its board sends."""
 
     def __init__(self, robot: SimulatedRobot, takes_duty: bool) -> None:
         self.robot = robot
-        self.zero: type[Duty] | type[Wheels] = Duty if takes_duty else Wheels
+        self.command_class: type[Duty] | type[Wheels] = Duty if takes_duty else Wheels
         self.frames = 0
         self.report_at = 0
-        self.counts: tuple[int, int] | None = None
-        self.still_since = self.zero_since = 0
         self.stopping = False
         self.stopped = False
+        self._counts: tuple[int, int] | None = None
+        self._still_since = self._zero_since = 0
 
     def due(self) -> int:
         """When the next message arrives."""
@@ -39,73 +39,74 @@ class SimulatedRobotDriver:
         return []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Let the plant's time pass until `now`."""
+        """Let time pass in the plant until `now`."""
         self.robot.advance(now)
-        heard = []
+        deliveries = []
         for port, message in self.robot.deliver():
-            heard.append(Delivery(f"robot.{port}", message))
+            deliveries.append(Delivery(f"robot.{port}", message))
             if isinstance(message, Encoders):
                 self.frames += 1
                 if self.stopping:
-                    self._watch(now, message)
-        if heard and now >= self.report_at:
+                    self._check_stopped(now, message)
+        if deliveries and now >= self.report_at:
             self.report_at = now + SECOND
-            heard.append(Delivery("robot.link", Link(now, "up", received=self.frames)))
-        return heard
+            deliveries.append(Delivery("robot.link", Link(now, "up", received=self.frames)))
+        return deliveries
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
+    def command(self, now: int, command: Wheels | Duty) -> None:
         """Send a command to the simulated board."""
         self.robot.advance(now)
-        self.robot.command(now, wanted)
+        self.robot.command(now, command)
 
     def capture(self, now: int, on: bool) -> None:
-        """Begin or end to gather every flank of both encoders in `edges`, unfiltered."""
+        """Start or stop collecting every edge of both encoders in `edges`, unfiltered."""
         self.robot.advance(now)
         self.robot.capture(on)
 
     @property
     def edges(self) -> list[CapturedEdge]:
-        """What the board captured, until it is taken."""
+        """What the board has captured, until it is taken."""
         return self.robot.captured_edges
 
     @action(x="m", y="m", heading="rad")
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Put the robot elsewhere in the world, as a hand does: x and y in m, heading in rad."""
+        """Move the robot to a pose in the world: x and y in m, heading in rad."""
         self.robot.advance(now)
         self.robot.teleport(x, y, heading)
 
     @action(distance="m", turn="rad")
     def hop(self, now: int, distance: float = 0.0, turn: float = 0.0) -> None:
-        """Put the robot elsewhere, seen from itself: turn by so many rad, then so many m ahead."""
+        """Move the robot relative to its pose: turn by `turn` rad, then `distance` m ahead."""
         self.robot.advance(now)
-        here = self.robot.truth_in_world()
-        heading = here.heading + turn
-        x, y = here.x + distance * cos(heading), here.y + distance * sin(heading)
+        pose = self.robot.truth_in_world()
+        heading = pose.heading + turn
+        x, y = pose.x + distance * cos(heading), pose.y + distance * sin(heading)
         self.robot.teleport(x, y, heading)
 
     @action
     def home(self, now: int) -> None:
-        """Put the robot back to where it stood when the run began."""
+        """Move the robot back to where the run began."""
         self.robot.advance(now)
         self.robot.home()
 
     def stop(self, now: int) -> None:
         """Stop the wheels; `stopped` becomes true when they have stood still for a while."""
         self.stopping, self.stopped = True, False
-        self.still_since = self.zero_since = now
-        self.counts = None
-        self.command(now, self.zero(now, 0.0, 0.0))
+        self._still_since = self._zero_since = now
+        self._counts = None
+        self.command(now, self.command_class(now, 0.0, 0.0))
 
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _watch(self, now: int, encoders: Encoders) -> None:
+    def _check_stopped(self, now: int, encoders: Encoders) -> None:
         counts = (encoders.left, encoders.right)
         if encoders.left_command or encoders.right_command:
-            self.zero_since = now
-        if counts != self.counts:
-            self.counts, self.still_since = counts, now
-        self.stopped = now - self.still_since >= STILL and now - self.zero_since >= COASTED
+            self._zero_since = now
+        if counts != self._counts:
+            self._counts, self._still_since = counts, now
+        is_still = now - self._still_since >= STILL_TIME
+        self.stopped = is_still and now - self._zero_since >= COASTING_TIME
 
 
 def simulated_robot_driver(configuration: Configuration, seed: int) -> SimulatedRobotDriver:

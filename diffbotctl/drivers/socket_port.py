@@ -1,8 +1,8 @@
-"""A socket as the loop wants a port: a Bluetooth module's serial channel, or a Unix socket.
+"""A socket as a port: the serial channel of a Bluetooth module, or a Unix socket.
 
-The radio delivers every byte in order or not at all: what was sent during an outage comes late, not
-damaged. So the protocol must not send what would be dangerous late, and it does not: a host that
-hears nothing for a quarter of a second sends stops alone.
+The radio delivers every byte in order or not at all: what was sent during an outage arrives late,
+not damaged. A late command is not dangerous, because a host that receives nothing for a quarter of
+a second sends only stops.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from diffbotctl.errors import Problem, RunError
 
 READ_SIZE = 4096  # bytes
 SOCKET = "socket:"
-LONGEST_CONNECT = 12.0  # s; a radio calls a module for 5 s before it gives up, and pairing is slow
-UNSENT = 2048  # bytes that may wait in the kernel; it takes its least for such wishes
-# What the kernel's errors mean of a module.
-MEANINGS = {
+CONNECT_TIMEOUT_S = 12.0  # a radio pages a module for 5 s before it gives up, and pairing is slow
+SEND_BUFFER_BYTES = 2048  # a small request: the kernel then uses its minimum
+# Cause and fix for each error of the kernel.
+CONNECT_ERRORS = {
     errno.ECONNREFUSED: ("the module refuses", "is it connected to another machine?"),
     errno.EHOSTDOWN: ("the module does not answer", "is it switched on, and near?"),
     errno.ETIMEDOUT: ("the module does not answer", "is it switched on, and near?"),
@@ -43,32 +43,37 @@ Address = tuple[str, int] | str
 
 
 class SocketPort:
-    """A connection, or the attempt at one. Raises OSError from `read` and `write` when it is gone.
+    """A connection, or an attempt to connect. `read` and `write` raise OSError when it is lost.
 
-    While the attempt lasts nothing can be read, and what is written is not taken.
+    During the attempt nothing can be read, and no bytes are accepted.
     """
 
     def __init__(
-        self, device: str, baud: int, made: socket.socket, address: Address, wait: float = 0.0
+        self,
+        device: str,
+        baud: int,
+        unconnected: socket.socket,
+        address: Address,
+        wait: float = 0.0,
     ) -> None:
-        """Connect `made`, waiting so many seconds for success at most; with 0, carry on meanwhile.
+        """Connect `unconnected` within `wait` seconds; with 0, in the background.
 
         Raises OSError.
         """
         self.device, self.baud = device, baud
-        self._socket = made
-        self.fd = made.fileno()
+        self._socket = unconnected
+        self.fd = unconnected.fileno()
         try:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNSENT)
-            made.settimeout(wait)
+            unconnected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            unconnected.settimeout(wait)
             self._connecting = not self._connect(address)
-            made.setblocking(False)
+            unconnected.setblocking(False)
         except BaseException:
-            made.close()
+            unconnected.close()
             raise
 
     def _connect(self, address: Address) -> bool:
-        """Whether it is connected already."""
+        """True if connected at once, False if the attempt continues."""
         try:
             self._socket.connect(address)
         except TimeoutError as error:
@@ -80,7 +85,7 @@ class SocketPort:
         return True
 
     def read(self) -> bytes:
-        """What has arrived; b"" when nothing has. Raises OSError when the connection is gone."""
+        """The bytes that have arrived, b"" for none. Raises OSError when disconnected."""
         if not self._connected():
             return b""
         try:
@@ -92,7 +97,7 @@ class SocketPort:
         return data
 
     def write(self, data: bytes) -> int:
-        """Hand bytes to the kernel; returns how many it took."""
+        """Pass bytes to the kernel. Returns how many it accepted."""
         if not self._connected():
             return 0
         try:
@@ -109,41 +114,41 @@ class SocketPort:
             return False
         code = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if code:
-            raise OSError(code, MEANINGS.get(code, (errno.errorcode.get(code, "failed"),))[0])
+            raise OSError(code, CONNECT_ERRORS.get(code, (errno.errorcode.get(code, "failed"),))[0])
         self._connecting = False
         return True
 
     def change_baud(self, baud: int) -> None:
-        """The radio has no rate to set; the module's own stays what it was set to."""
+        """Only noted: a radio has no rate, and the module keeps its own."""
         self.baud = baud
 
     def discard_unsent(self) -> None:
-        """What the kernel has taken of a socket cannot be taken back; see the module's words."""
+        """Does nothing: a socket's send buffer cannot be cleared (see the module's docstring)."""
 
     def close(self) -> None:
-        """Hang up, also for whoever else holds this socket: the module takes one caller only."""
+        """Disconnect, also for the watchdog process: the module accepts one connection only."""
         with suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
 
 
 def connect_radio(device: str, baud: int, wait: float = 0.0) -> SocketPort:
-    """Call the module of that name. Raises OSError, UsageError for a wrong name, RunError."""
-    made, address = _made(device)
-    return SocketPort(device, baud, made, address, wait)
+    """Connect to a module. Raises OSError, UsageError for a wrong name, RunError."""
+    unconnected, address = _new_socket(device)
+    return SocketPort(device, baud, unconnected, address, wait)
 
 
 def connect_socket(device: str, baud: int) -> SocketPort:
-    """Connect to a module that must answer. Raises RunError, UsageError."""
+    """Connect to a module that must be there. Raises RunError, UsageError."""
     try:
-        return connect_radio(device, baud, LONGEST_CONNECT)
+        return connect_radio(device, baud, CONNECT_TIMEOUT_S)
     except OSError as error:
         raise unreachable(device, error) from error
 
 
 def unreachable(device: str, error: OSError) -> RunError:
-    """What to tell of a module that cannot be reached, or no longer."""
-    cause, fix = MEANINGS.get(
+    """The error for a module that cannot be reached, or has disconnected."""
+    cause, fix = CONNECT_ERRORS.get(
         error.errno or 0,
         (error.strerror or str(error), "switch the module off and on, and try again"),
     )
@@ -155,11 +160,11 @@ def unreachable(device: str, error: OSError) -> RunError:
     )
 
 
-def _made(device: str) -> tuple[socket.socket, Address]:
-    """A socket and where it is to connect."""
+def _new_socket(device: str) -> tuple[socket.socket, Address]:
+    """A new socket, and the address to connect it to."""
     if device.startswith(SOCKET):
         return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), device.removeprefix(SOCKET)
-    wanted = parse_port(device)
+    target = parse_port(device)
     family, protocol = (getattr(socket, name, None) for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"))
     if family is None or protocol is None:
         fix = (
@@ -168,4 +173,4 @@ def _made(device: str) -> tuple[socket.socket, Address]:
         )
         cause = "this Python was built without Bluetooth sockets"
         raise RunError(Problem("E-BLUETOOTH-PYTHON", f"port {device}", cause, fix))
-    return socket.socket(family, socket.SOCK_STREAM, protocol), (wanted.address, wanted.channel)
+    return socket.socket(family, socket.SOCK_STREAM, protocol), (target.address, target.channel)

@@ -1,8 +1,8 @@
-"""The guardian: a small process that stops a board which cannot stop by itself.
+"""A watchdog: a small process that stops a board which cannot stop by itself.
 
-A board with the book's firmware keeps its motors running when the host falls silent. The guardian
-holds the port too, and the frames that stop this board; when the engine dies without a word (the
-channel ends without a farewell) it sends them, again and again, and then ends.
+A board with the book's firmware keeps its motors running when the host falls silent. The watchdog
+also holds the port and the frames that stop this board. When the engine's process dies (the channel
+ends without an exit message) it sends them repeatedly, and then exits.
 """
 
 from __future__ import annotations
@@ -14,78 +14,81 @@ import termios
 import time
 from contextlib import suppress
 
-REPEATS = 40  # frames: a stock board loses a quarter of single ones, so this many are sure
-PAUSE = 0.05  # s between two: what 9600 baud carries with room to spare
-LARGEST = 4096  # bytes of stop frames
+STOP_REPEATS = 40  # a stock board loses a quarter of single frames: 0.25**40 is 1e-24
+STOP_PERIOD_S = 0.05  # 9600 baud carries a stop frame in less
+MESSAGE_MAX_BYTES = 4096
+# Kinds of messages on the channel, by their first byte.
+PORT, STOP_FRAME, EXIT = b"P", b"S", b"B"
 
 
 class WatchdogProcess:
-    """The engine's end. Keep it told of the port and of the frames that stop the board."""
+    """The engine's end. It sends the watchdog the port and the frames that stop the board."""
 
     def __init__(self) -> None:
-        self.channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.frames = b""
+        self.channel, child_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.stop_frame = b""
         self.pid = os.fork()
         if self.pid == 0:
             self.channel.close()
             try:
-                _guard(theirs)
+                _watch(child_end)
             finally:
                 os._exit(0)
-        theirs.close()
+        child_end.close()
         self.channel.setblocking(False)
 
-    def watch(self, fd: int) -> None:
-        """Hand over the newly opened port; the frames of the one before no longer count."""
-        self.frames = b""
+    def set_port(self, fd: int) -> None:
+        """Hand over a newly opened port; the stop frame of the one before is no longer valid."""
+        self.stop_frame = b""
         with suppress(OSError):
-            socket.send_fds(self.channel, [b"P"], [fd])
+            socket.send_fds(self.channel, [PORT], [fd])
 
-    def arm(self, frames: bytes) -> None:
-        """Say which bytes stop the board; unchanged ones cost nothing."""
-        if frames != self.frames:
-            self.frames = frames
+    def set_stop_frame(self, frame: bytes) -> None:
+        """Set the bytes that stop the board; unchanged ones are not sent again."""
+        if frame != self.stop_frame:
+            self.stop_frame = frame
             with suppress(OSError):
-                self.channel.send(b"S" + frames)
+                self.channel.send(STOP_FRAME + frame)
 
-    def dismiss(self) -> None:
-        """Say farewell: the engine has stopped the robot itself."""
+    def exit(self) -> None:
+        """End the watchdog process without sending a stop."""
         with suppress(OSError):
-            self.channel.send(b"B")
+            self.channel.send(EXIT)
         self.channel.close()
         os.waitpid(self.pid, 0)
 
 
-def _guard(channel: socket.socket) -> None:
+def _watch(channel: socket.socket) -> None:
     signal.set_wakeup_fd(-1)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    port, frames = -1, b""
+    port, stop_frame = -1, b""
     while True:
         try:
-            said, fds, _, _ = socket.recv_fds(channel, LARGEST, 1)
+            message, fds, _, _ = socket.recv_fds(channel, MESSAGE_MAX_BYTES, 1)
         except ConnectionResetError:
-            said, fds = b"", []
-        if said[:1] == b"B":
+            message, fds = b"", []
+        kind = message[:1]
+        if kind == EXIT:
             return
-        if not said:
-            _stop(port, frames)
+        if not message:
+            _stop(port, stop_frame)
             return
-        if said[:1] == b"P":
+        if kind == PORT:
             if port >= 0:
                 os.close(port)
-            port, frames = fds[0], b""
-        elif said[:1] == b"S":
-            frames = said[1:]
+            port, stop_frame = fds[0], b""
+        elif kind == STOP_FRAME:
+            stop_frame = message[1:]
 
 
-def _stop(port: int, frames: bytes) -> None:
-    """Put the stop on the wire, repeatedly, in front of anything that waits."""
-    if port < 0 or not frames:
+def _stop(port: int, stop_frame: bytes) -> None:
+    """Send the stop frame repeatedly, ahead of anything that waits."""
+    if port < 0 or not stop_frame:
         return
     with suppress(termios.error):
         termios.tcflush(port, termios.TCOFLUSH)
-    for _ in range(REPEATS):
+    for _ in range(STOP_REPEATS):
         with suppress(OSError):
-            os.write(port, frames)
-        time.sleep(PAUSE)
+            os.write(port, stop_frame)
+        time.sleep(STOP_PERIOD_S)

@@ -1,8 +1,8 @@
-"""The emulated robot behind the node `robot`: the real firmware, lockstepped with the plant.
+"""The emulated robot behind the node `robot`: the real firmware in lockstep with the plant.
 
 The board runs its binary in the emulator, its wheels and sensors are the plant's, and the bytes
-between board and host take the wire's and the radio's time. Everything is virtual time: equal
-inputs give equal runs.
+between board and host take the time of wire and radio. Everything is virtual time: equal inputs
+give equal runs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from diffbotctl.plant.simulated_board import RADIO_DELAY
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import World, build_world
 
-STEP = 1_000_000  # ns; a motor's duty is known to the plant this late at most
+STEP = 1_000_000  # ns; the longest delay from a change of a motor's duty to the plant
 MILLIVOLTS = 1000
 
 
@@ -33,18 +33,17 @@ class EmulatedBoard:
     """
 
     def __init__(self, plant: SimulatedRobot, settings: BoardSettings, emulator: Emulator) -> None:
-        """`settings` tell where the plant is wired to; the board itself learns them over a link."""
+        """`settings` state the pins; the board itself receives them over a link."""
         self.plant = plant
         self.emulator = emulator
         self.settings = settings
         self.sides = (settings.left, settings.right)
-        self.pins = (settings.left.encoder, settings.right.encoder)
         self.duty = [0.0, 0.0]
         self.changed = [0, 0]  # ns at which each motor's duty last changed
         self.received: deque[tuple[int, int, bytes]] = deque()
-        self._coming: deque[tuple[int, int, bytes]] = deque()
+        self._outgoing: deque[tuple[int, int, bytes]] = deque()
         plant.capture(True)
-        self._first = self._transitions(plant.encoder_levels())
+        self._first_levels = self._transitions(plant.encoder_levels())
 
     @property
     def now(self) -> int:
@@ -53,7 +52,7 @@ class EmulatedBoard:
 
     def send(self, at: int, uart: int, data: bytes) -> None:
         """Bytes begin to reach the board's UART at `at`; call in order of time."""
-        self._coming.append((at, uart, data))
+        self._outgoing.append((at, uart, data))
 
     def advance(self, until: int) -> None:
         """Let board and plant run until `until`."""
@@ -62,37 +61,38 @@ class EmulatedBoard:
 
     def _step(self, until: int) -> None:
         arriving = [b"", b""]
-        while self._coming and self._coming[0][0] <= self.plant.now:
-            _, uart, data = self._coming.popleft()
+        while self._outgoing and self._outgoing[0][0] <= self.plant.now:
+            _, uart, data = self._outgoing.popleft()
             arriving[uart] += data
-        first, self._first = self._first, []
-        flanks = self.plant.advance_with_duties(until, self.duty[0], self.duty[1])
-        transitions = first + self._transitions(flanks)
-        did = self.emulator.step(until, transitions, self._millivolts(), (arriving[0], arriving[1]))
-        for change in did.changes:
+        transitions, self._first_levels = self._first_levels, []
+        edges = self.plant.advance_with_duties(until, self.duty[0], self.duty[1])
+        transitions += self._transitions(edges)
+        millivolts = self._millivolts()
+        result = self.emulator.step(until, transitions, millivolts, (arriving[0], arriving[1]))
+        for change in result.changes:
             sign = -1.0 if self.sides[change.motor].reversed else 1.0
             self.duty[change.motor] = sign * change.duty
             self.changed[change.motor] = change.time
-        for sent in did.sent:
+        for sent in result.sent:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
 
-    def _transitions(self, flanks: list[CapturedEdge]) -> list[PinTransition]:
-        return [PinTransition(time, self.pins[side], level) for time, side, level in flanks]
+    def _transitions(self, edges: list[CapturedEdge]) -> list[PinTransition]:
+        return [PinTransition(time, self.sides[side].encoder, level) for time, side, level in edges]
 
     def _millivolts(self) -> dict[int, int]:
-        found = {}
-        if self.settings.battery_channel is not None:
-            found[self.settings.battery_channel] = round(
-                self.plant.battery_pin_voltage() * MILLIVOLTS
-            )
-        volts = self.plant.sensor_volts().get(self.settings.range_name)
-        if self.settings.range_channel is not None and volts is not None:
-            found[self.settings.range_channel] = round(volts * MILLIVOLTS)
-        return found
+        """Voltages at the analog channels, in mV."""
+        settings, millivolts = self.settings, {}
+        if settings.battery_channel is not None:
+            voltage = self.plant.battery_pin_voltage()
+            millivolts[settings.battery_channel] = round(voltage * MILLIVOLTS)
+        volts = self.plant.sensor_volts().get(settings.range_name)
+        if settings.range_channel is not None and volts is not None:
+            millivolts[settings.range_channel] = round(volts * MILLIVOLTS)
+        return millivolts
 
 
 class EmulatedRobotDriver:
-    """A robot driver: the protocol's host half, wired to an emulated board."""
+    """A robot driver: the host's link protocol, connected to an emulated board."""
 
     def __init__(self, board: EmulatedBoard, host: DiffbotHost, radio: int = RADIO_DELAY) -> None:
         """`radio`: ns that each direction takes besides the wire."""
@@ -112,23 +112,23 @@ class EmulatedRobotDriver:
         return []
 
     def deliver(self, now: int) -> list[Delivery]:
-        """Let board and plant run until `now`; what the host has understood by then.
+        """Let board and plant run until `now`; the messages that the host has received by then.
 
         Raises RunError, once, when the board cannot use the robot's settings.
         """
         refusal, self.host.refusal = self.host.refusal, None
         if refusal is not None:
             raise RunError(Problem(refusal.code, "emulated board", refusal.cause, refusal.fix))
-        heard: list[Delivery] = []
+        deliveries: list[Delivery] = []
         while self.board.now < now:
             self._send(self.board.now)
             self.board.advance(min(now, self.board.now + STEP))
-            heard += self._receive(self.board.now)
-        return heard
+            deliveries += self._receive(self.board.now)
+        return deliveries
 
-    def command(self, now: int, wanted: Wheels | Duty) -> None:
-        """Hand the command to the protocol."""
-        self.host.command(now, wanted)
+    def command(self, now: int, command: Wheels | Duty) -> None:
+        """Pass the command to the protocol."""
+        self.host.command(now, command)
         self._send(now)
 
     def stop(self, now: int) -> None:
@@ -152,14 +152,14 @@ class EmulatedRobotDriver:
                 self.board.send(now + self.radio, self.uart, data)
 
     def _receive(self, now: int) -> list[Delivery]:
-        heard = []
+        messages = []
         waiting = self.board.received
         while waiting and waiting[0][0] + self.radio <= now:
             time, uart, data = waiting.popleft()
             if uart == self.uart:
-                heard += self.host.receive(time + self.radio, data)
-        heard += self.host.on_time(now)
-        return [Delivery(f"robot.{port}", message) for port, message in heard]
+                messages += self.host.receive(time + self.radio, data)
+        messages += self.host.on_time(now)
+        return [Delivery(f"robot.{port}", message) for port, message in messages]
 
 
 def emulated_robot_driver(configuration: Configuration, seed: int) -> EmulatedRobotDriver:

@@ -1,39 +1,70 @@
-"""A virtual board that answers on two pseudo-terminals, with the robot's plant behind its pins.
-
-What an eye sees of a robot's wheels: which turn, and which way.
-"""
+"""A virtual board that answers on two pseudo-terminals, with the robot's plant behind its pins."""
 
 from __future__ import annotations
 
 import select
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING
 
-from diffbotctl.config.robot import SIDES
+from diffbotctl.config.drive_sides import SIDES
+from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.plant.world import World
 from diffbotctl.time import SECOND
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+CATCH_UP_MAX = 200_000_000  # ns; a machine that lost more time than this does not make it up
+POLL_PERIOD_S = 0.0005  # half a step of the board
+TURNING_SPEED_MIN = 0.3  # rad/s, an eighth of the slowest motion that is commanded
+REPORT_DELAY = 60_000_000  # ns; a shorter motion is not reported
+# The motion of a wheel, and of both.
+STANDS = "stands"
+BOTH_WHEELS = {
+    STANDS: "stand",
+    "turns forward": "turn forward",
+    "turns backward": "turn backward",
+}
 
-    from diffbotctl.config.robot import Robot
-    from diffbotctl.plant.world import World
 
-FARTHEST_BEHIND = 200_000_000  # ns; a machine that lost more time than this does not make it up
-REST = 0.0005  # s of sleep between two looks at the clock, half a step
+class WheelReport:
+    """Text reports of which wheels turn, and in which direction."""
+
+    def __init__(self) -> None:
+        self._reported = self._current = (STANDS, STANDS)
+        self._since = 0
+
+    def update(self, now: int, speeds: Sequence[float]) -> str | None:
+        """The new motion in words, None if it has not changed since the last report.
+
+        `speeds` (rad/s) are those of the left and the right wheel at `now` (ns).
+        """
+        left, right = (_motion(speed) for speed in speeds)
+        if (left, right) != self._current:
+            self._current, self._since = (left, right), now
+        if self._current == self._reported or now - self._since < REPORT_DELAY:
+            return None
+        self._reported = self._current
+        if left == right:
+            return f"both wheels {BOTH_WHEELS[left]}"
+        motions = zip(SIDES, self._reported, strict=True)
+        return ", ".join(f"the {side} wheel {motion}" for side, motion in motions)
+
+
+def _motion(speed: float) -> str:
+    if abs(speed) < TURNING_SPEED_MIN:
+        return STANDS
+    return "turns forward" if speed > 0.0 else "turns backward"
 
 
 class VirtualBoard:
     """A board paced to real time. `usb` and `radio` name its ports: UART0 and UART1.
 
-    The names are links in a new folder, called as Linux calls such ports on a real machine, since
-    the name says over what a port leads.
+    The names are links in a new folder, named as Linux names such ports on a real machine, since
+    the name tells USB from Bluetooth.
     """
 
     def __init__(self, robot: Robot, seed: int, world: World | None, image: Path | None) -> None:
@@ -49,27 +80,27 @@ class VirtualBoard:
         self.usb, self.radio = self.folder / "ttyACM0", self.folder / "rfcomm0"
         for link, port in zip((self.usb, self.radio), emulator.ports, strict=True):
             link.symlink_to(port)
-        self.lost = 0.0  # s that the machine was too slow for, and which the board has not lived
+        self.lost = 0.0  # s for which the machine was too slow, and which the board skipped
 
-    def serve(self, stop: int, tell: Callable[[str], None]) -> None:
+    def serve(self, stop: int, report: Callable[[str], None]) -> None:
         """Keep pace with real time until the file `stop` becomes readable.
 
-        `tell` is called with what an eye would see of the wheels, whenever that changes.
+        `report` is called with a line for each change of the wheels' motion.
         """
-        seen, wheels = WheelReport(), self.board.plant.wheels
-        begun = time.monotonic_ns() - self.board.now
-        while not select.select([stop], [], [], REST)[0]:
-            behind = time.monotonic_ns() - begun - self.board.now
-            if behind > FARTHEST_BEHIND:
+        wheel_report, wheels = WheelReport(), self.board.plant.wheels
+        start = time.monotonic_ns() - self.board.now
+        while not select.select([stop], [], [], POLL_PERIOD_S)[0]:
+            behind = time.monotonic_ns() - start - self.board.now
+            if behind > CATCH_UP_MAX:
                 self.lost += behind * 1e-9
-                begun += behind
+                start += behind
             while behind >= STEP:
                 self.board.advance(self.board.now + STEP)
                 self.board.received.clear()
-                new = seen.look(self.board.now, [wheel.speed for wheel in wheels])
-                if new is not None:
-                    tell(f"{self.board.now / SECOND:7.1f} s  {new}")
-                behind = time.monotonic_ns() - begun - self.board.now
+                line = wheel_report.update(self.board.now, [wheel.speed for wheel in wheels])
+                if line is not None:
+                    report(f"{self.board.now / SECOND:7.1f} s  {line}")
+                behind = time.monotonic_ns() - start - self.board.now
 
     def close(self) -> None:
         """End the emulator; its ports vanish."""
@@ -89,40 +120,3 @@ def virtual_board(
         yield board
     finally:
         board.close()
-
-
-TURNS = 0.3  # rad/s, an eighth of what the slowest motion asks; slower, a wheel seems to stand
-BOTH = {
-    "stands": "stand",
-    "turns forward": "turn forward",
-    "turns backward": "turn backward",
-}
-LASTS = 60_000_000  # ns; what is over sooner is not seen
-
-
-class WheelReport:
-    """Tells when what is seen has changed."""
-
-    def __init__(self) -> None:
-        self.seen = self.coming = ("stands", "stands")
-        self.since = 0
-
-    def look(self, now: int, speeds: Sequence[float]) -> str | None:
-        """At `now` (ns) the left and the right wheel turn at `speeds` (rad/s): words for what is
-        new since they were last told, if anything is."""
-        left, right = (_way(speed) for speed in speeds)
-        if (left, right) != self.coming:
-            self.coming, self.since = (left, right), now
-        if self.coming == self.seen or now - self.since < LASTS:
-            return None
-        self.seen = self.coming
-        if left == right:
-            return f"both wheels {BOTH[left]}"
-        ways = zip(SIDES, self.seen, strict=True)
-        return ", ".join(f"the {side} wheel {way}" for side, way in ways)
-
-
-def _way(speed: float) -> str:
-    if abs(speed) < TURNS:
-        return "stands"
-    return "turns forward" if speed > 0.0 else "turns backward"

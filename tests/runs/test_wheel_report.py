@@ -1,4 +1,4 @@
-"""Which wheels are seen to turn."""
+"""Reports of which wheels turn."""
 
 import pytest
 
@@ -7,26 +7,26 @@ from diffbotctl.emulator.virtual_board import WheelReport
 MS = 1_000_000
 
 
-def told(*looks):
-    """What is said while (ms, left, right) ... are looked at."""
-    seen = WheelReport()
-    said = [seen.look(time * MS, (left, right)) for time, left, right in looks]
-    return [each for each in said if each]
+def reports(*samples):
+    """The reports for samples of (ms, left rad/s, right rad/s)."""
+    report = WheelReport()
+    lines = [report.update(time * MS, (left, right)) for time, left, right in samples]
+    return [line for line in lines if line]
 
 
 @pytest.mark.parametrize(
-    "looks, said",
+    "samples, lines",
     [
         ([(0, 0, 0), (500, 0, 0)], []),
         (
             [(0, 0, 0), (1, 5, 0), (100, 5, 0), (200, 0, 0), (300, 0, 0)],
             ["the left wheel turns forward, the right wheel stands", "both wheels stand"],
         ),
-        # over after 50 ms: no eye sees that
+        # shorter than 60 ms: not reported
         ([(0, 5, 0), (50, 0, 0), (500, 0, 0)], []),
-        # a wheel that trembles below 0.3 rad/s stands
+        # a wheel that moves below 0.3 rad/s stands
         ([(0, 0.2, -0.2), (500, -0.2, 0.2)], []),
-        # through zero: one wheel turns back, told once it has lasted
+        # through zero: one wheel reverses, reported after 60 ms
         (
             [(0, 5, 5), (100, 5, 5), (200, 0, 5), (210, -5, 5), (300, -5, 5), (400, -5, 5)],
             [
@@ -36,5 +36,5 @@ def told(*looks):
         ),
     ],
 )
-def test_what_is_seen(looks, said):
-    assert told(*looks) == said
+def test_changes_of_motion_are_reported(samples, lines):
+    assert reports(*samples) == lines
