@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
 
-from diffbotctl.config.drive_sides import SIDES
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
