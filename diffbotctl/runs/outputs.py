@@ -120,7 +120,7 @@ class RunOutputs:
             # Imported late: only a run with a black box needs it.
             from diffbotctl.control_socket import process
 
-            self.children.append(process.keep(store))
+            self.children.append(process.start_black_box_process(store))
 
     def sinks(self) -> Iterator[tuple[str, Sink]]:
         """The wires that the screen and the log file follow."""
