@@ -106,7 +106,9 @@ class AutonomousDrive:
     def run(self) -> Odometry:
         """Raises RunError."""
         session, engine = self.session, self.engine
-        self.operator.outbox_due = engine.last_instant = session.now  # the time of an engine starts at 0
+        self.operator.outbox_due = engine.last_instant = (
+            session.now
+        )  # the time of an engine starts at 0
         try:
             outcome = engine.run(session.now + DRIVE_TIMEOUT_NS)
         finally:
