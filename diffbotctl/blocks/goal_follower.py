@@ -3,29 +3,47 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
-from math import atan2, copysign, cos, exp, hypot, pi, sin, sqrt
-from typing import cast
+from math import atan2, copysign, cos, pi, sin
+from typing import NamedTuple, assert_never
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time, shortest_turn
-from diffbotctl.messages import Goal, GoalEnd, GoalPhase, GoalState, Odometry, Stop, Twist
+from diffbotctl.control.goal_pursuit import Coast, Pursuit
+from diffbotctl.control.motion_profile import (
+    Motion,
+    MotionLimits,
+    SpeedBounds,
+    approach_speed,
+    predict_motion,
+    rest_to_rest_time,
+    shortest_turn,
+)
+from diffbotctl.messages import Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
-from diffbotctl.time import SECOND
+from diffbotctl.time import MILLISECOND, SECOND
 
-STILL_SPEED = 0.004  # m/s at the rim: below this a wheel is between two slots
-SLOW_SPEED = 0.012  # m/s at the rim: it rolls on for about a millimetre; the next leg may begin
-STILL_TIME = 60_000_000  # ns of stillness after which the pose is believed
-MARGIN = 0.8  # of the braking limit: the rest is for what the motors add
-STEER = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
-MAX_STEER = 1.0  # rad/s; a correction is not a turn
-COAST_GAIN = 0.7  # share of a roll's surprise that is believed: the pose has its own errors
-MIN_COAST_INNOVATION = 0.03  # m/s; slower, the surprise is the pose's alone
-COAST_GAIN_HALF_SPEED = 0.03  # m/s; the release at which half of the surprise is believed
-PIVOT = 2.5  # 1/s; place error to speed while turning
-PIVOT_SHARE = 0.3  # of the rim's speed at most, so that no wheel changes its direction
-LINE = 0.06  # m before the goal, from where the bearing to it says more of noise than of the way
-PAUSE = {"turning": "driving", "driving": "aligning", "aligning": "judging"}
+# Speeds of the wheels at the rim.
+STILL_SPEED_MAX = 0.004  # m/s; below this a wheel is between two slots
+SLOW_SPEED_MAX = 0.012  # m/s; it rolls on for about a millimetre; the next leg may begin
+STILL_TIME_MIN = 60 * MILLISECOND  # of stillness after which the pose is believed
+BRAKING_RATIO = 0.8  # of the limit: the rest is for what the motors add
+HEADING_GAIN = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
+HEADING_CORRECTION_MAX = 1.0  # rad/s; a correction is not a turn
+PIVOT_GAIN = 2.5  # 1/s; place error to speed while turning
+PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheels' speed, so that no wheel changes its direction
+BEARING_DISTANCE_MIN = 0.06  # m to the goal; nearer, its bearing is more noise than direction
+ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance: nearer, only the heading is left to correct
+TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading's tolerance, per leg
+TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and times the shortest time that is possible
+
+
+class FollowerStep(NamedTuple):
+    """What a pose leads to: the next state, a velocity (m/s, rad/s), and how the goal ended."""
+
+    pursuit: Pursuit
+    linear: float = 0.0
+    angular: float = 0.0
+    end: GoalEnd | None = None
+    cause: str = ""
 
 
 class GoalFollower(Block):
@@ -71,23 +89,10 @@ class GoalFollower(Block):
     state = Out(GoalState)
 
     def reset(self) -> None:
-        self.target: Goal | None = None
-        self.seen: Goal | None = None
-        self.phase = "idle"
-        self.backwards = False
-        self.halting = False
-        self.tries = 0
+        self.pursuit: Pursuit | None = None
+        self.coast = Coast(self.lag)
+        self.last_goal: Goal | None = None
         self.last: Odometry | None = None
-        self.time = 0
-        self.still_since: int | None = None
-        self.clock = self.held = self.idle = 0.0
-        self.allowed = 0.0
-        self.line = 0.0
-        self.pivot = (0.0, 0.0)
-        self.roll = self.lag  # s; how far a wheel rolls on is this times its speed
-        self.let_go = 0.0
-        self.nudge = False  # what is left is too little to be driven, and too much to be left
-        self.turning = 0.0  # rad/s at the last release of a turn
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
 
     def react(
@@ -95,306 +100,204 @@ class GoalFollower(Block):
     ) -> tuple[Twist | None, GoalState | None] | None:
         if odometry is None or odometry is self.last:
             return None
-        twist, state = self._follow(now, odometry, goal, stop)
+        seconds = 0.0 if self.last is None else (odometry.time - self.last.time) / SECOND
+        self.last = odometry
+        self._drop_effective(odometry)
+        if goal is not None and goal is not self.last_goal:
+            self.last_goal = goal
+            self.pursuit = self._accept(goal, odometry) if goal.number else None
+        twist, state = Twist(now, 0.0, 0.0), None
+        if self.pursuit is not None:
+            step = self.advance(self.pursuit, now, odometry, stop, seconds)
+            twist = Twist(now, step.linear, step.angular)
+            if not _is_latched(stop):
+                state = _goal_state(now, odometry, step)
+            self.coast = step.pursuit.coast
+            self.pursuit = step.pursuit if step.end is None else None
         self.sent.append((now, twist.linear, twist.angular))
         return twist, state
 
-    def _follow(
-        self, now: int, odometry: Odometry, goal: Goal | None, stop: Stop | None
-    ) -> tuple[Twist, GoalState | None]:
-        step = 0.0 if self.last is None else (odometry.time - self.last.time) / SECOND
-        self.last = odometry
-        if goal is not None and goal is not self.seen:
-            self._take(goal, odometry)
-        if self.target is None:
-            return Twist(now, 0.0, 0.0), None
-        before = self.phase
-        ended = self._clocks(step, odometry, stop)
-        if ended is not None:
-            return Twist(now, 0.0, 0.0), self._end(now, odometry, *ended)
-        if stop is not None and stop.code and stop.latched:
-            self.halting = True
-            return Twist(now, 0.0, 0.0), None
-        linear, angular = self._drive(now, odometry, step)
-        if self.phase == "judging":
-            verdict = self._judge(now, odometry)
-            if verdict is not None:
-                return Twist(now, 0.0, 0.0), verdict
-        self.idle = self.idle if linear or angular else 0.0
-        told = self._tell(now, odometry) if self.phase != before or not linear else None
-        return Twist(now, linear, angular), told or self._tell(now, odometry)
-
-    def _take(self, goal: Goal, odometry: Odometry) -> None:
-        self.seen = goal
-        if not goal.number:
-            self.target, self.phase = None, "idle"
-            return
-        self.target = goal
-        self.tries = 0
-        self.clock = self.held = self.idle = 0.0
+    def _accept(self, goal: Goal, odometry: Odometry) -> Pursuit:
         limits = MotionLimits(
             self.speed, self.turn_rate, self.acceleration, self.braking, self.track
         )
-        away = hypot(goal.x - odometry.x, goal.y - odometry.y)
-        self.allowed = 30.0 + 5.0 * rest_to_rest_time(away, 0.0, pi, limits)
-        self._begin(odometry)
+        pursuit = Pursuit(goal, 0.0, self.coast)
+        shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, limits)
+        time_limit = TIME_LIMIT_BASE + TIME_LIMIT_RATIO * shortest_time
+        return self._begin(pursuit._replace(time_limit=time_limit), odometry)
 
-    def _begin(self, odometry: Odometry) -> None:
-        """Plan the three legs from here."""
-        goal = self.target
-        assert goal is not None
-        self.halting, self.still_since = False, None
-        self.nudge = self.tries > 0
-        away = hypot(goal.x - odometry.x, goal.y - odometry.y)
-        self.pivot = (odometry.x, odometry.y)
-        if away <= 0.6 * self.tolerance:
-            self.phase = "aligning"
-            self._plant_pivot(odometry)
-            return
-        bearing = atan2(goal.y - odometry.y, goal.x - odometry.x)
-        self.backwards = self.reverse and self._prefers_back(odometry, bearing)
-        self.line = bearing + pi if self.backwards else bearing
-        self.phase = "turning"
+    def _begin(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
+        return pursuit.begin(odometry, ALIGNED_DISTANCE_RATIO * self.tolerance, self.reverse)
 
-    def _plant_pivot(self, odometry: Odometry) -> None:
-        """The last turn is about the goal itself: on the way round it can still come nearer."""
-        goal = self.target
-        assert goal is not None
-        self.pivot = (goal.x, goal.y) if self.phase == "aligning" else (odometry.x, odometry.y)
-
-    def _prefers_back(self, odometry: Odometry, bearing: float) -> bool:
-        def turns(line: float) -> float:
-            first = abs(shortest_turn(line - odometry.heading))
-            goal = self.target
-            assert goal is not None
-            last = 0.0 if goal.heading is None else abs(shortest_turn(goal.heading - line))
-            return first + last
-
-        return turns(bearing + pi) < turns(bearing)
-
-    def _drive(self, now: int, odometry: Odometry, step: float) -> tuple[float, float]:
-        """The velocity for the leg under way; moves on to the next one at rest."""
-        if self.halting:
-            if not self._is_still(odometry):
-                return 0.0, 0.0
-            self.halting, self.still_since = False, None
-            self._learn_roll(odometry)
-            if self._is_leg_done(odometry, step):
-                self.phase = PAUSE[self.phase]
-                self._plant_pivot(odometry)
-                if self.phase == "judging":
-                    return 0.0, 0.0
-        foresight = self._foresee(now, odometry)
-        if self.phase == "driving":
-            return self._drive_leg(odometry, foresight, step)
-        return self._turn_leg(odometry, foresight, step)
-
-    def _foresee(self, now: int, odometry: Odometry) -> tuple[float, float, float, float]:
-        """Way, speed, turn and turn rate when a command of `now` takes hold."""
+    def _drop_effective(self, odometry: Odometry) -> None:
+        """Of the commands that have taken hold at the pose's time, keep the last."""
         delay = round(self.command_delay * SECOND)
-        span = (odometry.time, now + delay)
         while len(self.sent) > 1 and self.sent[1][0] + delay <= odometry.time:
             self.sent.popleft()
-        way, speed = predict_motion(
-            odometry.linear, span, [(t + delay, v) for t, v, _ in self.sent], self.lag
-        )
-        turn, rate = predict_motion(
-            odometry.angular, span, [(t + delay, w) for t, _, w in self.sent], self.lag
-        )
-        return way, speed, turn, rate
 
-    def _turn_leg(
-        self, odometry: Odometry, foresight: tuple[float, float, float, float], step: float
-    ) -> tuple[float, float]:
-        _, _, turn, rate = foresight
-        arm = 0.5 * self.track
-        left = self._turn_left(odometry) - turn
-        rim = approach_speed(arm * left, arm * rate, self.roll, step, self._turn_limits())
-        if rim == 0.0 and self.nudge:
-            rim = copysign(self._turn_limits()[0], left)
-        self.nudge = False
-        if rim == 0.0:
-            self.turning = rate
-            self._release(abs(arm * rate))
-            return 0.0, 0.0
-        return self._hold_place(odometry, abs(rim)), rim / arm
+    def advance(
+        self, pursuit: Pursuit, now: int, odometry: Odometry, stop: Stop | None, seconds: float
+    ) -> FollowerStep:
+        """The transition of a goal's state by one pose, `seconds` after the last; changes nothing
+        of the block.
 
-    def _release(self, speed: float) -> None:
-        """Let go at `speed` (m/s towards the goal of this leg) and see how far it rolls."""
-        self.halting = True
-        self.let_go = speed
+        turning -> driving -> aligning, each to rest; then the pose is judged, and the goal has
+        ended or the legs begin anew.
+        """
+        if _is_latched(stop):  # a held robot is neither late nor stuck
+            return FollowerStep(pursuit._replace(is_coasting=True))
+        pursuit = self._count_time(pursuit, odometry, stop, seconds)
+        timeout = self._timeout(pursuit, stop)
+        if timeout is not None:
+            return FollowerStep(pursuit, 0.0, 0.0, *timeout)
+        step = self._move(pursuit, now, odometry, seconds)
+        if step.linear or step.angular or not step.pursuit.idle_for:
+            return step
+        return step._replace(pursuit=step.pursuit._replace(idle_for=0.0))
 
-    def _learn_roll(self, odometry: Odometry) -> None:
-        """What is left of the way says how far a wheel truly rolls when it is let go."""
-        if self.let_go < MIN_COAST_INNOVATION:
-            return
-        if self.phase == "driving":
-            goal = self.target
-            assert goal is not None
-            east, north = goal.x - odometry.x, goal.y - odometry.y
-            left = east * cos(self.line) + north * sin(self.line)
-            left = (-left if self.backwards else left) - abs(odometry.linear) * self.roll
-        else:
-            left = abs(self._turn_left(odometry)) * 0.5 * self.track
-            same = self._turn_left(odometry) * self.turning > 0.0
-            rim = abs(odometry.angular) * 0.5 * self.track
-            left = (left if same else -left) - rim * self.roll
-        # A slow release says little: what the pose is wrong by weighs as much as the roll.
-        belief = COAST_GAIN * self.let_go / (self.let_go + COAST_GAIN_HALF_SPEED)
-        wanted = self.roll - belief * left / self.let_go
-        self.roll = min(max(wanted, 0.4 * self.lag), 2.0 * self.lag)
-        self.let_go = 0.0
-
-    def _hold_place(self, odometry: Odometry, rim: float) -> float:
-        """Forward speed that keeps a turn on its spot: motors of unequal strength would drift."""
-        x, y = self.pivot
-        aside = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
-        most = PIVOT_SHARE * rim
-        return min(max(PIVOT * aside, -most), most)
-
-    def _drive_leg(
-        self, odometry: Odometry, foresight: tuple[float, float, float, float], step: float
-    ) -> tuple[float, float]:
-        goal = self.target
-        assert goal is not None
-        way, speed, turn, _ = foresight
-        east, north = goal.x - odometry.x, goal.y - odometry.y
-        if hypot(east, north) > LINE:
-            self.line = atan2(north, east) + (pi if self.backwards else 0.0)
-        ahead = east * cos(self.line) + north * sin(self.line) - way
-        linear = approach_speed(
-            ahead, speed, self.roll, step, (self.creep, self.speed, self.braking * MARGIN)
-        )
-        if linear == 0.0 or linear * (-1.0 if self.backwards else 1.0) < 0.0:
-            self._release(-speed if self.backwards else speed)
-            return 0.0, 0.0
-        error = shortest_turn(self.line - odometry.heading - turn)
-        return linear, min(max(STEER * error, -MAX_STEER), MAX_STEER)
-
-    def _turn_limits(self) -> tuple[float, float, float]:
-        rim = min(self.speed, self.turn_rate * 0.5 * self.track)
-        return min(self.creep, rim), rim, self.braking * MARGIN
-
-    def _turn_left(self, odometry: Odometry) -> float:
-        goal = self.target
-        assert goal is not None
-        wanted = self.line if self.phase == "turning" else goal.heading
-        return 0.0 if wanted is None else shortest_turn(wanted - odometry.heading)
-
-    def _is_leg_done(self, odometry: Odometry, step: float) -> bool:
-        if self.phase == "driving":
-            return True
-        limit = self.heading_tolerance * (1.5 if self.phase == "turning" else 0.8)
-        left = abs(self._turn_left(odometry))
-        if left <= limit:
-            return True
-        # Where the motors are slow, what is left may be too little to be driven.
-        return (
-            approach_speed(0.5 * self.track * left, 0.0, self.roll, step, self._turn_limits())
-            == 0.0
-        )
-
-    def _is_still(self, odometry: Odometry) -> bool:
-        rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
-        if PAUSE[self.phase] != "judging":
-            return rim <= SLOW_SPEED
-        if rim > STILL_SPEED:
-            self.still_since = None
-        elif self.still_since is None:
-            self.still_since = odometry.time
-        return self.still_since is not None and odometry.time - self.still_since >= STILL_TIME
-
-    def _judge(self, now: int, odometry: Odometry) -> GoalState | None:
-        goal = self.target
-        assert goal is not None
-        away = hypot(goal.x - odometry.x, goal.y - odometry.y)
-        self.phase = "aligning"
-        turn = abs(self._turn_left(odometry))
-        if away <= self.tolerance and turn <= self.heading_tolerance:
-            return self._end(now, odometry, "reached", "")
-        self.tries += 1
-        if self.tries >= self.attempts:
-            cause = f"still {away * 1000:.0f} mm away after {self.tries} tries"
-            return self._end(now, odometry, "stuck", cause)
-        self._begin(odometry)
-        return None
-
-    def _clocks(
-        self, step: float, odometry: Odometry, stop: Stop | None
-    ) -> tuple[GoalEnd, str] | None:
-        """Let the clocks run; (state, cause) when one of them ends the goal."""
-        if stop is not None and stop.code and stop.latched:
-            return None  # a held robot is neither late nor stuck
+    def _count_time(
+        self, pursuit: Pursuit, odometry: Odometry, stop: Stop | None, seconds: float
+    ) -> Pursuit:
         if stop is not None and stop.code:
-            self.held += step
-            if self.held > self.patience:
-                return "blocked", f"{stop.cause}, for {self.patience:g} s"
-            return None
-        self.held = 0.0
-        self.clock += step
-        if self.clock > self.allowed:
-            return "timed_out", f"not there after {self.allowed:.0f} s"
-        rim = abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
-        moving = rim > STILL_SPEED
-        self.idle = 0.0 if moving or self.halting else self.idle + step
-        if self.idle > self.stuck_after:
+            return pursuit._replace(blocked_for=pursuit.blocked_for + seconds)
+        is_idle = self._wheel_speed(odometry) <= STILL_SPEED_MAX and not pursuit.is_coasting
+        return pursuit._replace(
+            blocked_for=0.0,
+            elapsed=pursuit.elapsed + seconds,
+            idle_for=pursuit.idle_for + seconds if is_idle else 0.0,
+        )
+
+    def _timeout(self, pursuit: Pursuit, stop: Stop | None) -> tuple[GoalEnd, str] | None:
+        """How and why the goal ends when it takes too long."""
+        if stop is not None and pursuit.blocked_for > self.patience:
+            return "blocked", f"{stop.cause}, for {self.patience:g} s"
+        if pursuit.elapsed > pursuit.time_limit:
+            return "timed_out", f"not there after {pursuit.time_limit:.0f} s"
+        if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel turned for {self.stuck_after:g} s of driving"
         return None
 
-    def _tell(self, now: int, odometry: Odometry) -> GoalState:
-        goal = self.target
-        assert goal is not None
-        away = hypot(goal.x - odometry.x, goal.y - odometry.y)
-        phase = cast(GoalPhase, self.phase)  # `judging` lasts no longer than one call of `react`
-        return GoalState(now, goal.number, phase, away, self._turn_left(odometry))
+    def _move(self, pursuit: Pursuit, now: int, odometry: Odometry, seconds: float) -> FollowerStep:
+        """The velocity for the leg under way; moves on to the next one at rest."""
+        if pursuit.is_coasting:
+            pursuit = self._await_rest(pursuit, odometry)
+            if pursuit.is_coasting:
+                return FollowerStep(pursuit)
+            pursuit = pursuit.learn_coast(odometry, 0.5 * self.track, self.lag)
+            if self._is_leg_done(pursuit, odometry, seconds):
+                match pursuit.leg:
+                    case "turning":
+                        pursuit = pursuit._replace(leg="driving", pivot=(odometry.x, odometry.y))
+                    case "driving":
+                        # The last turn is about the goal: in turning it can still come nearer.
+                        pivot = (pursuit.goal.x, pursuit.goal.y)
+                        pursuit = pursuit._replace(leg="aligning", pivot=pivot)
+                    case "aligning":
+                        return self._judge(pursuit, odometry)
+                    case _:
+                        assert_never(pursuit.leg)
+        delay = round(self.command_delay * SECOND)
+        commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
+        predicted = predict_motion(odometry, now + delay, commands, self.lag)
+        if pursuit.leg == "driving":
+            return self._drive_leg(pursuit, odometry, predicted, seconds)
+        return self._turn_leg(pursuit, odometry, predicted, seconds)
 
-    def _end(self, now: int, odometry: Odometry, state: GoalEnd, cause: str) -> GoalState:
-        self.phase = "aligning"
-        told = self._tell(now, odometry)._replace(state=state, cause=cause)
-        self.target, self.phase = None, "idle"
-        return told
+    def _await_rest(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
+        """Coasting no more, once it is slow enough for what comes next."""
+        wheel_speed = self._wheel_speed(odometry)
+        if pursuit.leg != "aligning":
+            return pursuit._replace(is_coasting=wheel_speed > SLOW_SPEED_MAX)
+        since = odometry.time if pursuit.still_since is None else pursuit.still_since
+        if wheel_speed > STILL_SPEED_MAX:
+            return pursuit._replace(still_since=None)
+        if odometry.time - since < STILL_TIME_MIN:
+            return pursuit._replace(still_since=since)
+        return pursuit._replace(still_since=None, is_coasting=False)
+
+    def _judge(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
+        distance = pursuit.distance(odometry)
+        turn = abs(pursuit.heading_error(odometry))
+        if distance <= self.tolerance and turn <= self.heading_tolerance:
+            return FollowerStep(pursuit, end="reached")
+        pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
+        if pursuit.attempts >= self.attempts:
+            cause = f"still {distance * 1000:.0f} mm away after {pursuit.attempts} tries"
+            return FollowerStep(pursuit, end="stuck", cause=cause)
+        return FollowerStep(self._begin(pursuit, odometry))
+
+    def _turn_leg(
+        self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
+    ) -> FollowerStep:
+        half_track, bounds = 0.5 * self.track, self._turn_bounds()
+        remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
+        rolling = half_track * predicted.angular
+        speed = approach_speed(remaining, rolling, pursuit.coast.time, seconds, bounds)
+        if pursuit.needs_nudge:
+            pursuit = pursuit._replace(needs_nudge=False)
+            speed = speed or copysign(bounds.minimum, remaining)
+        if speed == 0.0:
+            return FollowerStep(pursuit.released(abs(rolling), predicted.angular))
+        linear = self._pivot_speed(pursuit, odometry, abs(speed))
+        return FollowerStep(pursuit, linear, speed / half_track)
+
+    def _pivot_speed(self, pursuit: Pursuit, odometry: Odometry, wheel_speed: float) -> float:
+        """Forward speed that keeps a turn on its spot: motors of unequal strength would drift."""
+        x, y = pursuit.pivot
+        ahead = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
+        limit = PIVOT_SPEED_RATIO_MAX * wheel_speed
+        return min(max(PIVOT_GAIN * ahead, -limit), limit)
+
+    def _drive_leg(
+        self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
+    ) -> FollowerStep:
+        sign = -1.0 if pursuit.is_backwards else 1.0
+        if pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
+            bearing = atan2(pursuit.goal.y - odometry.y, pursuit.goal.x - odometry.x)
+            pursuit = pursuit._replace(line=bearing + (pi if pursuit.is_backwards else 0.0))
+        remaining = pursuit.along(odometry) - predicted.travel
+        bounds = SpeedBounds(self.creep, self.speed, self.braking * BRAKING_RATIO)
+        linear = approach_speed(remaining, predicted.linear, pursuit.coast.time, seconds, bounds)
+        if linear * sign <= 0.0:
+            return FollowerStep(pursuit.released(sign * predicted.linear))
+        error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
+        correction = min(max(HEADING_GAIN * error, -HEADING_CORRECTION_MAX), HEADING_CORRECTION_MAX)
+        return FollowerStep(pursuit, linear, correction)
+
+    def _turn_bounds(self) -> SpeedBounds:
+        """Of a wheel while turning on the spot."""
+        maximum = min(self.speed, self.turn_rate * 0.5 * self.track)
+        return SpeedBounds(min(self.creep, maximum), maximum, self.braking * BRAKING_RATIO)
+
+    def _is_leg_done(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
+        if pursuit.leg == "driving":
+            return True
+        ratio = TURN_TOLERANCE_RATIO if pursuit.leg == "turning" else ALIGN_TOLERANCE_RATIO
+        error = abs(pursuit.heading_error(odometry))
+        if error <= self.heading_tolerance * ratio:
+            return True
+        # Where the motors are slow, what remains may be too little to be driven.
+        remaining, bounds = 0.5 * self.track * error, self._turn_bounds()
+        return approach_speed(remaining, 0.0, pursuit.coast.time, seconds, bounds) == 0.0
+
+    def _wheel_speed(self, odometry: Odometry) -> float:
+        """m/s, of the faster wheel."""
+        return abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
 
 
-def approach_speed(
-    left: float,
-    speed: float,
-    lag: float,
-    step: float,
-    limits: tuple[float, float, float],
-) -> float:
-    """The speed (m/s) to ask for with `left` metres to go at `speed`; 0 when it is time to let go.
-
-    A motor that is let go rolls on by its speed times its `lag` (s): only what remains beyond that
-    is still to be driven. `limits` are the least and the most speed (m/s) and the braking (m/s2);
-    `step` (s) is the time until the next command.
-    """
-    least, most, braking = limits
-    direction = copysign(1.0, left)
-    rolling = max(direction * speed, 0.0)
-    rest = abs(left) - rolling * lag
-    if rest <= 0.5 * least * step + 0.25 * least * lag:
-        return 0.0
-    wanted = sqrt(2.0 * braking * rest)
-    if step > 0.0:
-        wanted = min(wanted, rolling + rest / (step + lag))
-    return direction * min(max(wanted, least), most)
+def _is_latched(stop: Stop | None) -> bool:
+    return stop is not None and stop.code != "" and stop.latched
 
 
-def predict_motion(
-    speed: float, span: tuple[int, int], sent: Iterable[tuple[int, float]], lag: float
-) -> tuple[float, float]:
-    """Way and speed at the end of `span` (ns), from `speed` at its start.
-
-    `sent` are the commands by the time (ns) when they take hold, in order; the speed follows them
-    with `lag` (s).
-    """
-    at, end = span
-    way, wanted = 0.0, 0.0
-    for time, command in (*sent, (end, 0.0)):
-        until = min(max(time, at), end)
-        seconds = (until - at) / SECOND
-        fade = exp(-seconds / lag)
-        way += wanted * seconds + (speed - wanted) * lag * (1.0 - fade)
-        speed = wanted + (speed - wanted) * fade
-        at, wanted = until, command
-    return way, speed
+def _goal_state(now: int, odometry: Odometry, step: FollowerStep) -> GoalState:
+    pursuit = step.pursuit
+    if step.end is not None:
+        pursuit = pursuit._replace(leg="aligning")  # counts how far the heading is off
+    return GoalState(
+        now,
+        pursuit.goal.number,
+        pursuit.leg if step.end is None else step.end,
+        pursuit.distance(odometry),
+        pursuit.heading_error(odometry),
+        step.cause,
+    )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from math import atan2, hypot, pi, sqrt
+from collections.abc import Iterable
+from math import atan2, copysign, exp, hypot, pi, sqrt
 from typing import NamedTuple
+
+from diffbotctl.messages import Odometry
+from diffbotctl.time import SECOND
 
 
 class MotionLimits(NamedTuple):
@@ -66,3 +70,66 @@ def rest_to_rest_time(
         first, way, last = legs(x, y, heading, backwards)
         times.append(turn_time(first, limits) + drive_time(way, limits) + turn_time(last, limits))
     return min(times)
+
+
+class SpeedBounds(NamedTuple):
+    """Least and most speed to ask for (m/s), and the braking to plan with (m/s2)."""
+
+    minimum: float
+    maximum: float
+    braking: float
+
+
+def approach_speed(
+    remaining: float, speed: float, coast_time: float, step: float, bounds: SpeedBounds
+) -> float:
+    """The speed (m/s) to ask for with `remaining` metres to go at `speed`; 0 when it is time to
+    release the motor.
+
+    A released motor rolls on by its speed times its `coast_time` (s): only what remains beyond that
+    is still to be driven. `step` (s) is the time until the next command.
+    """
+    direction = copysign(1.0, remaining)
+    rolling = max(direction * speed, 0.0)
+    distance = abs(remaining) - rolling * coast_time
+    if distance <= 0.5 * bounds.minimum * step + 0.25 * bounds.minimum * coast_time:
+        return 0.0
+    target = sqrt(2.0 * bounds.braking * distance)
+    if step > 0.0:
+        target = min(target, rolling + distance / (step + coast_time))
+    return direction * min(max(target, bounds.minimum), bounds.maximum)
+
+
+class Motion(NamedTuple):
+    """What the robot moves by within some time, and its speeds at the end of it."""
+
+    travel: float
+    """m"""
+    turn: float
+    """rad"""
+    linear: float
+    """m/s"""
+    angular: float
+    """rad/s"""
+
+
+def predict_motion(
+    odometry: Odometry, end: int, commands: Iterable[tuple[int, float, float]], lag: float
+) -> Motion:
+    """The motion from the time of `odometry` to `end` (ns).
+
+    `commands` are (time when it takes hold in ns, m/s, rad/s), in order; the speeds follow them
+    with `lag` (s).
+    """
+    start, linear, angular = odometry.time, odometry.linear, odometry.angular
+    travel = turn = linear_target = angular_target = 0.0
+    for time, next_linear, next_angular in (*commands, (end, 0.0, 0.0)):
+        until = min(max(time, start), end)
+        seconds = (until - start) / SECOND
+        decay = exp(-seconds / lag)
+        travel += linear_target * seconds + (linear - linear_target) * lag * (1.0 - decay)
+        turn += angular_target * seconds + (angular - angular_target) * lag * (1.0 - decay)
+        linear = linear_target + (linear - linear_target) * decay
+        angular = angular_target + (angular - angular_target) * decay
+        start, linear_target, angular_target = until, next_linear, next_angular
+    return Motion(travel, turn, linear, angular)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from diffbotctl.blocks.goal_follower import GoalFollower
+from diffbotctl.control.goal_pursuit import Coast, Pursuit
 from diffbotctl.control.speed_loop import SpeedGains, SpeedLoopMirror
 
 # (module, class) then and now.
@@ -93,6 +95,28 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "slope": None,
     },
     "Gate": {"held": "active_stop", "heard": "telemetry_time", "seen": "last_messages"},
+    "GoalFollower": dict.fromkeys(
+        (
+            "allowed",
+            "backwards",
+            "clock",
+            "halting",
+            "held",
+            "idle",
+            "let_go",
+            "line",
+            "nudge",
+            "phase",
+            "pivot",
+            "roll",
+            "seen",
+            "still_since",
+            "target",
+            "time",
+            "tries",
+            "turning",
+        )
+    ),
     "OdometryBlock": {"times": "timestamps"},
     "WheelSpeed": {"rated": None, "slots": None, "static": None, "sums": "integrals"},
 }
@@ -119,9 +143,35 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     names = ATTRIBUTES.get(kind.__name__, {})
     renamed = {names.get(name, name): value for name, value in attributes.items()}
     present = {name: value for name, value in renamed.items() if name is not None}
+    if kind is GoalFollower:
+        return {**present, **_goal_follower(attributes)}
     if kind is SpeedLoopMirror:
         loop = attributes["loop"]
         present["gains"] = SpeedGains(
             loop.static, attributes["slope"], loop.proportional, loop.integral
         )
     return present
+
+
+def _goal_follower(old: dict[str, Any]) -> dict[str, Any]:
+    """The state of the block `goal_follower`, which was one attribute each."""
+    coast = Coast(old["roll"], old["let_go"], old["turning"])
+    pursuit = None
+    if old["target"] is not None:
+        pursuit = Pursuit(
+            goal=old["target"],
+            time_limit=old["allowed"],
+            coast=coast,
+            leg=old["phase"],
+            line=old["line"],
+            is_backwards=old["backwards"],
+            pivot=old["pivot"],
+            is_coasting=old["halting"],
+            still_since=old["still_since"],
+            needs_nudge=old["nudge"],
+            attempts=old["tries"],
+            elapsed=old["clock"],
+            blocked_for=old["held"],
+            idle_for=old["idle"],
+        )
+    return {"coast": coast, "last_goal": old["seen"], "pursuit": pursuit}
