@@ -35,6 +35,7 @@ StopCode = Literal[
     "too_close",
     "range_fault",
     "range_stale",
+    "scan_stale",
     "telemetry_stale",
     "link_lost",
     "reconnect",

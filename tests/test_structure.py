@@ -43,7 +43,6 @@ SMALL_MODULES = {  # module: why it stands alone
     "time": "the lowest layer; every other module may import it",
     "cli/blink": "each command is one file",
     "cli/why": "each command is one file",
-    "blocks/listener": "each block is one file",
     "ui/progress": "the only view of a job at a board; rich stays out of board/",
 }
 VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}

@@ -1,19 +1,18 @@
-"""Canvas: the sheet on which the turtle draws, and the other turtles that stand on it."""
+"""Sheet: the sheet on which the turtle draws, and the other turtles that stand on it."""
 
 from __future__ import annotations
 
 from diffbotctl.block import Block, In, Out, action
-from diffbotctl.messages import Canvas as Sheet
-from diffbotctl.messages import Odometry
+from diffbotctl.messages import Canvas, Odometry
 from diffbotctl.params import Param
 
-MOST_TURTLES = 100  # more do not fit on the sheet, nor a picture of them in one datagram
+TURTLES_MAX = 100  # more do not fit on the sheet, nor a picture of them in one datagram
 
 
 class TurtleCanvas(Block):
     """Keep the colours of a sheet and a pen, and the turtles that were put beside the first one.
 
-    It says what it looks like whenever that has changed; the line itself is drawn by whoever shows
+    It says what it canvas like whenever that has changed; the line itself is drawn by whoever shows
     it, from the pose that it is given here.
 
     blocks:
@@ -39,13 +38,13 @@ class TurtleCanvas(Block):
     )
 
     odometry = In(Odometry, help="Where the turtle is, in the frame of the sheet.")
-    canvas = Out(Sheet, help="What the sheet looks like, whenever that has changed.")
+    canvas = Out(Canvas, help="What the sheet canvas like, whenever that has changed.")
 
     def reset(self) -> None:
         self.sheet = 0
         self.turtles: dict[int, tuple[float, float, float]] = {}
         self.number = 1  # the turtle that draws
-        self.told: Sheet | None = None
+        self.last_sent: Canvas | None = None
 
     @action
     def clear(self, now: int) -> None:
@@ -55,45 +54,45 @@ class TurtleCanvas(Block):
     @action(x="m", y="m", heading="rad")
     def spawn(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Put another turtle there: x and y in m, heading in rad. They are numbered from 2 on."""
-        if len(self.turtles) >= MOST_TURTLES:
-            raise ValueError(f"there are {MOST_TURTLES} turtles already; kill some")
+        if len(self.turtles) >= TURTLES_MAX:
+            raise ValueError(f"there are {TURTLES_MAX} turtles already; kill some")
         self.number += 1
         self.turtles[self.number] = (x, y, heading)
 
     @action(number="1")
     def kill(self, now: int, number: float) -> None:
         """Take the turtle with this number off the sheet."""
-        self.turtles.pop(self._known(number))
+        self.turtles.pop(self._turtle(number))
 
     @action(number="1", x="m", y="m", heading="rad")
     def teleport(
         self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
     ) -> None:
         """Put the turtle with this number elsewhere; the first one is `robot.teleport`."""
-        self.turtles[self._known(number)] = (x, y, heading)
+        self.turtles[self._turtle(number)] = (x, y, heading)
 
-    def react(self, now: int, odometry: Odometry | None) -> Sheet | None:
-        looks = Sheet(
+    def react(self, now: int, odometry: Odometry | None) -> Canvas | None:
+        canvas = Canvas(
             now,
             self.sheet,
             colour(self.background_red, self.background_green, self.background_blue),
             colour(self.pen_red, self.pen_green, self.pen_blue),
             self.pen == "down",
             tuple(
-                part for number, place in self.turtles.items() for part in (float(number), *place)
+                value for number, pose in self.turtles.items() for value in (float(number), *pose)
             ),
         )
-        if self.told is not None and looks[1:] == self.told[1:]:
+        if self.last_sent is not None and canvas[1:] == self.last_sent[1:]:
             return None
-        self.told = looks
-        return looks
+        self.last_sent = canvas
+        return canvas
 
-    def _known(self, number: float) -> int:
+    def _turtle(self, number: float) -> int:
         if number == 1:
             raise ValueError("turtle 1 is the robot itself: `call robot.teleport` moves it")
         if number not in self.turtles:
-            there = ", ".join(map(str, self.turtles)) or "none but 1"
-            raise ValueError(f"there is no turtle {number:g}; there is {there}")
+            numbers = ", ".join(map(str, self.turtles)) or "none but 1"
+            raise ValueError(f"there is no turtle {number:g}; there is {numbers}")
         return int(number)
 
 

@@ -34,12 +34,12 @@ class CommandMux(Block):
         self.was_driven = False
 
     def react(self, now: int, teleop: Twist | None, autonomous: Twist | None) -> Twist | None:
-        driven, self.was_driven = self.was_driven, teleop is not None
-        if driven != self.was_driven:
-            self.log.debug("the pipeline's own command counts" if driven else "a person drives")
+        was_driven, self.was_driven = self.was_driven, teleop is not None
+        if was_driven != self.was_driven:
+            self.log.debug("the pipeline's own command counts" if was_driven else "a person drives")
         if teleop is not None:
             return teleop._replace(time=now)
-        if driven:
+        if was_driven:
             # The old autonomous command was meant for another place: stand until a new one comes.
             return Twist(now, 0.0, 0.0)
         if autonomous is None:

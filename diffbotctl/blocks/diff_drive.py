@@ -40,8 +40,8 @@ def wheel_speeds(
 
 
 def scale_to_rated(
-    left: float, right: float, left_most: float, right_most: float
+    left: float, right: float, left_max: float, right_max: float
 ) -> tuple[float, float]:
     """Both speeds scaled by one factor so that neither exceeds its most; their ratio is kept."""
-    over = max(abs(left) / left_most, abs(right) / right_most)
+    over = max(abs(left) / left_max, abs(right) / right_max)
     return (left, right) if over <= 1.0 else (left / over, right / over)

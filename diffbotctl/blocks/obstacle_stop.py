@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
-from typing import Any
+from typing import assert_never
 
 from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.geometry.footprint import MountedDevice
 from diffbotctl.messages import Range, Resume, Stop, StopCode, Twist
 from diffbotctl.params import Param
 
@@ -13,8 +15,9 @@ STALE: StopCode = "range_stale"
 FAULT: StopCode = "range_fault"
 TOO_CLOSE: StopCode = "too_close"
 OBSTACLE: StopCode = "obstacle"
-CYCLE = 0.0252  # s; a Sharp sensor's longest cycle and its settling (data sheet ED-05G101)
-RELEASE = 0.02  # m farther than it stopped before it drives on; a reading at 20 cm wobbles by 3 mm
+SENSOR_CYCLE = 0.0252  # s; a Sharp sensor's longest cycle and its settling (data sheet ED-05G101)
+# m farther than it stopped before it drives on; a reading at 20 cm wobbles by 3 mm
+RELEASE_DISTANCE = 0.02
 
 
 class ObstacleStop(Block):
@@ -89,7 +92,7 @@ class ObstacleStop(Block):
     command_delay = FromRobot("link.command_delay")
     lag = FromRobot("drive.left.motor.lag")
     front = FromRobot("body.front")
-    sensors = FromRobot("sensors")
+    sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
 
     twist = In(Twist, fresh_for=0.5, help="The wanted velocity.")
     range = In(Range, fresh_for="stale_after", help="The distance to what is ahead.")
@@ -98,90 +101,104 @@ class ObstacleStop(Block):
     stop = Out(Stop, help="What holds the robot, and that it is released.")
 
     def reset(self) -> None:
-        mounted: Any = self.sensors.get(self.sensor or next(iter(self.sensors), ""))
-        self.setback = self.front - mounted.at.x if mounted else 0.0
-        self.react_within = self.reaction
+        name = self.sensor or next(iter(self.sensors), "")
+        self.sensor_setback = self.front - self.sensors[name].at.x if name in self.sensors else 0.0
+        self.total_reaction = self.reaction
         if self.reaction is None:
-            self.react_within = reaction_time(
+            self.total_reaction = reaction_time(
                 self.telemetry, self.debounce, self.command_delay, self.lag
             )
-        self.last_range = -1  # time of the last reading that was counted
-        self.blocked = 0  # readings in a row that say stop
-        self.free = 0  # readings in a row that say go
-        self.held = ("", "")  # code and cause; empty while nothing holds
-        self.told = ""  # code of the last Stop that was sent
+        self.last_range_time = -1
+        self.blocked_readings = 0  # in a row
+        self.free_readings = 0  # in a row
+        self.code: StopCode = ""  # empty while nothing is in the way
+        self.cause = ""
+        self.reported_code: StopCode = ""
         self.is_latched = False
         self.is_slowing = False  # for something that is still far enough away
-        self.consent: Resume | None = None  # the last one that was heard
+        self.last_resume: Resume | None = None
 
     def react(
         self, now: int, twist: Twist | None, range: Range | None, resume: Resume | None
     ) -> tuple[Twist | None, Stop | None]:
-        gap = self._look(range)
-        if resume is not None and resume is not self.consent:
-            self.consent = resume
+        free = self._free_distance(range)
+        if resume is not None and resume is not self.last_resume:
+            self.last_resume = resume
             # Consent while the obstacle still stands there would set the robot off later, unseen.
-            self.is_latched = self.is_latched and self.held[0] != ""
+            self.is_latched = self.is_latched and self.code != ""
+        is_forward = twist is not None and twist.linear > 0.0
+        event = self._stop_event(now, is_forward)
         if twist is None:
-            return None, self._tell(now, wants_forward=False)
-        wants_forward = twist.linear > 0.0
-        told = self._tell(now, wants_forward)
-        if not wants_forward:
-            return twist._replace(time=now), told
-        if self.held[0] or self.is_latched:
-            return Twist(now, 0.0, twist.angular), told
-        limit = max_safe_speed(gap - self.margin, self.braking, self.react_within)
+            return None, event
+        if not is_forward:
+            return twist._replace(time=now), event
+        if self.code or self.is_latched:
+            return Twist(now, 0.0, twist.angular), event
+        limit = max_safe_speed(free - self.margin, self.braking, self.total_reaction)
         if (twist.linear > limit) != self.is_slowing:
-            self._tell_slowing(gap)
-        return limit_to(twist, limit, now), told
+            self._log_slowing(free)
+        return limit_to(twist, limit, now), event
 
-    def _tell_slowing(self, gap: float) -> None:
+    def _log_slowing(self, free: float) -> None:
         self.is_slowing = not self.is_slowing
         if self.log.debugs:
             does = "slows down for" if self.is_slowing else "drives at full speed again with"
-            self.log.debug(f"{does} what is {gap * 100:.0f} cm ahead")
+            self.log.debug(f"{does} what is {free * 100:.0f} cm ahead")
 
-    def _look(self, range: Range | None) -> float:
+    def _free_distance(self, range: Range | None) -> float:
         """Take the newest reading into account; return the free distance before the front."""
         if range is None:
-            self._hold(STALE, "no fresh distance comes from the sensor")
+            self._block(STALE, "no fresh distance comes from the sensor")
             return 0.0
-        gap = range.distance - self.setback
-        if range.time == self.last_range:
-            return gap
-        self.last_range = range.time
-        if range.state == "fault":
-            self._hold(FAULT, "the distance sensor is faulty")
-        elif range.state == "too_close":
-            self._hold(TOO_CLOSE, "something is closer than the sensor can measure")
-        elif range.state == "clear":
-            self._count(False)
-        else:
-            limit = self.margin + stopping_distance(self.slowest, self.braking, self.react_within)
-            self._count(gap <= limit + (RELEASE if self.held[0] else 0.0), gap)
-        return gap if range.state != "clear" else float("inf")
+        free = range.distance - self.sensor_setback
+        if range.time == self.last_range_time:
+            return free
+        self.last_range_time = range.time
+        match range.state:
+            case "fault":
+                self._block(FAULT, "the distance sensor is faulty")
+            case "too_close":
+                self._block(TOO_CLOSE, "something is closer than the sensor can measure")
+            case "clear":
+                self._count_free()
+                return float("inf")
+            case "measured":
+                limit = self.margin + stopping_distance(
+                    self.slowest, self.braking, self.total_reaction
+                )
+                if free <= limit + (RELEASE_DISTANCE if self.code else 0.0):
+                    self._count_blocked(free)
+                else:
+                    self._count_free()
+            case _:
+                assert_never(range.state)
+        return free
 
-    def _hold(self, code: str, cause: str) -> None:
-        self.held, self.free = (code, cause), 0
+    def _block(self, code: StopCode, cause: str) -> None:
+        self.code, self.cause, self.free_readings = code, cause, 0
 
-    def _count(self, is_blocked: bool, gap: float = 0.0) -> None:
-        self.blocked = self.blocked + 1 if is_blocked else 0
-        self.free = 0 if is_blocked else self.free + 1
-        if self.blocked >= self.debounce:
-            self._hold(OBSTACLE, f"something stands {max(gap, 0.0) * 100:.0f} cm ahead")
-        elif not is_blocked and (self.free >= self.debounce or self.held[0] == STALE):
-            self.held = ("", "")
+    def _count_blocked(self, free: float) -> None:
+        self.blocked_readings += 1
+        self.free_readings = 0
+        if self.blocked_readings >= self.debounce:
+            self._block(OBSTACLE, f"something stands {max(free, 0.0) * 100:.0f} cm ahead")
 
-    def _tell(self, now: int, wants_forward: bool) -> Stop | None:
+    def _count_free(self) -> None:
+        self.blocked_readings = 0
+        self.free_readings += 1
+        if self.free_readings >= self.debounce or self.code == STALE:
+            self.code = self.cause = ""
+
+    def _stop_event(self, now: int, is_forward: bool) -> Stop | None:
         """A Stop when the robot begins or ceases to be held back from driving forward."""
-        code, cause = self.held
-        if wants_forward and code and code != self.told:
+        code = self.code
+        if is_forward and code and code != self.reported_code:
             must_wait = self.resume_by == "wait" and code != STALE
             self.is_latched = self.is_latched or must_wait
-            self.told = code
-            return Stop(now, code, cause, self.is_latched)
-        if self.told and not code and not self.is_latched:
-            self.told = ""
+            self.reported_code = code
+            return Stop(now, code, self.cause, self.is_latched)
+        if self.reported_code and not code and not self.is_latched:
+            self.reported_code = ""
             return Stop(now, "", "", False)
         return None
 
@@ -192,7 +209,7 @@ def reaction_time(rate: float, debounce: int, delay: float, lag: float) -> float
     `rate` of the telemetry in Hz, readings that must agree, `delay` of a command and `lag` of the
     motors in s.
     """
-    return CYCLE + debounce / rate + delay + lag
+    return SENSOR_CYCLE + debounce / rate + delay + lag
 
 
 def stopping_distance(speed: float, braking: float, reaction: float) -> float:

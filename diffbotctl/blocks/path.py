@@ -38,17 +38,17 @@ class PathSource(Block):
     path = Out(Path, help="All waypoints in order.")
 
     def reset(self) -> None:
-        self.is_wanted = True
+        self.is_due = True
 
     @action
     def again(self, now: int) -> None:
         """Give the path once more."""
-        self.is_wanted = True
+        self.is_due = True
 
     def react(self, now: int, tick: int | None) -> Path | None:
-        if tick is None or not self.is_wanted:
+        if tick is None or not self.is_due:
             return None
-        self.is_wanted = False
+        self.is_due = False
         if self.shape == "square":
             points = square(self.side, self.direction == "clockwise") * self.loops
             return Path(tick, as_goals(tick, points, heading=0.0))
@@ -58,8 +58,8 @@ class PathSource(Block):
 
 def square(side: float, is_clockwise: bool) -> list[Point]:
     """The four corners of a square from the origin, the last one the origin itself, in metres."""
-    left = -side if is_clockwise else side
-    return [(side, 0.0), (side, left), (0.0, left), (0.0, 0.0)]
+    y = -side if is_clockwise else side
+    return [(side, 0.0), (side, y), (0.0, y), (0.0, 0.0)]
 
 
 def last_heading(points: list[Point]) -> float | None:

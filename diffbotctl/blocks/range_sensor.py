@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isfinite
-from typing import Any
+from typing import Protocol
 
 from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.messages import Range, Resume, Volts
 from diffbotctl.params import Param
 
-NEAREST = 0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet), its curve to 2 mm
+DISTANCE_MIN = 0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet), its curve to 2 mm
 REACH = 0.30  # m; farther, its voltage hardly changes
 # The peak, 3.03 V, is 1.14 times the voltage at 4.2 cm. The voltage is above 1.09 times it over
 # 9 mm (typical part: from 3.7 to 2.8 cm), so readings that are closer together must see it.
-PEAK_SHARE = 1.09
-PEAK_WAY = 0.009  # m
+PEAK_RATIO = 1.09
+PEAK_WIDTH = 0.009  # m
 # An object 5 mm away reads 1.38 V, half the voltage at 4.2 cm: less means contact, or far away.
-CONTACT_SHARE = 0.5
-FOLDED_WAY = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
-ZEROS = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
+CONTACT_RATIO = 0.5
+FOLDED_WIDTH = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
+ZERO_READINGS_MAX = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
+
+
+class Curve(Protocol):
+    """volts = a / (distance + b) + c: a in V m, b in m, c in V."""
+
+    a: float
+    b: float
+    c: float
+
+
+class CurvedSensor(Protocol):
+    """A distance sensor of the robot file."""
+
+    curve: Curve
 
 
 class RangeSensor(Block):
@@ -42,7 +57,7 @@ class RangeSensor(Block):
         none=True,
         help="A voltage that stays exactly equal for so long is not believed; none: believe it.",
     )
-    sensors = FromRobot("sensors")
+    sensors: Mapping[str, CurvedSensor] = FromRobot("sensors")
     speed = FromRobot("limits.speed")
 
     volts = In(Volts, help="The sensor's voltage.")
@@ -50,41 +65,41 @@ class RangeSensor(Block):
     range = Out(Range, help="The distance along the sensor's axis.")
 
     def reset(self) -> None:
-        curve: Any = self.sensors[self.sensor].curve
+        curve = self.sensors[self.sensor].curve
         self.curve = (curve.a, curve.b, curve.c)
-        near = volts_at(NEAREST, *self.curve)
-        self.fold = FoldbackDetector(near, self.speed)
+        near = volts_at(DISTANCE_MIN, *self.curve)
+        self.foldback = FoldbackDetector(near, self.speed)
         self.last_volts = float("nan")
-        self.since = 0
-        self.zeros = 0
-        self.consent: Resume | None = None  # the last one that was heard
-        self.state = ""  # of the last reading
+        self.volts_since = 0
+        self.zero_readings = 0
+        self.last_resume: Resume | None = None  # the last one that was heard
+        self.last_state = ""
 
     def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:
-        if resume is not None and resume is not self.consent:
-            self.consent = resume
-            self.fold.forget()
+        if resume is not None and resume is not self.last_resume:
+            self.last_resume = resume
+            self.foldback.reset()
         if volts is None:
             return None
         reading = self._reading(volts)
-        if reading.state != self.state:
-            self._tell(reading, volts.volts)
+        if reading.state != self.last_state:
+            self._log_change(reading, volts.volts)
         return reading
 
-    def _tell(self, reading: Range, volts: float) -> None:
+    def _log_change(self, reading: Range, volts: float) -> None:
         """Put a change of the state into the log."""
         if reading.state == "fault":
             self.log.warning(f"{self.sensor}: {volts:.2f} V is not what a working sensor says")
-        elif self.state == "fault":
+        elif self.last_state == "fault":
             self.log.info(f"{self.sensor}: works again, {volts:.2f} V")
         elif self.log.debugs:
             self.log.debug(f"{self.sensor}: {reading.state}, {reading.distance:.3f} m")
-        self.state = reading.state
+        self.last_state = reading.state
 
     def _reading(self, volts: Volts) -> Range:
         if self._is_faulty(volts):
             return Range(volts.time, 0.0, "fault")
-        if self.fold.is_too_close(volts.time, volts.volts):
+        if self.foldback.is_too_close(volts.time, volts.volts):
             return Range(volts.time, 0.0, "too_close")
         distance = distance_at(volts.volts, *self.curve)
         if distance >= REACH:
@@ -92,53 +107,56 @@ class RangeSensor(Block):
         return Range(volts.time, distance, "measured")
 
     def _is_faulty(self, volts: Volts) -> bool:
-        self.zeros = self.zeros + 1 if volts.volts <= 0.0 else 0
-        if not isfinite(volts.volts) or self.zeros >= ZEROS:
+        self.zero_readings = self.zero_readings + 1 if volts.volts <= 0.0 else 0
+        if not isfinite(volts.volts) or self.zero_readings >= ZERO_READINGS_MAX:
             self.last_volts = float("nan")
             return True
         if volts.volts != self.last_volts:
-            self.last_volts, self.since = volts.volts, volts.time
-        return self.frozen_for is not None and volts.time - self.since >= self.frozen_for * 1e9
+            self.last_volts, self.volts_since = volts.volts, volts.time
+        if self.frozen_for is None:
+            return False
+        return volts.time - self.volts_since >= self.frozen_for * 1e9
 
 
 class FoldbackDetector:
     """Whether the object is on the sensor's folded-back side, nearer than the peak at 3 cm.
 
-    A voltage above `near`, that of the nearest certain distance, is too close on either side of the
-    peak. When it falls below again, the way tells the side: who was seen at the peak may have
-    passed it, and so may who could drive over it at `speed` in m/s between two readings. Back on
-    the certain side is only who was seen at the peak again, or whose voltage drops faster than the
-    robot could drive: that object went away sideways.
+    A voltage above `near_volts`, that of the nearest certain distance, is too close on either side
+    of the peak. When it falls below again, the way tells the side: who was seen at the peak may
+    have passed it, and so may who could drive over it at `speed` in m/s between two readings. Back
+    on the certain side is only who was seen at the peak again, or whose voltage drops faster than
+    the robot could drive: that object went away sideways.
     """
 
-    def __init__(self, near: float, speed: float) -> None:
-        self.near = near
-        self.over_peak = int(PEAK_WAY / speed * 1e9)  # ns
-        self.to_contact = int(FOLDED_WAY / speed * 1e9)  # ns
-        self.forget()
+    def __init__(self, near_volts: float, speed: float) -> None:
+        self.near_volts = near_volts
+        self.peak_time = int(PEAK_WIDTH / speed * 1e9)  # ns
+        self.contact_time = int(FOLDED_WIDTH / speed * 1e9)  # ns
+        self.reset()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Begin as if nothing had been close."""
         self.is_folded = False
         self.was_folded = False  # before the zone was entered
-        self.is_inside = False  # of the zone above `near`
+        self.is_inside = False  # of the zone above `near_volts`
         self.has_peaked = False  # since it was entered
         self.has_jumped = False  # as far as over the peak, since the reading before that
-        self.last = 0  # time of the last reading, in ns
-        self.inside = 0  # last time inside, in ns
+        self.last_time = 0  # time of the last reading, in ns
+        self.last_inside = 0  # last time inside, in ns
 
     def is_too_close(self, now: int, volts: float) -> bool:
         """Take one voltage at `now` ns; True while the object is, or may be, closer than 4 cm."""
-        is_jump, self.last = now - self.last >= self.over_peak, now
-        if volts >= self.near:
-            self.is_inside, self.inside = True, now
-            self.has_peaked = self.has_peaked or volts >= PEAK_SHARE * self.near
+        is_jump, self.last_time = now - self.last_time >= self.peak_time, now
+        if volts >= self.near_volts:
+            self.is_inside, self.last_inside = True, now
+            self.has_peaked = self.has_peaked or volts >= PEAK_RATIO * self.near_volts
             self.has_jumped = self.has_jumped or is_jump
             return True
         if self.is_inside:
             self._leave(is_jump)
-        dropped = volts < CONTACT_SHARE * self.near and now - self.inside < self.to_contact
-        if dropped and not self.was_folded:
+        is_contact = volts < CONTACT_RATIO * self.near_volts
+        has_dropped = is_contact and now - self.last_inside < self.contact_time
+        if has_dropped and not self.was_folded:
             self.is_folded = False
         return self.is_folded
 

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.geometry.footprint import (
     Footprint,
+    MountedDevice,
     Point,
     PointTracker,
-    moved,
-    placed,
-    points_of,
-    seen_from,
+    arc_motion,
+    into_frame,
+    out_of_frame,
+    scan_points,
+    sensor_mount,
 )
 from diffbotctl.messages import Odometry, Scan, Stop, StopCode, Twist
 from diffbotctl.params import Param
 
 OBSTACLE: StopCode = "obstacle"
-STALE = "scan_stale"
-SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)  # of the wanted velocity that are tried, in this order
-STRIDE = 0.01  # m that a corner moves between two looks along the way
-CLOSER = 1e-6  # m; less is no coming closer but arithmetic
-NEAREST = 0.12  # m; what the LDS-01 says is too close to measure is nearer than this (data sheet)
-STILL = 1e-3  # m/s or rad/s; slower is standing
+STALE: StopCode = "scan_stale"
+# of the wanted velocity that are tried, in this order
+SPEED_RATIOS = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
+SWEEP_STEP = 0.01  # m that a corner moves between two looks along the way
+APPROACH_MIN = 1e-6  # m; less is no coming closer but arithmetic
+# m; what the LDS-01 says is too close to measure is nearer than this (data sheet)
+SCAN_DISTANCE_MIN = 0.12
+STILL_SPEED_MAX = 1e-3  # m/s or rad/s; slower is standing
 
 
 class ScanStop(Block):
@@ -55,7 +59,7 @@ class ScanStop(Block):
         help="A scan older than this counts as none; then the robot stands.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
-    sensors = FromRobot("sensors")
+    sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
     front = FromRobot("body.front")
     back = FromRobot("body.back")
     width = FromRobot("body.width")
@@ -73,60 +77,64 @@ class ScanStop(Block):
     stop = Out(Stop, help="What holds the robot, and that it is released.")
 
     def reset(self) -> None:
-        mounted: Any = self.sensors.get(self.sensor)
-        self.mount = (mounted.at.x, mounted.at.y, mounted.at.heading) if mounted else (0.0,) * 3
+        self.mount = sensor_mount(self.sensors, self.sensor)
         self.outline = Footprint(self.front, self.back, 0.5 * self.width)
         self.reaction = 1.0 / self.telemetry + self.command_delay + self.lag
-        self.way = PointTracker()
-        self.points: list[Point] = []  # in the frame of `way`
-        self.taken: Scan | None = None
-        self.answered: Twist | None = None
-        self.held = ""
+        self.tracker = PointTracker()
+        self.points: list[Point] = []  # in the frame of `tracker`
+        self.last_scan: Scan | None = None
+        self.last_twist: Twist | None = None
+        self.reported_code: StopCode = ""
         self.waiting_since: int | None = None  # for the first scan, while motion is wanted
 
     def react(
         self, now: int, twist: Twist | None, scan: Scan | None, odometry: Odometry | None
     ) -> tuple[Twist | None, Stop | None]:
-        if odometry is not None and odometry.time != self.way.time:
-            self.way.see(odometry.time, odometry.linear, odometry.angular)
-        if scan is not None and scan is not self.taken:
-            self._take(scan)
-        if twist is None or twist is self.answered:
+        if odometry is not None and odometry.time != self.tracker.time:
+            self.tracker.update(odometry.time, odometry.linear, odometry.angular)
+        if scan is not None and scan is not self.last_scan:
+            self._locate_points(scan)
+        if twist is None or twist is self.last_twist:
             return None, None
-        self.answered = twist
-        if abs(twist.linear) < STILL and abs(twist.angular) < STILL:
-            return twist._replace(time=now), self._tell(now, "")
+        self.last_twist = twist
+        if abs(twist.linear) < STILL_SPEED_MAX and abs(twist.angular) < STILL_SPEED_MAX:
+            return twist._replace(time=now), self._stop_event(now, "")
         if scan is None:
-            return Twist(now, 0.0, 0.0), self._tell_stale(now)
-        near = self._near(now)
-        for linear, angular in ((twist.linear, twist.angular), (0.0, twist.angular)):
-            for share in SHARES:
-                if abs(linear) + abs(angular) and self.is_free(
-                    near, linear * share, angular * share
-                ):
-                    held = OBSTACLE if linear != twist.linear else ""
-                    return Twist(now, linear * share, angular * share), self._tell(now, held)
-        return Twist(now, 0.0, 0.0), self._tell(now, OBSTACLE)
+            return Twist(now, 0.0, 0.0), self._stale_event(now)
+        safe, code = self._safe_velocity(now, twist)
+        return safe, self._stop_event(now, code)
 
-    def is_free(self, near: list[Point], linear: float, angular: float) -> bool:
+    def _safe_velocity(self, now: int, twist: Twist) -> tuple[Twist, StopCode]:
+        """The fastest velocity on the wanted curve that is safe, or else of the turn alone; and
+        what holds the robot then."""
+        points = into_frame(self.points, *self.tracker.pose_at(now))
+        for linear in (twist.linear, 0.0):
+            if linear or twist.angular:
+                for ratio in SPEED_RATIOS:
+                    safe = Twist(now, linear * ratio, twist.angular * ratio)
+                    if self.is_free(points, safe.linear, safe.angular):
+                        return safe, "" if linear == twist.linear else OBSTACLE
+        return Twist(now, 0.0, 0.0), OBSTACLE
+
+    def is_free(self, points: list[Point], linear: float, angular: float) -> bool:
         """Whether the outline keeps its margin on this curve until the robot could stand.
 
-        `near`: points in base_link, now. Those already within the margin must not come nearer.
+        `points`: in base_link, now. Those already within the margin must not come nearer.
         """
         outline, margin = self.outline, self.margin
         seconds = self.stopping_time(linear, angular)
         # No point of the outline moves farther than its farthest corner can.
-        way = (abs(linear) + abs(angular) * outline.reach) * seconds
-        near = [point for point in near if outline.clearance(*point) < margin + way]
-        if not near:
+        distance = (abs(linear) + abs(angular) * outline.reach) * seconds
+        points = [point for point in points if outline.clearance(*point) < margin + distance]
+        if not points:
             return True
-        before = [outline.clearance(*point) for point in near]
-        steps = int(way / STRIDE) + 1
+        clearances = [outline.clearance(*point) for point in points]
+        steps = int(distance / SWEEP_STEP) + 1
         for step in range(1, steps + 1):
-            pose = moved(linear, angular, seconds * step / steps)
-            for (x, y), first in zip(seen_from(near, *pose), before, strict=True):
-                clear = outline.clearance(x, y)
-                if clear < margin and clear < first - CLOSER:
+            pose = arc_motion(linear, angular, seconds * step / steps)
+            for (x, y), before in zip(into_frame(points, *pose), clearances, strict=True):
+                clearance = outline.clearance(x, y)
+                if clearance < margin and clearance < before - APPROACH_MIN:
                     return False
         return True
 
@@ -139,38 +147,39 @@ class ScanStop(Block):
         turning = 0.25 * abs(angular) * self.track / self.braking
         return float(self.reaction + max(0.5 * abs(linear) / self.braking, turning))
 
-    def _take(self, scan: Scan) -> None:
+    def _locate_points(self, scan: Scan) -> None:
         """Note a scan's points where they stand."""
-        self.taken = scan
-        x, y, heading = self.mount
-        most = self.outline.reach + self.margin + self.speed * self.stale_after
-        most += self.speed * self.stopping_time(self.speed, 0.0) + max(abs(x), abs(y))
-        seen = points_of(scan.start, scan.step, scan.distances, NEAREST, most)
-        on_robot = placed(seen, x, y, heading)
-        self.points = placed(on_robot, *self.way.at(scan.time))
+        self.last_scan = scan
+        x, y, _ = self.mount
+        reach = self.outline.reach + self.margin + self.speed * self.stale_after
+        reach += self.speed * self.stopping_time(self.speed, 0.0) + max(abs(x), abs(y))
+        points = points_on_robot(scan, self.mount, reach)
+        self.points = out_of_frame(points, *self.tracker.pose_at(scan.time))
 
-    def _near(self, now: int) -> list[Point]:
-        """The points in base_link that anything could reach."""
-        return seen_from(self.points, *self.way.at(now))
-
-    def _tell_stale(self, now: int) -> Stop | None:
+    def _stale_event(self, now: int) -> Stop | None:
         """Say that there is no scan; at first a scanner has the time of a turn, and more."""
-        if self.taken is None:
+        if self.last_scan is None:
             self.waiting_since = now if self.waiting_since is None else self.waiting_since
             if now - self.waiting_since < self.stale_after * 1e9:
                 return None
-        return self._tell(now, STALE)
+        return self._stop_event(now, STALE)
 
-    def _tell(self, now: int, code: str) -> Stop | None:
+    def _stop_event(self, now: int, code: StopCode) -> Stop | None:
         """A Stop when something begins to hold the robot, or has ceased to."""
-        if code == self.held:
+        if code == self.reported_code:
             return None
-        self.held = code
+        self.reported_code = code
         return Stop(now, code, CAUSES[code], False)
 
 
-CAUSES = {
+CAUSES: dict[StopCode, str] = {
     "": "",
     OBSTACLE: "something that the scanner sees is in the way",
     STALE: "no fresh scan comes from the sensor",
 }
+
+
+def points_on_robot(scan: Scan, mount: tuple[float, float, float], reach: float) -> list[Point]:
+    """What a scan sees within `reach` (m) of the scanner, in base_link."""
+    points = scan_points(scan.start, scan.step, scan.distances, SCAN_DISTANCE_MIN, reach)
+    return out_of_frame(points, *mount)

@@ -71,16 +71,16 @@ def brake_limited(
     return linear * scale, angular * scale
 
 
-def acceleration_limited(before: float, wanted: float, faster: float, slower: float) -> float:
-    """`wanted`, or as near as one step lets: `faster` away from zero, `slower` towards it.
+def acceleration_limited(before: float, target: float, increase: float, decrease: float) -> float:
+    """`target`, or as near as one step lets: `increase` away from zero, `decrease` towards it.
 
     A change of sign first stops at zero, for one step.
     """
     if before < 0.0:
-        return -acceleration_limited(-before, -wanted, faster, slower)
-    if wanted >= before:
-        return min(wanted, before + faster)
-    lowest = before - slower
-    if before > 0.0 and wanted < 0.0:
+        return -acceleration_limited(-before, -target, increase, decrease)
+    if target >= before:
+        return min(target, before + increase)
+    lowest = before - decrease
+    if before > 0.0 and target < 0.0:
         return max(lowest, 0.0)
-    return max(wanted, -faster if before == 0.0 else lowest)
+    return max(target, -increase if before == 0.0 else lowest)

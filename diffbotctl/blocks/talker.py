@@ -1,8 +1,8 @@
-"""Talker: a text on the wire, again and again."""
+"""Talker and listener: a text on the wire, again and again, and an answer to each."""
 
 from __future__ import annotations
 
-from diffbotctl.block import Block, Every, Out
+from diffbotctl.block import Block, Every, In, Out
 from diffbotctl.messages import Text
 from diffbotctl.params import Param
 
@@ -28,3 +28,17 @@ class Talker(Block):
             return None
         self.count += 1
         return Text(tick, f"{self.greeting} {self.count}")
+
+
+class Listener(Block):
+    """Answer each text that comes with `heard: ...`.
+
+    blocks:
+      listener: {block: listener, in: {text: talker.text}}
+    """
+
+    text = In(Text, help="What to listen to.")
+    heard = Out(Text, help="What was heard.")
+
+    def react(self, now: int, text: Text | None) -> Text | None:
+        return None if text is None else Text(text.time, f"heard: {text.text}")

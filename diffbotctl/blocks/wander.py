@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import pi, sqrt
-from typing import Any
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.scan_stop import NEAREST
-from diffbotctl.geometry.footprint import Footprint, Point, placed, points_of
+from diffbotctl.blocks.scan_stop import points_on_robot
+from diffbotctl.geometry.footprint import Footprint, MountedDevice, Point, sensor_mount
 from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.params import Param
 
 SIDE_REACH = 1.5  # m; farther things do not say which side is freer
 FULL_TURN = 2 * pi  # rad; who looked all round takes what there is
-STUCK_AFTER = 1_500_000_000  # ns of a turn that does not come about
-TURNS = 0.05  # rad/s; slower is no turning
+TURN_TIMEOUT = 1_500_000_000  # ns of a turn that does not come about
+TURN_RATE_MIN = 0.05  # rad/s; slower is no turning
 
 
 class Wander(Block):
@@ -64,7 +64,7 @@ class Wander(Block):
         help="Room at either side of its turning circle.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
-    sensors = FromRobot("sensors")
+    sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
     front = FromRobot("body.front")
     back = FromRobot("body.back")
     width = FromRobot("body.width")
@@ -75,51 +75,46 @@ class Wander(Block):
     twist = Out(Twist, help="Where it wants to go.")
 
     def reset(self) -> None:
-        mounted: Any = self.sensors.get(self.sensor)
-        self.mount = (mounted.at.x, mounted.at.y, mounted.at.heading) if mounted else (0.0,) * 3
+        self.mount = sensor_mount(self.sensors, self.sensor)
         self.radius = Footprint(self.front, self.back, 0.5 * self.width).reach
-        self.taken: Scan | None = None
+        self.last_scan: Scan | None = None
         self.side = 0  # 1 while it turns left, -1 right
-        self.turned = 0.0  # rad since it began to turn
+        self.turned_angle = 0.0  # rad since it began to turn
         self.turning_since = 0
-        self.last: int | None = None
+        self.last_time: int | None = None
 
     def react(self, now: int, scan: Scan | None, odometry: Odometry | None) -> Twist | None:
         if scan is None or odometry is None:
             return None
-        if scan is not self.taken:
-            self.taken = scan
+        if scan is not self.last_scan:
+            self.last_scan = scan
             self._choose(now, scan)
-        if odometry.time == self.last:
+        if odometry.time == self.last_time:
             return None
-        seconds = 0.0 if self.last is None else (odometry.time - self.last) * 1e-9
-        self.last = odometry.time
+        seconds = 0.0 if self.last_time is None else (odometry.time - self.last_time) * 1e-9
+        self.last_time = odometry.time
         if not self.side:
             return Twist(now, self.speed * self.share, 0.0)
-        self._watch(now, odometry, seconds)
+        self._watch_turn(now, odometry, seconds)
         return Twist(now, 0.0, self.side * self.turn_rate)
 
     def _choose(self, now: int, scan: Scan) -> None:
         """Decide whether to drive on or to turn, and where to."""
-        points = placed(
-            points_of(scan.start, scan.step, scan.distances, NEAREST, self.go_at + SIDE_REACH),
-            *self.mount,
-        )
+        points = points_on_robot(scan, self.mount, self.go_at + SIDE_REACH)
         free = free_distance(points, self.radius, self.radius + self.room)
         if self.side:
-            wanted = self.go_at if self.turned < FULL_TURN else self.turn_at
-            if free > wanted:
+            if free > (self.go_at if self.turned_angle < FULL_TURN else self.turn_at):
                 self.side = 0
         elif free <= self.turn_at:
             self.side = freer_side(points)
-            self.turned, self.turning_since = 0.0, now
+            self.turned_angle, self.turning_since = 0.0, now
 
-    def _watch(self, now: int, odometry: Odometry, seconds: float) -> None:
+    def _watch_turn(self, now: int, odometry: Odometry, seconds: float) -> None:
         """Turn the other way when the guard does not let it turn this way."""
-        self.turned += abs(odometry.angular) * seconds
-        if abs(odometry.angular) > TURNS:
+        self.turned_angle += abs(odometry.angular) * seconds
+        if abs(odometry.angular) > TURN_RATE_MIN:
             self.turning_since = now
-        elif now - self.turning_since > STUCK_AFTER:
+        elif now - self.turning_since > TURN_TIMEOUT:
             self.side, self.turning_since = -self.side, now
 
 

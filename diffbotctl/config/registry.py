@@ -19,7 +19,7 @@ BLOCKS = {
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
     "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",
-    "listener": "diffbotctl.blocks.listener:Listener",
+    "listener": "diffbotctl.blocks.talker:Listener",
     "obstacle_stop": "diffbotctl.blocks.obstacle_stop:ObstacleStop",
     "odometry": "diffbotctl.blocks.odometry:OdometryBlock",
     "path": "diffbotctl.blocks.path:PathSource",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import cos, hypot, sin
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 Point = tuple[float, float]
 
@@ -27,6 +28,26 @@ class Footprint(NamedTuple):
         return hypot(ahead, aside)
 
 
+class Mount(Protocol):
+    """Where a device sits in base_link, as the robot file has it."""
+
+    x: float
+    y: float
+    heading: float
+
+
+class MountedDevice(Protocol):
+    """A sensor of the robot file."""
+
+    at: Mount
+
+
+def sensor_mount(sensors: Mapping[str, MountedDevice], name: str) -> tuple[float, float, float]:
+    """Pose (m, rad) of a sensor in base_link; the origin for one that the robot does not have."""
+    sensor = sensors.get(name)
+    return (sensor.at.x, sensor.at.y, sensor.at.heading) if sensor else (0.0, 0.0, 0.0)
+
+
 class PointTracker:
     """Where the robot is in a frame of its own, from its velocity: jumps of a pose do not matter.
 
@@ -38,16 +59,16 @@ class PointTracker:
         self.linear = self.angular = 0.0
         self.time: int | None = None
 
-    def see(self, time: int, linear: float, angular: float) -> None:
+    def update(self, time: int, linear: float, angular: float) -> None:
         """Take in the velocity (m/s, rad/s) that was true at `time`."""
         if self.time is not None and time > self.time:
-            self.x, self.y, self.heading = self.at(time)
+            self.x, self.y, self.heading = self.pose_at(time)
         self.time, self.linear, self.angular = time, linear, angular
 
-    def at(self, time: int) -> tuple[float, float, float]:
+    def pose_at(self, time: int) -> tuple[float, float, float]:
         """The pose at `time`, a little before or after the last velocity."""
         seconds = 0.0 if self.time is None else (time - self.time) * 1e-9
-        x, y, turn = moved(self.linear, self.angular, seconds)
+        x, y, turn = arc_motion(self.linear, self.angular, seconds)
         ahead, aside = cos(self.heading), sin(self.heading)
         return (
             self.x + x * ahead - y * aside,
@@ -56,7 +77,7 @@ class PointTracker:
         )
 
 
-def moved(linear: float, angular: float, seconds: float) -> tuple[float, float, float]:
+def arc_motion(linear: float, angular: float, seconds: float) -> tuple[float, float, float]:
     """Where a steady velocity leads in `seconds`, as (x, y, turn) in the frame of the start.
 
     The chord of an arc: its length by sin(h)/h, its direction half the turn.
@@ -66,7 +87,7 @@ def moved(linear: float, angular: float, seconds: float) -> tuple[float, float, 
     return chord * cos(half), chord * sin(half), 2.0 * half
 
 
-def seen_from(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
+def into_frame(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
     """`points` as the frame at (x, y, heading) has them."""
     ahead, aside = cos(heading), sin(heading)
     return [
@@ -75,13 +96,13 @@ def seen_from(points: list[Point], x: float, y: float, heading: float) -> list[P
     ]
 
 
-def placed(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
+def out_of_frame(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
     """Points of the frame at (x, y, heading), as the frame around it has them."""
     ahead, aside = cos(heading), sin(heading)
     return [(x + px * ahead - py * aside, y + px * aside + py * ahead) for px, py in points]
 
 
-def points_of(
+def scan_points(
     start: float, step: float, distances: tuple[float, ...], nearest: float, within: float
 ) -> list[Point]:
     """The things that a scan sees within `within`, as points in the scanner's frame.

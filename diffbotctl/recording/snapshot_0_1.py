@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from diffbotctl.blocks.goal_follower import GoalFollower
+from diffbotctl.blocks.obstacle_stop import ObstacleStop
 from diffbotctl.control.goal_pursuit import Coast, Pursuit
 from diffbotctl.control.speed_loop import SpeedGains, SpeedLoopMirror
 
@@ -117,6 +118,39 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
             "turning",
         )
     ),
+    "FoldbackDetector": {
+        "inside": "last_inside",
+        "last": "last_time",
+        "near": "near_volts",
+        "over_peak": "peak_time",
+        "to_contact": "contact_time",
+    },
+    "RangeSensor": {
+        "consent": "last_resume",
+        "fold": "foldback",
+        "since": "volts_since",
+        "state": "last_state",
+        "zeros": "zero_readings",
+    },
+    "ScanStop": {
+        "answered": "last_twist",
+        "held": "reported_code",
+        "taken": "last_scan",
+        "way": "tracker",
+    },
+    "Wander": {"last": "last_time", "taken": "last_scan", "turned": "turned_angle"},
+    "TurtleCanvas": {"told": "last_sent"},
+    "PathSource": {"is_wanted": "is_due"},
+    "ObstacleStop": {
+        "blocked": "blocked_readings",
+        "consent": "last_resume",
+        "free": "free_readings",
+        "held": None,
+        "last_range": "last_range_time",
+        "react_within": "total_reaction",
+        "setback": "sensor_setback",
+        "told": "reported_code",
+    },
     "OdometryBlock": {"times": "timestamps"},
     "WheelSpeed": {"rated": None, "slots": None, "static": None, "sums": "integrals"},
 }
@@ -145,6 +179,8 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     present = {name: value for name, value in renamed.items() if name is not None}
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}
+    if kind is ObstacleStop:
+        present["code"], present["cause"] = attributes["held"]
     if kind is SpeedLoopMirror:
         loop = attributes["loop"]
         present["gains"] = SpeedGains(

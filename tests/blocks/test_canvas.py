@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.blocks.canvas import MOST_TURTLES, TurtleCanvas, colour
+from diffbotctl.blocks.canvas import TURTLES_MAX, TurtleCanvas, colour
 from diffbotctl.messages import Odometry
 
 HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
@@ -65,7 +65,7 @@ def test_who_is_not_there_cannot_be_killed_or_moved(canvas, number):
 
 
 def test_there_is_an_end_to_turtles(canvas):
-    for _ in range(MOST_TURTLES):
+    for _ in range(TURTLES_MAX):
         canvas.spawn(1)
     with pytest.raises(ValueError, match="kill some"):
         canvas.spawn(2)

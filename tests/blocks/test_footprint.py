@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from diffbotctl.geometry.footprint import (
     Footprint,
     PointTracker,
-    moved,
-    placed,
-    points_of,
-    seen_from,
+    arc_motion,
+    into_frame,
+    out_of_frame,
+    scan_points,
 )
 
 OUTLINE = Footprint(0.1, 0.2, 0.1)
@@ -49,29 +49,29 @@ def test_reach_is_that_of_the_farthest_corner():
     ],
 )
 def test_a_steady_velocity_leads_round_an_arc(linear, angular, seconds, wanted):
-    assert moved(linear, angular, seconds) == pytest.approx(wanted, abs=1e-12)
+    assert arc_motion(linear, angular, seconds) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_track_adds_up_arcs():
     track = PointTracker()
     for quarter in range(5):  # four quarters of a circle lead back
-        track.see(quarter * 10**9, 1.0, pi / 2)
+        track.update(quarter * 10**9, 1.0, pi / 2)
     assert (track.x, track.y) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert track.heading == pytest.approx(2 * pi)
     # and a second later it would be on a quarter: radius 2 / pi
-    assert track.at(5 * 10**9)[:2] == pytest.approx((2 / pi, 2 / pi))
+    assert track.pose_at(5 * 10**9)[:2] == pytest.approx((2 / pi, 2 / pi))
 
 
 @given(*[st.floats(-3, 3)] * 5)
 def test_placing_and_seeing_undo_each_other(px, py, x, y, heading):
-    (back,) = seen_from(placed([(px, py)], x, y, heading), x, y, heading)
+    (back,) = into_frame(out_of_frame([(px, py)], x, y, heading), x, y, heading)
     assert back == pytest.approx((px, py), abs=1e-9)
 
 
 def test_points_of_a_scan():
     # ahead 1 m; left too close, taken for 0.12 m; behind clear; right too far to matter
-    found = points_of(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
+    found = scan_points(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
     assert found[0] == pytest.approx((1.0, 0.0), abs=1e-12)
     assert found[1] == pytest.approx((0.0, 0.12), abs=1e-12)
     assert len(found) == 2
-    assert points_of(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0] == pytest.approx((1.0, 1.0))
+    assert scan_points(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0] == pytest.approx((1.0, 1.0))

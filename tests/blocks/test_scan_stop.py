@@ -162,11 +162,11 @@ def test_it_touches_nothing_whatever_is_asked(seed):
     wish = (0.0, 0.0)
     for frame in range(500):  # 20 s
         now = frame * 40 * MS
-        x, y, heading = body.at(now)
+        x, y, heading = body.pose_at(now)
         assert clearance(outline, Pose(x, y, heading), world) > 0.0
         linear += min(max(allowed.linear - linear, -0.04), 0.04)  # 1 m/s2
         angular += min(max(allowed.angular - angular, -0.5), 0.5)  # 12.5 rad/s2 at the body
-        body.see(now, linear, angular)
+        body.update(now, linear, angular)
         if frame % 5 == 0:
             scan = scan_of(world, now, x, y, heading)
         if frame % 12 == 0:

@@ -1,7 +1,6 @@
 """The first lesson: one block says something, the other hears it."""
 
-from diffbotctl.blocks.listener import Listener
-from diffbotctl.blocks.talker import Talker
+from diffbotctl.blocks.talker import Listener, Talker
 from diffbotctl.messages import Text
 
 

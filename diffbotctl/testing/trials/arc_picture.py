@@ -9,7 +9,7 @@ from pathlib import Path
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.estimation.pose_filter import arc
-from diffbotctl.geometry.footprint import placed
+from diffbotctl.geometry.footprint import out_of_frame
 from diffbotctl.render.robot_drawing import (
     Dimension,
     DrawingOutline,
@@ -36,11 +36,11 @@ def outlines(robot: Robot) -> Iterator[DrawingOutline]:
         pose = pose_at(robot, share)
         for part in top_view(robot).outlines:
             if part.closed:
-                yield part._replace(points=tuple(placed(list(part.points), *pose)))
+                yield part._replace(points=tuple(out_of_frame(list(part.points), *pose)))
     half = robot.drive.track / 2
     poses = [pose_at(robot, step / STEPS) for step in range(STEPS + 1)]
     for name, aside in (("left wheel's way", half), ("middle's way", 0.0), ("right's", -half)):
-        points = tuple(placed([(0.0, aside)], *pose)[0] for pose in poses)
+        points = tuple(out_of_frame([(0.0, aside)], *pose)[0] for pose in poses)
         yield DrawingOutline(name, "red" if not aside else "grey", points, closed=False)
     corner = 0.01  # m; a small cross at the centre of rotation
     yield DrawingOutline("ICC", "red", ((-corner, RADIUS), (corner, RADIUS)), closed=False)
