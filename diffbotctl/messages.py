@@ -21,7 +21,25 @@ class Field(NamedTuple):
 CommandKind = Literal["wheels", "duty"]
 RangeState = Literal["clear", "measured", "too_close", "fault"]
 GoalPhase = Literal["idle", "turning", "driving", "aligning"]
-GoalEnd = Literal["reached", "blocked", "stuck", "timed_out"]
+GoalEnd = Literal["reached", "reached_unsure", "blocked", "stuck", "given_up", "cancelled"]
+"""How a goal ends.
+
+- reached: within both tolerances.
+- reached_unsure: within the tolerances of a pose that is known less well; not used yet.
+- blocked: a stop held the robot for longer than it waits.
+- stuck: no wheel turned while it should have driven.
+- given_up: not reached within the attempts or the time.
+- cancelled: withdrawn; not used yet.
+"""
+GOAL_EXIT_CODES: dict[GoalPhase | GoalEnd, int] = {
+    "reached": 0,
+    "reached_unsure": 1,
+    "blocked": 1,
+    "stuck": 1,
+    "given_up": 1,
+    "cancelled": 1,
+}
+"""Exit code of a run that ends with its goal; a run that is interrupted exits with 130."""
 LinkState = Literal["opening", "negotiating", "up", "stale", "lost"]
 LogLevel = Literal["debug", "info", "warning", "error"]
 LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)  # in order of severity
@@ -167,7 +185,7 @@ class GoalState(NamedTuple):
         Field(
             "",
             "`idle`, `turning`, `driving`, `aligning`, or how the goal ended: `reached`, "
-            "`blocked`, `stuck`, `timed_out`.",
+            "`reached_unsure`, `blocked`, `stuck`, `given_up`, `cancelled`.",
         ),
     ]
     distance: Annotated[float, Field("m", "Remaining distance to the goal.")]

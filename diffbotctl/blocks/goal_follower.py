@@ -172,7 +172,7 @@ class GoalFollower(Block):
         if stop is not None and pursuit.blocked_for > self.patience:
             return "blocked", f"{stop.cause}, for {self.patience:g} s"
         if pursuit.elapsed > pursuit.time_limit:
-            return "timed_out", f"not there after {pursuit.time_limit:.0f} s"
+            return "given_up", f"not there after {pursuit.time_limit:.0f} s"
         if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel turned for {self.stuck_after:g} s of driving"
         return None
@@ -223,7 +223,7 @@ class GoalFollower(Block):
         pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
         if pursuit.attempts >= self.attempts:
             cause = f"still {distance * 1000:.0f} mm away after {pursuit.attempts} tries"
-            return FollowerStep(pursuit, end="stuck", cause=cause)
+            return FollowerStep(pursuit, end="given_up", cause=cause)
         return FollowerStep(self._begin(pursuit, odometry))
 
     def _turn_leg(

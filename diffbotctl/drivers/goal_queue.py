@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.log import LEVEL
 from diffbotctl.messages import (
+    GOAL_EXIT_CODES,
     Goal,
-    GoalEnd,
     GoalState,
     LogLevel,
     LogLine,
@@ -19,8 +19,6 @@ from diffbotctl.messages import (
     Stop,
 )
 from diffbotctl.time import NEVER
-
-ENDED: set[GoalEnd] = {"reached", "blocked", "stuck", "timed_out"}
 
 
 class Operator:
@@ -79,10 +77,13 @@ class Operator:
             self.reached += 1
             self.last_reached = self.active
             self._send_next(now)
-        elif state.state in ENDED:
+        elif state.state in GOAL_EXIT_CODES:
             self.active = None
             if not self.stay:
-                self.end(1, f"goal {state.number} was not reached ({state.state}): {state.cause}")
+                code = GOAL_EXIT_CODES[state.state]
+                self.end(
+                    code, f"goal {state.number} was not reached ({state.state}): {state.cause}"
+                )
 
     def on_path(self, now: int, path: Path) -> None:
         """Add all waypoints of a path to the goals."""

@@ -13,10 +13,10 @@ from diffbotctl.block import outputs
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.log import ERROR, INFO, LEVEL, WARNING, Log, Logbook
 from diffbotctl.messages import (
+    GOAL_EXIT_CODES,
     LOG_LEVELS,
     Call,
     Goal,
-    GoalEnd,
     GoalState,
     Link,
     LogLine,
@@ -26,7 +26,6 @@ from diffbotctl.messages import (
     Text,
 )
 
-GIVEN_UP: set[GoalEnd] = {"blocked", "stuck", "timed_out"}
 LINK_LEVELS = {"stale": WARNING, "lost": ERROR}
 
 
@@ -97,10 +96,10 @@ class EventLogger:
             self.goals[log.source] = goal
             if state.state == "reached":
                 log.info(f"goal {state.number} reached, {_remaining(state)} off")
-            elif state.state in GIVEN_UP:
-                why = state.state.replace("_", " ")
+            elif state.state in GOAL_EXIT_CODES:
+                why = "" if state.state == "given_up" else f"{state.state.replace('_', ' ')}: "
                 log.error(
-                    f"goal {state.number} given up, {_remaining(state)} away: {why}: {state.cause}"
+                    f"goal {state.number} given up, {_remaining(state)} away: {why}{state.cause}"
                 )
             elif state.state != "idle":
                 log.info(f"goal {state.number}: {state.state}, {_remaining(state)} to go")

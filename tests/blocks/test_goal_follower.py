@@ -1,11 +1,12 @@
 """From goal to goal on a robot that does what it is told; and when something is in the way."""
 
 from math import cos, pi, radians, sin
+from typing import get_args
 
 import pytest
 
 from diffbotctl.blocks.goal_follower import GoalFollower
-from diffbotctl.messages import Goal, Odometry, Stop
+from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalEnd, Odometry, Stop
 
 MS = 1_000_000
 STEP = 20 * MS  # ns between two poses
@@ -48,11 +49,16 @@ class Course:
 
     def drive(self, goal, seconds=30.0, stop=None):
         until = self.now + int(seconds * 1e9)
-        ends = ("reached", "blocked", "stuck", "timed_out")
+        ends = GOAL_EXIT_CODES
         begun = len(self.states)
         while self.now < until and not any(end in self.states[begun:] for end in ends):
             self.step(goal, stop)
         return self.states[-1]
+
+
+def test_every_end_has_an_exit_code():
+    assert set(GOAL_EXIT_CODES) == set(get_args(GoalEnd))
+    assert [end for end, code in GOAL_EXIT_CODES.items() if code == 0] == ["reached"]
 
 
 def goal(x, y, heading=None, number=1):
@@ -126,6 +132,11 @@ def test_a_robot_that_does_not_move_is_stuck_and_is_told_so_in_time():
     assert course.drive(goal(1.0, 0.0)) == "stuck"
     assert 1.5e9 < course.now < 4e9  # `stuck_after` is 2 s
     assert course.twists[-1][1:] == (0.0, 0.0)
+
+
+def test_a_goal_that_is_missed_in_every_attempt_is_given_up():
+    course = Course(tolerance=1e-6, attempts=2)
+    assert course.drive(goal(0.3, 0.2)) == "given_up"
 
 
 def test_an_obstacle_is_waited_for_then_it_is_blocked():

@@ -103,8 +103,8 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
             [("info", "guard", "goal 2 reached, 4 mm, 0.0 deg off")],
         ),
         (
-            [("drive.state", GoalState(0, 2, "timed_out", 0.4, 0.0, "it took 60 s"))],
-            [("error", "guard", "goal 2 given up, 400 mm, 0.0 deg away: timed out: it took 60 s")],
+            [("drive.state", GoalState(0, 2, "given_up", 0.4, 0.0, "it took 60 s"))],
+            [("error", "guard", "goal 2 given up, 400 mm, 0.0 deg away: it took 60 s")],
         ),
         (
             [("operator.goal", Goal(0, 1, 1.0, 0.5, None)), ("operator.goal", Goal(0, 0))],

@@ -103,7 +103,7 @@ def _goal_style(state: GoalState) -> str:
     match state.state:
         case "reached":
             return "green"
-        case "blocked" | "stuck" | "timed_out":
+        case "reached_unsure" | "blocked" | "stuck" | "given_up" | "cancelled":
             return "red"
         case "idle" | "turning" | "driving" | "aligning":
             return ""
