@@ -250,9 +250,9 @@ class WheelKalman:
         (zz, zv, zg, zb, zl, zf, vv, vg, vb, vl, vf, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
             self.covariance
         )
-        z_z = zz + a * zv + b * zg + c * zb + d * zl
-        z_v = zv + a * vv + b * vg + c * vb + d * vl
-        v_v = e * vv + f * vg + g * vb + h * vl
+        zz = zz + a * zv + b * zg + c * zb + d * zl
+        zv = zv + a * vv + b * vg + c * vb + d * vl
+        vv = e * vv + f * vg + g * vb + h * vl
         zg += a * vg + b * gg + c * gb + d * gl
         zb += a * vb + b * gb + c * bb + d * bl
         zl += a * vl + b * gl + c * bl + d * ll
@@ -261,15 +261,31 @@ class WheelKalman:
         vb = e * vb + f * gb + g * bb + h * bl
         vl = e * vl + f * gl + g * bl + h * ll
         vf = e * vf + f * gf + g * bf + h * lf
-        z_z = z_z + a * z_v + b * zg + c * zb + d * zl + noise * span * span / 3.0
-        z_v = z_v * e + f * zg + g * zb + h * zl + 0.5 * noise * span
-        v_v = v_v * e + f * vg + g * vb + h * vl + noise
+        zz = zz + a * zv + b * zg + c * zb + d * zl + noise * span * span / 3.0
+        zv = zv * e + f * zg + g * zb + h * zl + 0.5 * noise * span
+        vv = vv * e + f * vg + g * vb + h * vl + noise
+        bb += offset_noise
         self.covariance = (
-            *(z_z, z_v, zg, zb, zl, zf),
-            *(v_v, vg, vb, vl, vf),
-            *(gg, gb, gl, gf),
-            *(bb + offset_noise, bl, bf),
-            *(ll, lf),
+            zz,
+            zv,
+            zg,
+            zb,
+            zl,
+            zf,
+            vv,
+            vg,
+            vb,
+            vl,
+            vf,
+            gg,
+            gb,
+            gl,
+            gf,
+            bb,
+            bl,
+            bf,
+            ll,
+            lf,
             ff,
         )
 
@@ -397,11 +413,26 @@ class WheelKalman:
         zc, vc, gc = z * inverse_variance, v * inverse_variance, g * inverse_variance
         bc, lc, fc = b * inverse_variance, lag * inverse_variance, f * inverse_variance
         self.covariance = (
-            *(zz - zc * z, zv - zc * v, zg - zc * g, zb - zc * b, zl - zc * lag, zf - zc * f),
-            *(vv - vc * v, vg - vc * g, vb - vc * b, vl - vc * lag, vf - vc * f),
-            *(gg - gc * g, gb - gc * b, gl - gc * lag, gf - gc * f),
-            *(bb - bc * b, bl - bc * lag, bf - bc * f),
-            *(ll - lc * lag, lf - lc * f),
+            zz - zc * z,
+            zv - zc * v,
+            zg - zc * g,
+            zb - zc * b,
+            zl - zc * lag,
+            zf - zc * f,
+            vv - vc * v,
+            vg - vc * g,
+            vb - vc * b,
+            vl - vc * lag,
+            vf - vc * f,
+            gg - gc * g,
+            gb - gc * b,
+            gl - gc * lag,
+            gf - gc * f,
+            bb - bc * b,
+            bl - bc * lag,
+            bf - bc * f,
+            ll - lc * lag,
+            lf - lc * f,
             ff - fc * f,
         )
 
