@@ -1,4 +1,4 @@
-"""`diffbotctl new`: a robot file, a pipeline, or a package with a block, to start from."""
+"""`diffbotctl new`: write a new robot file, pipeline, or package with a block."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ BLOCK_FILES = {
 
 @click.group()
 def command() -> None:
-    """Write a new robot, pipeline or block, which works as it stands. Nothing is asked."""
+    """Write a new robot, pipeline or block to start from."""
 
 
 @command.command()
 @click.argument("name")
 def robot(name: str) -> None:
-    """Write robots/NAME.yaml: every part of a robot, with a word about each."""
+    """Write robots/NAME.yaml: all parts of a robot, with comments."""
     write("robot", name)
 
 
 @command.command()
 @click.argument("name")
 def pipeline(name: str) -> None:
-    """Write pipelines/NAME.yaml: goals, and the blocks that drive to them."""
+    """Write pipelines/NAME.yaml: goals and the blocks that drive to them."""
     write("pipeline", name)
 
 
@@ -51,8 +51,8 @@ def block(name: str) -> None:
 
     _check_word(name, "block")
     if iskeyword(name) or name in registry.names():
-        what = "a word of Python" if iskeyword(name) else "a block that there is already"
-        raise _refused("E-NAME", name, f"'{name}' is {what}", "give yours another name")
+        what = "a keyword of Python" if iskeyword(name) else "the name of an existing block"
+        raise _refused("E-NAME", name, f"'{name}' is {what}", "choose another name")
     package = f"diffbot_{name}"
     fields = {
         "name": name,
@@ -62,11 +62,11 @@ def block(name: str) -> None:
     }
     for path, template in BLOCK_FILES.items():
         _write(Path(name) / path.format(**fields), template, fields)
-    click.echo(f"{name}/ is a package: its README.md says how to install and try it.")
+    click.echo(f"{name}/ is a package; its README.md explains how to install and run it.")
 
 
 def write(kind: str, name: str) -> None:
-    """Write a new `robot` or `pipeline` file. Raises UsageError where there is one already."""
+    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists."""
     _check_word(name, kind)
     path = Path(f"{kind}s") / f"{name}.yaml"
     _write(path, f"{kind}.yaml", {"name": name, "file": str(path), "schema": _schema(kind)})
@@ -75,7 +75,7 @@ def write(kind: str, name: str) -> None:
 
 
 def _schema(kind: str) -> str:
-    """Where an editor finds the schema: beside the files in a checkout, else where we live."""
+    """Path of the schema for an editor: relative in a checkout, else that of the installation."""
     from diffbotctl.config.lookup import folder
 
     file = folder("schemas") / f"{kind}.schema.json"
@@ -105,17 +105,17 @@ def _write(path: Path, template: str, fields: dict[str, str]) -> None:
         with path.open("x", encoding="utf-8") as file:
             _fill(path, file, text)
     except FileExistsError as error:
-        fix = "give another name, or move that one away"
-        raise _refused("E-FILE-WRITE", str(path), "there is such a file already", fix) from error
+        fix = "choose another name, or move that file"
+        raise _refused("E-FILE-WRITE", str(path), "the file exists", fix) from error
     except OSError as error:
         cause = f"cannot be written: {error.strerror}"
-        fix = "go to a folder of yours, on a disk that has room"
+        fix = "use a writable folder on a disk with free space"
         raise _refused("E-FILE-WRITE", str(path), cause, fix) from error
     click.echo(f"written: {path}")
 
 
 def _fill(path: Path, file: TextIO, text: str) -> None:
-    """Write it whole, or leave no file: half a robot would be one that every command finds."""
+    """Write the whole text, or remove the file: a partial robot file would be found by its name."""
     try:
         file.write(text)
         file.flush()

@@ -1,9 +1,7 @@
-"""The wiring harness of a robot: every wire between its parts, as the robot file has them.
+"""The wiring harness of a robot: every wire between its parts, from the robot file, and notes.
 
-Colours are those of ribbon jumper wires: red and black for supply and ground as everywhere, one
-colour for each kind of signal.
-
-What no picture of the wires shows, and a person must see to before the battery is connected.
+Colours are those of ribbon jumper wires: red and black for supply and ground, one colour for each
+kind of signal. The notes are instructions that a drawing of the wires does not show.
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ MEANINGS = {
 }
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
-# Half A of an L298N is the left one here: its input names, and its outputs.
+# Half A of the L298N drives the left motor: names of its inputs and outputs.
 HALVES = {
     "left": ("ENA", "IN1", "IN2", "OUT1", "OUT2"),
     "right": ("ENB", "IN3", "IN4", "OUT3", "OUT4"),
@@ -49,7 +47,7 @@ class HarnessPin(NamedTuple):
 
 
 class HarnessWire(NamedTuple):
-    """One wire. `through` says what is soldered into it."""
+    """One wire. `through` names the parts soldered into it."""
 
     start: HarnessPin
     end: HarnessPin
@@ -59,9 +57,9 @@ class HarnessWire(NamedTuple):
 
 
 class HarnessPart(NamedTuple):
-    """One thing that is wired: what its pins are called, in the order in which they are drawn.
+    """One part: its title and the names of its pins, in drawing order.
 
-    `remark` is a word on it: a voltage, or what is done to it.
+    `remark` is a short note: a voltage, or an action.
     """
 
     key: str
@@ -73,8 +71,7 @@ class HarnessPart(NamedTuple):
 class Harness(NamedTuple):
     """All parts and wires of one robot.
 
-    `printed` maps a pin of the board to all that stands beside it, where that is more than its
-    name.
+    `printed` maps a pin of the board to its full printed label, where that is more than its name.
     """
 
     parts: dict[str, HarnessPart]
@@ -92,7 +89,7 @@ class Harness(NamedTuple):
 
 
 def harness(robot: Robot) -> Harness:
-    """Every wire of a checked robot. Raises UsageError for one that has no board."""
+    """Every wire of a checked robot. Raises UsageError for a robot without a board."""
     board = BOARDS.get(robot.board.type)
     if board is None:
         cause = f"a robot whose board is {robot.board.type} has no wires"
@@ -208,28 +205,28 @@ def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
 
 
 def notes(robot: Robot) -> Iterator[str]:
-    """What no wire shows, in the order in which a person comes upon it."""
+    """Instructions that the wires do not show, in the order of assembly."""
     yield (
-        "Take the jumpers ENA and ENB off the L298N: with them on, the motors know no speed but "
-        "full, and each fights its PWM pin."
+        "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
+        "speed, and 5 V is applied to the PWM pins."
     )
     if robot.board.supply == "regulator":
-        yield "Leave the L298N's 5 V jumper on: its regulator feeds the board. At most 12 V then."
+        yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
     else:
-        yield "The L298N's 5 V terminal stays free: its regulator feeds the L298N alone."
-    yield "One ground for all: battery, L298N and board. Without it no signal means anything."
+        yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    yield "Connect the grounds of battery, L298N and board. No signal works without it."
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
     yield (
-        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and gives 2 A a "
-        "motor; the kit's motors are made for 5 to 9 V."
+        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and supplies 2 A per "
+        "motor; the motors of the kit are rated for 5 to 9 V."
     )
     if robot.link.has_radio and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
     if robot.sensors:
-        yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in gulps."
+        yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in pulses."
     yield (
-        "10 kOhm from ENA and from ENB to GND keep the motors still while the board is flashed, "
+        "10 kOhm from ENA and from ENB to GND keep the motors off while the board is flashed, "
         "when its pins float."
     )
     for name in HALVES:

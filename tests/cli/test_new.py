@@ -129,7 +129,7 @@ def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
     assert code == 0, said
     program = ["-c", "from diffbotctl.cli.main import main; main()"]
     code, said = python(*program, "blocks", path=[target, ROOT])
-    assert "half_speed      Let through only a share of the wanted velocity." in said, said
+    assert "half_speed      Scale the requested velocity." in said, said
     code, said = python(
         *program, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
     )

@@ -291,7 +291,13 @@ def test_the_command_fits_eighty_columns_and_names_every_wire():
 
 
 @pytest.mark.parametrize(
-    "words", ["Take the jumpers ENA and ENB off", "One ground for all", "at most 35 V", "2 kOhm"]
+    "words",
+    [
+        "Remove the jumpers ENA and ENB from",
+        "Connect the grounds of battery",
+        "at most 35 V",
+        "2 kOhm",
+    ],
 )
 def test_what_no_wire_shows_is_said(words):
     assert words in run("book_2wd")
