@@ -63,7 +63,11 @@ class EngineApp(App[int]):
         self.engine, self.tool, self.options = engine, tool, options
         self.run_view = RunView()
         self.client = AsyncControlClient(self._on_line, self._on_run_end)
-        self.deadman: TeleopDeadman | None = None
+        self.keyboard = KeyboardVelocity((0.0, 0.0), options.keys, options.mode)
+        self.deadman = TeleopDeadman(
+            self.keyboard, self._send, self._query_terminal, time.monotonic()
+        )
+        self.is_connected = False
         self.problem: RunError | None = None
         self.status = ""  # the last refusal of the engine, or a note
         self.poll_task: asyncio.Task[None] | None = None
@@ -102,20 +106,19 @@ class EngineApp(App[int]):
             return
         except RefusalError as refusal:
             self.status = str(refusal)
-        self._start_deadman()
+        self._start_driving()
         self.redraw()
         self.set_interval(1.0 / self.options.hz, self._tick)
         self.set_interval(SEND_PERIOD_S, self._beat)
 
-    def _start_deadman(self) -> None:
+    def _start_driving(self) -> None:
         robot, options = self.run_view.scene.robot, self.options
-        limits = (robot.speed, robot.turn_rate) if robot else (0.0, 0.0)
-        keyboard = KeyboardVelocity(limits, options.keys, options.mode)
-        keyboard.speed = min(options.speed or keyboard.speed, limits[0])
-        keyboard.turn_rate = min(options.turn_rate or keyboard.turn_rate, limits[1])
-        self.deadman = TeleopDeadman(keyboard, self._send, self._query_terminal, time.monotonic())
-        if keyboard.mode == "latched":
-            self._latch(keyboard)
+        if robot is not None:
+            self.keyboard.set_limits(robot.speed, robot.turn_rate, options.speed, options.turn_rate)
+        self.deadman.restart(time.monotonic())
+        self.is_connected = True
+        if self.keyboard.mode == "latched":
+            self._latch()
 
     async def _poll(self, *requests: Request) -> None:
         for request in requests:
@@ -142,24 +145,23 @@ class EngineApp(App[int]):
     def _on_line(self, line: Fields) -> None:
         if line.get("ok") is False:
             self.status = ": ".join(filter(None, (line.get("cause"), line.get("fix"))))
-            if line.get("id") == "drive" and self.deadman is not None:
+            if line.get("id") == "drive":
                 self.deadman.on_refusal()
 
     def _on_run_end(self) -> None:
         self.run_view.ended = True
-        if self.deadman is not None:
-            self.deadman.on_refusal()
+        self.deadman.on_refusal()
         self.redraw()
         self.exit(0)
 
     # Driving.
 
     def _beat(self) -> None:
-        if self.deadman is None or self.run_view.ended:
+        if self.run_view.ended:
             return
         self.deadman.beat(time.monotonic())
         if self.deadman.is_unproven:
-            self.deadman.keyboard.configure(mode="hold")
+            self.keyboard.configure(mode="hold")
             self.status = "no latched mode: this terminal does not answer whether it is there"
 
     def _send(self, request: str, **fields: Any) -> None:
@@ -172,13 +174,12 @@ class EngineApp(App[int]):
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
         """The terminal answered a query."""
-        if self.deadman is not None:
-            self.deadman.on_reply(time.monotonic())
+        self.deadman.on_reply(time.monotonic())
 
     def on_app_blur(self, event: events.AppBlur) -> None:
         """The window lost the focus: stop the robot."""
-        if self.deadman is not None and self.deadman.is_driving:
-            self.deadman.keyboard.release()
+        if self.deadman.is_driving:
+            self.keyboard.release()
             self.status = "the window lost the focus: the robot stands"
 
     def on_key(self, event: events.Key) -> None:
@@ -186,17 +187,16 @@ class EngineApp(App[int]):
         if len(self.screen_stack) > 1:
             return
         key = key_name(event)
-        if self.handle_key(key) or (self.deadman is not None and self._drive_key(key)):
+        if self.handle_key(key) or (self.is_connected and self._drive_key(key)):
             event.stop()
             self.redraw()
 
     def _drive_key(self, key: str) -> bool:
         """Drive, change speed, or stop."""
-        assert self.deadman is not None
         if key == "space" and not self.deadman.is_driving:
             self.request("stop", reason="space was pressed")
             return True
-        if self.deadman.keyboard.press(key, time.monotonic()):
+        if self.keyboard.press(key, time.monotonic()):
             self.status = ""
             self._beat()
             return True
@@ -204,24 +204,21 @@ class EngineApp(App[int]):
 
     def next_key_set(self) -> None:
         """Change to the other set of keys."""
-        assert self.deadman is not None
-        keyboard = self.deadman.keyboard
-        keyboard.configure(keys="turtle" if keyboard.keys.name == "twist" else "twist")
+        is_twist = self.keyboard.keys.name == "twist"
+        self.keyboard.configure(keys="turtle" if is_twist else "twist")
 
     def next_mode(self) -> None:
         """Change between hold and latched."""
-        assert self.deadman is not None
-        keyboard = self.deadman.keyboard
-        if keyboard.mode == "latched":
-            keyboard.configure(mode="hold")
+        if self.keyboard.mode == "latched":
+            self.keyboard.configure(mode="hold")
             self.status = ""
         else:
-            self._latch(keyboard)
+            self._latch()
 
-    def _latch(self, keyboard: KeyboardVelocity) -> None:
+    def _latch(self) -> None:
         """Latched mode, unless a multiplexer answers for the terminal."""
         multiplexer = multiplexer_name(os.environ)
-        keyboard.configure(mode="hold" if multiplexer else "latched")
+        self.keyboard.configure(mode="hold" if multiplexer else "latched")
         self.status = (
             f"no latched mode inside {multiplexer}: it would answer for a terminal that died"
             if multiplexer
@@ -246,19 +243,16 @@ class EngineApp(App[int]):
 
     async def action_leave(self) -> None:
         """Stop driving, disconnect, exit."""
-        if self.deadman is not None:
-            self.deadman.release()
+        self.deadman.release()
         await asyncio.sleep(0)
         self.client.close()
         self.exit(0)
 
     def _on_signal(self, number: int) -> None:
         if number == signal.SIGHUP:
-            if self.deadman is not None:
-                self.deadman.lose("its terminal was closed")
+            self.deadman.lose("its terminal was closed")
             os._exit(128 + number)  # there is no terminal to restore, and none to write to
-        if self.deadman is not None:
-            self.deadman.release()
+        self.deadman.release()
         self.client.close()
         self.exit(128 + number)
 

@@ -110,7 +110,7 @@ class Dashboard(EngineApp):
 
     def draw_run(self) -> None:
         """Draw the present state."""
-        if self.deadman is None:
+        if not self.is_connected:
             return
         is_map, plain = self.panel == "map", self.options.ascii_only
         self._put("title", panels.title_line(self.run_view))
@@ -166,7 +166,7 @@ class Dashboard(EngineApp):
             case "parameters":
                 return panels.parameters_panel(view, self.selected, height)
             case "help":
-                return panels.help_panel(self.deadman.keyboard.keys.help if self.deadman else "")
+                return panels.help_panel(self.keyboard.keys.help)
             case "log":
                 return panels.log_panel(view, max(height, 1))
             case "map":
@@ -243,8 +243,7 @@ class Dashboard(EngineApp):
 
     def ask(self, question: str, initial: str, on_input: OnInput) -> None:
         """Ask for a line of text below the map."""
-        if self.deadman is not None:
-            self.deadman.release()  # the keys are letters now
+        self.deadman.release()  # the keys are letters now
         self.push_screen(InputPrompt(question, initial), on_input)
 
     def ask_goal(self) -> None:

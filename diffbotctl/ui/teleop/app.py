@@ -36,14 +36,14 @@ class Teleop(EngineApp):
 
     def draw_run(self) -> None:
         """Draw everything again."""
-        if self.deadman is None:
+        if not self.is_connected:
             return
         width = min(self.size.width, FACTS_MAX_WIDTH)
         lines = (
             panels.title_line(self.run_view),
             panels.stop_banner(self.run_view),
             panels.keyboard_line(self.deadman),
-            Text(self.deadman.keyboard.keys.help, "dim", no_wrap=True),
+            Text(self.keyboard.keys.help, "dim", no_wrap=True),
             Text(HELP, "dim", no_wrap=True),
             Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"),
             panels.facts_panel(self.run_view, width, self.options.ascii_only),

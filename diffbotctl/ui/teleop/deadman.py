@@ -79,10 +79,14 @@ class TeleopDeadman:
         self.heartbeat = TerminalHeartbeat()
         self.terminal_answers = False  # it has answered a query
         self.is_first_reply_late = False
-        self.started = self.last_beat = now
+        self.restart(now)
         self.is_driving = False  # the engine takes this client for the driver
         self.is_releasing = False  # commands zero, and waits for the last answer
         self.lost_cause = ""  # empty while the terminal is not lost
+
+    def restart(self, now: float) -> None:
+        """Wait for the first answer of the terminal from `now` on."""
+        self.started = self.last_beat = now
 
     @property
     def is_unproven(self) -> bool:

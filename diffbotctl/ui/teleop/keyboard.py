@@ -126,8 +126,7 @@ class KeyboardVelocity:
         keys: KeySetName = "twist",
         mode: DriveMode = "hold",
     ) -> None:
-        self.limits = limits
-        self.speed, self.turn_rate = (INITIAL_SPEED_RATIO * limit for limit in limits)
+        self.set_limits(*limits)
         self.keys = KEY_SETS[keys]
         self.mode: DriveMode = mode
         self.linear = self.angular = 0.0
@@ -135,6 +134,18 @@ class KeyboardVelocity:
         self._key = ""
         self._expired = NO_KEY  # the key that expired last, and when
         self._expires_at: float | None = None  # None: nothing is pressed
+
+    def set_limits(
+        self,
+        speed_limit: float,
+        turn_rate_limit: float,
+        speed: float | None = None,
+        turn_rate: float | None = None,
+    ) -> None:
+        """Set the limits and the initial speeds; by default half the limits."""
+        self.limits = speed_limit, turn_rate_limit
+        self.speed = min(speed or INITIAL_SPEED_RATIO * speed_limit, speed_limit)
+        self.turn_rate = min(turn_rate or INITIAL_SPEED_RATIO * turn_rate_limit, turn_rate_limit)
 
     def press(self, key: str, now: float) -> bool:
         """Handle a key. False when it has no meaning here."""
