@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
 
-PATIENCE = 10.0  # s for the engine's socket to stand
-LOOK = 0.01  # s between two looks for it
+SOCKET_TIMEOUT_S = 10.0  # s for the engine's socket to stand
+POLL_PERIOD_S = 0.01  # s between two looks for it
 # Leave the alternate screen; no mouse, no focus reports, no bracketed paste; show the cursor.
 TERMINAL_BACK = (
     "\x1b[?1049l\x1b[?1000l\x1b[?1002l\x1b[?1003l\x1b[?1006l\x1b[?1004l\x1b[?2004l\x1b[?25h"
@@ -75,10 +75,10 @@ def _engine_of(pid: int) -> EngineAddress:
     from diffbotctl.control_socket.address import engines
     from diffbotctl.errors import Problem, RunError
 
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + SOCKET_TIMEOUT_S
     while time.monotonic() < deadline:
         for engine in engines():
             if engine.process is not None and engine.process.pid == pid:
                 return engine
-        time.sleep(LOOK)
+        time.sleep(POLL_PERIOD_S)
     raise RunError(Problem("E-NO-ENGINE", "--dash", "the engine's socket never stood", "see above"))
