@@ -16,7 +16,7 @@ typedef struct {
     volatile uint8_t in_head, out_tail, out_head;
     uint8_t in_tail;
     uint8_t baud; /* code to change to, or NO_CHANGE */
-    bool spoken;
+    bool active; /* a valid frame was received */
     uint8_t idle; /* ms since the send ring is empty */
     codec_t codec;
     volatile uint8_t in[ROOM_IN];
@@ -89,7 +89,7 @@ const void *link_receive(uint8_t link)
         port->in_tail = (uint8_t)(port->in_tail + 1) % ROOM_IN;
         switch (codec_receive(&port->codec, byte)) {
         case CODEC_FRAME:
-            port->spoken = true;
+            port->active = true;
             return port->codec.bytes + 1;
         case CODEC_DAMAGED:
             status[ITEM_DAMAGED]++;
@@ -142,5 +142,5 @@ void link_tick(void)
 
 bool link_active(uint8_t link)
 {
-    return ports[link].spoken;
+    return ports[link].active;
 }

@@ -19,7 +19,7 @@
 #define PORF 1
 #define EXTRF 2
 #define WDRF 8
-#define SAVE_NS 100000000ull /* the EEPROM file follows its content at this pace */
+#define SAVE_NS 100000000ull /* period of saving the EEPROM to its file */
 /* `rjmp` to itself: a program that hangs with its interrupts running. */
 #define HANG_LOW 0xFF
 #define HANG_HIGH 0xCF
@@ -28,7 +28,7 @@
 static void do_not_sleep(avr_t *avr, avr_cycle_count_t how_long)
 {
     (void)avr;
-    (void)how_long; /* simavr would wait in real time here; who calls us paces */
+    (void)how_long; /* simavr would wait in real time here; the caller of board_run paces */
 }
 
 static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *value)
@@ -36,17 +36,17 @@ static avr_cycle_count_t stop_here(avr_t *avr, avr_cycle_count_t when, void *val
     (void)avr;
     (void)when;
     (void)value;
-    return 0; /* its being due ends a sleep in time */
+    return 0; /* the timer itself ends a sleep in time */
 }
 
-/* Level interrupts of a low pin would start a timer every cycle; nothing here uses them. */
+/* Level interrupts of a low pin would start a timer every cycle; the firmware uses none. */
 static void quiet_interrupts(avr_t *avr)
 {
     for (uint8_t number = 0; number < 8; number++)
         avr_extint_set_strict_lvl_trig(avr, number, 0);
 }
 
-/* Whatever reset the chip, all of simavr's timers are gone. */
+/* After a reset of any cause all timers of simavr are gone. */
 static void restarted(board_t *board)
 {
     quiet_interrupts(board->avr);
@@ -133,7 +133,7 @@ void board_begin(board_t *board, const options_t *options)
         flash_load(board, options->hex);
     if (options->boot) {
         flash_load(board, options->boot);
-        avr->reset_pc = BOOT_START; /* fuse BOOTRST, as the board comes */
+        avr->reset_pc = BOOT_START; /* fuse BOOTRST, as delivered */
     }
     avr->codeend = avr->flashend; /* code that a bootloader writes is code */
     lines_begin(board);
@@ -147,8 +147,8 @@ void board_end(board_t *board)
     lines_end(board);
 }
 
-/* An input with pull-up is driven with the port's register at every write unless simavr is told
-   what stands outside; both must agree. */
+/* Sets the level outside of a pin. simavr drives an input with pull-up from the port's register at
+   every write unless it knows the external level; both must agree. */
 static void drive(board_t *board, uint8_t pin, uint8_t level)
 {
     place_t place = pin_place(pin);

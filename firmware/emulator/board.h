@@ -1,4 +1,4 @@
-/* The emulated board: simavr's Mega 2560 with what simavr leaves out. */
+/* The emulated board: simavr's Mega 2560, and the parts that simavr lacks. */
 #ifndef EMULATED_BOARD_H
 #define EMULATED_BOARD_H
 

@@ -1,4 +1,4 @@
-/* State of the emulated board, which its parts share. */
+/* State of the emulated board, shared by its modules. */
 #ifndef BOARD_STATE_H
 #define BOARD_STATE_H
 
@@ -35,7 +35,7 @@ typedef struct {
 
 typedef struct board board_t;
 
-/* One UART: bytes that wait for their turn on the wire, both ways. */
+/* One UART: bytes that wait to be received, and its pseudo-terminal. */
 typedef struct {
     board_t *board;
     unsigned number;
@@ -47,7 +47,7 @@ typedef struct {
     char name[64];
 } line_t;
 
-/* Flash as silicon has it: writing can only clear bits, erasing is by page. */
+/* Flash as in the chip: writing only clears bits, erasing is by page. */
 typedef struct {
     avr_io_t io;
     board_t *board;

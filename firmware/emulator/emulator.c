@@ -1,19 +1,19 @@
-/* An Arduino Mega 2560 on simavr: runs a real image in lockstep with whoever speaks on standard
+/* An Arduino Mega 2560 on simavr: runs a real image in lockstep with requests on standard
    input, or paced to real time, with both UARTs as messages or as pseudo-terminals.
 
    emulator [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2]...
 
-   Requests (little-endian), one answer each:
+   Requests (little-endian), one reply each:
      'S' u64 until_ns, u16 transitions, u16 analogs, u16 bytes0, u16 bytes1, then
          transitions of (u32 ns since the last step's end, u8 pin, u8 level),
          analogs of (u8 channel, u16 millivolts), bytes for UART0, bytes for UART1
-     answer: u64 now_ns, u16 motor events, u16 bytes, u8 flags (1: reset, 2: crashed), then
+     reply: u64 now_ns, u16 motor events, u16 bytes, u8 flags (1: reset, 2: crashed), then
          events of (u32 ns since the step began, u8 motor, i16 duty of 32767, u8 brake),
          bytes of (u32 ns since the step began, at its stop bit, u8 uart, u8 byte)
      'R' u8 MCUSR bits: reset.    'H': the program hangs from now on.
-     'Q': answer 4096 bytes of EEPROM.    'W' 4096 bytes: set the EEPROM.
-     'F' u32 offset, u32 length: answer the flash.    'D': answer u32 writes to unerased flash.
-   'R', 'H', 'W' are answered by one zero byte. */
+     'Q': reply 4096 bytes of EEPROM.    'W' 4096 bytes: set the EEPROM.
+     'F' u32 offset, u32 length: reply the flash.    'D': reply u32 writes to unerased flash.
+   'R', 'H', 'W' are replied to with one zero byte. */
 #define _GNU_SOURCE
 #include "board.h"
 
@@ -28,7 +28,7 @@
 
 #include "lines.h"
 
-#define PACE_NS 1000000            /* a slice of real time when paced */
+#define PACE_NS 1000000            /* step of real time when paced */
 
 static board_t board;
 
@@ -55,7 +55,7 @@ static void write_all(const void *from, size_t size)
         if (put < 0 && errno == EINTR)
             continue;
         if (put <= 0)
-            exit(1); /* nobody listens any more */
+            exit(1); /* the reader has gone */
         at += put;
         size -= (size_t)put;
     }
@@ -140,7 +140,7 @@ static bool answer_flash(void)
     return true;
 }
 
-static bool obey(void)
+static bool handle_request(void)
 {
     uint8_t request, cause;
     uint8_t eeprom[EEPROM_SIZE];
@@ -185,21 +185,21 @@ static uint64_t monotonic(void)
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/* Free of any plant: board time follows real time, and standard input still takes requests other
-   than 'S'. */
+/* Without a simulated robot: board time follows real time. Standard input takes all requests but
+   'S'. */
 static void run_paced(void)
 {
     uint64_t start = monotonic() - board_now(&board);
-    struct pollfd wish = {.fd = STDIN_FILENO, .events = POLLIN};
+    struct pollfd input = {.fd = STDIN_FILENO, .events = POLLIN};
     for (;;) {
-        uint64_t wanted = board_now(&board) + PACE_NS;
+        uint64_t target = board_now(&board) + PACE_NS;
         uint64_t now = monotonic() - start;
-        if (now < wanted) {
-            struct timespec wait = {0, (long)(wanted - now)};
-            if (ppoll(&wish, 1, &wait, NULL) > 0 && !obey())
+        if (now < target) {
+            struct timespec wait = {0, (long)(target - now)};
+            if (ppoll(&input, 1, &wait, NULL) > 0 && !handle_request())
                 return;
         }
-        board_run(&board, wanted);
+        board_run(&board, target);
         board.event_count = board.byte_count = 0;
     }
 }
@@ -249,7 +249,7 @@ int main(int count, char **words)
     if (paced)
         run_paced();
     else
-        while (obey())
+        while (handle_request())
             ;
     board_end(&board);
     return 0;

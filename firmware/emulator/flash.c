@@ -12,7 +12,7 @@
 #define SPMCSR 0x57 /* data address */
 enum { SPMEN = 1, PGERS = 2, PGWRT = 4, BLBSET = 8, RWWSRE = 16 };
 
-/* The whole of SPM: simavr's own lets a write set bits and does not align erasing. */
+/* Replaces simavr's SPM, which lets a write set bits and does not align erasing. */
 static int store(avr_io_t *io, uint32_t request, void *value)
 {
     (void)value;
@@ -53,19 +53,18 @@ void flash_begin(board_t *board)
     flash_t *flash = &board->flash;
     flash->board = board;
     flash->io = (avr_io_t){.kind = "flash", .ioctl = store};
-    avr_register_io(board->avr, &flash->io); /* goes in front of simavr's own */
+    avr_register_io(board->avr, &flash->io); /* found before simavr's own */
 }
 
-/* Without a word: simavr complains of records that tell a start address, which an AVR has no use
-   for. */
+/* Suppresses simavr's messages about records with a start address, which an AVR does not use. */
 static int read_quietly(const char *file, ihex_chunk_p *chunks)
 {
-    int speaking = dup(STDERR_FILENO), nowhere = open("/dev/null", O_WRONLY);
-    dup2(nowhere, STDERR_FILENO);
+    int saved_stderr = dup(STDERR_FILENO), null_device = open("/dev/null", O_WRONLY);
+    dup2(null_device, STDERR_FILENO);
     int count = read_ihex_chunks(file, chunks);
-    dup2(speaking, STDERR_FILENO);
-    close(nowhere);
-    close(speaking);
+    dup2(saved_stderr, STDERR_FILENO);
+    close(null_device);
+    close(saved_stderr);
     return count;
 }
 

@@ -17,7 +17,7 @@
 /* Data addresses of UCSRnA. */
 static const uint16_t registers[2] = {0xC0, 0xC8};
 
-/* simavr counts a parity bit always; this counts start, eight bits, stop. */
+/* simavr always counts a parity bit; this counts start, eight data bits, stop. */
 static avr_cycle_count_t byte_cycles(const line_t *line)
 {
     const uint8_t *uart = line->board->avr->data + registers[line->number];
@@ -40,8 +40,8 @@ static void correct_speed(line_t *line)
     uart_of(line->board->avr, line->number)->cycles_per_byte = byte_cycles(line);
 }
 
-/* A byte is whole. simavr would count its time once more, and when the next one comes before it has
-   been read it may forget to raise the interrupt for ever; so it is told of a very short byte. */
+/* A byte is complete. simavr would wait the time of the byte once more, and may never raise the
+   interrupt when the next byte comes before this one was read: so give it a very short byte time. */
 static void arrived(line_t *line, uint8_t byte)
 {
     avr_uart_t *uart = uart_of(line->board->avr, line->number);
@@ -80,7 +80,7 @@ void lines_receive(board_t *board, unsigned number, const uint8_t *bytes, unsign
     }
 }
 
-/* simavr tells of a byte when its start bit begins; it is whole one byte time later. */
+/* simavr reports a byte at its start bit; it is complete one byte time later. */
 static void sent(avr_irq_t *irq, uint32_t value, void *parameter)
 {
     line_t *line = parameter;
@@ -117,7 +117,7 @@ static void open_pty(line_t *line)
         perror("pseudo-terminal");
         exit(1);
     }
-    /* A slave kept open in raw mode keeps its settings when the last client closes. */
+    /* With the slave open here, its settings stay when the last client closes it. */
     line->slave = open(line->name, O_RDWR | O_NOCTTY);
     tcgetattr(line->slave, &raw);
     cfmakeraw(&raw);
@@ -152,7 +152,7 @@ void lines_reset(board_t *board)
 {
     for (unsigned number = 0; number < 2; number++) {
         line_t *line = &board->uarts[number];
-        line->feeding = false; /* the reset took the timer away */
+        line->feeding = false; /* the reset removed the timer */
         line->head = line->tail = 0;
     }
 }

@@ -11,7 +11,7 @@ static int level(const board_t *board, uint8_t pin)
 {
     place_t place = pin_place(pin);
     const uint8_t *in = board->avr->data + pin_address(place.port);
-    return (in[1] & in[2]) >> place.bit & 1; /* an output that is high; an input gives nothing */
+    return (in[1] & in[2]) >> place.bit & 1; /* 1 for an output that is high */
 }
 
 static int enabled(const board_t *board, uint8_t pin)

@@ -1,6 +1,6 @@
 #include "pins.h"
 
-/* Arduino pin numbers of a Mega 2560, from the board's published pin map. */
+/* Port and bit of each Arduino pin, from the published pin map of the Mega 2560. */
 static const char ports[70] = "EEEEGEHHHHBBBBJJHHDDDDAAAAAAAACCCCCCCCDGGGLLLLLLLLBBBBFFFFFFFFKKKKKKKK";
 static const uint8_t bits[70] = {0, 1, 4, 5, 5, 3, 3, 4, 5, 6, 4, 5, 6, 7, 1, 0, 1, 0, 3, 2, 1, 0, 0, 1,
                                  2, 3, 4, 5, 6, 7, 7, 6, 5, 4, 3, 2, 1, 0, 7, 2, 1, 0, 7, 6, 5, 4, 3, 2,

@@ -1,12 +1,12 @@
-/* The firmware's pure parts, built for the host: driven by tests over standard input.
+/* The firmware's pure parts, built for the host and driven by tests through standard input.
 
    pure codec           lines of hex bytes of a wire  ->  `frame HEX` or `damaged` for each delimiter
    pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
    pure speed           `gains START GAIN P I SLOTS`, then `command TARGET PERIOD` or
                         `step PERIOD`                 ->  `DUTY`
    pure pins                                         ->  `PWM INTERRUPT` of each pin from 0 on
-   pure fuzz SEED N     N random or half-random inputs through everything; prints `fuzzed N`
-   pure damage SEED N   N command frames damaged on the way; prints
+   pure fuzz SEED N     N random or half-random inputs to every part; prints `fuzzed N`
+   pure damage SEED N   N damaged command frames; prints
                         `wrong W lost_intact L damaged D` */
 #include <math.h>
 #include <stdio.h>
@@ -21,20 +21,20 @@
 
 #define LINE 4096
 
-static uint64_t chance_state;
+static uint64_t random_state;
 
 /* xorshift64*: Vigna, "An experimental exploration of Marsaglia's xorshift generators" (2016) */
-static uint64_t chance(void)
+static uint64_t random_bits(void)
 {
-    chance_state ^= chance_state >> 12;
-    chance_state ^= chance_state << 25;
-    chance_state ^= chance_state >> 27;
-    return chance_state * 0x2545F4914F6CDD1DULL;
+    random_state ^= random_state >> 12;
+    random_state ^= random_state << 25;
+    random_state ^= random_state >> 27;
+    return random_state * 0x2545F4914F6CDD1DULL;
 }
 
 static double fraction(void)
 {
-    return (double)(chance() >> 11) / 9007199254740992.0;
+    return (double)(random_bits() >> 11) / 9007199254740992.0;
 }
 
 static int bytes_of(const char *line, uint8_t *bytes)
@@ -56,10 +56,10 @@ static void codec_lines(void)
         uint8_t bytes[LINE];
         int count = bytes_of(line, bytes);
         for (int i = 0; i < count; i++) {
-            uint8_t said = codec_receive(&codec, bytes[i]);
-            if (said == CODEC_DAMAGED)
+            uint8_t result = codec_receive(&codec, bytes[i]);
+            if (result == CODEC_DAMAGED)
                 puts("damaged");
-            if (said != CODEC_FRAME)
+            if (result != CODEC_FRAME)
                 continue;
             printf("frame ");
             for (uint8_t j = 0; j < payload_size(codec.bytes[1] & 0xF); j++)
@@ -115,40 +115,40 @@ static void pins(void)
 
 static void fuzz_speed(speed_t *speed)
 {
-    ticks_t period = (uint32_t)chance() >> (8 + chance() % 24);
-    speed->start = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
-    speed->gain = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
-    speed->proportional = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
-    speed->integral = (int16_t)(chance() % (GAIN_MAXIMUM + 1));
-    speed->pitch = speed_pitch((uint16_t)(1 + chance() % 10000));
-    if (chance() & 1)
-        speed_command(speed, (int16_t)chance());
-    speed_step(speed, period, chance() & 1);
+    ticks_t period = (uint32_t)random_bits() >> (8 + random_bits() % 24);
+    speed->start = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
+    speed->gain = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
+    speed->proportional = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
+    speed->integral = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
+    speed->pitch = speed_pitch((uint16_t)(1 + random_bits() % 10000));
+    if (random_bits() & 1)
+        speed_command(speed, (int16_t)random_bits());
+    speed_step(speed, period, random_bits() & 1);
     if (speed->duty != 0 && (speed->duty < 0) != (speed->target < 0) && !speed->slewing)
-        exit(3); /* power against the target */
-    if (speed_stalled(speed, chance() & 1))
+        exit(3); /* duty against the target */
+    if (speed_stalled(speed, random_bits() & 1))
         speed_stop(speed);
 }
 
 static void fuzz_deadman(deadman_t *deadman, uint32_t *now)
 {
-    uint8_t link = chance() & 1, sequence = chance() & 0xF;
-    *now += (uint32_t)chance() % 100000;
-    switch (chance() % 8) {
+    uint8_t link = random_bits() & 1, sequence = random_bits() & 0xF;
+    *now += (uint32_t)random_bits() % 100000;
+    switch (random_bits() % 8) {
     case 0: deadman_ready(deadman); break;
     case 1: deadman_stop(deadman, link, sequence, *now); break;
     case 2: deadman_fault(deadman); break;
     case 3: deadman_clear(deadman); break;
-    case 4: deadman_button(deadman, chance() & 1); break;
+    case 4: deadman_button(deadman, random_bits() & 1); break;
     default: {
         uint8_t owner = deadman->owner;
         if (deadman_command(deadman, link, MODE_SPEED, sequence, *now) && owner != link)
-            exit(4); /* obeyed somebody who does not own the commands */
+            exit(4); /* accepted a command of a link that does not own the commands */
     }
     }
     deadman_tick(deadman, 75000, *now);
     if (deadman_drives(deadman) && (deadman->owner == NO_OWNER || *now - deadman->commanded >= 75000))
-        exit(5); /* drives although the owner is silent */
+        exit(5); /* drives although the owner is silent for the timeout */
 }
 
 static void fuzz(long count)
@@ -161,7 +161,7 @@ static void fuzz(long count)
     for (long i = 0; i < count; i++) {
         uint8_t bytes[64], field;
         for (unsigned j = 0; j < sizeof bytes; j++)
-            bytes[j] = chance() % 5 == 0 ? (uint8_t)(chance() % 8) : (uint8_t)chance();
+            bytes[j] = random_bits() % 5 == 0 ? (uint8_t)(random_bits() % 8) : (uint8_t)random_bits();
         for (unsigned j = 0; j < sizeof bytes; j++)
             codec_receive(&codec, bytes[j]);
         settings_t settings;
@@ -173,7 +173,7 @@ static void fuzz(long count)
     printf("fuzzed %ld\n", count);
 }
 
-/* Flips bits of a wire image; the distance to the next flip is geometric. At least one is flipped. */
+/* Flips bits of a frame; the distance to the next flip is geometric. At least one is flipped. */
 static void damage(uint8_t *wire, unsigned size)
 {
     double rate = pow(10.0, -4.0 + 2.0 * fraction()); /* 1e-4 to 1e-2, evenly in the logarithm */
@@ -193,17 +193,17 @@ static void damage_frames(long count)
         uint8_t wire[3][WIRE_LONGEST];
         uint8_t size = 0;
         int accepted = 0;
-        frame.left = (int16_t)chance();
-        frame.right = (int16_t)chance();
+        frame.left = (int16_t)random_bits();
+        frame.right = (int16_t)random_bits();
         for (int copy = 0; copy < 3; copy++)
             size = codec_encode(&frame, sizeof frame, wire[copy]);
         damage(wire[0], size);
         /* A damaged frame, then two intact ones: the second must always arrive. */
         for (int copy = 0; copy < 3; copy++)
             for (uint8_t j = 0; j < size; j++) {
-                uint8_t said = codec_receive(&codec, wire[copy][j]);
-                damaged += said == CODEC_DAMAGED;
-                if (said != CODEC_FRAME)
+                uint8_t result = codec_receive(&codec, wire[copy][j]);
+                damaged += result == CODEC_DAMAGED;
+                if (result != CODEC_FRAME)
                     continue;
                 wrong += memcmp(codec.bytes + 1, &frame, sizeof frame) != 0;
                 accepted |= 1 << copy;
@@ -216,7 +216,7 @@ static void damage_frames(long count)
 int main(int count, char **words)
 {
     const char *job = count > 1 ? words[1] : "";
-    chance_state = count > 2 ? 0x9E3779B97F4A7C15ULL ^ strtoull(words[2], NULL, 10) : 1;
+    random_state = count > 2 ? 0x9E3779B97F4A7C15ULL ^ strtoull(words[2], NULL, 10) : 1;
     if (!strcmp(job, "codec"))
         codec_lines();
     else if (!strcmp(job, "settings"))
