@@ -1,6 +1,6 @@
-"""Every file in bad/ is wrong in the way its name says; its first lines hold what must be said.
+"""Every file in bad/ has the mistake in its name; its first lines are the expected messages.
 
-`python tests/config/test_bad_files.py` writes the expected text anew: read the difference.
+`python tests/config/test_bad_files.py` rewrites the expected messages: read the diff.
 """
 
 import shlex
@@ -13,7 +13,7 @@ from diffbotctl.config.load import check
 
 BAD = Path(__file__).parent / "bad"
 FILES = sorted(BAD.glob("*.yaml"))
-# What only the installation, a run or the command line can bring about, not a file.
+# Caused by the installation, a run or the command line, not by a file.
 NOT_FROM_FILES = {
     "E-BLOCK-CLASH",
     "E-BLOCK-IMPORT",
@@ -49,7 +49,7 @@ NOT_FROM_FILES = {
 
 
 def answer(file: Path) -> str:
-    """What `diffbotctl check` says to the file, called as its first line tells."""
+    """The messages of the `diffbotctl check` command in the first line of the file."""
     words = shlex.split(file.read_text().split("\n", 1)[0])[4:]
     sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
     problems = check(f"./{file.name}", None, sets, real="--real" in words)
@@ -66,12 +66,12 @@ def expected(file: Path) -> str:
 
 
 @pytest.fixture(autouse=True)
-def there(monkeypatch: pytest.MonkeyPatch) -> None:
+def working_directory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(BAD)
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
-def test_the_answer_is_the_one_in_the_file(file):
+def test_messages_are_the_expected_ones(file):
     assert answer(file) == expected(file)
 
 
@@ -79,9 +79,11 @@ ELSEWHERE = ("E-BLUETOOTH", "E-BOARD", "E-CALIBRATE", "E-FLASH", "E-PORT", "W-PO
 
 
 @pytest.mark.parametrize("code", sorted(code for code in code_texts() if code[:2] in ("E-", "W-")))
-def test_three_files_show_each_mistake(code):
+def test_three_files_show_each_code(code):
     if code in NOT_FROM_FILES or code.startswith(ELSEWHERE):
-        assert not any(f" {code}" in expected(file) for file in FILES), "then it belongs below"
+        assert not any(f" {code}" in expected(file) for file in FILES), (
+            "remove it from NOT_FROM_FILES"
+        )
         return
     assert sum(f" {code}" in expected(file) for file in FILES) >= 3
 
@@ -102,7 +104,7 @@ def _update() -> None:
         while lines and lines[0].startswith("#"):
             lines.pop(0)
         before, now = None, ""
-        while now != before:  # the answer names line numbers, which its own length moves
+        while now != before:  # the messages contain line numbers, which depend on their own length
             before = now
             head = [first, *(f"# {line}".rstrip() for line in now.split("\n"))]
             file.write_text("\n".join([*head, *lines]))

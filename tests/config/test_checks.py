@@ -1,4 +1,4 @@
-"""The arithmetic behind the checks, by hand."""
+"""The calculations of the checks, with expected values worked out by hand."""
 
 import pytest
 
@@ -18,10 +18,10 @@ from diffbotctl.links.diffbot_frames import CountsFrame, StateFrame
         (9600, 208, 961.5),  # 16 MHz / 8 / 208 = 9615 baud, a tenth of it in bytes
         (19200, 104, 1923.1),
         (57600, 35, 5714.3),  # 57143 baud
-        (115200, 17, 11764.7),  # 117647 baud, the board's well-known 2 % too much
+        (115200, 17, 11764.7),  # 117647 baud: the divider gives 2 % too much
     ],
 )
-def test_what_a_line_carries(baud, divider, bytes_a_second):
+def test_capacity_of_a_line(baud, divider, bytes_a_second):
     assert 16e6 / 8 / divider / 10 == pytest.approx(bytes_a_second, abs=0.1)
     assert link_protocol.capacity(baud) == pytest.approx(bytes_a_second, abs=0.1)
 
@@ -34,7 +34,7 @@ def test_what_a_line_carries(baud, divider, bytes_a_second):
         ("rosserial", False, 36),  # three messages of 12
     ],
 )
-def test_frames(protocol, has_edge_times, size):
+def test_bytes_of_a_frame(protocol, has_edge_times, size):
     assert link_protocol.frame_bytes(protocol, has_edge_times) == size
 
 
@@ -51,21 +51,23 @@ sensors: {rear: {type: sharp_gp2y0a41sk0f, pin: A1}}
     ("real", "listens", "refused", "warned"),
     [
         (False, True, [], ["W-BOARD-SENSOR"]),  # the simulator has it
-        (True, False, [], ["W-BOARD-SENSOR"]),  # nothing waits for it
+        (True, False, [], ["W-BOARD-SENSOR"]),  # no wire from it
         (True, True, ["E-BOARD-SENSOR"], []),
     ],
 )
-def test_a_second_distance_on_a_board(tmp_path, include, real, listens, refused, warned):
+def test_a_second_distance_sensor_on_a_board(tmp_path, include, real, listens, refused, warned):
     (tmp_path / "two.yaml").write_text(TWO % include)
     file = tmp_path / "mine.yaml"
     file.write_text(
         "format: 1\nkind: pipeline\ninclude: goal\nblocks:\n"
         f"  range: {{in: {{volts: robot.{'rear' if listens else 'front'}}}}}\n"
     )
-    found = check(str(file), str(tmp_path / "two.yaml"), [], real=real)
-    errors = [each for each in found if each.severity == "error"]
-    assert [each.code for each in errors] == refused
-    assert [each.code for each in found if "BOARD-SENSOR" in each.code] == refused + warned
+    problems = check(str(file), str(tmp_path / "two.yaml"), [], real=real)
+    errors = [problem for problem in problems if problem.severity == "error"]
+    assert [problem.code for problem in errors] == refused
+    assert [
+        problem.code for problem in problems if "BOARD-SENSOR" in problem.code
+    ] == refused + warned
     if refused:
         assert errors[0].line == 5 and "'range' uses the sensor 'rear'" in errors[0].cause
 
@@ -79,21 +81,21 @@ def test_a_second_distance_on_a_board(tmp_path, include, real, listens, refused,
         (False, "rosserial", 6.910),  # hypot(2.947, 0.25 m/s * 25 ms = 6.25 mm)
     ],
 )
-def test_what_odometry_can_tell(has_edge_times, protocol, millimetres):
-    found = resolution(0.065, 20, 0.25, has_edge_times, protocol)
-    assert found * 1000 == pytest.approx(millimetres, abs=0.001)
+def test_resolution_of_odometry(has_edge_times, protocol, millimetres):
+    stddev = resolution(0.065, 20, 0.25, has_edge_times, protocol)
+    assert stddev * 1000 == pytest.approx(millimetres, abs=0.001)
 
 
 @pytest.mark.parametrize(
     "robot, warnings",
     [("book_2wd", []), ("book_2wd_counts", []), ("book_2wd_stock", ["W-TOLERANCE"])],
 )
-def test_ten_millimetres_pass_but_warn_on_the_stock_board(robot, warnings):
+def test_ten_millimetres_warn_only_on_the_stock_board(robot, warnings):
     assert [warning.code for warning in load("goal", robot).warnings] == warnings
 
 
 @pytest.mark.parametrize(
-    "sources, found",
+    "sources, expected",
     [
         ({}, []),
         ({"a": []}, []),
@@ -102,13 +104,16 @@ def test_ten_millimetres_pass_but_warn_on_the_stock_board(robot, warnings):
         ({"a": ["b"], "b": ["a"]}, [["a", "b"]]),
         ({"a": ["b", "c"], "b": ["c"], "c": []}, []),  # a diamond is no loop
         ({"a": ["nowhere"]}, []),
-        ({"x": ["a"], "a": ["b"], "b": ["a"]}, [["a", "b"]]),  # x only waits for one
+        ({"x": ["a"], "a": ["b"], "b": ["a"]}, [["a", "b"]]),  # x is not in the loop
         ({"a": ["a"], "b": ["c"], "c": ["b"]}, [["a"], ["b", "c"]]),
-        ({"a": ["b", "c"], "b": ["a"], "c": ["a"]}, [["a", "b"]]),  # mended, the other shows
+        (
+            {"a": ["b", "c"], "b": ["a"], "c": ["a"]},
+            [["a", "b"]],
+        ),
     ],
 )
-def test_loops(sources, found):
-    assert [sorted(loop) for loop in graph.loops(sources)] == found
+def test_loops(sources, expected):
+    assert [sorted(loop) for loop in graph.loops(sources)] == expected
 
 
 @pytest.mark.parametrize(
@@ -119,16 +124,16 @@ def test_loops(sources, found):
         (MEGA_2560, "pwm", "diffbot", "2 3 4 5 6 7 8 9 10 13 44 45 46"),
         (MEGA_2560, "pwm", "rosserial", "2 3 5 6 7 8 9 10 11 12 44 45 46"),
         (ATMEGA_328P, "interrupt", "rosserial", "2 3"),
-        (ATMEGA_328P, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 hang on the clock's timer
+        (ATMEGA_328P, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 use the timer of the clock
         (ATMEGA_328P, "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
     ],
 )
-def test_what_pins_can_do(board, role, protocol, pins):
+def test_pins_for_each_role(board, role, protocol, pins):
     assert pins_for(board, role, protocol) == pins.split()
 
 
 @pytest.mark.parametrize("board", BOARDS.values(), ids=BOARDS)
-def test_the_tables_name_pins_that_there_are(board):
+def test_the_tables_contain_only_pins_of_the_board(board):
     for pin in (*board.pwm, *board.interrupts, *board.analog_only):
         assert board.has(pin)
     for pins in board.uarts.values():

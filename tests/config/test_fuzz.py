@@ -1,4 +1,4 @@
-"""No input, however wrong, ends in anything but a list of problems in words."""
+"""Any input, however wrong, gives a list of problems, never an exception."""
 
 import json
 import os
@@ -74,12 +74,12 @@ QUICK = settings(
 
 
 @pytest.fixture(autouse=True)
-def alone(tmp_path, monkeypatch):
-    """A folder of its own, with the shipped robots within reach by name."""
+def empty_folder(tmp_path, monkeypatch):
+    """An empty working directory; shipped robots are found by name."""
     monkeypatch.chdir(tmp_path)
 
 
-def answered(content: bytes, kind: str) -> tuple[Problem, ...]:
+def problems_of(content: bytes, kind: str) -> tuple[Problem, ...]:
     Path(kind).mkdir(exist_ok=True)
     file = Path(kind) / "fuzzed.yaml"
     file.write_bytes(content)
@@ -87,12 +87,12 @@ def answered(content: bytes, kind: str) -> tuple[Problem, ...]:
     for problem in problems:
         text = problem.render()
         assert problem.code in text
-        assert "\x1b" not in text  # nothing of the file's may steer the terminal
+        assert "\x1b" not in text  # no control sequence of the file reaches the terminal
     return problems
 
 
 def mutations():
-    """A shipped file with up to four cuts, doublings and insertions."""
+    """A shipped file with up to four deletions, repetitions and insertions."""
     place = st.floats(0, 1, exclude_max=True)
     change = st.tuples(
         st.sampled_from(["cut", "double", "put"]), place, place, st.sampled_from(SCRAPS)
@@ -115,21 +115,21 @@ def mutated(content: bytes, changes) -> bytes:
 
 @QUICK
 @given(mutations())
-def test_a_damaged_shipped_file_is_answered_in_words(case):
+def test_a_damaged_shipped_file_gives_problems(case):
     path, changes = case
-    answered(mutated(SHIPPED[path], changes), path.parent.name)
+    problems_of(mutated(SHIPPED[path], changes), path.parent.name)
 
 
 @QUICK
 @given(st.binary(max_size=400))
-def test_random_bytes_are_answered_in_words(content):
-    assert answered(content, "pipelines")
+def test_random_bytes_give_problems(content):
+    assert problems_of(content, "pipelines")
 
 
 @QUICK
 @given(st.lists(st.sampled_from(SCRAPS), max_size=40))
-def test_random_scraps_of_yaml_are_answered_in_words(scraps):
-    answered(b"format: 1\nkind: robot\ninclude: book_2wd\n" + b"".join(scraps), "robots")
+def test_random_scraps_of_yaml_give_problems(scraps):
+    problems_of(b"format: 1\nkind: robot\ninclude: book_2wd\n" + b"".join(scraps), "robots")
 
 
 VALUES = st.recursive(
@@ -164,21 +164,21 @@ PIPELINE_KEYS = ("robot", "blocks", "goals", "world", "vars", "include", "format
 
 @QUICK
 @given(st.sampled_from(ROBOT_KEYS), VALUES, st.booleans())
-def test_any_value_for_any_section_of_a_robot_is_answered_in_words(key, value, is_whole):
+def test_any_value_for_any_section_of_a_robot_gives_problems(key, value, is_whole):
     head = "" if is_whole and key in ("format", "kind", "include") else "format: 1\n"
     body = f"{head}kind: robot\ninclude: book_2wd\n{json.dumps({key: value})[1:-1]}\n"
-    answered(body.encode(), "robots")
+    problems_of(body.encode(), "robots")
 
 
 @QUICK
 @given(st.sampled_from(PIPELINE_KEYS), VALUES)
-def test_any_value_for_any_section_of_a_pipeline_is_answered_in_words(key, value):
+def test_any_value_for_any_section_of_a_pipeline_gives_problems(key, value):
     body = f"format: 1\nkind: pipeline\ninclude: goal\n{json.dumps({key: value})[1:-1]}\n"
-    answered(body.encode(), "pipelines")
+    problems_of(body.encode(), "pipelines")
 
 
 def paths(data, before=()):
-    """Every place in nested mappings and lists."""
+    """Every path in nested mappings and lists."""
     if isinstance(data, dict | list):
         for key in data if isinstance(data, dict) else range(len(data)):
             yield (*before, key)
@@ -187,8 +187,8 @@ def paths(data, before=()):
 
 @QUICK
 @given(st.data())
-def test_a_shipped_file_with_one_value_changed_is_answered_in_words(data):
-    """The YAML stays whole, so these reach the typed reader and the checks of meaning."""
+def test_a_shipped_file_with_one_value_changed_gives_problems(data):
+    """The YAML stays valid, so these reach the section reader and the checks."""
     source = data.draw(st.sampled_from(sorted(SHIPPED)))
     content = yaml.safe_load(SHIPPED[source])
     *steps, last = data.draw(st.sampled_from(list(paths(content))))
@@ -201,12 +201,12 @@ def test_a_shipped_file_with_one_value_changed_is_answered_in_words(data):
         parent[last] = value
     elif change == "rename" and isinstance(parent, dict):
         parent[data.draw(st.text(max_size=6))] = value
-    answered(json.dumps(content).encode(), source.parent.name)
+    problems_of(json.dumps(content).encode(), source.parent.name)
 
 
 @QUICK
 @given(st.text(max_size=40))
-def test_any_set_is_answered_in_words(text):
+def test_any_set_gives_problems(text):
     for first in ("", "follower.tolerance=", "robot.limits.speed=", "follower."):
         check("goal", None, [first + text])
 
@@ -216,7 +216,7 @@ NAMES = {file.stem for file in lookup.folder("pipelines").glob("*.yaml")}
 
 @QUICK
 @given(st.text(max_size=30).filter(lambda name: name not in NAMES))
-def test_any_name_is_answered_in_words(name):
+def test_any_name_gives_problems(name):
     try:
         load(name)
     except UserError as error:
@@ -225,7 +225,7 @@ def test_any_name_is_answered_in_words(name):
         raise AssertionError("nothing of that name should exist here")
 
 
-def test_the_shipped_files_are_fine(monkeypatch):
+def test_the_shipped_files_have_no_problem(monkeypatch):
     os.chdir(lookup.folder("robots").parent)
     for path in SHIPPED:
         assert not [p for p in check(str(path)) if p.severity == "error"], path

@@ -26,8 +26,8 @@ def codes(caught):
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(tmp_path_factory, monkeypatch):
-    """A folder without robots and pipelines: the shipped ones are found by name."""
+def empty_folder(tmp_path_factory, monkeypatch):
+    """A working directory without robots and pipelines: the shipped ones are found by name."""
     monkeypatch.chdir(tmp_path_factory.mktemp("here"))
 
 
@@ -35,10 +35,10 @@ def elsewhere(tmp_path_factory, monkeypatch):
     "path, value",
     [
         ("drive.track", 0.125),
-        ("drive.left.wheel.diameter", 0.065),  # written once for both sides
+        ("drive.left.wheel.diameter", 0.065),  # stated once for both sides
         ("drive.right.wheel.diameter", 0.065),
         ("drive.left.motor.rated", 100 * 2 * pi / 60),
-        ("drive.left.motor.reversed", True),  # written for the side alone
+        ("drive.left.motor.reversed", True),  # stated for one side
         ("drive.right.motor.reversed", False),
         ("drive.left.motor.enable", "5"),
         ("drive.right.encoder.pin", "3"),
@@ -54,14 +54,14 @@ def elsewhere(tmp_path_factory, monkeypatch):
         ("simulation.motor.lag", (0.06, 0.15)),
     ],
 )
-def test_the_book_s_robot(path, value):
-    found = load_robot("book_2wd").robot
+def test_values_of_the_book_s_robot(path, value):
+    field = load_robot("book_2wd").robot
     for step in path.split("."):
-        found = found[step] if isinstance(found, dict) else getattr(found, step)
-    assert found == pytest.approx(value) if isinstance(value, float) else found == value
+        field = field[step] if isinstance(field, dict) else getattr(field, step)
+    assert field == pytest.approx(value) if isinstance(value, float) else field == value
 
 
-def test_a_side_wins_over_what_both_share(tmp_path):
+def test_a_side_overrides_common_values(tmp_path):
     drive = robot_of("drive: {left: {wheel: {diameter: 64 mm}}}", tmp_path).robot.drive
     assert (drive.left.wheel.diameter, drive.right.wheel.diameter) == (0.064, 0.065)
 
@@ -74,7 +74,7 @@ def test_a_side_wins_over_what_both_share(tmp_path):
         ("book_2wd_stock", 16.5, False, "rosserial", 0.25),
     ],
 )
-def test_three_kinds_of_board(name, telemetry, edge_times, protocol, speed):
+def test_robots_with_three_kinds_of_firmware(name, telemetry, edge_times, protocol, speed):
     robot = load_robot(name).robot
     assert robot.board.telemetry == telemetry
     assert robot.board.edge_times is edge_times
@@ -83,51 +83,55 @@ def test_three_kinds_of_board(name, telemetry, edge_times, protocol, speed):
     assert robot.drive.track == 0.125  # through the include
 
 
-def test_calibration_goes_over_the_fields_but_not_over_the_simulation(tmp_path):
+def test_calibration_overrides_the_fields_but_not_the_simulation(tmp_path):
     text = """calibration:
   drive.left.wheel.diameter: {value: 64.7 mm, sd: 0.1 mm, method: umbmark}
   drive.track: {value: 126.5 mm}
 """
-    found = robot_of(text, tmp_path)
-    assert found.robot.drive.left.wheel.diameter == pytest.approx(0.0647)
-    assert found.robot.drive.right.wheel.diameter == 0.065
-    assert found.robot.drive.track == pytest.approx(0.1265)
-    assert found.nominal.drive.track == 0.125
-    assert found.nominal.drive.left.wheel.diameter == 0.065
-    assert found.robot.calibration["drive.left.wheel.diameter"].method == "umbmark"
+    file = robot_of(text, tmp_path)
+    assert file.robot.drive.left.wheel.diameter == pytest.approx(0.0647)
+    assert file.robot.drive.right.wheel.diameter == 0.065
+    assert file.robot.drive.track == pytest.approx(0.1265)
+    assert file.nominal.drive.track == 0.125
+    assert file.nominal.drive.left.wheel.diameter == 0.065
+    assert file.robot.calibration["drive.left.wheel.diameter"].method == "umbmark"
 
 
-def test_a_pipeline_with_its_blocks_and_wires():
-    found = load("goal")
-    use = {block.name: block for block in found.blocks}
+def test_blocks_and_wires_of_a_pipeline():
+    configuration = load("goal")
+    use = {block.name: block for block in configuration.blocks}
     assert use["follower"].wires == {"odometry": "odometry.odometry", "goal": "operator.goal"}
     assert use["follower"].values["tolerance"] == pytest.approx(0.010)
     assert use["guard"].values["resume_by"] == "by_itself"  # `resume` in the file
     assert use["guard"].values["braking"] == 1.5  # from the robot file
-    assert found.robot_wires == {"wheels": "kinematics.wheels"}
-    assert found.goals[0].heading == pytest.approx(pi / 2)
-    assert found.world.walls[0].start == (2.5, -1.0)
-    assert [file.name for file in found.files] == ["goal.yaml", "book_2wd.yaml"]
+    assert configuration.robot_wires == {"wheels": "kinematics.wheels"}
+    assert configuration.goals[0].heading == pytest.approx(pi / 2)
+    assert configuration.world.walls[0].start == (2.5, -1.0)
+    assert [file.name for file in configuration.files] == ["goal.yaml", "book_2wd.yaml"]
 
 
-def test_every_shipped_pipeline_makes_its_blocks():
+def test_blocks_of_every_shipped_pipeline_can_be_created():
     for name in lookup.names("pipelines"):
         for block in load(name).blocks:
             assert block.cls(**block.values) is not None
 
 
 def test_a_pipeline_without_robot():
-    found = load("hello")
-    assert (found.robot, found.robot_file, found.robot_wires) == (None, None, {})
+    configuration = load("hello")
+    assert (configuration.robot, configuration.robot_file, configuration.robot_wires) == (
+        None,
+        None,
+        {},
+    )
 
 
-def test_variables_stand_for_values(tmp_path):
+def test_a_variable_is_replaced_by_its_value(tmp_path):
     text = "include: goal\nvars: {side: 50 cm, far: 2}\ngoals: [{x: $side, y: $far}]\n"
     goal = pipeline_of(text, tmp_path).goals[0]
     assert (goal.x, goal.y) == (0.5, 2.0)
 
 
-def test_variables_within_a_text(tmp_path):
+def test_variables_within_text(tmp_path):
     text = """vars: {who: world, number: 3}
 blocks: {talker: {block: talker, with: {greeting: "hello $who, $number of $$5"}}}
 """
@@ -145,11 +149,11 @@ blocks: {talker: {block: talker, with: {greeting: "hello $who, $number of $$5"}}
     ],
 )
 def test_set_changes_one_value(words, block, parameter, value):
-    use = {each.name: each for each in load("goal", sets=[words]).blocks}[block]
+    use = {use.name: use for use in load("goal", sets=[words]).blocks}[block]
     assert use.values[parameter] == value
 
 
-def test_set_reaches_variables():
+def test_set_changes_a_variable():
     assert load("distance", sets=["vars.distance=50 cm"]).goals[0].x == 0.5
 
 
@@ -157,14 +161,14 @@ def test_lists_are_replaced_and_mappings_merged(tmp_path):
     text = "include: square\ngoals: [{x: 1 m}]\nvars: {side: 1 m}\nworld: {obstacles: []}\n"
     with pytest.raises(ConfigurationError) as caught:
         pipeline_of(text + "blocks: {follower: {with: {tolerance: 1 um}}}\n", tmp_path)
-    # The square's four goals are gone, so its variable is unused; its walls stay.
+    # The four goals of the square are replaced, so its variable is unused; its walls remain.
     assert "W-VAR-UNUSED" in codes(caught)
-    found = pipeline_of(text.replace("vars: {side: 1 m}\n", ""), tmp_path)
-    assert [goal.x for goal in found.goals] == [1.0]
-    assert len(found.world.walls) == 1
+    configuration = pipeline_of(text.replace("vars: {side: 1 m}\n", ""), tmp_path)
+    assert [goal.x for goal in configuration.goals] == [1.0]
+    assert len(configuration.world.walls) == 1
 
 
-def test_the_last_of_several_includes_wins(tmp_path):
+def test_the_last_of_several_includes_has_priority(tmp_path):
     (tmp_path / "slow.yaml").write_text("limits: {speed: 0.1 m/s}\n")
     (tmp_path / "slower.yaml").write_text("limits: {speed: 0.05 m/s}\n")
     file = tmp_path / "mine.yaml"
@@ -172,7 +176,7 @@ def test_the_last_of_several_includes_wins(tmp_path):
     assert load_robot(str(file)).robot.limits.speed == 0.05
 
 
-def test_a_problem_stands_in_the_file_that_holds_it(tmp_path):
+def test_a_problem_has_its_place_in_the_included_file(tmp_path):
     (tmp_path / "narrow.yaml").write_text("drive: {track: 125 deg}\n")
     file = tmp_path / "mine.yaml"
     file.write_text("format: 1\nkind: robot\ninclude: [book_2wd, narrow]\n")
@@ -181,19 +185,24 @@ def test_a_problem_stands_in_the_file_that_holds_it(tmp_path):
     assert [problem.file.endswith("narrow.yaml") for problem in caught.value.problems] == [True]
 
 
-# Which robot: what is in ./robots, what the pipeline uses, what --robot says; what is taken.
+# Files in ./robots, `use` of the pipeline, --robot; the robot that is used.
 @pytest.mark.parametrize(
     "own, use, option, taken",
     [
-        ([], None, None, "book_2wd"),  # nothing said: the book's
-        (["mine"], None, None, "mine"),  # the only one here
+        ([], None, None, "book_2wd"),  # the default
+        (["mine"], None, None, "mine"),  # the only one in ./robots
         (["mine", "book_2wd"], None, None, "book_2wd"),
-        (["mine"], "book_2wd", None, "book_2wd"),  # the pipeline's wins over the only one
-        (["mine"], "book_2wd", "mine", "mine"),  # --robot always wins
-        (["book_2wd_counts"], None, "book_2wd_counts", "book_2wd_counts"),  # here before shipped
+        (["mine"], "book_2wd", None, "book_2wd"),  # `use` has priority over the only one
+        (["mine"], "book_2wd", "mine", "mine"),  # --robot has priority
+        (
+            ["book_2wd_counts"],
+            None,
+            "book_2wd_counts",
+            "book_2wd_counts",
+        ),  # ./robots has priority over shipped
     ],
 )
-def test_which_robot_is_taken(tmp_path, monkeypatch, own, use, option, taken):
+def test_which_robot_is_used(tmp_path, monkeypatch, own, use, option, taken):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robots").mkdir()
     for name in own:
@@ -202,13 +211,13 @@ def test_which_robot_is_taken(tmp_path, monkeypatch, own, use, option, taken):
         (tmp_path / "robots" / f"{name}.yaml").write_text(text)
     line = f"robot: {{use: {use}}}\n" if use else ""
     (tmp_path / "p.yaml").write_text(f"format: 1\nkind: pipeline\ninclude: goal\n{line}")
-    found = load("p.yaml", option)
-    assert found.robot_file.stem == taken
+    configuration = load("p.yaml", option)
+    assert configuration.robot_file.stem == taken
     is_own = taken in own
-    assert (found.robot_file.parent.resolve() == (tmp_path / "robots").resolve()) is is_own
+    assert (configuration.robot_file.parent.resolve() == (tmp_path / "robots").resolve()) is is_own
 
 
-def test_several_robots_and_none_chosen(tmp_path, monkeypatch):
+def test_several_robots_and_none_selected(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robots").mkdir()
     for name in ("one", "two"):
@@ -218,7 +227,7 @@ def test_several_robots_and_none_chosen(tmp_path, monkeypatch):
     assert codes(caught) == ["E-ROBOT-WHICH"]
 
 
-def test_a_pipeline_here_goes_before_a_shipped_one(tmp_path, monkeypatch):
+def test_a_pipeline_in_the_folder_has_priority_over_a_shipped_one(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "pipelines").mkdir()
     (tmp_path / "pipelines" / "hello.yaml").write_text(
@@ -227,7 +236,7 @@ def test_a_pipeline_here_goes_before_a_shipped_one(tmp_path, monkeypatch):
     assert [block.name for block in load("hello").blocks] == ["mine"]
 
 
-def test_problems_of_both_files_come_at_once(tmp_path):
+def test_problems_of_both_files_are_reported_together(tmp_path):
     (tmp_path / "robot.yaml").write_text(
         "format: 1\nkind: robot\ninclude: book_2wd\ndrive: {track: 9 deg}\n"
     )
@@ -267,5 +276,5 @@ def test_only_the_blocks_of_the_pipeline_are_imported():
         [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
     )
     imported = {name.rsplit(".", 1)[1] for name in done.stdout.split()}
-    # The check of the stopping distance needs the two whose physics it is about.
+    # The check of the stopping distance uses these two.
     assert imported == {"talker", "obstacle_stop", "range_sensor"}

@@ -1,4 +1,4 @@
-"""Blocks from other packages: found by entry points, and a clash of names is an error."""
+"""Blocks of other packages: found by entry points; a name registered twice is an error."""
 
 import sys
 
@@ -22,7 +22,7 @@ class Whisper(Block):
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """Makes an installed package that brings entry points; returns the function that does so."""
+    """Returns a function that installs a package with entry points."""
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def install(name, entries, module=MODULE):
@@ -53,10 +53,10 @@ def test_two_packages_with_one_name_clash(package):
     assert "quiet" in str(caught.value)
 
 
-def test_a_package_that_claims_a_built_in_name_clashes(package):
+def test_a_package_with_a_built_in_name_clashes(package):
     package("loud", "[diffbotctl.blocks]\ntalker = loud:Whisper\n")
     assert [clash.code for clash in registry.clashes()] == ["E-BLOCK-CLASH"]
-    # Until it is removed, the name keeps its meaning.
+    # The name keeps its built-in class.
     assert registry.block("talker").__module__ == "diffbotctl.blocks.talker"
 
 
@@ -70,7 +70,7 @@ def test_a_package_that_claims_a_built_in_name_clashes(package):
         ("whisper = broken:Whisper", "Whisper = 5", "is not a block"),
     ],
 )
-def test_a_block_that_cannot_be_loaded_is_named(package, tmp_path, entry, module, words):
+def test_a_block_that_cannot_be_loaded_is_reported(package, tmp_path, entry, module, words):
     package("broken", f"[diffbotctl.blocks]\n{entry}\n", module)
     file = tmp_path / "p.yaml"
     file.write_text("format: 1\nkind: pipeline\nblocks: {a: {block: whisper}}\n")

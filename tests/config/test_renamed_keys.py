@@ -1,4 +1,4 @@
-"""Former keys and values of format 1 keep working and warn; the warning shows the new line."""
+"""Renamed and retired keys and values are accepted; the warning shows the new line."""
 
 import pytest
 
@@ -33,14 +33,14 @@ from diffbotctl.errors import Source
         ("a: {c: 1}\n", RenamedValue(("a", "c"), "2", "3"), {"a": {"c": 1}}, None),
     ],
 )
-def test_a_former_key_or_value_becomes_the_present_one(text, change, updated, fix):
+def test_an_old_key_or_value_is_updated(text, change, updated, fix):
     problems = []
     assert update_tree(parse(Source("a.yaml", text)), [change], problems).plain() == updated
     assert [problem.fix for problem in problems] == ([] if fix is None else [fix])
     assert all(problem.severity == "warning" for problem in problems)
 
 
-def test_a_robot_with_former_spelling_is_the_same_robot(tmp_path):
+def test_a_robot_with_old_keys_is_the_same_robot(tmp_path):
     def robot(drive):
         file = tmp_path / "mine.yaml"
         file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\ndrive: {drive}\n")

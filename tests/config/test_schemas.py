@@ -1,4 +1,4 @@
-"""The schemas: committed as generated, strict, and of one mind with the typed reader."""
+"""The schemas: up to date, strict, and consistent with the section reader."""
 
 import json
 
@@ -25,7 +25,7 @@ def test_the_committed_schema_is_the_generated_one(name):
 
 
 @pytest.mark.parametrize("name", schemas.SCHEMAS)
-def test_the_schema_is_one(name):
+def test_the_schema_is_valid(name):
     Draft202012Validator.check_schema(schemas.SCHEMAS[name]())
 
 
@@ -37,8 +37,8 @@ def every_property(schema, path="$"):
         for key, value in schema.items():
             yield from every_property(value, f"{path}.{key}")
     elif isinstance(schema, list):
-        for each in schema:
-            yield from every_property(each, path)
+        for item in schema:
+            yield from every_property(item, path)
 
 
 @pytest.mark.parametrize("name", schemas.SCHEMAS)
@@ -47,7 +47,7 @@ def test_every_key_is_described(name):
     schema["$defs"]["BlockEntry" if "pipeline" in name else "DriveSection"].pop("if", None)
     for path, value in every_property(schema):
         if ".if" in path or ".then.in" in path or path.endswith((".then.with", ".then.in")):
-            continue  # conditions; the keys themselves are described where they are declared
+            continue  # conditions; their keys are described elsewhere
         assert value.get("description"), f"{path} needs a sentence of help"
 
 
@@ -60,8 +60,8 @@ def test_every_mapping_of_known_keys_is_closed(name):
             for key, value in schema.items():
                 check(value, f"{path}.{key}")
         elif isinstance(schema, list):
-            for each in schema:
-                check(each, path)
+            for item in schema:
+                check(item, path)
 
     check(schemas.SCHEMAS[name](), "$")
 
@@ -77,7 +77,7 @@ def test_shipped_files_fit_the_schema_that_their_first_line_names(kind):
         assert not list(Draft202012Validator(schema).iter_errors(yaml.safe_load(text))), path
 
 
-def test_the_editor_s_schema_sees_mistakes():
+def test_the_schema_finds_mistakes():
     schema = schemas.pipeline()
     head = {"format": 1, "kind": "pipeline"}
     wrong = [
@@ -86,8 +86,8 @@ def test_the_editor_s_schema_sees_mistakes():
         {**head, "blocks": {"a": {"block": "talker"}}, "goals": [{"x": "1 deg"}]},
         {**head},
     ]
-    for each in wrong:
-        assert not Draft202012Validator(schema).is_valid(each), each
+    for content in wrong:
+        assert not Draft202012Validator(schema).is_valid(content), content
     fine = {**head, "include": "goal", "goals": [{"x": "$side"}]}
     assert Draft202012Validator(schema).is_valid(fine)
 
@@ -159,8 +159,8 @@ WRITTEN = st.sampled_from(
 
 @settings(max_examples=400, deadline=None)
 @given(st.sampled_from(sorted(declared(Leaves))), WRITTEN)
-def test_the_schema_and_the_typed_reader_are_of_one_mind(name, written):
-    """Bounds of quantities with a unit are beyond a schema, so none stands in `Leaves`."""
+def test_the_schema_and_the_section_reader_agree(name, written):
+    """A schema cannot express bounds of quantities with a unit, so `Leaves` has none."""
     try:
         value = parse(Source("a.yaml", f"key: {written}\n")).at("key")
     except ConfigurationError:
@@ -168,17 +168,17 @@ def test_the_schema_and_the_typed_reader_are_of_one_mind(name, written):
     if isinstance(value.data, dict | list):
         return
     if name == "pin" and isinstance(value.data, float):
-        return  # to JSON Schema 5. is the integer 5, but no board has a pin labelled so
+        return  # JSON Schema takes 5. for the integer 5; the reader requires a pin label
     setting = declared(Leaves)[name]
     fits = Draft202012Validator(of_declaration(setting, {})).is_valid(value.plain())
     if value.data is None and setting.none:
-        return  # `maybe:` with nothing behind it: the reader asks for the word none
+        return  # the reader requires the word none
     word = setting.none and value.text == "none" and not value.quoted
     _, problem = (None, None) if word else read_scalar(value, setting.kind, setting)
     assert fits is (problem is None), problem
 
 
-def test_every_block_describes_its_parameters():
+def test_every_parameter_of_a_block_has_a_help_sentence():
     for name in registry.BLOCKS:
         for setting in declared(registry.block(name)).values():
             assert setting.help.endswith("."), f"{name}.{setting.key} needs a sentence"

@@ -1,4 +1,4 @@
-"""Robots that live in the simulator alone, and pipelines on robots without a sensor."""
+"""Robots that exist only in the simulator, and pipelines on robots without a sensor."""
 
 import pytest
 
@@ -9,11 +9,11 @@ from diffbotctl.errors import ConfigurationError
 
 def codes(caught):
     """The errors among the problems."""
-    return [each.code for each in caught.value.problems if each.severity == "error"]
+    return [problem.code for problem in caught.value.problems if problem.severity == "error"]
 
 
 @pytest.mark.parametrize("name", ["turtle", "turtlebot3_burger"])
-def test_they_are_simulated_and_nothing_else(name):
+def test_a_simulated_robot_is_refused_on_a_real_port(name):
     assert load_robot(name).warnings == ()
     with pytest.raises(ConfigurationError) as caught:
         load_robot(name, real=True)
@@ -37,7 +37,7 @@ def test_a_robot_with_a_board_needs_its_pins(tmp_path, changes, code, words):
     with pytest.raises(ConfigurationError) as caught:
         load_robot(str(file))
     assert codes(caught) == [code]
-    (problem,) = [each for each in caught.value.problems if each.code == code]
+    (problem,) = [problem for problem in caught.value.problems if problem.code == code]
     assert words in problem.cause
     assert problem.line == 4
 
@@ -46,7 +46,7 @@ def wires(configuration):
     return {use.name: use.wires for use in configuration.blocks}
 
 
-def test_every_sensor_there_keeps_its_guard_and_no_other():
+def test_only_guards_with_a_sensor_are_kept():
     two_wheels, burger, turtle = (
         load("goal", robot) for robot in ("book_2wd", "turtlebot3_burger", "turtle")
     )
@@ -60,7 +60,7 @@ def test_every_sensor_there_keeps_its_guard_and_no_other():
 
 @pytest.mark.parametrize("robot", lookup.names("robots"))
 @pytest.mark.parametrize("pipeline", ["goal", "distance", "square", "teleop"])
-def test_every_robot_goes_with_every_pipeline_that_is_for_all(pipeline, robot):
+def test_general_pipelines_accept_every_robot(pipeline, robot):
     last = load(pipeline, robot).blocks[-1]
     assert (last.name, list(last.wires)) == ("kinematics", ["twist"])
 
@@ -69,13 +69,13 @@ def test_every_robot_goes_with_every_pipeline_that_is_for_all(pipeline, robot):
     ("robot", "warned"),
     [("book_2wd", []), ("turtlebot3_burger", []), ("turtle", ["W-UNGUARDED"])],
 )
-def test_who_is_left_without_a_guard_is_told(robot, warned):
-    found = [problem.code for problem in load("goal", robot).warnings]
-    assert [code for code in found if code == "W-UNGUARDED"] == warned
+def test_a_pipeline_without_guards_gives_a_warning(robot, warned):
+    codes_found = [problem.code for problem in load("goal", robot).warnings]
+    assert [code for code in codes_found if code == "W-UNGUARDED"] == warned
 
 
-def test_a_sensor_by_another_name_is_no_missing_sensor(tmp_path):
-    # A guard must not vanish because of a name: its wire is wrong, and that is said.
+def test_a_renamed_sensor_is_a_wrong_wire_not_a_missing_sensor(tmp_path):
+    # A guard must not be dropped because of a name: its wire is reported as wrong.
     file = tmp_path / "mine.yaml"
     shipped = load_robot("book_2wd").file.read_text()
     file.write_text(
@@ -87,12 +87,12 @@ def test_a_sensor_by_another_name_is_no_missing_sensor(tmp_path):
     assert "W-UNGUARDED" not in codes(caught)
 
 
-def test_what_is_left_out_can_still_be_set():
+def test_parameters_of_a_dropped_block_can_be_set():
     changed = load("goal", "turtle", ["guard.margin=7 cm"])
     assert "guard" not in wires(changed)
 
 
-def test_wires_that_nobody_passes_on_stay_wrong(tmp_path):
+def test_a_wire_from_a_dropped_block_without_replacement_is_an_error(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(
         "format: 1\nkind: pipeline\ninclude: goal\n"

@@ -1,4 +1,4 @@
-"""One value of a YAML file is changed, and every other character stays."""
+"""Changing one value of a YAML file leaves every other character as it is."""
 
 import pytest
 import yaml
@@ -53,7 +53,7 @@ world: {}
         ("a: 1", "b.c", "2", "a: 1", "a: 1\nb: {c: 2}"),
     ],
 )
-def test_only_that_value_changes(text, path, written, changed, into):
+def test_only_one_value_changes(text, path, written, changed, into):
     assert text.count(changed) == 1
     assert with_entry(text, path.split("."), written) == text.replace(changed, into)
 
@@ -61,7 +61,7 @@ def test_only_that_value_changes(text, path, written, changed, into):
 @pytest.mark.parametrize(
     "text", ["- 1\n", "blocks: 3\n", "blocks: &a {guard: {with: &b {margin: 1}}}\nc: *b\n"]
 )
-def test_what_cannot_be_changed_safely_is_refused(text):
+def test_an_unsafe_change_is_refused(text):
     with pytest.raises(ValueError):
         with_entry(text, ["blocks", "guard", "with", "margin"], "2")
 
@@ -79,7 +79,7 @@ TREES = st.recursive(
     st.lists(KEYS, min_size=1, max_size=3),
     st.booleans() | st.none(),
 )
-def test_whatever_the_layout_the_result_reads_as_wanted_or_is_refused(tree, path, flow):
+def test_in_any_layout_the_result_is_as_expected_or_refused(tree, path, flow):
     text = yaml.safe_dump(tree, default_flow_style=flow)
     try:
         after = with_entry(text, path, "0.5 m")

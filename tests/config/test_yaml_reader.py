@@ -1,4 +1,4 @@
-"""YAML as people mean it: words stay words, numbers are decimal, every value knows its place."""
+"""The YAML reader: words stay text, numbers are decimal, every value knows its place."""
 
 import os
 import time
@@ -30,7 +30,7 @@ def code_of(text):
         ("Off", "Off"),
         ("true", True),
         ("False", False),
-        ("1e-3", 0.001),  # YAML 1.1 reads a text, for want of a point
+        ("1e-3", 0.001),  # YAML 1.1 reads text, because there is no point
         ("1.5e3", 1500.0),
         (".5", 0.5),
         ("5.", 5.0),
@@ -54,13 +54,13 @@ def code_of(text):
         ("|\n  two\n  lines", "two\nlines\n"),
     ],
 )
-def test_a_value_is_what_people_mean(written, meant):
-    found = parsed(f"key: {written}\n")["key"]
-    assert found == meant
-    assert type(found) is type(meant)
+def test_scalars(written, meant):
+    value = parsed(f"key: {written}\n")["key"]
+    assert value == meant
+    assert type(value) is type(meant)
 
 
-def test_keys_are_plain_words():
+def test_keys_are_text():
     text = "{x: 1, y: 2, n: 3, on: 4, no: 5, 1: 6, null: 7, true: 8, 017: 9}"
     assert list(parsed(text)) == ["x", "y", "n", "on", "no", "1", "null", "true", "017"]
 
@@ -84,11 +84,11 @@ def test_keys_are_plain_words():
         ("a: \x01\n", "E-FILE-ENCODING"),
     ],
 )
-def test_pitfalls_are_errors(text, code):
+def test_ambiguous_yaml_is_an_error(text, code):
     assert code_of(text) == [code]
 
 
-def test_all_pitfalls_of_a_file_are_named_at_once():
+def test_all_errors_of_a_file_are_reported_together():
     # line 1: an octal; line 2: a decimal comma; line 3: a key given twice
     assert code_of("a: 017\nb: {c: 1,5 m}\na: 2\n") == [
         "E-YAML-NUMBER",
@@ -112,11 +112,11 @@ drive:
 @pytest.mark.parametrize(
     "steps, line, column, length",
     [
-        (("drive",), 1, 1, 5),  # a block stands where its key stands
+        (("drive",), 1, 1, 5),  # the place of a block is that of its key
         (("drive", "track"), 2, 10, 6),
         (("drive", "left", "pins", 1), 3, 20, 1),
         (("drive", "left", "pins"), 3, 10, 4),  # a list in brackets too
-        (("drive", "right"), 4, 3, 5),  # without a value the key is all there is
+        (("drive", "right"), 4, 3, 5),  # without a value: the place of the key
     ],
 )
 def test_every_value_knows_its_place(steps, line, column, length):
@@ -130,14 +130,14 @@ def test_columns_count_characters_not_bytes():
 
 
 def bomb(width, depth):
-    """A file of `depth` short lines that stands for width ** depth values."""
+    """A file of `depth` short lines that expands to width ** depth values."""
     lines = [f"a0: &a0 [{', '.join(['x'] * width)}]"]
     for i in range(depth):
         lines.append(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * width)}]")
     return "\n".join(lines).encode()
 
 
-# Junk without a zero byte and one with: the first must fail as text, the second as no text at all.
+# Without a zero byte it fails as text; with one it is no text.
 JUNK = bytes(range(1, 256)) * 300
 BINARY = bytes(range(256)) * 300
 
@@ -169,13 +169,13 @@ BINARY = bytes(range(256)) * 300
         "Latin-1",
     ],
 )
-def test_what_is_no_configuration_is_refused_at_once(tmp_path, content, code):
+def test_a_file_that_is_no_configuration_is_refused_quickly(tmp_path, content, code):
     file = tmp_path / "hard.yaml"
     file.write_bytes(content)
     begin = time.process_time()
     with pytest.raises(ConfigurationError) as caught:
         yaml_reader.read(str(file))
-    # The requirement is a second; the processor's time does not depend on who else is running.
+    # The limit is 1 s of processor time, which does not depend on other processes.
     assert time.process_time() - begin < 1.0
     assert caught.value.problems[0].code == code
 
@@ -189,19 +189,19 @@ def test_the_first_byte_that_is_not_utf8_has_a_place(tmp_path):
     assert (problem.line, problem.column) == (2, 9)  # `name: gr` has eight characters
 
 
-def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
+def test_a_byte_order_mark_is_ignored(tmp_path):
     file = tmp_path / "bom.yaml"
     file.write_bytes(b"\xef\xbb\xbfa: 1\n")
     assert yaml_reader.read(str(file)).plain() == {"a": 1}
 
 
 @pytest.mark.parametrize("make", ["directory", "pipe", "nothing", "device", "forbidden"])
-def test_what_is_no_file_is_refused_in_words(tmp_path, make):
+def test_a_path_that_is_no_regular_file_is_refused(tmp_path, make):
     path = tmp_path / "thing.yaml"
     if make == "directory":
         path.mkdir()
     elif make == "pipe":
-        os.mkfifo(path)  # reading it would wait for ever
+        os.mkfifo(path)  # reading it would block
     elif make == "device":
         path = "/dev/zero"  # reading it would never end
     elif make == "forbidden":
