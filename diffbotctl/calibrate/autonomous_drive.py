@@ -22,7 +22,7 @@ from diffbotctl.engine.loop import Engine
 from diffbotctl.graph import Graph, Node, Sink
 from diffbotctl.messages import Goal, Odometry
 from diffbotctl.runs.build_graph import (
-    UNPROVEN_SPEED,
+    UNPROVEN_SPEED_MAX,
     build_block,
     gate_node,
     sources,
@@ -140,7 +140,7 @@ class AutonomousDrive:
 def _pipeline(robot: Robot, style: DriveStyle) -> tuple[list[Node], str]:
     """The blocks, and the wire with the command for the robot."""
     limits = robot.limits
-    speed = UNPROVEN_SPEED if robot.drive.polarity == "unproven" else inf
+    speed = UNPROVEN_SPEED_MAX if robot.drive.polarity == "unproven" else inf
     motion = {
         "speed": min(limits.speed, style.speed, speed),
         "turn_rate": min(limits.turn_rate, style.turn_rate),

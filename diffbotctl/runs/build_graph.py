@@ -1,7 +1,8 @@
-"""From a checked configuration to a graph with its drivers' wires: what the builder adds.
+"""Builds the graph of a checked configuration, and connects it to its drivers.
 
-Added to every pipeline with a robot: the last gate behind the wheels' wire; behind it, for a board
-that takes only PWM, `wheel_speed`; the echo of what holds the robot, to blocks that ask for it.
+Added to every pipeline with a robot: the safety gate behind the wire of the wheels; for a board
+that takes only a duty, `wheel_speed` behind the gate; and for blocks with an optional input of Stop
+or Resume, the wires `operator.stop` and `operator.resume`.
 """
 
 from __future__ import annotations
@@ -9,8 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, TypeVar
 
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
-from diffbotctl.config import node_ports as ends
-from diffbotctl.config import registry
+from diffbotctl.config import node_ports, registry
 from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import is_duty_board
@@ -20,13 +20,17 @@ from diffbotctl.log import Logbook
 from diffbotctl.messages import Range, Resume, Stop
 from diffbotctl.recording.foxglove import SensorMount
 
-UNPROVEN_SPEED = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
-Made = TypeVar("Made", bound=Block)
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
+UNPROVEN_SPEED_MAX = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
+MISSED_FRAMES_MAX = 4  # telemetry frames that noise may swallow before the robot is stopped
+DEFAULT_WIRES: dict[type, str] = {Stop: "operator.stop", Resume: "operator.resume"}
+"""Source of an optional input of this message class that the pipeline leaves open."""
+
+AnyBlock = TypeVar("AnyBlock", bound=Block)
 
 
 class Assembly(NamedTuple):
-    """A graph, and where it meets its drivers. `command` is the wire that leaves for the robot."""
+    """A graph, and the wire of its commands to the robot; `unproven`: its speed is limited."""
 
     graph: Graph
     command: str | None
@@ -34,7 +38,7 @@ class Assembly(NamedTuple):
 
 
 def assemble(configuration: Configuration, real: bool) -> Assembly:
-    """Build the graph. `real`: a real robot moves, so that unproven wiring slows it down."""
+    """Build the graph. `real`: a real robot moves, so unproven wiring limits its speed."""
     robot = configuration.robot
     unproven = real and robot is not None and robot.drive.polarity == "unproven"
     nodes = [_node(use, robot, unproven) for use in configuration.blocks]
@@ -50,10 +54,11 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
 
 def sources(robot: Robot | None) -> dict[str, type]:
     """Every wire that a driver delivers on, with its message class."""
-    found = {f"operator.{port}": kind for port, kind in ends.OPERATOR.items()}
+    wires = {f"operator.{port}": kind for port, kind in node_ports.OPERATOR.items()}
     if robot is not None:
-        found.update({f"robot.{port}": kind for port, kind in ends.robot(robot).outputs.items()})
-    return found
+        ports = node_ports.robot(robot).outputs
+        wires.update({f"robot.{port}": kind for port, kind in ports.items()})
+    return wires
 
 
 def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
@@ -61,24 +66,20 @@ def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
     if unproven:
         for attribute, field in robot_fields(use.cls).items():
             if field == "limits.speed":
-                values[attribute] = min(values[attribute], UNPROVEN_SPEED)
+                values[attribute] = min(values[attribute], UNPROVEN_SPEED_MAX)
     wires = dict(use.wires)
-    for port, wanted in inputs(use.cls).items():
-        if isinstance(wanted, In) and wanted.optional and port not in wires:
-            echo = ECHOES.get(wanted.kind)
-            if echo is not None:
-                wires[port] = echo
+    for port, declaration in inputs(use.cls).items():
+        if isinstance(declaration, In) and declaration.optional and port not in wires:
+            source = DEFAULT_WIRES.get(declaration.kind)
+            if source is not None:
+                wires[port] = source
     return Node(use.name, use.cls(**values), wires)
 
 
-# Optional inputs of these kinds hear the operator unless the pipeline says otherwise.
-ECHOES: dict[type, str] = {Stop: "operator.stop", Resume: "operator.resume"}
-
-
 def gate_node(robot: Robot, command: str) -> Node:
-    """The last gate behind the wire `command`."""
-    period = 1.0 / robot.board.telemetry
-    block = build_block(Gate, robot, telemetry_timeout=min(0.5, max(0.25, FRAMES_MISSED * period)))
+    """The safety gate behind the wire `command`."""
+    silence = MISSED_FRAMES_MAX / robot.board.telemetry
+    block = build_block(Gate, robot, telemetry_timeout=min(0.5, max(0.25, silence)))
     wires = {
         "command": command,
         "encoders": "robot.encoders",
@@ -90,18 +91,14 @@ def gate_node(robot: Robot, command: str) -> Node:
     return Node(GATE, block, wires)
 
 
-FRAMES_MISSED = 4  # telemetry frames that noise may swallow before the robot is stopped
-
-
 def wheel_speed_node(robot: Robot) -> Node:
     """The speed loops on the host, behind the gate."""
-    kind = registry.block(WHEEL_SPEED)
     wires = {"wheels": f"{GATE}.wheels", "encoders": "robot.encoders"}
-    return Node(WHEEL_SPEED, build_block(kind, robot), wires)
+    return Node(WHEEL_SPEED, build_block(registry.block(WHEEL_SPEED), robot), wires)
 
 
-def build_block(kind: type[Made], robot: Robot, **values: Any) -> Made:
-    """A block with the robot's fields that it asks for; `values` go before them."""
+def build_block(kind: type[AnyBlock], robot: Robot, **values: Any) -> AnyBlock:
+    """A block with the fields of the robot that it declares; `values` override them."""
     fields = {name: _field(robot, path) for name, path in robot_fields(kind).items()}
     return kind(**{**fields, **values})
 
@@ -124,9 +121,9 @@ def wires_of(assembly: Assembly, kind: type) -> list[str]:
 
 
 def mounts(configuration: Configuration) -> dict[str, SensorMount]:
-    """Where the sensor behind each range sits, by the wire of the range."""
+    """The pose of the sensor behind each range, by the wire of the range."""
     robot = configuration.robot
-    found: dict[str, SensorMount] = {}
+    poses: dict[str, SensorMount] = {}
     for use in configuration.blocks:
         name = use.values.get("sensor")
         if robot is None or name not in robot.sensors:
@@ -134,5 +131,5 @@ def mounts(configuration: Configuration) -> dict[str, SensorMount]:
         at = robot.sensors[name].at
         for port, out in outputs(use.cls).items():
             if out.kind is Range:
-                found[f"{use.name}.{port}"] = SensorMount(name, at.x, at.y, at.heading)
-    return found
+                poses[f"{use.name}.{port}"] = SensorMount(name, at.x, at.y, at.heading)
+    return poses

@@ -1,4 +1,4 @@
-"""Signals as a file to wait for: the loop hears of them between two instants, never inside one."""
+"""Signals as a readable file: the engine handles them between two instants, never inside one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import signal
 from types import FrameType
 
-ENDING = {
+CAUSES = {
     signal.SIGINT: "interrupted (Ctrl-C)",
     signal.SIGTERM: "asked to end (SIGTERM)",
     signal.SIGHUP: "the terminal was closed (SIGHUP)",
@@ -14,14 +14,14 @@ ENDING = {
 
 
 class Signals:
-    """Catches what ends a program: `file` becomes readable, and `cause` says what it was."""
+    """Catches the signals that end a program: `file` becomes readable, `cause` names the signal."""
 
     def __init__(self) -> None:
-        self.file, self._write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self.file, self._write_end = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self.cause: str | None = None
-        for number in ENDING:
-            signal.signal(number, self._note)
-        signal.set_wakeup_fd(self._write, warn_on_full_buffer=False)
+        for number in CAUSES:
+            signal.signal(number, self._on_signal)
+        signal.set_wakeup_fd(self._write_end, warn_on_full_buffer=False)
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
-        self.cause = ENDING[signal.Signals(number)]
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.cause = CAUSES[signal.Signals(number)]

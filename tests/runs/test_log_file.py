@@ -85,7 +85,7 @@ def test_a_replay_that_says_something_else_is_found_out(tmp_path, monkeypatch):
 
     path = tmp_path / "run.mcap"
     Run(load("goal"), RunOptions(fast=True, record=path, duration=2.0)).go()
-    monkeypatch.setattr(event_log, "_away", lambda state: "some way")
+    monkeypatch.setattr(event_log, "_remaining", lambda state: "some way")
     difference = replay(path, check=True).difference
     assert difference is not None and difference.wire == "log" and "some way" in difference.replayed
 
