@@ -1,4 +1,4 @@
-"""The state of the motion to one goal, and what a wheel is known to roll on when it is released."""
+"""State of the motion to one goal, and the adaptive estimate of how far the wheels coast."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import Literal, NamedTuple
 from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.messages import Goal, Odometry
 
-COAST_GAIN = 0.7  # of the innovation: the pose has its own errors
-COAST_GAIN_HALF_SPEED = 0.03  # m/s; the release at which half of that gain is left
-COAST_SPEED_MIN = 0.03  # m/s; released slower, the innovation is the pose's alone
-COAST_RATIO_MIN, COAST_RATIO_MAX = 0.4, 2.0  # of the coast time to the motors' lag
+COAST_GAIN = 0.7  # of the update by one release; below 1 because the pose has errors of its own
+COAST_GAIN_HALF_SPEED = 0.03  # m/s; release speed at which the gain is halved
+COAST_SPEED_MIN = 0.03  # m/s; below it the innovation is mostly error of the pose
+COAST_RATIO_MIN, COAST_RATIO_MAX = 0.4, 2.0  # limits of the coast time, relative to the motors' lag
 
 Leg = Literal["turning", "driving", "aligning"]
 
 
 class Coast(NamedTuple):
-    """How long released wheels roll on: their speed times `time` (s) is the distance."""
+    """Estimate of the coast time: released wheels travel their speed times `time` (s) further."""
 
     time: float
     release_speed: float = 0.0
-    """m/s towards the end of the leg, at the last release that nothing was learnt of"""
+    """m/s towards the end of the leg, at the last release; 0 after it was used for an update"""
     release_turn_rate: float = 0.0
     """rad/s, at the last release of a turn"""
 
     def learn(self, remaining: float, lag: float) -> Coast:
-        """Correct the time by what is `remaining` (m) of the leg at rest; `lag` of the motors."""
+        """Update by the `remaining` distance (m) of the leg at rest. `lag` of the motors in s."""
         speed = self.release_speed
-        # A slow release says little: what the pose is wrong by weighs as much as the roll.
+        # After a slow release the error of the pose is as large as the error of the coast time.
         gain = COAST_GAIN * speed / (speed + COAST_GAIN_HALF_SPEED)
         time = self.time - gain * remaining / speed
         time = min(max(time, COAST_RATIO_MIN * lag), COAST_RATIO_MAX * lag)
@@ -44,26 +44,26 @@ class Pursuit(NamedTuple):
     coast: Coast
     leg: Leg = "turning"
     line: float = 0.0
-    """heading (rad) in which the robot drives to the goal"""
+    """heading (rad) of the robot while it drives to the goal"""
     is_backwards: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
-    """point (m) to stay on during a turn"""
+    """point (m) that the robot holds during a turn"""
     is_coasting: bool = False
-    """released or stopped; the leg goes on, or the next one begins, at rest"""
+    """released or stopped; the leg continues, or the next one begins, at rest"""
     still_since: int | None = None
     """ns"""
     needs_nudge: bool = False
-    """what remains is too little to be driven, and too much to be left"""
+    """turn at the least speed although the remaining angle is too small for it"""
     attempts: int = 0
     elapsed: float = 0.0
-    """s without a stop"""
+    """s, not counting stops"""
     blocked_for: float = 0.0
     """s"""
     idle_for: float = 0.0
-    """s of driving without moving"""
+    """s of being driven without moving"""
 
     def begin(self, odometry: Odometry, tolerance: float, may_reverse: bool) -> Pursuit:
-        """Plan the legs from here; within `tolerance` (m) of the goal only the last turn."""
+        """Plan the legs from this pose; within `tolerance` (m) of the goal, only the last turn."""
         goal, position = self.goal, (odometry.x, odometry.y)
         state = self._replace(
             is_coasting=False, still_since=None, needs_nudge=self.attempts > 0, pivot=position
@@ -91,24 +91,24 @@ class Pursuit(NamedTuple):
         return hypot(self.goal.x - odometry.x, self.goal.y - odometry.y)
 
     def along(self, odometry: Odometry) -> float:
-        """Metres to the goal along the line, negative behind the robot."""
+        """Metres to the goal along `line`; negative when it is behind the robot."""
         east, north = self.goal.x - odometry.x, self.goal.y - odometry.y
         return east * cos(self.line) + north * sin(self.line)
 
     def heading_error(self, odometry: Odometry) -> float:
-        """Radians to turn, to the line before driving and to the goal's heading after it."""
+        """Radians to turn: to `line` before driving, to the heading of the goal after it."""
         target = self.line if self.leg == "turning" else self.goal.heading
         return 0.0 if target is None else shortest_turn(target - odometry.heading)
 
     def released(self, speed: float, turn_rate: float | None = None) -> Pursuit:
-        """Let the wheels coast, released at `speed` (m/s), in a turn at `turn_rate` (rad/s)."""
+        """Coast after a release at `speed` (m/s) and, in a turn, at `turn_rate` (rad/s)."""
         coast = self.coast._replace(release_speed=speed)
         if turn_rate is not None:
             coast = coast._replace(release_turn_rate=turn_rate)
         return self._replace(is_coasting=True, coast=coast)
 
     def learn_coast(self, odometry: Odometry, half_track: float, lag: float) -> Pursuit:
-        """At rest, or nearly: what remains of the leg shows how far the wheels have rolled."""
+        """Update the coast time, at rest or nearly, by the remaining distance of the leg."""
         coast = self.coast
         if coast.release_speed < COAST_SPEED_MIN:
             return self

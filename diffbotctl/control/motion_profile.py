@@ -1,4 +1,4 @@
-"""The least time from rest to rest: turn, drive, turn, each as fast as the limits allow."""
+"""Motion from rest to rest: shortest times, approach speeds, and prediction of the motion."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from diffbotctl.time import SECOND
 
 
 class MotionLimits(NamedTuple):
-    """What bounds a motion: m/s, rad/s, and each wheel's acceleration and braking in m/s2."""
+    """Limits: m/s, rad/s, acceleration and braking of each wheel in m/s2, track in m."""
 
     speed: float
     turn_rate: float
@@ -21,7 +21,7 @@ class MotionLimits(NamedTuple):
 
 
 def ramp_time(distance: float, speed: float, acceleration: float, braking: float) -> float:
-    """Time to cover `distance` from rest to rest: a trapezoid, or a triangle when it is short."""
+    """Time (s) from rest to rest over `distance` with a trapezoidal or triangular profile."""
     distance = abs(distance)
     slopes = 1.0 / acceleration + 1.0 / braking
     if speed * speed * slopes >= 2.0 * distance:
@@ -30,7 +30,7 @@ def ramp_time(distance: float, speed: float, acceleration: float, braking: float
 
 
 def turn_time(angle: float, limits: MotionLimits) -> float:
-    """Time to turn on the spot by `angle` (rad): each wheel rolls half the track times it."""
+    """Time (s) to turn on the spot by `angle` (rad): each wheel travels half the track times it."""
     arm = 0.5 * limits.track
     return ramp_time(
         angle * arm,
@@ -41,19 +41,21 @@ def turn_time(angle: float, limits: MotionLimits) -> float:
 
 
 def drive_time(distance: float, limits: MotionLimits) -> float:
-    """Time to drive `distance` (m) straight."""
+    """Time (s) to drive `distance` (m) straight."""
     return ramp_time(distance, limits.speed, limits.acceleration, limits.braking)
 
 
 def shortest_turn(angle: float) -> float:
-    """`angle` brought into -pi (excluded) to pi: the short way round."""
+    """`angle` wrapped to (-pi, pi]."""
     turned = (angle + pi) % (2.0 * pi) - pi
     return pi if turned == -pi else turned
 
 
 def legs(x: float, y: float, heading: float | None, backwards: bool) -> tuple[float, float, float]:
-    """First turn (rad), way (m, negative backwards) and last turn to the goal (x, y, heading) seen
-    from the robot. Without a heading the last turn is 0."""
+    """First turn (rad), distance (m, negative backwards), last turn (rad) to a goal in base_link.
+
+    Without a heading the last turn is 0.
+    """
     way = hypot(x, y)
     bearing = atan2(y, x) if way > 0.0 else 0.0
     first = shortest_turn(bearing + pi if backwards else bearing) if way > 0.0 else 0.0
@@ -64,7 +66,7 @@ def legs(x: float, y: float, heading: float | None, backwards: bool) -> tuple[fl
 def rest_to_rest_time(
     x: float, y: float, heading: float | None, limits: MotionLimits, reverse: bool = True
 ) -> float:
-    """The bound in seconds, the better of forwards and (with `reverse`) backwards."""
+    """Shortest time (s) to a goal in base_link; `reverse`: it may also be driven to backwards."""
     times = []
     for backwards in (False, True)[: 1 + reverse]:
         first, way, last = legs(x, y, heading, backwards)
@@ -73,7 +75,7 @@ def rest_to_rest_time(
 
 
 class SpeedBounds(NamedTuple):
-    """Least and most speed to ask for (m/s), and the braking to plan with (m/s2)."""
+    """Minimum and maximum speed to command (m/s), and the braking to plan with (m/s2)."""
 
     minimum: float
     maximum: float
@@ -83,11 +85,10 @@ class SpeedBounds(NamedTuple):
 def approach_speed(
     remaining: float, speed: float, coast_time: float, step: float, bounds: SpeedBounds
 ) -> float:
-    """The speed (m/s) to ask for with `remaining` metres to go at `speed`; 0 when it is time to
-    release the motor.
+    """Speed (m/s) to command with `remaining` metres to go at `speed` (m/s); 0: release the motor.
 
-    A released motor rolls on by its speed times its `coast_time` (s): only what remains beyond that
-    is still to be driven. `step` (s) is the time until the next command.
+    A released motor coasts by its speed times `coast_time` (s), so only the rest must be driven.
+    `step` (s) is the time until the next command.
     """
     direction = copysign(1.0, remaining)
     rolling = max(direction * speed, 0.0)
@@ -101,7 +102,7 @@ def approach_speed(
 
 
 class Motion(NamedTuple):
-    """What the robot moves by within some time, and its speeds at the end of it."""
+    """Predicted motion: distance and angle covered, and the speeds at the end."""
 
     travel: float
     """m"""
@@ -116,10 +117,10 @@ class Motion(NamedTuple):
 def predict_motion(
     odometry: Odometry, end: int, commands: Iterable[tuple[int, float, float]], lag: float
 ) -> Motion:
-    """The motion from the time of `odometry` to `end` (ns).
+    """Predict the motion from the time of `odometry` to `end` (ns).
 
-    `commands` are (time when it takes hold in ns, m/s, rad/s), in order; the speeds follow them
-    with `lag` (s).
+    `commands`: (time at which it takes effect in ns, m/s, rad/s), in order of time. The speeds
+    follow the commands as a first-order system with time constant `lag` (s).
     """
     start, linear, angular = odometry.time, odometry.linear, odometry.angular
     travel = turn = linear_target = angular_target = 0.0

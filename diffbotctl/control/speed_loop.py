@@ -1,9 +1,9 @@
-"""The wheel-speed loop: feed-forward with dead band, and PI on the speed that the edges tell.
+"""The wheel-speed loop: feed-forward with dead band, and PI control of the speed from the edges.
 
-It is written once for all who need it: the simulated board runs it as a board with our firmware
-does (the same specification stands in the C source), the host works out what it does (`mirror`),
-wheel speeds on the host and calibration use its feed-forward. Speeds are rad/s, duty -1 to 1, times
-integer nanoseconds.
+The only definition in Python; the firmware implements the same specification in C. The simulated
+board runs `WheelSpeedLoop`; odometry runs `SpeedLoopMirror` to know the duty that a real board
+applies; the block `wheel_speed` and calibration use the feed-forward. Speeds are rad/s, duty is -1
+to 1, times are integer nanoseconds.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from diffbotctl.time import MILLISECOND
 
 LOOP_PERIOD = 10 * MILLISECOND
 LOOP_PERIOD_S = 0.010
-EDGE_TIMEOUT = 300 * MILLISECOND  # without an edge, after which the speed counts as unknown
-INTEGRAL_MAX = 0.25  # duty; more than the spread of cold motors is never needed
-SLEW_MAX = 0.05  # duty per period while a reversal is under way, so that no gear is slammed
-STALL_DUTY_MIN = 0.3  # above it a wheel must give edges
+EDGE_TIMEOUT = 300 * MILLISECOND  # without an edge, after which the speed is unknown
+INTEGRAL_MAX = 0.25  # duty; covers the spread of cold motors
+SLEW_MAX = 0.05  # duty per period during a reversal, to protect the gears
+STALL_DUTY_MIN = 0.3  # above it a turning wheel gives edges
 STALL_TIMEOUT = 500 * MILLISECOND
 
 
 class SpeedGains(NamedTuple):
-    """Settings of the loop: feed-forward `static` (duty) and `slope` (duty per rad/s), PI gains."""
+    """Gains of one loop: feed-forward `static` (duty) and `slope` (duty per rad/s), PI gains."""
 
     static: float
     slope: float
@@ -31,14 +31,13 @@ class SpeedGains(NamedTuple):
     integral: float  # duty per rad
 
     def duty(self, target: float, error: float = 0.0, integral: float = 0.0) -> float:
-        """Unlimited duty for `target` (rad/s, not 0), with the speed's `error` (rad/s) and the
-        `integral` part (duty)."""
+        """Duty, not limited, for `target` (rad/s, not 0), `error` (rad/s) and `integral` (duty)."""
         feed_forward = copysign(self.static, target) + self.slope * target
         return feed_forward + self.proportional * error + integral
 
 
 class SpeedLoopSettings(Protocol):
-    """The robot file's `loop` of a motor. `speed`: duty per rad/s; None: from the rated speed."""
+    """`loop` of a motor in the robot file. `speed`: duty per rad/s; None: from the rated speed."""
 
     @property
     def static(self) -> float: ...
@@ -51,7 +50,7 @@ class SpeedLoopSettings(Protocol):
 
 
 class MotorSettings(Protocol):
-    """What the loop needs of a motor's section of the robot file. `rated`: rad/s at full duty."""
+    """The motor section of a side in the robot file. `rated`: rad/s at full duty."""
 
     @property
     def rated(self) -> float: ...
@@ -67,18 +66,18 @@ def speed_gains(motor: MotorSettings) -> SpeedGains:
 
 
 def limit_duty(duty: float, target: float) -> float:
-    """`duty` within what the motor can be given: from 0 to 1 in the direction of `target`."""
+    """`duty` limited to 0 to 1 in the direction of `target`; 0 for target 0."""
     power = duty if target > 0.0 else -duty
     return copysign(min(power, 1.0), target) if target and power > 0.0 else 0.0
 
 
 def limit_integral(integral: float, limit: float = INTEGRAL_MAX) -> float:
-    """`integral` (duty) within +-`limit`."""
+    """`integral` (duty) limited to +-`limit`."""
     return min(max(integral, -limit), limit)
 
 
 class SpeedLoop:
-    """One wheel's target, the speed that its edges tell, and the integral."""
+    """Target, measured speed and integral of one wheel: what board and mirror have in common."""
 
     __slots__ = ("gains", "integral", "last_edge", "pitch", "previous_edge", "target")
 
@@ -86,11 +85,11 @@ class SpeedLoop:
         self.gains = gains
         self.pitch = 2 * pi / slots
         self.target = self.integral = 0.0
-        self.last_edge: int | None = None  # since the target's sign changed
+        self.last_edge: int | None = None  # since the target changed its sign
         self.previous_edge: int | None = None
 
     def set_target(self, target: float) -> bool:
-        """Take a new target; True when the loop begins anew, at rest or in another direction."""
+        """Set a new target (rad/s); True if it resets the loop: a stop or a change of direction."""
         begins = target == 0.0 or target * self.target <= 0.0
         if begins:
             self.integral = 0.0
@@ -99,7 +98,7 @@ class SpeedLoop:
         return begins
 
     def measured(self, now: int) -> float | None:
-        """Speed (rad/s) from the last period and the age of the last edge, or None."""
+        """Speed (rad/s) from the last period and the age of the last edge; None if unknown."""
         last, previous = self.last_edge, self.previous_edge
         if last is None or previous is None:
             return None
@@ -111,7 +110,7 @@ class SpeedLoop:
 
 
 class WheelSpeedLoop(SpeedLoop):
-    """A board's loop. `duty` is what the motor gets, `direction` the sign of its counts."""
+    """The loop of a board. `duty` goes to the motor; `direction` is the sign of the counts."""
 
     __slots__ = ("_moved", "_slewing", "direction", "duty", "fault")
 
@@ -123,12 +122,12 @@ class WheelSpeedLoop(SpeedLoop):
         self._moved = 0
 
     def edge(self, now: int) -> None:
-        """An edge that passed the glitch filter."""
+        """Record an edge that passed the glitch filter."""
         self.previous_edge, self.last_edge = self.last_edge, now
         self._moved = now
 
     def command(self, now: int, target: float) -> None:
-        """Take a new target (rad/s); its feed-forward acts at once."""
+        """Set a new target (rad/s); its feed-forward is applied immediately."""
         if self.set_target(target):
             self._moved = now
             self._slewing = target * self.duty < 0.0
@@ -138,11 +137,11 @@ class WheelSpeedLoop(SpeedLoop):
 
     @property
     def is_at_rest(self) -> bool:
-        """True when `tick` would change nothing: no motion is wanted, none is driven."""
+        """True when `tick` would change nothing."""
         return self.target == 0.0 and self.duty == 0.0
 
     def set_duty(self, now: int, duty: float) -> None:
-        """Take a raw duty in place of a target; `check_stall` each LOOP_PERIOD."""
+        """Apply a duty instead of a target; call `check_stall` each LOOP_PERIOD."""
         if abs(self.duty) <= STALL_DUTY_MIN:
             self._moved = now
         self.duty = 0.0 if self.fault else duty
@@ -150,7 +149,7 @@ class WheelSpeedLoop(SpeedLoop):
             self.direction = 1 if duty > 0.0 else -1
 
     def check_stall(self, now: int, duty: float) -> bool:
-        """Look for a stall at a `duty`; False when there is nothing to look for."""
+        """Detect a stall at `duty` and switch the motor off; False when it is off."""
         if -STALL_DUTY_MIN <= duty <= STALL_DUTY_MIN:
             self._moved = now
         elif now - self._moved > STALL_TIMEOUT:
@@ -159,7 +158,7 @@ class WheelSpeedLoop(SpeedLoop):
         return self.duty != 0.0
 
     def tick(self, now: int) -> float:
-        """Run the loop once, each LOOP_PERIOD; returns the duty."""
+        """Run the loop once; call it each LOOP_PERIOD. Returns the duty."""
         if self.target != 0.0 and not self.fault:
             self.check_stall(now, self.duty)
         self._drive(now, LOOP_PERIOD_S)
@@ -175,13 +174,13 @@ class WheelSpeedLoop(SpeedLoop):
         duty = self.gains.duty(target, error, self.integral)
         limited = limit_duty(duty, target)
         change = self.gains.integral * error * step
-        # out of what the motor can be given: integrate only what leads back
+        # anti-windup: while the duty is limited, integrate only towards the limits
         if duty == limited or (duty - limited) * change < 0.0:
             self.integral = limit_integral(self.integral + change)
         self.duty = self._slewed(limited, step) if self._slewing else limited
 
     def _slewed(self, duty: float, step: float) -> float:
-        """The next duty on the way to `duty` through a reversal."""
+        """The next duty of a reversal that ends at `duty`."""
         limit = SLEW_MAX if step else 0.0
         growth = self.direction * (duty - self.duty)
         self._slewing = growth > limit
@@ -189,11 +188,11 @@ class WheelSpeedLoop(SpeedLoop):
 
 
 class SpeedLoopMirror(SpeedLoop):
-    """What a board's loop adds to its feed-forward, worked out again on the host.
+    """Reconstruction on the host of the duty that a board's loop applies.
 
-    The host hears of every target and of nearly every edge, or can tell from the counts about when
-    it was; so it knows the duty that the motor gets, though no frame carries it. Without that the
-    filter takes the loop's work for friction. Slewing and stalls are left out.
+    The host knows every target and the time of nearly every edge, measured or estimated from the
+    counts, but no frame carries the duty. Without it the wheel filter would attribute the action of
+    the loop to friction. Slewing and stalls are not modelled.
     """
 
     __slots__ = ("time",)
@@ -203,13 +202,16 @@ class SpeedLoopMirror(SpeedLoop):
         self.time = time
 
     def update(self, time: int, steps: int, edge: int, target: float, since: int) -> float:
-        """Take one frame and return the duty. `steps` counts since the last, the last one at
-        `edge`; `target` (rad/s) in force `since`."""
+        """Apply one frame and return the duty.
+
+        `steps`: counts since the previous frame, the last of them at time `edge`; `target` (rad/s)
+        is in effect since time `since`.
+        """
         if target != self.target and since <= edge:
             self._run(since)
             self.set_target(target)
         if steps:
-            if abs(steps) > 1 and self.last_edge is not None:  # evenly, for want of better
+            if abs(steps) > 1 and self.last_edge is not None:  # assume evenly spaced edges
                 self.last_edge = edge - (edge - self.last_edge) // abs(steps)
             self._run(edge)
             self.previous_edge, self.last_edge = self.last_edge, edge
@@ -224,8 +226,8 @@ class SpeedLoopMirror(SpeedLoop):
         return limit_duty(self.gains.duty(target, error, self.integral), target)
 
     def _run(self, until: int) -> None:
-        """Run the board's loop at its ticks until then. Where its ticks lie does not matter much:
-        what one of them integrates is far below what a motor shows."""
+        """Integrate each LOOP_PERIOD until then. The phase of the board's timer is unknown, but one
+        period changes the integral by too little to matter."""
         if not self.target or self.previous_edge is None:
             self.time = max(until, self.time)
             return

@@ -1,8 +1,9 @@
-"""How a measured disc stands under its light barrier, found from the first edges after power-on.
+"""Finds which slot of a measured disc is under the light barrier after power-on.
 
-Each turn of the pattern is a hypothesis of its own until the edges have told them apart. That takes
-half a dozen: two neighbouring slots are about 4 % of a pitch off each other, and a rolling wheel is
-predicted to a few thousandths.
+The slot errors of the disc form a known pattern, but its rotation is unknown at power-on. Every
+possible rotation is a hypothesis; the first edges show which is right. About six edges are enough:
+the errors of neighbouring slots differ by about 4 % of a pitch, and the filter predicts an edge of
+a rolling wheel to a few thousandths of a pitch.
 """
 
 from __future__ import annotations
@@ -12,21 +13,23 @@ from math import exp, log
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
 from diffbotctl.estimation.slot_errors import EdgeErrors, KnownSlotErrors
 
-LOG_RATIO_MAX = 9.0  # a hypothesis so far below the best (about 1 : 8000) is dropped
+LOG_RATIO_MAX = (
+    9.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:8000)
+)
 HYPOTHESES_MAX = 40  # two for each turn of a disc with 20 slots
-PROBABILITY_MIN = 0.99  # from which on the likeliest turn is believed
-EDGES_MAX = 80  # four turns of the wheel; after that the disc is another one
-EDGES_MIN = 8  # fewer are not believed: one of twenty turns of any pattern fits a few by chance
-OTHER_DISC_PRIOR = 0.05  # probability that the disc is not the one that was measured
+PROBABILITY_MIN = 0.99  # the most likely rotation is accepted from this probability on
+EDGES_MAX = 80  # four turns of the wheel; a disc not recognised by then is not the measured one
+EDGES_MIN = 8  # fewer edges fit one of twenty rotations by chance
+OTHER_DISC_PRIOR = 0.05  # prior probability that the disc is not the measured one
 
 
 class DiscAlignment:
-    """Follows a wheel once for each turn of its pattern, beside those that assume none."""
+    """One set of hypotheses per rotation of the pattern, updated beside those that assume none."""
 
     __slots__ = ("count", "edges", "hypotheses")
 
     def __init__(self, known_edges: EdgeErrors, hypotheses: list[EdgeHypothesis]) -> None:
-        """Begin from the hypotheses before the first edge."""
+        """Copy the `hypotheses` before the first edge, once per rotation."""
         self.count = hypotheses[0].count
         self.edges = 0
         self.hypotheses = []
@@ -40,7 +43,7 @@ class DiscAlignment:
                 self.hypotheses.append(twin)
 
     def update(self, frame: WheelFrame) -> None:
-        """Take one frame."""
+        """Update all hypotheses with one frame and drop the unlikely ones."""
         self.edges += abs(frame.edge_count - self.count)
         self.count = frame.edge_count
         self.hypotheses = prune(
@@ -51,7 +54,10 @@ class DiscAlignment:
         )
 
     def aligned(self, unaligned: EdgeHypothesis) -> EdgeHypothesis | None:
-        """The hypothesis with the right turn, once it is known; `unaligned` assumes no pattern."""
+        """The most likely hypothesis once its rotation is certain, else None.
+
+        `unaligned` is the best hypothesis that assumes no pattern.
+        """
         if self.edges < EDGES_MIN:
             return None
         best = self.hypotheses[0]
@@ -60,7 +66,7 @@ class DiscAlignment:
             return None
         weights: dict[int, float] = {}
         for hypothesis in self.hypotheses:
-            # By the slot that is under the barrier now: hypotheses may number edges differently.
+            # Grouped by the slot under the barrier: hypotheses may count the edges differently.
             slot = _slot_at_barrier(hypothesis)
             weight = exp(hypothesis.motion.log_likelihood - best_log_likelihood)
             weights[slot] = weights.get(slot, 0.0) + weight
@@ -69,7 +75,7 @@ class DiscAlignment:
         return best if probability >= PROBABILITY_MIN else None
 
     def has_failed(self, unaligned: EdgeHypothesis) -> bool:
-        """True when the disc seems to be another one than was measured."""
+        """True when the disc is probably not the measured one."""
         if self.edges > EDGES_MAX:
             return True
         best_log_likelihood = self.hypotheses[0].motion.log_likelihood
@@ -77,7 +83,7 @@ class DiscAlignment:
 
 
 def _slot_at_barrier(hypothesis: EdgeHypothesis) -> int:
-    """Which slot of the pattern is under the light barrier."""
+    """Index in the pattern of the slot that is under the light barrier."""
     disc = hypothesis.motion.disc
     assert isinstance(disc, KnownSlotErrors)
     return (hypothesis.edge_slot + disc.first_slot) % disc.slots

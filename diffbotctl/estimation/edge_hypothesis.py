@@ -1,8 +1,9 @@
-"""One hypothesis of what a wheel's edges were: which edge of which slot, going forward or backward.
+"""One hypothesis about which slot edges a wheel has passed, and in which direction.
 
-Going forward a rising edge comes at each whole z, going backward at each whole z plus the open
-share of the pitch. After a reversal more than one edge may have been passed; then the hypothesis
-splits. Times are integer nanoseconds, lengths pitches.
+A single-channel encoder does not measure the direction. Turning forward, the board sees an edge at
+each whole z; turning backward, at each whole z plus the open share of the pitch. After a reversal
+several edges are possible, and the hypothesis splits. Times are integer nanoseconds, lengths
+pitches.
 """
 
 from __future__ import annotations
@@ -13,37 +14,38 @@ from typing import NamedTuple
 
 from diffbotctl.estimation.wheel_kalman import Priors, WheelKalman, normal_cdf
 
-OPEN_SHARE = 0.5  # of the pitch, the middle of all discs
-LOG_RATIO_MAX = 8.0  # a branch so far below the best (natural logarithm) is not followed
-DIRECTION_PROBABILITY_MIN = 1e-6  # no direction is quite impossible
-# Times the speed that friction ends; slower than this a wheel hardly rolls out
+OPEN_SHARE = 0.5  # of the pitch; mean of all discs
+LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
+DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
+# Multiple of the creep speed; a slower wheel stops almost at once
 ROLLING_CREEP_RATIO = 3.0
-# Probability outside of a bound from which on it is believed:
-OUTSIDE_MIN_AT_REST = 0.08  # less says nothing new
-OUTSIDE_MIN_MOVING = 0.001  # each frame says something new
-# The same while moving, of a board that will tell when the edge came: that says all that its
-# absence did, which would be taken in twice. Only an overdue edge tells of a wheel that is held.
+# A bound is applied when the predicted probability outside of it exceeds:
+OUTSIDE_MIN_AT_REST = 0.08  # repeated frames at rest carry no new information
+OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
+# The same while moving, for a board that reports edge times: the edge time will carry the same
+# information, and applying both would count it twice. Only an overdue edge is evidence (of a wheel
+# that is held).
 OUTSIDE_MIN_EDGE_TIMES = 0.6
 
 
 class WheelFrame(NamedTuple):
-    """What the board reports of one wheel."""
+    """One frame of the board, for one wheel."""
 
     time: int
     """ns"""
     edge_count: int
     edge_time: int | None
-    """of the last edge, in ns, if the board tells it"""
+    """ns, of the last edge; None for a board that does not report edge times"""
     drive: float
-    """pitches/s that the command asks for"""
+    """pitches/s at which the commanded motor settles"""
     drive_since: int | None
-    """ns, when that took hold, if known"""
+    """ns, when that command took effect, if known"""
 
 
 class _Branch(NamedTuple):
-    """An edge that may have been passed."""
+    """One candidate for the edge that was passed."""
 
-    fit: float  # log likelihood with the prior
+    fit: float  # log likelihood including the prior
     log_prior: float  # log of the direction's probability
     direction: int
     slot: int
@@ -64,28 +66,28 @@ class EdgeHypothesis:
     )
 
     def __init__(self, priors: Priors, time: int, count: int, slots: int) -> None:
-        """`slots` of the disc, whose errors are learnt when the board tells edges' times."""
+        """`slots` of the disc; their errors are estimated if the board reports edge times."""
         self.motion = WheelKalman(priors, slots)
         self.time = time
         self.count = count
         self.drive = 0.0
         self.drive_direction = 0  # of the last drive: 1, -1, or 0 before the first
-        self.edge_slot = 0  # the slot whose edge was passed last
-        self.edge_direction = 0  # in which it was passed: 1, -1, or 0 before the first
-        self.is_reversed = False  # driven the other way since then
+        self.edge_slot = 0  # slot of the last edge
+        self.edge_direction = 0  # in which it was passed: 1, -1, or 0 before the first edge
+        self.is_reversed = False  # driven in the other direction since the last edge
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
-        """The edge that was passed last, and how."""
+        """Slot and direction of the last edge, and whether the drive has reversed since."""
         return self.edge_slot, self.edge_direction, self.is_reversed
 
     @property
     def key(self) -> tuple[tuple[int, int, bool], bool | None]:
-        """What tells this hypothesis from another."""
+        """Hypotheses with equal keys describe the same history."""
         return self.last_edge, self.motion.is_dry
 
     def copy(self) -> EdgeHypothesis:
-        """The same hypothesis, to go its own way from now on."""
+        """An independent copy, for a split."""
         twin = object.__new__(EdgeHypothesis)
         for name in EdgeHypothesis.__slots__:
             setattr(twin, name, getattr(self, name))
@@ -94,11 +96,11 @@ class EdgeHypothesis:
 
     @property
     def edge_place(self) -> float:
-        """z of the edge passed last, as nominally cut."""
+        """Nominal z of the last edge."""
         return _edge_place(self.edge_slot, self.edge_direction)
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
-        """Take one frame. Returns this hypothesis, or those into which it has split."""
+        """Apply one frame. Returns this hypothesis, or those into which it has split."""
         time, count, edge_time, drive, drive_since = frame
         steps = abs(count - self.count)
         self.count = count
@@ -131,7 +133,7 @@ class EdgeHypothesis:
         return hypotheses
 
     def split_by_friction(self, drive: float) -> list[EdgeHypothesis]:
-        """Split over how friction ends the motion, the first time that `drive` leaves off."""
+        """Split into hypotheses without and with dry friction when the wheel first coasts."""
         motion = self.motion
         if (
             motion.is_dry is not None
@@ -144,8 +146,7 @@ class EdgeHypothesis:
         return [self, twin]
 
     def estimated_edge_time(self, time: int, steps: int) -> int:
-        """When the last of `steps` edges came that a frame at `time` counts, as the motor's model
-        has it (ns)."""
+        """Predicted time (ns) of the last of `steps` edges counted in the frame at `time`."""
         span = (time - self.time) * 1e-9
         speed = self.motion.speed
         if not self.motion.is_rolling(ROLLING_CREEP_RATIO):
@@ -171,14 +172,14 @@ class EdgeHypothesis:
         return self.time if moment is None else min(max(moment, self.time), time)
 
     def _advance(self, time: int) -> None:
-        """Let the motor run on to `time` under the drive in force."""
+        """Predict to `time` with the present drive."""
         span = time - self.time
         if span > 0:
             self.time = time
             self.motion.predict(span * 1e-9, self.drive)
 
     def _set_drive(self, drive: float) -> None:
-        """The command changes to `drive`."""
+        """Change the drive, and keep track of reversals."""
         self.motion.command_changed(drive - self.drive)
         self.drive = drive
         if drive == 0.0:
@@ -186,7 +187,7 @@ class EdgeHypothesis:
         direction = 1 if drive > 0.0 else -1
         if self.drive_direction == 0 and self.edge_direction == 0:
             self.edge_direction = direction
-            if direction < 0:  # the phase is as unknown against the edges seen going backward
+            if direction < 0:  # the phase is equally unknown relative to backward edges
                 self.motion.shift(-OPEN_SHARE)
                 self.edge_slot = 0
         self.drive_direction = direction
@@ -194,8 +195,10 @@ class EdgeHypothesis:
             self.is_reversed = True
 
     def _pass_edges(self, steps: int, window: float) -> list[EdgeHypothesis]:
-        """`steps` edges have been passed (the board's sign is not believed), the last of them just
-        now, or somewhere in the last `window` pitches of the way."""
+        """Pass `steps` edges, the last of them now or within the last `window` pitches of travel.
+
+        The sign of the board's count is ignored: the board only assumes the direction.
+        """
         if not self.is_reversed:
             direction = self.edge_direction or self.drive_direction or 1
             self._set_edge(direction, self.edge_slot + direction * steps)
@@ -210,9 +213,9 @@ class EdgeHypothesis:
         return hypotheses
 
     def _branches(self, steps: int, window: float) -> list[_Branch]:
-        """Which edge it may have been."""
+        """All edges that may have been the last one."""
         motion = self.motion
-        # A speed is never known better than to a creep when the direction hangs on it.
+        # Near zero the direction is uncertain by at least the creep speed.
         forward = normal_cdf(motion.speed / sqrt(motion.speed_variance + motion.priors.creep**2))
         branches = []
         for direction, probability in ((1, forward), (-1, 1.0 - forward)):
@@ -226,7 +229,7 @@ class EdgeHypothesis:
         return branches
 
     def _set_edge(self, direction: int, slot: int) -> None:
-        """The edge of `slot` was passed in `direction`."""
+        """Record that the edge of `slot` was passed in `direction`."""
         self.edge_direction, self.edge_slot = direction, slot
         self.is_reversed = self.drive_direction != direction
 
@@ -236,9 +239,9 @@ def _edge_place(slot: int, direction: int) -> float:
 
 
 def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, float]:
-    """Where z can lie when the last edge stood at `place` and was passed in `direction`.
+    """Range of z after an edge at `place` that was passed in `direction`.
 
-    Reversed since, the next edge may come from either edge of the slot, so both count.
+    After a reversal the next edge may be either edge of the slot, which narrows the range.
     """
     if direction > 0:
         return place - (1.0 - OPEN_SHARE if is_reversed else 0.0), place + 1.0
@@ -246,7 +249,7 @@ def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, floa
 
 
 def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:
-    """All hypotheses that come of these with one more frame."""
+    """Update all hypotheses with one frame, including splits."""
     if hypotheses[0].motion.is_dry is None:
         hypotheses = [
             twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
@@ -260,7 +263,10 @@ def prune(
     log_ratio_max: float,
     key: Callable[[EdgeHypothesis], object],
 ) -> list[EdgeHypothesis]:
-    """The likeliest, best first; of those with an equal `key`, the best."""
+    """The most likely hypotheses, best first; one for each `key`.
+
+    At most `count_max`, and none less likely than the best by more than `log_ratio_max`.
+    """
     ranked = sorted(hypotheses, key=lambda hypothesis: -hypothesis.motion.log_likelihood)
     limit = ranked[0].motion.log_likelihood - log_ratio_max
     kept: dict[object, EdgeHypothesis] = {}

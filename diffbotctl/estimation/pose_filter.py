@@ -1,4 +1,7 @@
-"""A pose in odom from two wheels' travel, and how sure it is. Metres, radians; frame odom."""
+"""Dead reckoning: the pose in odom from the travel of two wheels, with its covariance.
+
+Metres and radians, frame odom.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,15 @@ from typing import Protocol
 from diffbotctl.messages import Odometry
 
 PoseCovariance = tuple[float, float, float, float, float, float]
-"""xx xy xh yy yh hh, h being the heading"""
+"""Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 NO_COVARIANCE: PoseCovariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class WheelTravel(Protocol):
-    """What one wheel tells of itself after a frame."""
+    """Travel and speed of one wheel after a frame."""
 
-    travel: float  # m, since the frame before
-    start_correction: float  # m, by which the first stretch from the start has turned out longer
+    travel: float  # m, since the previous frame
+    start_correction: float  # m, added by a better estimate of the initial phase
 
     @property
     def speed(self) -> float:
@@ -28,10 +31,10 @@ class WheelTravel(Protocol):
 
 
 class PoseFilter:
-    """Where the robot is, from where odom began or where the board last restarted."""
+    """Integrates wheel travel into a pose, from the start or from the last restart of the board."""
 
     def __init__(self, track: float, slip: float) -> None:
-        """`track` (m); `slip`: standard deviation of a wheel's slip after a metre (m)."""
+        """`track` in m; `slip`: standard deviation of a wheel's slip after one metre, in m."""
         self.track = track
         self.slip = slip
         self.x = self.y = self.heading = 0.0
@@ -39,11 +42,11 @@ class PoseFilter:
         self.slip_covariance = NO_COVARIANCE
 
     def start(self) -> None:
-        """Wheels are counted anew from here."""
+        """Take the present pose as the point from which the wheels are counted."""
         self.start_x, self.start_y, self.start_heading = self.x, self.y, self.heading
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
-        """Be there from now on, and sure of it: the way so far is moved along, m and rad."""
+        """Set the pose (m, rad) with zero covariance; the starting point moves with it."""
         turn = heading - self.heading
         c, s = cos(turn), sin(turn)
         back_x, back_y = self.start_x - self.x, self.start_y - self.y
@@ -54,10 +57,10 @@ class PoseFilter:
         self.slip_covariance = NO_COVARIANCE
 
     def move(self, left: WheelTravel, right: WheelTravel) -> None:
-        """Roll on as the wheels have since the last frame."""
+        """Advance by the travel of both wheels since the previous frame."""
         if left.start_correction or right.start_correction:
             self._correct_start(left.start_correction, right.start_correction)
-        # The slip of a wheel grows with the root of its travel.
+        # The standard deviation of slip grows with the square root of the travel.
         slip_variance = self.slip * self.slip
         self._roll(
             left.travel,
@@ -67,14 +70,12 @@ class PoseFilter:
         )
 
     def jump(self, left: float, right: float, sd: float) -> None:
-        """Roll on by what was counted unseen, each wheel with a standard deviation of `sd` (m), if
-        any was."""
+        """Advance by wheel travel (m) known from counts alone, with standard deviation `sd` (m)."""
         variance = sd * sd if left or right else 0.0
         self._roll(left, right, variance, variance)
 
     def _correct_start(self, left: float, right: float) -> None:
-        """A wheel went further in its first stretch than was thought: all that came after lies
-        turned about the start."""
+        """Correct the initial travel of each wheel (m): the path turns about the start."""
         angle = (right - left) / self.track
         ahead = 0.5 * (left + right)
         x, y = self.x - self.start_x, self.y - self.start_y
@@ -84,7 +85,7 @@ class PoseFilter:
         self.heading += angle
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
-        """Roll each wheel by a travel (m) of some variance (m2): it shifts and turns the pose."""
+        """Advance along one arc by the travel of each wheel (m) with its variance (m2)."""
         if left_variance or right_variance:
             self._add_covariance(left, right, left_variance, right_variance)
         self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
@@ -112,8 +113,8 @@ class PoseFilter:
     def message(self, time: int, left: WheelTravel, right: WheelTravel) -> Odometry:
         """The pose at `time` (ns) with both speeds and the covariance.
 
-        What the filters do not know of a wheel's travel counts as if it lay in the first stretch,
-        as most of it does: it turns all that came after about the start.
+        The variance of a wheel's travel is treated as if all of it came from the initial phase, as
+        most of it does: it turns the whole path about the start.
         """
         variance = left.variance + right.variance
         heading = variance / self.track**2
@@ -142,7 +143,7 @@ class PoseFilter:
 def arc(
     x: float, y: float, heading: float, left: float, right: float, track: float
 ) -> tuple[float, float, float]:
-    """The pose after the wheels rolled `left` and `right` (m) along one exact arc."""
+    """The pose (m, rad) after the wheels travel `left` and `right` (m) along one exact arc."""
     half = 0.5 * (right - left) / track
     chord = 0.5 * (left + right) * (sin(half) / half if half else 1.0)
     middle = heading + half

@@ -1,14 +1,13 @@
-"""Where the slots of an encoder's disc truly lie, learnt while it turns.
+"""Position errors of the slots of an encoder disc, estimated while it turns.
 
-A slot that comes under the light barrier again, one turn later, stands where it stood: what an
-edge tells beyond the cutter's tolerance is found by estimating each slot's error together with the
-wheel's motion (as landmarks in simultaneous localisation and mapping; Smith, Self, Cheeseman 1990).
-The wheel's first edges, whose errors hide the phase at the start, are so corrected after a turn.
-The open share of the disc, which places the edges that are seen going backward, is one error more.
+Slots are cut with a tolerance, but each slot has the same error on every turn. The errors are
+estimated together with the wheel's motion, as landmarks are in simultaneous localisation and
+mapping (Smith, Self and Cheeseman 1990). After one turn this also corrects the first edges, whose
+errors limit the estimate of the initial phase. One more error is that of the open share of the
+pitch, which places the edges that are seen backward.
 
-A disc that was measured once is `KnownSlotErrors`: where its slots lie is known, but not which one
-comes first. At power-on nobody knows how the disc stands under the light barrier, so each turn of
-the pattern is a hypothesis of its own (`disc_alignment.py`).
+`KnownSlotErrors` is a disc whose errors were measured before. Its rotation at power-on is unknown;
+`disc_alignment.py` finds it.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
-LEARNABLE_SLOTS_MAX = 64  # a finer disc has errors too small to be worth the computation
+LEARNABLE_SLOTS_MAX = 64  # finer discs have errors too small to be worth the computation
 # Standard deviations in pitches.
-LEARNT_SD = 0.010  # all errors known so well stay as they are, which costs nothing
-KNOWN_SD = 0.008  # of a slot that was measured once
-# What is left after learning goes with the motor's ripple: it does not scatter from slot to slot,
-# and taken for scatter it would be trusted too much.
+LEARNT_SD = 0.010  # learning ends when all errors are known to this, to save time
+KNOWN_SD = 0.008  # of a slot measured by a calibration
+# The errors that remain after learning follow the motor's ripple. They are correlated between
+# slots, so this is larger than KNOWN_SD.
 ADOPTED_SD = 0.015
 
 MeasurementRow = tuple[float, ...]
@@ -33,7 +32,7 @@ IDENTITY: TransitionRows = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 class Transition:
-    """The product of the transition matrices since it was last taken."""
+    """Product of the transition matrices since `take` was last called."""
 
     __slots__ = ("is_identity", "rows")
 
@@ -42,7 +41,7 @@ class Transition:
         self.is_identity = True
 
     def add(self, later: TransitionRows) -> None:
-        """A further step follows."""
+        """Multiply by the transition of a later step."""
         if self.is_identity:
             self.rows, self.is_identity = later, False
             return
@@ -60,25 +59,25 @@ class Transition:
         )
 
     def take(self) -> TransitionRows:
-        """The product so far; begins anew."""
+        """Return the product and reset it to the identity."""
         rows, self.rows, self.is_identity = self.rows, IDENTITY, True
         return rows
 
 
 class SlotEstimate(NamedTuple):
-    """What is known of an edge's place."""
+    """Estimated position error of an edge."""
 
     error: float
-    """pitches, true place minus nominal"""
+    """pitches, true position minus nominal"""
     variance: float
 
 
 class SlotErrors:
-    """The slots' errors (pitches, true place minus nominal) and their covariance with the motion.
+    """Errors of the slots (pitches, true position minus nominal), estimated with the motion.
 
-    The last entry is the error of the open share; with `learns_backward`, each slot has an entry
-    for the edge that is seen going backward instead. `cross_covariance` holds six lists, the
-    covariances of each state of the motion with every error; `covariance` the errors' own.
+    `errors`: (entries,), one per slot and a last one for the open share; with `learns_backward` one
+    more per slot, for its backward edge, instead. `covariance`: (entries, entries).
+    `cross_covariance`: (6, entries), of the states of the motion with the errors.
     """
 
     __slots__ = (
@@ -105,14 +104,15 @@ class SlotErrors:
         open_share_error: float = 0.0,
         learns_backward: bool = False,
     ) -> None:
-        """`slots` of the disc, 0 when they are not to be learnt; standard deviations of a slot's
-        place and of the open share, in pitches, and how far that share is beyond a half.
-        `learns_backward`: learn each slot's other edge too, and never leave off: for a calibration,
-        as it takes four times the computation."""
+        """`slots` of the disc, 0 to learn none; `open_share_error`: open share minus 0.5 (pitches).
+
+        `learns_backward`: also learn the backward edge of each slot, and never stop learning; for
+        calibration only, as it takes four times the computation.
+        """
         self.slots = slots if slots <= LEARNABLE_SLOTS_MAX else 0
         self.learns_backward = learns_backward
         self.slot_variance = self.backward_variance = slot_sd * slot_sd
-        # what each edge seen backward lies off beyond the open share
+        # of each backward edge, in addition to the open share
         self.backward_errors = [0.0] * self.slots
         entries = 2 * self.slots if learns_backward and self.slots else self.slots + 1
         self.errors = [0.0] * entries
@@ -122,7 +122,7 @@ class SlotErrors:
             self.covariance[entry][entry] = self.slot_variance
         if not learns_backward:
             self.covariance[-1][-1] = 0.0
-        for row in range(self.slots, entries):  # the share is in all edges seen backward
+        for row in range(self.slots, entries):  # the open share contributes to all backward edges
             self.errors[row] = open_share_error
             for column in range(self.slots, entries):
                 self.covariance[row][column] += open_share_sd * open_share_sd
@@ -131,12 +131,12 @@ class SlotErrors:
         self.is_fixed = True
 
     def start_learning(self) -> None:
-        """An edge's time is known: from now on there is something to learn."""
+        """Start at the first edge with a known time."""
         if not self.is_started:
             self.is_started, self.is_fixed = True, False
 
     def copy(self) -> SlotErrors:
-        """The same, to go its own way from now on."""
+        """An independent copy, for a new hypothesis."""
         twin = object.__new__(SlotErrors)
         for name in SlotErrors.__slots__:
             setattr(twin, name, getattr(self, name))
@@ -148,13 +148,13 @@ class SlotErrors:
         return twin
 
     def index(self, slot: int, is_forward: bool) -> int:
-        """Which error shows when the edge of `slot`, counted from the start, is seen."""
+        """Index of the error that applies to the edge of `slot`, counted from the start."""
         if is_forward:
             return slot % self.slots
         return self.slots + slot % self.slots if self.learns_backward else -1
 
     def edge_estimate(self, slot: int, is_forward: bool) -> SlotEstimate:
-        """What is known of the edge of `slot`, once nothing more is learnt."""
+        """Error of the edge of `slot` and its variance, when learning has ended."""
         if not self.slots:
             return SlotEstimate(0.0 if is_forward else self.errors[-1], self.slot_variance)
         index = self.index(slot, is_forward)
@@ -164,14 +164,14 @@ class SlotErrors:
         )
 
     def fixed_estimate(self, slot: int, is_forward: bool) -> SlotEstimate:
-        """What of an edge's error is in no entry."""
+        """The part of an edge's error that is not estimated here."""
         if is_forward or self.learns_backward:
             return SlotEstimate(0.0, 0.0)
         error = self.backward_errors[slot % self.slots] if self.slots else 0.0
         return SlotEstimate(error, self.backward_variance)
 
     def propagate(self) -> None:
-        """Bring the covariance with the motion up to now."""
+        """Apply the pending transition to the covariance with the motion."""
         if self.pending.is_identity:
             return
         cross = self.cross_covariance
@@ -187,13 +187,13 @@ class SlotErrors:
         ]
 
     def wheel_stopped(self) -> None:
-        """The wheel stands: its speed is known, and correlates with nothing."""
+        """At rest the speed is known, so its covariance with the errors is zero."""
         if not self.is_fixed:
             self.propagate()
             self.cross_covariance[1] = [0.0] * len(self.errors)
 
     def rows(self, index: int) -> tuple[MeasurementRow, list[float]]:
-        """Covariances of an error with the motion and with the other errors."""
+        """Covariance of one error with the motion, and with all errors."""
         z, speed, gain, offset, lag, phase = self.cross_covariance
         return (
             (z[index], speed[index], gain[index], offset[index], lag[index], phase[index]),
@@ -207,8 +207,8 @@ class SlotErrors:
         scaled_innovation: float,
         inverse_innovation_variance: float,
     ) -> None:
-        """Take in a measurement with the covariances `motion_row` with the motion and `slot_row`
-        with the slots; `scaled_innovation` is the innovation over its variance."""
+        """Kalman update by a quantity whose covariance with the motion is `motion_row`, with the
+        errors `slot_row`. `scaled_innovation`: innovation divided by its variance."""
         self.errors = [
             error + share * scaled_innovation
             for error, share in zip(self.errors, slot_row, strict=True)
@@ -223,7 +223,7 @@ class SlotErrors:
                     rows[index] = [p - part * q for p, q in zip(rows[index], slot_row, strict=True)]
 
     def stop_learning_if_known(self) -> None:
-        """Take the errors as they are once those of all slots are known well enough."""
+        """End learning when the errors of all slots are known to LEARNT_SD."""
         limit = LEARNT_SD * LEARNT_SD
         self.is_fixed = not self.learns_backward and all(
             self.covariance[slot][slot] < limit for slot in range(self.slots)
@@ -231,23 +231,20 @@ class SlotErrors:
 
 
 class KnownSlotErrors:
-    """The slots' errors (pitches, true place minus nominal) of one turn of a measured disc.
-
-    It learns nothing more, so it has no covariance with the motion.
-    """
+    """Slot errors of a measured disc in one rotation. Constant."""
 
     __slots__ = ("edges", "first_slot", "slots")
 
     is_fixed: Literal[True] = True
 
     def __init__(self, edges: EdgeErrors, first_slot: int) -> None:
-        """`first_slot`: which slot of the pattern is slot 0 of the count."""
+        """`first_slot`: index in the pattern of slot 0 of the count."""
         self.edges = edges
         self.slots = len(edges.forward)
         self.first_slot = first_slot
 
     def copy(self) -> KnownSlotErrors:
-        """Itself: it never changes."""
+        """The object itself, as it is constant."""
         return self
 
     def edge_estimate(self, slot: int, is_forward: bool) -> SlotEstimate:
@@ -258,17 +255,17 @@ class KnownSlotErrors:
         return SlotEstimate(edges.backward[place] + edges.open_share.error, edges.backward_variance)
 
     def backward_errors(self) -> list[float]:
-        """By slot, what each edge seen backward lies off beyond the open share."""
+        """Error of the backward edge of each slot, without that of the open share."""
         return [
             self.edges.backward[(slot + self.first_slot) % self.slots] for slot in range(self.slots)
         ]
 
     def wheel_stopped(self) -> None:
-        """Nothing correlates with a speed."""
+        """No covariance to update."""
 
 
 class EdgeErrors:
-    """Both edges of each slot as they are seen going forward and backward, in pitches."""
+    """Measured errors of both edges of each slot, in pitches."""
 
     __slots__ = ("backward", "backward_variance", "forward", "forward_variance", "open_share")
 
@@ -279,9 +276,10 @@ class EdgeErrors:
         open_share: SlotEstimate,
         slot_sd: float,
     ) -> None:
-        """Errors of the edges seen `forward`; of those seen `backward` beyond the open share, which
-        is stated as its error from half a pitch. None of the latter where they are not known: then
-        they scatter by `slot_sd`."""
+        """`forward`, `backward`: errors of the edges seen in that direction, (slots,), the latter
+        without the error of the open share. `backward` may be empty: not measured; their standard
+        deviation is then `slot_sd`. `open_share`: open share minus 0.5, with its variance.
+        """
         self.forward = tuple(forward)
         self.backward = tuple(backward) or (0.0,) * len(self.forward)
         self.forward_variance = KNOWN_SD * KNOWN_SD
@@ -289,7 +287,7 @@ class EdgeErrors:
         self.open_share = open_share
 
     def alignments(self) -> Iterator[KnownSlotErrors]:
-        """The disc as it may stand at power-on."""
+        """The disc in each possible rotation."""
         for first_slot in range(len(self.forward)):
             yield KnownSlotErrors(self, first_slot)
 

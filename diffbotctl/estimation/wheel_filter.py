@@ -8,11 +8,13 @@ from diffbotctl.estimation.slot_errors import EdgeErrors, KnownSlotErrors
 from diffbotctl.estimation.wheel_kalman import Priors, WheelKalman
 
 HYPOTHESES_MAX = 6
-LOG_RATIO_MAX = 9.0  # a hypothesis so far below the best (about 1 : 8000) is dropped
+LOG_RATIO_MAX = (
+    9.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:8000)
+)
 
 
 class WheelFilter:
-    """One wheel, with all hypotheses of its edges that are still likely; the best first."""
+    """Angle and speed of one wheel. `hypotheses` are the likely ones, best first."""
 
     __slots__ = ("alignment", "hypotheses", "known_edges")
 
@@ -24,19 +26,19 @@ class WheelFilter:
         slots: int,
         known_edges: EdgeErrors | None = None,
     ) -> None:
-        """`slots` of the disc, whose errors are learnt when the board tells edges' times; its
-        `known_edges` when it was measured."""
+        """`slots` of the disc; their errors are estimated if the board reports edge times.
+        `known_edges`: errors of a measured disc."""
         self.hypotheses = [EdgeHypothesis(priors, time, count, slots)]
         self.known_edges = known_edges
         self.alignment: DiscAlignment | None = None
 
     @property
     def motion(self) -> WheelKalman:
-        """The likeliest."""
+        """Estimate of the best hypothesis."""
         return self.hypotheses[0].motion
 
     def update(self, frame: WheelFrame) -> None:
-        """Take one frame."""
+        """Update all hypotheses with one frame."""
         if (
             self.known_edges is not None
             and frame.edge_time is not None
@@ -54,8 +56,8 @@ class WheelFilter:
             self._adopt_alignment(self.alignment)
 
     def friction_log_odds(self) -> float:
-        """How much better dry friction tells the wheel's rolling out than its lag does (natural
-        logarithm); 0 before it has rolled out."""
+        """Log odds of dry friction against none (natural logarithm); 0 before the wheel has
+        coasted."""
         best = {False: -LOG_RATIO_MAX, True: -LOG_RATIO_MAX}
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
         for hypothesis in self.hypotheses:
@@ -66,14 +68,14 @@ class WheelFilter:
         return best[True] - best[False]
 
     def select_friction(self, is_dry: bool) -> None:
-        """Put the best hypothesis with or without dry friction first, if there is one."""
+        """Move the best hypothesis with or without dry friction to the front, if there is one."""
         for index, hypothesis in enumerate(self.hypotheses):
             if hypothesis.motion.is_dry is is_dry:
                 self.hypotheses.insert(0, self.hypotheses.pop(index))
                 return
 
     def _adopt_alignment(self, alignment: DiscAlignment) -> None:
-        """Take the pattern as it stands, once that is known."""
+        """Adopt the measured slot errors once their rotation is known."""
         unaligned = max(self.hypotheses, key=lambda hypothesis: hypothesis.motion.log_likelihood)
         if alignment.has_failed(unaligned):
             self.alignment = None

@@ -1,15 +1,15 @@
-"""How one wheel moves under a known command, and how sure that is: the maths of a Kalman filter.
+"""Extended Kalman filter of one wheel and its motor.
 
-The state is (z, speed, gain, offset, log lag, phase). z is the disc's place under the light barrier
-in pitches, phase is z at the start, unknown over one whole pitch, so that z - phase is the travel.
-What reveals the phase is the motor's answer to a known command:
+The state is (z, speed, gain, offset, log lag, phase). z is the position of the disc under the light
+barrier in pitches; phase is z at the start, unknown within one pitch; z - phase is the travel. The
+response of the motor to a known command makes the phase observable:
 
     d speed / dt = (gain * drive + offset * sgn(drive) - speed) / lag
 
-where drive is what a usual motor settles at, beyond a usual friction. Undriven, some motors roll
-out as their lag has it, d speed / dt = -speed / lag; others are braked by dry friction to the last,
-d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds. With the
-state goes a `SlotErrors`, the errors of the disc's slots.
+drive is the speed at which a typical motor settles with this command, after its friction. Without
+drive, some motors coast with their lag, d speed / dt = -speed / lag; others are braked by dry
+friction, d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds.
+The errors of the disc's slots extend the state (`SlotErrors`).
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from diffbotctl.estimation.slot_errors import (
 )
 
 TURN = 2.0 * pi
-PROBABILITY_MIN = 1e-6  # a bound this unlikely is taken as a plain measurement of its nearer end
-UNIFORM_VARIANCE = 1.0 / 12.0  # of what is equally likely anywhere in one pitch
-EDGE_SD_MIN = 0.004  # pitches; how well an edge marks its slot: the light barrier has some play
+PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
+UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
+EDGE_SD_MIN = 0.004  # pitches; play of the light barrier
 EDGE_TIME_SD = 50e-6  # s
 # Entries of `Covariance`.
 Z_Z, Z_PHASE, PHASE_PHASE = 0, 5, 20
@@ -38,26 +38,28 @@ SPEED_ENTRIES = (1, 6, 7, 8, 9, 10)
 
 
 class Priors(NamedTuple):
-    """What is known of the motors and discs before the first move: standard deviations, as found on
-    kits of this kind, of motors in rad/s, of discs in pitches."""
+    """Prior knowledge of motor, disc and link: standard deviations measured on kits of this kind.
 
-    lag: float = 0.10  # s, the middle
+    Speeds in rad/s until `in_pitches`.
+    """
+
+    lag: float = 0.10  # s; mean
     lag_ratio: float = 0.27  # of the logarithm of the lag
     gain: float = 0.065
     offset: float = 0.22  # rad/s
-    friction: float = 1.16  # rad/s, not a deviation: the speed that a usual dead band takes away
-    creep: float = 0.094  # rad/s, not a deviation: without drive, friction ends what is slower
-    model_noise: float = 0.28  # rad/s per square root of a second: what the model leaves out
-    offset_drift: float = 0.016  # rad/s per square root of a second: how the offset wanders
-    slot: float = 0.03  # pitches; place of an edge
+    friction: float = 1.16  # rad/s; value: speed lost to the dead band of a typical motor
+    creep: float = 0.094  # rad/s; value: without drive, friction stops a slower wheel
+    model_noise: float = 0.28  # rad/s per square root of a second; noise of the speed
+    offset_drift: float = 0.016  # rad/s per square root of a second; random walk of the offset
+    slot: float = 0.03  # pitches; position of an edge
     open_share: float = 0.05  # pitches; of the open share of a pitch
-    open_share_error: float = 0.0  # pitches, not a deviation: what that share is beyond a half
+    open_share_error: float = 0.0  # pitches; value: open share minus 0.5
     frame_time: float = 0.0  # s; of a frame's time
-    command_time: float = 0.0  # s; of the time at which a command takes hold
-    has_edge_times: bool = False  # no deviation: whether the board tells when edges came
+    command_time: float = 0.0  # s; of the time at which a command takes effect
+    has_edge_times: bool = False  # whether the board reports edge times
 
     def in_pitches(self, slots: int) -> Priors:
-        """The same with all speeds in pitches/s of a disc with `slots` slots."""
+        """A copy with all speeds in pitches/s of a disc with `slots` slots."""
         scale = slots / TURN
         return self._replace(
             offset=self.offset * scale,
@@ -77,7 +79,7 @@ lag), f (phase).
 
 
 class WheelKalman:
-    """The state of one wheel, its covariance, and what is known of its disc."""
+    """State and covariance of one wheel, with the slot errors of its disc."""
 
     __slots__ = (
         "covariance",
@@ -96,7 +98,7 @@ class WheelKalman:
     )
 
     def __init__(self, priors: Priors, slots: int) -> None:
-        """`slots`: of the disc."""
+        """`slots` of the disc; `priors` in rad/s."""
         self.priors = priors = priors.in_pitches(slots)
         self.disc: Slots = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error
@@ -105,8 +107,8 @@ class WheelKalman:
         self.speed = self.offset = self.z_shift = 0.0
         self.gain = 1.0
         self.is_last_forward: bool | None = None  # direction in which the last edge was passed
-        self.is_dry: bool | None = None  # braked by dry friction when undriven; none: not yet seen
-        self.log_likelihood = 0.0  # of all that has been seen
+        self.is_dry: bool | None = None  # braked by dry friction when coasting; None: not yet known
+        self.log_likelihood = 0.0  # of all measurements
         self.log_lag = log(priors.lag)
         covariance = [0.0] * 21
         covariance[Z_PHASE] = UNIFORM_VARIANCE
@@ -124,12 +126,12 @@ class WheelKalman:
 
     @property
     def travel(self) -> float:
-        """Pitches turned since the start."""
+        """Pitches since the start."""
         return self.z - self.phase
 
     @property
     def variance(self) -> float:
-        """Variance of `travel`, in square pitches."""
+        """Variance of `travel`, pitches2."""
         covariance = self.covariance
         return covariance[Z_Z] - 2.0 * covariance[Z_PHASE] + covariance[PHASE_PHASE]
 
@@ -139,17 +141,17 @@ class WheelKalman:
         return self.covariance[DIAGONAL[1]]
 
     def is_rolling(self, creeps: float) -> bool:
-        """True when it is faster than `creeps` times what friction ends."""
+        """True when the speed exceeds `creeps` times the creep speed."""
         return abs(self.speed) > creeps * self.priors.creep
 
     def edge_variance(self, is_forward: bool) -> float:
-        """Variance of z about an edge that is seen now, as it is known before."""
+        """Predicted variance of z at an edge."""
         priors = self.priors
         share_variance = 0.0 if is_forward else priors.open_share * priors.open_share
         return self.covariance[Z_Z] + priors.slot * priors.slot + share_variance
 
     def copy(self) -> WheelKalman:
-        """The same, to go its own way from now on."""
+        """An independent copy, for a new hypothesis."""
         twin = object.__new__(WheelKalman)
         for name in WheelKalman.__slots__:
             setattr(twin, name, getattr(self, name))
@@ -157,20 +159,20 @@ class WheelKalman:
         return twin
 
     def shift(self, pitches: float) -> None:
-        """Count z from another slot or flank."""
+        """Move the origin of z to another slot or edge."""
         self.z += pitches
         self.phase += pitches
         self.z_shift += pitches
 
     @property
     def start(self) -> float:
-        """The phase, counted as if never shifted."""
+        """The phase relative to the original origin of z."""
         return self.phase - self.z_shift
 
     def predict(self, span: float, drive: float) -> None:
-        """Let `span` seconds pass under `drive` (pitches/s)."""
+        """Predict `span` seconds ahead with `drive` (pitches/s)."""
         sign = (drive > 0.0) - (drive < 0.0)
-        if self.gain * drive * sign + self.offset <= 0.0:  # friction never pushes
+        if self.gain * drive * sign + self.offset <= 0.0:  # friction never drives the wheel
             drive, sign = 0.0, 0
         speed = self.speed
         if speed == 0.0 and not drive:
@@ -183,9 +185,9 @@ class WheelKalman:
             self._stop()
 
     def _brake(self, span: float, drive: float) -> None:
-        """Dry friction works against the motion until that ends, and then as it would at rest."""
+        """Predict a wheel that dry friction brakes, and what follows after it has stopped."""
         direction = 1 if self.speed > 0.0 else -1
-        # Against the motion stands all that the dead band takes, on both of its sides if driven.
+        # A drive against the motion adds to the friction, whose sign is then included twice.
         braking = abs(drive) + self.priors.friction * (2.0 if drive else 1.0)
         settled = self.gain * braking - self.offset
         if settled > 0.0:
@@ -200,7 +202,7 @@ class WheelKalman:
                 self.predict(span - stop_time, drive)
 
     def _move(self, span: float, drive: float, sign: int, is_driven: bool) -> None:
-        """Follow the exponential towards gain * drive + offset * sign."""
+        """Predict an exponential approach to the speed gain * drive + offset * sign."""
         speed = self.speed
         lag = exp(self.log_lag)
         decay = exp(-span / lag)
@@ -227,7 +229,7 @@ class WheelKalman:
         self._predict_covariance(rows, speed_noise, span, offset_noise)
 
     def _stop(self) -> None:
-        """Friction ends the motion; how far it still rolled hangs on a speed not known better."""
+        """Friction stops the wheel; the distance until then is as uncertain as the speed was."""
         lag = exp(self.log_lag)
         self.speed = 0.0
         covariance = list(self.covariance)
@@ -240,9 +242,9 @@ class WheelKalman:
     def _predict_covariance(
         self, rows: TransitionRows, noise: float, span: float, offset_noise: float
     ) -> None:
-        """Turn the covariance P into F P F' + Q; F's rows of z and speed are `rows`.
+        """P = F P F' + Q, where `rows` are the rows of z and speed in F.
 
-        Written out, because it runs twice for each wheel and frame.
+        Written out for speed: it runs at least once per wheel and frame.
         """
         if not self.disc.is_fixed:
             self.disc.pending.add(rows)
@@ -290,14 +292,13 @@ class WheelKalman:
         )
 
     def command_changed(self, change: float) -> None:
-        """The drive changes by `change` (pitches/s) now, or a little earlier or later."""
+        """Account for the uncertain time at which the drive changes by `change` (pitches/s)."""
         if self.priors.command_time:
             z_variance = self.covariance[Z_Z] + (change * self.priors.command_time) ** 2
             self.covariance = (z_variance, *self.covariance[1:])
 
     def update_edge(self, place: float, slot: int, is_forward: bool) -> None:
-        """An edge of `slot` is under the light barrier, seen going forward or backward; nominally
-        that is at `place`."""
+        """Kalman update by an edge of `slot`, nominally at z = `place`."""
         disc = self.disc
         if isinstance(disc, SlotErrors):
             disc.start_learning()
@@ -317,7 +318,7 @@ class WheelKalman:
     def _update_edge_and_slots(
         self, disc: SlotErrors, place: float, slot: int, is_forward: bool
     ) -> None:
-        """Take in an edge while the slots' errors are learnt: what is seen is z less the error."""
+        """Kalman update by an edge while learning: the measured quantity is z minus the slot error."""
         disc.propagate()
         index = disc.index(slot, is_forward)
         error_row, error_slot_row = disc.rows(index)
@@ -336,15 +337,17 @@ class WheelKalman:
             disc.stop_learning_if_known()
 
     def _inflate(self, variance: float) -> None:
-        """Where the edges of the other direction lie against those before is known so badly: all
-        that is counted in slots may be shifted, which leaves the travel as it is."""
+        """Add `variance` to z and phase alike, which leaves the travel unchanged.
+
+        The offset between the forward and the backward edges of a measured disc is uncertain.
+        """
         covariance = list(self.covariance)
         for entry in (Z_Z, Z_PHASE, PHASE_PHASE):
             covariance[entry] += variance
         self.covariance = tuple(covariance)
 
     def set_known_slots(self, known: KnownSlotErrors) -> None:
-        """The disc turns out to be a `known` one: take in where its slots lie."""
+        """Adopt the errors of a measured disc as measurements of the slot errors."""
         disc = self.disc
         assert isinstance(disc, SlotErrors)
         disc.backward_errors = known.backward_errors()
@@ -360,8 +363,10 @@ class WheelKalman:
             disc.update(row, slot_row, innovation / variance, 1.0 / variance)
 
     def update_bounds(self, low: float, high: float, outside_min: float) -> None:
-        """z lies between `low` and `high`; believed when more than `outside_min` of the probability
-        lay outside."""
+        """Update by the knowledge that z lies between `low` and `high`.
+
+        Does nothing unless the predicted probability outside exceeds `outside_min`.
+        """
         priors = self.priors
         variance = self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2
         sd = sqrt(variance)
@@ -382,7 +387,7 @@ class WheelKalman:
         self.log_likelihood -= 0.5 * (innovation * innovation / variance + log(variance))
 
     def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
-        """Take in a measurement of z itself."""
+        """Kalman update by a measurement of z."""
         row, disc = self._z_row(), self.disc
         self._update(row, scaled_innovation, inverse_variance)
         if not disc.is_fixed:
@@ -395,10 +400,10 @@ class WheelKalman:
     def _update(
         self, row: MeasurementRow, scaled_innovation: float, inverse_variance: float
     ) -> None:
-        """Kalman update by a measured quantity: `row` is its covariance with the state.
+        """Kalman update by a quantity whose covariance with the state is `row`.
 
-        The state moves by row * `scaled_innovation` (the innovation over its variance), the
-        covariance loses row row' * `inverse_variance`. Written out as in `_predict_covariance`.
+        x += row * `scaled_innovation` (innovation divided by its variance),
+        P -= row row' * `inverse_variance`. Written out for speed, as `_predict_covariance`.
         """
         z, v, g, b, lag, f = row
         self.z += z * scaled_innovation
@@ -444,12 +449,15 @@ def _minus(one: MeasurementRow, other: MeasurementRow) -> MeasurementRow:
 
 
 def normal_cdf(value: float) -> float:
-    """The standard normal distribution's mass below `value`."""
+    """Cumulative distribution function of the standard normal distribution."""
     return 0.5 * (1.0 + erf(value * 0.7071067811865476))
 
 
 def truncated_normal(below: float, above: float, mass: float) -> tuple[float, float]:
-    """Mean and variance of a standard normal cut to (below, above), which holds `mass`."""
+    """Mean and variance of a standard normal truncated to (below, above).
+
+    `mass`: probability of that interval.
+    """
     at_below = exp(-0.5 * below * below) / sqrt(2.0 * pi)
     at_above = exp(-0.5 * above * above) / sqrt(2.0 * pi)
     mean = (at_below - at_above) / mass

@@ -1,4 +1,4 @@
-"""One wheel as odometry sees it: from the board's counts and commands to metres rolled."""
+"""Travel of one wheel in metres, from the counts and commands of the board."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
 from diffbotctl.estimation.wheel_kalman import Priors
 
-MEASURED_OPEN_SHARE_SD = 0.01  # pitches; at another speed of the wheel
+MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
 class MotorConfig(MotorSettings, Protocol):
-    """What a side's motor must tell; times in s, speeds in rad/s."""
+    """The motor section of a side; `lag` in s."""
 
     lag: float
 
 
 class WheelConfig(Protocol):
-    """The wheel of a side; metres."""
+    """The wheel section of a side; metres."""
 
     diameter: float
 
 
 class EncoderConfig(Protocol):
-    """The encoder of a side; pitches."""
+    """The encoder section of a side; errors in pitches."""
 
     slots: int
     slot_errors: Sequence[float]
@@ -37,7 +37,7 @@ class EncoderConfig(Protocol):
 
 
 class SideConfig(Protocol):
-    """One side of the drive, as the robot file has it."""
+    """One side of the drive in the robot file."""
 
     motor: MotorConfig
     wheel: WheelConfig
@@ -45,8 +45,8 @@ class SideConfig(Protocol):
 
 
 class LinkTiming(NamedTuple):
-    """How well times are known: standard deviations of a frame's time and of the time when a
-    command takes hold (s), and whether the board tells when edges came."""
+    """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
+    command takes effect, and whether the board reports edge times."""
 
     frame_time: float
     command_time: float
@@ -54,7 +54,7 @@ class LinkTiming(NamedTuple):
 
 
 class WheelOdometer:
-    """A wheel followed by a filter that is driven by the model of its motor."""
+    """A wheel whose travel is estimated with the model of its motor."""
 
     __slots__ = (
         "count",
@@ -72,7 +72,7 @@ class WheelOdometer:
     )
 
     def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
-        """First received at `time` (ns) with `count`."""
+        """Start at `time` (ns) with the board's `count`."""
         motor, slots = side.motor, side.encoder.slots
         self.pitch = pi * side.wheel.diameter / slots
         self.pitches_per_rad = 0.5 * slots / pi
@@ -90,7 +90,7 @@ class WheelOdometer:
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.travel = 0.0  # m, since the last report
-        self.start_correction = 0.0  # m, by which the first stretch has turned out longer
+        self.start_correction = 0.0  # m, added by a better estimate of the initial phase
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
 
@@ -113,7 +113,7 @@ class WheelOdometer:
         is_duty: bool,
         command_since: int,
     ) -> None:
-        """Take one frame; the `command` in force since then is a duty, or rad/s."""
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         if not is_duty:
             steps = count - self.count
             edge = edge_time
@@ -125,17 +125,21 @@ class WheelOdometer:
         self.filter.update(WheelFrame(time, count, edge_time, drive, command_since))
 
     def unobserved_travel(self, count: int) -> float:
-        """Metres to `count`, unseen: in the direction in which the board has counted, which alone
-        knew its commands then; to the middle of the slot that was reached."""
+        """Metres to `count` after a gap in the telemetry, to the middle of the slot.
+
+        The sign of the board's count is used here: only the board knows its commands in the gap.
+        """
         steps = count - self.count
         if not steps:
             return 0.0
         last, direction = self.filter.hypotheses[0], copysign(1.0, steps)
-        in_slot = direction * (last.motion.z - last.edge_place)  # of the slot in which it was
+        in_slot = direction * (
+            last.motion.z - last.edge_place
+        )  # pitches into the slot at the start of the gap
         return (steps + direction * (0.5 - in_slot)) * self.pitch
 
     def report(self) -> None:
-        """Work out `travel` and `start_correction` since this was last called."""
+        """Set `travel` and `start_correction` to their values since the last call."""
         motion = self.filter.motion
         start_shift = self.reported_start - motion.start
         travel = motion.travel
@@ -145,19 +149,19 @@ class WheelOdometer:
 
 
 class CountWheelOdometer(WheelOdometer):
-    """A wheel that takes a count for a pitch; its filter tells only the speed."""
+    """A wheel whose travel is its count times the pitch; the filter gives only the speed."""
 
     __slots__ = ()
 
     def report(self) -> None:
-        """Work out `travel` since this was last called."""
+        """Set `travel` to its value since the last call."""
         before = self.reported_travel
         self.reported_travel = float(self.count - self.first_count)
         self.travel = (self.reported_travel - before) * self.pitch
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
-    """The disc as it was measured, or None."""
+    """Measured errors of the disc, or None."""
     if len(encoder.slot_errors) != encoder.slots:
         return None
     open_share = SlotEstimate(priors.open_share_error, priors.open_share * priors.open_share)
@@ -165,6 +169,6 @@ def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
 
 
 def settled_speed(duty: float, static: float, rated: float) -> float:
-    """Wheel speed (rad/s) at which a usual motor settles with `duty`: a dead band, then a line."""
+    """Speed (rad/s) at which a typical motor settles with `duty`: dead band, then linear."""
     beyond = abs(duty) - static
     return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The robot's outline on the floor, and how near points come to it. Metres, in base_link."""
+"""The outline of the robot, points around it, and motion along arcs. Metres, radians, base_link."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ Point = tuple[float, float]
 
 
 class Footprint(NamedTuple):
-    """A rectangle about the middle of the axle."""
+    """The rectangular outline; the origin is the middle of the axle."""
 
     front: float
     back: float
-    half: float  # of its width
+    half: float  # of the width
 
     @property
     def reach(self) -> float:
-        """How far from the axle its farthest corner is: the circle it needs to turn on the spot."""
+        """Distance of the farthest corner: radius of the circle that a turn on the spot needs."""
         return hypot(max(self.front, self.back), self.half)
 
     def clearance(self, x: float, y: float) -> float:
@@ -29,7 +29,7 @@ class Footprint(NamedTuple):
 
 
 class Mount(Protocol):
-    """Where a device sits in base_link, as the robot file has it."""
+    """Pose of a device in base_link, in the robot file."""
 
     x: float
     y: float
@@ -37,21 +37,21 @@ class Mount(Protocol):
 
 
 class MountedDevice(Protocol):
-    """A sensor of the robot file."""
+    """A sensor section of the robot file."""
 
     at: Mount
 
 
 def sensor_mount(sensors: Mapping[str, MountedDevice], name: str) -> tuple[float, float, float]:
-    """Pose (m, rad) of a sensor in base_link; the origin for one that the robot does not have."""
+    """Pose (m, rad) of a sensor in base_link; the origin if the robot has no such sensor."""
     sensor = sensors.get(name)
     return (sensor.at.x, sensor.at.y, sensor.at.heading) if sensor else (0.0, 0.0, 0.0)
 
 
 class PointTracker:
-    """Where the robot is in a frame of its own, from its velocity: jumps of a pose do not matter.
+    """Pose of the robot in a local frame, integrated from its velocity along exact arcs.
 
-    Exact arcs, so that a turn on the spot moves nothing. Times in ns.
+    Unlike the odometry pose it never jumps. Times in ns.
     """
 
     def __init__(self) -> None:
@@ -60,13 +60,13 @@ class PointTracker:
         self.time: int | None = None
 
     def update(self, time: int, linear: float, angular: float) -> None:
-        """Take in the velocity (m/s, rad/s) that was true at `time`."""
+        """Set the velocity (m/s, rad/s) measured at `time`."""
         if self.time is not None and time > self.time:
             self.x, self.y, self.heading = self.pose_at(time)
         self.time, self.linear, self.angular = time, linear, angular
 
     def pose_at(self, time: int) -> tuple[float, float, float]:
-        """The pose at `time`, a little before or after the last velocity."""
+        """The pose (m, m, rad) at `time`, near the time of the last velocity."""
         seconds = 0.0 if self.time is None else (time - self.time) * 1e-9
         x, y, turn = arc_motion(self.linear, self.angular, seconds)
         ahead, aside = cos(self.heading), sin(self.heading)
@@ -78,9 +78,9 @@ class PointTracker:
 
 
 def arc_motion(linear: float, angular: float, seconds: float) -> tuple[float, float, float]:
-    """Where a steady velocity leads in `seconds`, as (x, y, turn) in the frame of the start.
+    """Motion (x, y, turn) in the starting frame after `seconds` at constant velocity (m/s, rad/s).
 
-    The chord of an arc: its length by sin(h)/h, its direction half the turn.
+    The chord of an arc of angle 2h has sin(h)/h times the arc's length and the direction h.
     """
     half = 0.5 * angular * seconds
     chord = linear * seconds * (sin(half) / half if half else 1.0)
@@ -88,7 +88,7 @@ def arc_motion(linear: float, angular: float, seconds: float) -> tuple[float, fl
 
 
 def into_frame(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
-    """`points` as the frame at (x, y, heading) has them."""
+    """Transform `points` from the outer frame into the frame at (x, y, heading)."""
     ahead, aside = cos(heading), sin(heading)
     return [
         ((px - x) * ahead + (py - y) * aside, (py - y) * ahead - (px - x) * aside)
@@ -97,7 +97,7 @@ def into_frame(points: list[Point], x: float, y: float, heading: float) -> list[
 
 
 def out_of_frame(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
-    """Points of the frame at (x, y, heading), as the frame around it has them."""
+    """Transform `points` from the frame at (x, y, heading) into the outer frame."""
     ahead, aside = cos(heading), sin(heading)
     return [(x + px * ahead - py * aside, y + px * aside + py * ahead) for px, py in points]
 
@@ -105,9 +105,9 @@ def out_of_frame(points: list[Point], x: float, y: float, heading: float) -> lis
 def scan_points(
     start: float, step: float, distances: tuple[float, ...], nearest: float, within: float
 ) -> list[Point]:
-    """The things that a scan sees within `within`, as points in the scanner's frame.
+    """The points of a scan nearer than `within` (m), in the frame of the scanner.
 
-    A distance of 0, too close to measure, is taken for one of `nearest`.
+    A distance of 0 means too close to measure and is replaced by `nearest` (m).
     """
     return [
         (max(far, nearest) * cos(start + i * step), max(far, nearest) * sin(start + i * step))
