@@ -1,4 +1,4 @@
-"""What each pin of each board can do: the one table, from the data sheets and board drawings."""
+"""Pin functions of each board, from the data sheets and board drawings."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class BoardPins:
-    """One kind of board. Pins are named as printed; an analog pin's digital number is the same pin.
+    """One type of board. Pins have their printed names; an analog pin also has a digital number.
 
-    `pwm` maps a pin to the timer behind it, `uarts` a port to its (receive, transmit) pins. A
-    firmware, named by its protocol, keeps its clock with one timer, whose PWM is not free then, and
-    speaks on some of the ports.
+    `pwm` maps a pin to its timer, `uarts` a port to its (receive, transmit) pins. By protocol,
+    `clock_timer` is the timer that the firmware uses for its clock, whose PWM is not available, and
+    `links` are the ports that the firmware uses.
     """
 
     title: str
@@ -26,14 +26,14 @@ class BoardPins:
     links: dict[str, tuple[int, ...]]
 
     def named(self, pin: str) -> str:
-        """`pin` by the name under which the tables know it: 54 of a Mega 2560 is A0."""
+        """The name of `pin` in the tables: 54 of a Mega 2560 is A0."""
         if pin.isdigit() and pin not in self.digital:
             name = f"A{int(pin) - self.first_analog}"
             return name if name in self.analog else pin
         return pin
 
     def has(self, pin: str) -> bool:
-        """True when there is such a pin; `pin` as `named` gives it."""
+        """True when the board has the pin `pin`, a name returned by `named`."""
         return pin in self.digital or pin in self.analog
 
 
@@ -79,5 +79,5 @@ ATMEGA_328P = BoardPins(
     links={"diffbot": (0,), "rosserial": (0,)},
 )
 
-SIMULATED = "simulated"  # the type of a robot that has no board: it lives in the simulator alone
+SIMULATED = "simulated"  # board type of a robot that exists only in the simulator
 BOARDS = {"mega2560": MEGA_2560, "atmega328p": ATMEGA_328P}

@@ -1,7 +1,8 @@
-"""From names and files to a checked Configuration, or to every problem of them.
+"""Loads robot and pipeline files into a checked Configuration.
 
-The way of a value: `source_tree` reads the file, with its includes and `--set`, `robot_tree` works
-in the calibration, `section_reader` makes typed values, the checks compare them.
+Steps: `source_tree` reads a file with its includes, overrides and variables; `robot_tree` applies
+common and calibrated values of a robot; `section_reader` converts the tree to typed values; the
+checks compare them with each other. All problems of all files are reported together.
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ def load(
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 
-    Both are names or paths; `robot` wins over the pipeline's own `use`. `sets` are texts of the
-    form `block.param=value`. `real`: a real robot is about to move, which adds the warnings that
-    matter only then. Raises ConfigurationError with every problem of all files at once.
+    Both are names or paths; `robot` has priority over `use` in the pipeline. `sets` are texts of
+    the form `block.param=value`. `real`: for a run on a real robot; this adds checks that matter
+    only there. Raises ConfigurationError with every problem of all files at once.
     """
     return _Loader(sets, real).load_pipeline(pipeline, robot)
 
@@ -43,7 +44,7 @@ def load(
 def load_robot(
     robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
 ) -> RobotFile:
-    """Read and check one robot file, found by name, by path or by the rules for none given.
+    """Read and check one robot file by name or path; None: the default robot.
 
     Raises ConfigurationError.
     """
@@ -53,7 +54,7 @@ def load_robot(
 def check(
     name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
 ) -> tuple[Problem, ...]:
-    """Every problem of the robot or pipeline file called `name`; what it is, its `kind` says.
+    """Every problem of the robot or pipeline file `name`; its `kind` tells which of them it is.
 
     A name without a path is looked up among pipelines, then among robots.
     """
@@ -170,7 +171,7 @@ class _Loader:
             )
 
     def _load_robot_of_pipeline(self, name: str | None) -> Path | None:
-        """Read the pipeline's robot, if it has one; `name` wins over the pipeline's own `use`."""
+        """Read the pipeline's robot, if it has one; `name` has priority over `use`."""
         tree, pipeline = self.context.pipeline_tree, self.context.pipeline
         if tree is not None and "robot" not in tree.entries:
             return None

@@ -1,4 +1,4 @@
-"""Finds shipped folders, and the file behind a name such as `goal` or `--robot mine`."""
+"""Finds shipped folders, and robot and pipeline files by name or path."""
 
 from __future__ import annotations
 

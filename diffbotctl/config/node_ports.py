@@ -1,4 +1,4 @@
-"""What can be at the ends of a wire: the blocks, and the two drivers every pipeline has."""
+"""Ports of the nodes of a pipeline: blocks, and the drivers `operator` and `robot`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class NodePorts(NamedTuple):
 
 
 def is_name(name: str) -> bool:
-    """True for a word that can name a block or a sensor."""
+    """True for a valid name of a block or a sensor."""
     return re.fullmatch(NODE_NAME.strip("^$"), name) is not None
 
 
@@ -54,7 +54,7 @@ def of_block(kind: type[block.Block]) -> NodePorts:
 
 
 def operator() -> NodePorts:
-    """The ports of the operator: what a person, or the list of goals, puts in."""
+    """The ports of the operator: goals and commands from the command line, socket or screens."""
     return NodePorts(dict(OPERATOR), {})
 
 

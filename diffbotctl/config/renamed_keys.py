@@ -18,7 +18,7 @@ Steps = tuple[str, ...]
 
 
 class RenamedKey(NamedTuple):
-    """The key at the end of `path` is now called `new`. `*` in a path stands for any key."""
+    """The key at the end of `path` is now called `new`. `*` in a path matches any key."""
 
     path: Steps
     new: str

@@ -301,7 +301,7 @@ class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
     front = Param(float, unit="m", minimum=0.0, default=0.08, help="Reach forward of the axle.")
-    back = Param(float, unit="m", minimum=0.0, default=0.15, help="Reach behind the axle.")
+    back = Param(float, unit="m", minimum=0.0, default=0.15, help="Reach backward of the axle.")
     width = Param(float, unit="m", above=0.0, default=0.151, help="Total width with tyres.")
     height = Param(float, unit="m", above=0.0, default=0.1, help="Height of the chassis.")
     clearance = Param(float, unit="m", above=0.0, default=0.02, help="Ground clearance.")

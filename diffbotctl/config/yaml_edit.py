@@ -1,4 +1,4 @@
-"""Changing one value of a YAML file and nothing else: comments, order and layout stay."""
+"""Changes one value of a YAML text and keeps comments, order and layout."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import yaml
 def with_entry(text: str, path: Sequence[str], written: str) -> str:
     """`text` with the value at `path` replaced by `written`, or added where there was none.
 
-    Raises ValueError where the file's layout does not allow it; `text` is then to be changed by
-    hand.
+    Raises ValueError when the layout does not allow a safe change.
     """
     root = yaml.compose(text, Loader=yaml.CSafeLoader)
     if not isinstance(root, yaml.MappingNode):
-        raise ValueError("it is no mapping")
+        raise ValueError("it is not a mapping")
     node: Any = root
     for depth, step in enumerate(path):
         if not isinstance(node, yaml.MappingNode):
-            raise ValueError(f"there is a plain value where {step} should stand")
+            raise ValueError(f"there is a plain value in place of the mapping with {step}")
         value = next((value for key, value in node.value if key.value == step), None)
         if value is None:
             return _checked(text, _with_new(text, node, path[depth:], written), path, written)
@@ -30,7 +29,7 @@ def with_entry(text: str, path: Sequence[str], written: str) -> str:
 
 
 def _with_new(text: str, node: Any, keys: Sequence[str], written: str) -> str:
-    """`text` with an entry more at the end of the mapping `node`."""
+    """`text` with a new entry at the end of the mapping `node`."""
     entry = written
     for key in reversed(keys[1:]):
         entry = f"{{{key}: {entry}}}"
@@ -38,13 +37,13 @@ def _with_new(text: str, node: Any, keys: Sequence[str], written: str) -> str:
     if node.flow_style:
         at = node.value[-1][1].end_mark.index if node.value else node.start_mark.index + 1
         return f"{text[:at]}{', ' if node.value else ''}{entry}{text[at:]}"
-    at = text.find("\n", _last(node).end_mark.index)  # behind a comment on that line
+    at = text.find("\n", _last(node).end_mark.index)  # after a comment on that line
     at = len(text) if at < 0 else at
     return f"{text[:at]}\n{' ' * node.value[0][0].start_mark.column}{entry}{text[at:]}"
 
 
 def _last(node: Any) -> Any:
-    """The last thing inside a block mapping or list: its own end lies behind later comments."""
+    """The last node inside a block mapping or list, whose own end mark is after later comments."""
     while isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]
         node = last[1] if isinstance(node, yaml.MappingNode) else last
@@ -52,7 +51,7 @@ def _last(node: Any) -> Any:
 
 
 def _checked(before: str, after: str, path: Sequence[str], written: str) -> str:
-    """`after`, if it reads as `before` with exactly that one value changed."""
+    """`after`, if its content is that of `before` with exactly this value changed."""
     expected = _unshared(yaml.load(before, Loader=yaml.CSafeLoader))
     parent = expected
     for step in path[:-1]:
@@ -62,18 +61,18 @@ def _checked(before: str, after: str, path: Sequence[str], written: str) -> str:
 
 
 def reads_as(after: str, expected: Any) -> str:
-    """The text `after`, if it reads as `expected`. Raises ValueError when it does not."""
+    """The text `after`, if its content is `expected`. Raises ValueError otherwise."""
     try:
         content = yaml.load(after, Loader=yaml.CSafeLoader)
     except yaml.YAMLError:
         content = None
     if content != expected:
-        raise ValueError("its layout is too uncommon to change it safely")
+        raise ValueError("its layout does not allow a safe change")
     return after
 
 
 def _unshared(value: Any) -> Any:
-    """A copy in which what an alias names is no longer the same object twice."""
+    """A copy in which aliases are separate objects."""
     if isinstance(value, dict):
         return {key: _unshared(entry) for key, entry in value.items()}
     return [_unshared(item) for item in value] if isinstance(value, list) else value

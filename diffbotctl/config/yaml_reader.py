@@ -4,8 +4,8 @@ YAML 1.1 turns `on` into true, `12:30` into 750, `017` into 15 and `1e-3` into t
 unquoted word is a number when it looks like a decimal number, a boolean when it is true or false,
 and otherwise text.
 
-Nothing here recurses on the nesting of a file: levels are counted, and an alias counts with all the
-values that it stands for.
+Parsing does not recurse, so nesting cannot exhaust the stack: levels are counted, and an alias
+counts with all the values that it refers to.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def parse_any(source: Source, text: str) -> Value | None:
 
 
 class ScalarError(ValueError):
-    """A word looks like a number but cannot be one; `fix` says how to write it."""
+    """A word looks like a number but is ambiguous or too large; `fix` is the remedy."""
 
     def __init__(self, cause: str, fix: str) -> None:
         super().__init__(cause)

@@ -9,7 +9,7 @@ from diffbotctl.errors import Place, Problem, Source
 
 
 def problem(source: Source, error: Any) -> Problem:
-    """The problem behind `error`, a yaml.YAMLError raised while parsing `source`."""
+    """The problem described by `error`, a yaml.YAMLError raised while parsing `source`."""
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     words = str(getattr(error, "problem", None) or getattr(error, "reason", None) or error)
     if mark is None:
@@ -50,7 +50,7 @@ SYNTAX = [
     (
         r"expected <block end>|did not find expected key|block (mapping|collection|end)",
         "the indentation of this line differs from the lines around it",
-        "give all keys of one mapping the same indentation",
+        "use the same indentation for all keys of a mapping",
     ),
     (
         r"cannot start any token",
@@ -73,7 +73,7 @@ def _unexpected_key(source: Source, colon: Place) -> Problem:
     if ":" not in line[: colon.column - 1] and indent > len(before) - len(before.lstrip()):
         cause = "this line is indented below a line that already has a value"
         place = Place(source, colon.line, indent + 1)
-        fix = "give all keys of one mapping the same indentation"
+        fix = "use the same indentation for all keys of a mapping"
         return Problem("E-YAML-SYNTAX", place, cause, fix)
     cause = "a second colon in this line: the text before it cannot be a key"
     fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around text"

@@ -1,7 +1,8 @@
-"""The schemas that editors use: `python -m diffbotctl.reference.schemas` writes them to schemas/.
+"""JSON Schemas (draft 2020-12) of robot and pipeline files, for editors.
 
-An editor sees a file as it is written: before its include, and with its variables. So a file that
-includes another need not be whole, and any value may be a `$name`.
+`python -m diffbotctl.reference.schemas` writes them to schemas/. An editor sees a file before
+includes and variables are applied: a file with an include may be incomplete, and any value may be
+a `$name`.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ SCHEMAS = {"robot.schema.json": robot, "pipeline.schema.json": pipeline}
 
 
 def text(schema: Schema) -> str:
-    """A schema as it stands in its file."""
+    """The text of a schema file."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -80,7 +81,7 @@ def _as_written(whole: Schema) -> Schema:
 
 
 def _with_variables(schema: Any) -> Any:
-    """`schema` with a `$name` allowed wherever a single value stands."""
+    """`schema` with a `$name` allowed in place of any single value."""
     if isinstance(schema, list):
         return [_with_variables(item) for item in schema]
     if not isinstance(schema, dict):
@@ -111,32 +112,29 @@ def _or_variable(schema: Schema) -> Schema:
     return {"anyOf": [*inside.get("anyOf", [inside]), VARIABLE], **kept}
 
 
-def of_section(kind: type[Section], title: str = "", merged: bool = False) -> Schema:
+def of_section(kind: type[Section], title: str) -> Schema:
     """The schema of a whole file declared by `kind`.
 
-    `merged` is the shape after what two sections share was copied into both: then every required
-    key must stand in each.
+    Values that two sections share may be in either, so keys of shared sections are not required.
     """
     definitions: Schema = {}
-    top = _reference(kind, definitions, merged, False)
+    top = _reference(kind, definitions, False)
     body = definitions.pop(top["$ref"].rsplit("/", 1)[1])
-    head: Schema = {"$schema": DRAFT}
-    if title:
-        head["title"] = title
+    head = {"$schema": DRAFT, "title": title}
     return {**head, **body, "$defs": dict(sorted(definitions.items()))}
 
 
 def of_parameters(owner: type) -> Schema:
     """The schema of the `with` mapping of a block class."""
     definitions: Schema = {}
-    body = _object(owner, definitions, False, False)
+    body = _object(owner, definitions, False)
     body.pop("description", None)
     return {**body, "$defs": definitions} if definitions else body
 
 
-def of_declaration(declaration: Declaration, definitions: Schema, merged: bool = False) -> Schema:
+def of_declaration(declaration: Declaration, definitions: Schema) -> Schema:
     """The schema of one declared setting, with its sentence of help."""
-    schema = _of_kind(declaration.kind, declaration, definitions, merged)
+    schema = _of_kind(declaration.kind, declaration, definitions)
     if declaration.none:
         schema = {"anyOf": [schema, {"type": "null"}, {"const": "none"}]}
     schema["description"] = declaration.help
@@ -148,48 +146,41 @@ def of_declaration(declaration: Declaration, definitions: Schema, merged: bool =
     return schema
 
 
-def _reference(kind: type[Section], definitions: Schema, merged: bool, is_partial: bool) -> Schema:
+def _reference(kind: type[Section], definitions: Schema, is_partial: bool) -> Schema:
     name = f"{kind.__name__}{'.part' if is_partial else ''}"
     if name not in definitions:
         definitions[name] = {}  # a place, so that a section may contain its like
-        definitions[name] = _object(kind, definitions, merged, is_partial)
+        definitions[name] = _object(kind, definitions, is_partial)
     return {"$ref": f"#/$defs/{name}"}
 
 
-def _object(owner: type, definitions: Schema, merged: bool, is_partial: bool) -> Schema:
+def _object(owner: type, definitions: Schema, is_partial: bool) -> Schema:
     settings = declared(owner)
     schema: Schema = {
         "description": (owner.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " "),
         "type": "object",
         "additionalProperties": False,
         "properties": {
-            setting.key: of_declaration(setting, definitions, merged)
-            for setting in settings.values()
+            setting.key: of_declaration(setting, definitions) for setting in settings.values()
         },
     }
-    required = [] if is_partial else _required(settings, merged)
+    required = [
+        setting.key
+        for setting in settings.values()
+        if setting.is_required and not setting.shared and not is_partial
+    ]
     return {**schema, "required": required} if required else schema
 
 
-def _required(settings: dict[str, Declaration], merged: bool) -> list[str]:
-    return [
-        setting.key
-        for setting in settings.values()
-        if setting.is_required and (merged or not setting.shared)
-    ]
-
-
-def _of_kind(kind: Any, declaration: Declaration, definitions: Schema, merged: bool) -> Schema:
+def _of_kind(kind: Any, declaration: Declaration, definitions: Schema) -> Schema:
     if kind is object:
         return {}
     if kind is dict:
         return {"type": "object"}
     if isinstance(kind, type) and issubclass(kind, Section):
-        is_partial = declaration.shared and not (merged and declaration.is_required)
-        return _reference(kind, definitions, merged, is_partial)
-    arguments = [
-        _of_kind(argument, declaration, definitions, merged) for argument in get_args(kind)
-    ]
+        is_partial = declaration.shared
+        return _reference(kind, definitions, is_partial)
+    arguments = [_of_kind(argument, declaration, definitions) for argument in get_args(kind)]
     if get_origin(kind) is list:
         return {"type": "array", "items": arguments[0]}
     if get_origin(kind) is tuple:

@@ -15,7 +15,7 @@ from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import field_value
 from diffbotctl.errors import Place, closest_match, join_words
 
-FIELDS_SHOWN_MAX = 2  # fields that a message names before it says how many there are
+FIELDS_SHOWN_MAX = 2  # fields listed in a message
 GUARDS = ("obstacle_stop", "scan_stop")
 
 

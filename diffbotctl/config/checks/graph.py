@@ -28,13 +28,13 @@ def check_names(context: CheckContext) -> None:
         if name in RESERVED:
             cause = f"'{name}' is reserved: every pipeline has a node of that name"
             place = value.name_place
-            context.error("E-NAME", place, cause, "give the block another name")
+            context.error("E-NAME", place, cause, "rename the block")
     for name, value in sensors.entries.items() if sensors else ():
         _check_name(context, name, value, "sensor")
         if name in ROBOT:
             cause = f"'{name}' is already an output of the robot"
             place = value.name_place
-            context.error("E-NAME", place, cause, "give the sensor another name")
+            context.error("E-NAME", place, cause, "rename the sensor")
 
 
 def _check_name(context: CheckContext, name: str, value: Value, kind: str) -> None:

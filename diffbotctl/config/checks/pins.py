@@ -74,7 +74,7 @@ def _check_required(context: CheckContext) -> None:
         value = context.robot_value(*steps)
         if value is not None and value.data in (None, "none"):
             cause = "only a robot that exists just in the simulator can omit this pin"
-            fix = "give the pin's number, or set board: {type: simulated}"
+            fix = "set the pin number, or board: {type: simulated}"
             context.error("E-BOARD-PIN", value.place, cause, fix)
 
 
