@@ -1,7 +1,7 @@
-"""How near the robot's outline truly is to what stands in the world. Metres.
+"""Distance from the robot's true outline to the obstacles of the world, in metres.
 
-The outline is a rectangle about the middle of the axle. What is measured here is the plant's truth:
-it serves figures and tests, never a block.
+The outline is a rectangle about the middle of the axle. The result is the plant's truth: for
+measurements and tests, never for a block.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Point = tuple[float, float]
 
 
 class BodyOutline(NamedTuple):
-    """How far the robot reaches forward, backward and, by half its width, to the sides."""
+    """Extent of the robot forward, backward and to each side (half its width), m."""
 
     front: float
     back: float
@@ -38,35 +38,30 @@ class BodyOutline(NamedTuple):
 
 
 def clearance(outline: BodyOutline, pose: Pose, world: World, within: float = inf) -> float:
-    """Distance from the outline at `pose` to the nearest thing of `world`; 0 on contact.
+    """Distance from the outline at `pose` to the nearest obstacle of `world`; 0 on contact.
 
-    What is farther away than `within` need not be told exactly.
+    The result is at most `within`: farther obstacles are not searched.
     """
     nearest = within
     reach = hypot(max(outline.front, outline.back), outline.half)
-    ahead, aside = cos(pose.heading), sin(pose.heading)
-    for thing in world.rounds:
-        x, y = thing.x - pose.x, thing.y - pose.y
-        if hypot(x, y) - thing.radius - reach >= nearest:
+    c, s = cos(pose.heading), sin(pose.heading)
+    for pillar in world.pillars:
+        x, y = pillar.x - pose.x, pillar.y - pose.y
+        if hypot(x, y) - pillar.radius - reach >= nearest:
             continue
-        far = outline.to_point(x * ahead + y * aside, y * ahead - x * aside) - thing.radius
-        nearest = min(nearest, max(far, 0.0))
+        distance = outline.to_point(x * c + y * s, y * c - x * s) - pillar.radius
+        nearest = min(nearest, max(distance, 0.0))
     for wall in world.walls:
         if to_segment((pose.x, pose.y), wall) - reach >= nearest:
             continue
         x1, y1, x2, y2 = wall.x1 - pose.x, wall.y1 - pose.y, wall.x2 - pose.x, wall.y2 - pose.y
-        seen = Wall(
-            x1 * ahead + y1 * aside,
-            y1 * ahead - x1 * aside,
-            x2 * ahead + y2 * aside,
-            y2 * ahead - x2 * aside,
-        )
-        nearest = min(nearest, to_wall(outline, seen))
+        in_base = Wall(x1 * c + y1 * s, y1 * c - x1 * s, x2 * c + y2 * s, y2 * c - x2 * s)
+        nearest = min(nearest, to_wall(outline, in_base))
     return nearest
 
 
 def to_wall(outline: BodyOutline, wall: Wall) -> float:
-    """Distance from the outline to a wall in base_link; 0 where they meet."""
+    """Distance from the outline to a wall in base_link; 0 on contact."""
     if crosses(outline, wall):
         return 0.0
     ends = min(outline.to_point(wall.x1, wall.y1), outline.to_point(wall.x2, wall.y2))
@@ -74,22 +69,22 @@ def to_wall(outline: BodyOutline, wall: Wall) -> float:
 
 
 def crosses(outline: BodyOutline, wall: Wall) -> bool:
-    """Whether any part of the wall is inside the outline: clipped side by side (Liang-Barsky)."""
+    """Whether any part of the wall is inside the outline (Liang-Barsky clipping)."""
     first, last = 0.0, 1.0
     along_x, along_y = wall.x2 - wall.x1, wall.y2 - wall.y1
-    for step, room in (
+    for step, margin in (
         (-along_x, wall.x1 + outline.back),
         (along_x, outline.front - wall.x1),
         (-along_y, wall.y1 + outline.half),
         (along_y, outline.half - wall.y1),
     ):
         if step == 0.0:
-            if room < 0.0:
+            if margin < 0.0:
                 return False
         elif step < 0.0:
-            first = max(first, room / step)
+            first = max(first, margin / step)
         else:
-            last = min(last, room / step)
+            last = min(last, margin / step)
     return first <= last
 
 
@@ -97,7 +92,7 @@ def to_segment(point: Point, wall: Wall) -> float:
     """Distance from a point to a wall."""
     along_x, along_y = wall.x2 - wall.x1, wall.y2 - wall.y1
     from_x, from_y = point[0] - wall.x1, point[1] - wall.y1
-    square = along_x * along_x + along_y * along_y
-    share = (from_x * along_x + from_y * along_y) / square if square else 0.0
-    share = min(max(share, 0.0), 1.0)
-    return hypot(from_x - share * along_x, from_y - share * along_y)
+    length_squared = along_x * along_x + along_y * along_y
+    ratio = (from_x * along_x + from_y * along_y) / length_squared if length_squared else 0.0
+    ratio = min(max(ratio, 0.0), 1.0)
+    return hypot(from_x - ratio * along_x, from_y - ratio * along_y)

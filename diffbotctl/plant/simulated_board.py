@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from random import Random
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.messages import Duty, Encoders, Wheels
@@ -19,6 +19,9 @@ from diffbotctl.time import NEVER
 COMMAND_WIRE_TIME = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
 RADIO_DELAY = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a count loop
 JITTER_MAX_SD = 2  # standard deviations of the arrival; keeps frames in order
+
+
+BoardKind = Literal["stock", "counts", "edges", "simulated"]
 
 
 class BoardModel(NamedTuple):
@@ -33,7 +36,7 @@ class BoardModel(NamedTuple):
     edge_times: bool = True
 
 
-BOARD_MODELS = {
+BOARD_MODELS: dict[BoardKind, BoardModel] = {
     # 16.5 Hz and 100 ms were measured with the published firmware; 12 bytes come after the sample.
     "stock": BoardModel(
         60_606_061, 17 * MS, 100 * MS, 8 * MS, 25 * MS, has_speed_loop=False, edge_times=False

@@ -13,7 +13,7 @@ from diffbotctl.messages import Battery, Duty, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.components import draw_components
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
-from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, SimulatedBoard
+from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
 from diffbotctl.plant.wheel import LevelChange
 from diffbotctl.plant.wiring import PlantWiring, SimulatedBattery, read_analog
 from diffbotctl.plant.world import World
@@ -55,14 +55,14 @@ class SimulatedRobot:
 
     def __init__(
         self,
-        kind: str,
+        kind: BoardKind,
         parameters: PlantParameters,
         simulation: Simulation,
         rng: Random,
         world: World | None = None,
         start: Pose | None = None,
     ) -> None:
-        """`kind`: of the board, a key of BOARD_MODELS. `start`: pose of `odom` in the world."""
+        """`kind` of the board. `start`: pose of `odom` in the world."""
         model = BOARD_MODELS[kind]
         if parameters.period is not None:
             model = model._replace(period=parameters.period)

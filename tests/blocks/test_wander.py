@@ -107,7 +107,7 @@ def test_rooms_of_chance_leave_the_start_free():
         world = world_of(Random(seed))
         assert min(world.scan(0.0, 0.0, 0.0, 360)) > START_ROOM - 1e-9
         assert len(world.walls) >= 4
-        assert len(world.rounds) >= 4
+        assert len(world.pillars) >= 4
 
 
 def test_a_sample_of_rooms_is_wandered_without_a_contact():

@@ -9,7 +9,7 @@ from diffbotctl.config.simulation import MotorTruth, SensorTruth, Simulation, Wi
 from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
 from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
-from diffbotctl.plant.sharp_ir import RESIDUE, volts
+from diffbotctl.plant.sharp_ir import RESIDUAL_VOLTS, volts
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import SECOND
@@ -241,7 +241,7 @@ def test_a_sensor_in_an_empty_world_sees_nothing():
         sensors={"front": SensorTruth(noise=0.0)},
     )
     heard = driven(made, 0.5, 5.0, 5.0)
-    assert {m.volts for port, m in heard if port == "front"} == {RESIDUE}
+    assert {m.volts for port, m in heard if port == "front"} == {RESIDUAL_VOLTS}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.sharp_ir import CYCLE, RESIDUE, SETTLE, Sharp, volts
+from diffbotctl.plant.sharp_ir import MEASURING_PERIOD, RESIDUAL_VOLTS, SETTLING_TIME, Sharp, volts
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ from diffbotctl.plant.sharp_ir import CYCLE, RESIDUE, SETTLE, Sharp, volts
         (9.0 + 0.015 / 0.130, 1.38),  # 0.5 cm
         (1.0, 1.85),
         (0.5, 1.38),
-        (inf, RESIDUE),
+        (inf, RESIDUAL_VOLTS),
         (-1.0, 0.03),  # behind the lens is contact
     ],
 )
@@ -37,7 +37,7 @@ def test_the_curve(centimetres, reads):
 
 def test_the_tail_joins_the_curve():
     assert volts(0.4) == pytest.approx(0.312, abs=0.005)
-    assert volts(5.0) == RESIDUE
+    assert volts(5.0) == RESIDUAL_VOLTS
 
 
 @given(st.floats(0.03, 3.0), st.floats(0.03, 3.0))
@@ -56,23 +56,23 @@ def test_before_the_peak_nearer_reads_less(a, b):
 def test_the_output_is_a_staircase():
     sensor = Sharp(0.0, 0.0, Random(3))
     first = sensor.due
-    assert 0 <= first < CYCLE == 16_500_000
-    assert sensor.output(0) == RESIDUE
+    assert 0 <= first < MEASURING_PERIOD == 16_500_000
+    assert sensor.output(0) == RESIDUAL_VOLTS
     sensor.measure(0.10)
     # The old voltage stands until the measurement has settled, 5 ms after it.
-    assert sensor.output(first) == RESIDUE
-    assert sensor.output(first + SETTLE - 1) == RESIDUE
-    assert sensor.output(first + SETTLE) == 1.265
-    assert sensor.due == first + CYCLE
+    assert sensor.output(first) == RESIDUAL_VOLTS
+    assert sensor.output(first + SETTLING_TIME - 1) == RESIDUAL_VOLTS
+    assert sensor.output(first + SETTLING_TIME) == 1.265
+    assert sensor.due == first + MEASURING_PERIOD
     assert sensor.output(sensor.due - 1) == 1.265
     sensor.measure(0.20)
-    assert sensor.output(first + CYCLE + SETTLE - 1) == 1.265
-    assert sensor.output(first + CYCLE + SETTLE) == 0.656
+    assert sensor.output(first + MEASURING_PERIOD + SETTLING_TIME - 1) == 1.265
+    assert sensor.output(first + MEASURING_PERIOD + SETTLING_TIME) == 0.656
 
 
 def test_noise_and_offset():
     sensor = Sharp(0.010, 0.050, Random(5))
-    now = sensor.due + SETTLE
+    now = sensor.due + SETTLING_TIME
     sensor.measure(0.10)
     read = [sensor.output(now) for _ in range(4000)]
     # A mean of 4000 scatters by 10 mV / sqrt(4000) = 0.16 mV, their spread by 1.1 %.

@@ -51,7 +51,7 @@ def test_walls(wall, x, y, degrees, distance):
     ],
 )
 def test_round_obstacles(x, y, degrees, distance):
-    world = World(rounds=[Pillar(1.0, 0.0, 0.2)])
+    world = World(pillars=[Pillar(1.0, 0.0, 0.2)])
     assert world.distance(x, y, degrees * pi / 180) == pytest.approx(distance)
 
 
@@ -96,7 +96,7 @@ def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
         # A ray that only grazes an edge may meet it or miss it, and several may be on its way:
         # then it agrees with one a hair beside that meets one of the things alone.
         alone = [world, *(World([each]) for each in world.walls)]
-        alone += [World([], [each]) for each in world.rounds]
+        alone += [World([], [each]) for each in world.pillars]
         beside = [each.distance(x, y, bearing + hair) for each in alone for hair in (-1e-6, 1e-6)]
         assert any(found == pytest.approx(each, abs=1e-2) for each in beside)
 

@@ -69,7 +69,7 @@ def sets_of(world: World) -> list[str]:
         f"{{from: [{w.x1:.6f}, {w.y1:.6f}], to: [{w.x2:.6f}, {w.y2:.6f}]}}" for w in world.walls
     )
     rounds = ", ".join(
-        f"{{at: [{r.x:.6f}, {r.y:.6f}], radius: {r.radius:.6f}}}" for r in world.rounds
+        f"{{at: [{r.x:.6f}, {r.y:.6f}], radius: {r.radius:.6f}}}" for r in world.pillars
     )
     return [f"world.walls=[{walls}]", f"world.obstacles=[{rounds}]"]
 
