@@ -37,29 +37,17 @@ class BoardPins:
         return pin in self.digital or pin in self.analog
 
 
+def _pwm(pins_of_timer: dict[int, str]) -> dict[str, int]:
+    return {pin: timer for timer, pins in pins_of_timer.items() for pin in pins.split()}
+
+
 MEGA_2560 = BoardPins(
     title="Mega 2560",
     digital=tuple(str(number) for number in range(54)),
     analog=tuple(f"A{number}" for number in range(16)),
     analog_only=(),
     first_analog=54,
-    pwm={
-        "4": 0,
-        "13": 0,
-        "11": 1,
-        "12": 1,
-        "9": 2,
-        "10": 2,
-        "2": 3,
-        "3": 3,
-        "5": 3,
-        "6": 4,
-        "7": 4,
-        "8": 4,
-        "44": 5,
-        "45": 5,
-        "46": 5,
-    },
+    pwm=_pwm({0: "4 13", 1: "11 12", 2: "9 10", 3: "2 3 5", 4: "6 7 8", 5: "44 45 46"}),
     interrupts=("2", "3", "18", "19", "20", "21"),
     uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
     clock_timer={"diffbot": 1, "rosserial": 0},
@@ -72,7 +60,7 @@ ATMEGA_328P = BoardPins(
     analog=tuple(f"A{number}" for number in range(8)),
     analog_only=("A6", "A7"),
     first_analog=14,
-    pwm={"5": 0, "6": 0, "9": 1, "10": 1, "3": 2, "11": 2},
+    pwm=_pwm({0: "5 6", 1: "9 10", 2: "3 11"}),
     interrupts=("2", "3"),
     uarts={0: ("0", "1")},
     clock_timer={"diffbot": 0, "rosserial": 0},
