@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 
 os.chdir(Path(__file__).parent.parent)
-# Under nohup, what is started here would inherit its deafness, and outlive closed terminals.
+# A background shell starts its jobs with SIGINT ignored, nohup with SIGHUP ignored. Programs started by
+# the tests would inherit that and not end on these signals.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
 os.environ["XDG_STATE_HOME"] = _state  # where runs keep their last minutes

@@ -72,7 +72,7 @@ def on_a_terminal(line):
 
 def on_an_engine(line):
     words = words_of(line)
-    return words[0] in ON_AN_ENGINE or "--live" in words
+    return words[0] in ON_AN_ENGINE or {"--live", "--running"} & set(words)
 
 
 @pytest.fixture
@@ -108,6 +108,7 @@ class Reader:
 
     def types(self, line):
         """Run the line; its exit code and what it said."""
+        line = line.replace("/tmp/", f"{self.environment['TMPDIR']}/")  # files of this test alone
         done = subprocess.run(
             ["bash", "-c", line],
             cwd=self.work,

@@ -60,7 +60,7 @@ def test_an_interrupted_flash_can_be_done_again(how):
         assert not written(virtual, 7936), "it was not to be whole yet"
         if how == signal.SIGINT:
             assert first.returncode == 130
-            assert "flash again" in said
+            assert "run `flash firmware` again" in said
         code, said = flash(virtual)
         assert code == 0, said
 
@@ -71,7 +71,7 @@ def test_a_person_is_asked_and_sees_how_far_it_is():
         words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd")
         code, screen = on_a_terminal(words, b"y\n")
     assert code == 0, screen
-    assert "wheels in the air" in screen
+    assert "wheels off the ground" in screen
     for part in ("writing", "verifying", "100%", "settings", "ready"):
         assert part in screen
 
