@@ -1,8 +1,7 @@
-"""What a run last said, for screens: the newest message of each kind, sent on ten times a second.
+"""The screen of a run: a child process that draws, and its feed of snapshots from the engine.
 
-The channel drops: a screen that is slow, stopped or dead costs the engine nothing.
-
-A screen in a process of its own: it can never slow the engine. One that only shows is idle.
+The feed sends the newest message of each wire ten times a second. Its channel drops what does not
+fit: a screen that is slow, suspended or dead does not delay the engine.
 """
 
 from __future__ import annotations
@@ -18,15 +17,18 @@ from typing import Any, NamedTuple
 
 from diffbotctl.messages import LogLine, Message
 from diffbotctl.processes.child_process import fork_with_channel
+from diffbotctl.time import MILLISECOND
 
-MOST_LINES = 200  # of the log that wait for a screen; one that is stopped gets the newest
-PERIOD = 100_000_000  # ns of logical time between two pictures
+LOG_LINES_MAX = 200  # that wait for a screen; one that is suspended gets the newest
+SNAPSHOT_PERIOD = 100 * MILLISECOND  # of logical time
+SNAPSHOT_MAX_BYTES = 1 << 18
+DRIVING_NICENESS = 2  # the control path has priority; a late drive command would stop the robot
 
 
 class RunSnapshot(NamedTuple):
-    """The newest message of each wire that a screen shows, by wire, and how the goals go.
+    """The newest message of each wire that a screen shows, by wire, and the count of goals.
 
-    `lines` are those of the log since the picture before.
+    `lines` are those of the log since the snapshot before.
     """
 
     time: int
@@ -37,24 +39,27 @@ class RunSnapshot(NamedTuple):
 
 
 class ScreenFeed:
-    """Keeps the newest message of each watched wire, and sends a Snapshot now and then."""
+    """Keeps the newest message of each wire, and sends a RunSnapshot every SNAPSHOT_PERIOD.
+
+    `progress` returns (goals reached, goals); `on_exit` is called once, when the screen has ended.
+    """
 
     def __init__(
         self,
         channel: socket.socket,
         progress: Callable[[], tuple[int, int]],
-        gone: Callable[[], None] | None = None,
+        on_exit: Callable[[], None] | None = None,
     ) -> None:
         self.channel = channel
-        self.gone = gone  # called once, when the screen is no longer there
+        self.on_exit = on_exit
         self.progress = progress
         self.messages: dict[str, Message] = {}
-        self.lines: deque[LogLine] = deque(maxlen=MOST_LINES)
-        self.next = 0
+        self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
+        self.due = 0
         channel.setblocking(False)
 
     def sink(self, wire: str) -> Callable[[int, Any], None]:
-        """A sink that keeps what comes on `wire`."""
+        """A sink that keeps the newest message on `wire`."""
         messages = self.messages
 
         def keep(now: int, message: Any) -> None:
@@ -62,84 +67,72 @@ class ScreenFeed:
 
         return keep
 
-    def hear(self, now: int, line: LogLine) -> None:
-        """Take a line of the log; it waits for the next picture that goes through."""
+    def add_line(self, now: int, line: LogLine) -> None:
+        """A sink for log lines; they wait for the next snapshot that is sent."""
         self.lines.append(line)
 
     def idle(self, now: int) -> None:
-        """Send a picture when one is due."""
-        if now < self.next:
-            return
-        self.next = now + PERIOD
-        self._picture(now)
+        """Send a snapshot when one is due."""
+        if now >= self.due:
+            self.due = now + SNAPSHOT_PERIOD
+            self._send_snapshot(now)
 
     def finish(self, now: int) -> None:
-        """Send the last picture, waiting for the screen, and say that it was the last."""
+        """Send the last snapshot, waiting for the screen, and end the feed."""
         self.channel.setblocking(True)
-        self._picture(now)
-        self.send(None)
+        self._send_snapshot(now)
+        self._send(None)
         self.channel.close()
 
-    def send(self, item: object) -> bool:
-        """Send one datagram; a full channel drops it, which is False."""
+    def _send_snapshot(self, now: int) -> None:
+        snapshot = RunSnapshot(now, self.messages, *self.progress(), tuple(self.lines))
+        if self._send(snapshot):
+            self.lines.clear()
+
+    def _send(self, snapshot: RunSnapshot | None) -> bool:
+        """Send one datagram. False when it was dropped because the channel is full."""
         try:
-            self.channel.send(pickle.dumps(item, pickle.HIGHEST_PROTOCOL))
+            self.channel.send(pickle.dumps(snapshot, pickle.HIGHEST_PROTOCOL))
         except BlockingIOError:
             return False
         except (ConnectionRefusedError, BrokenPipeError, ConnectionResetError):
-            gone, self.gone = self.gone, None
-            if gone is not None:
-                gone()
+            on_exit, self.on_exit = self.on_exit, None
+            if on_exit is not None:
+                on_exit()
             return False
         return True
-
-    def _picture(self, now: int) -> None:
-        if self.send(RunSnapshot(now, self.messages, *self.progress(), tuple(self.lines))):
-            self.lines.clear()
-
-
-NICENESS = 2  # the control path goes first; a lost word of whoever drives would stop the robot
-LARGEST = 1 << 18  # bytes of one picture
 
 
 def start_screen(
     show: Callable[[Iterator[RunSnapshot]], None], drives: bool = False
 ) -> tuple[socket.socket, int]:
-    """Fork a process that runs `show` over the pictures sent to the returned channel.
+    """Fork a process that runs `show` over the snapshots sent to the returned channel.
 
-    One that `drives` as well handles its signals itself, and gets its share of the processor.
+    `drives`: it can also drive the robot, so it handles signals itself and gets processor time.
+    Otherwise it runs at idle priority. Returns the engine's end of the channel and the pid.
     """
 
     def serve(channel: socket.socket) -> int:
-        _alert() if drives else _quiet()
+        if drives:  # SIGINT stays ignored: the terminal is raw, and Ctrl-C is a key
+            for number in (signal.SIGTERM, signal.SIGHUP):
+                signal.signal(number, signal.SIG_DFL)
+            with suppress(OSError):
+                os.nice(DRIVING_NICENESS)
+        else:
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
+            with suppress(OSError, AttributeError):
+                os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         with suppress(BrokenPipeError):
-            show(_pictures(channel))
+            show(_snapshots(channel))
         return 0
 
     return fork_with_channel(serve, packets=True, buffer=None)
 
 
-def _quiet() -> None:
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    with suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-
-
-def _alert() -> None:
-    """SIGINT stays ignored: its terminal is raw, and Ctrl-C is a key."""
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
-    with suppress(OSError):
-        os.nice(NICENESS)
-
-
-def _pictures(channel: socket.socket) -> Iterator[RunSnapshot]:
-    """Pictures until the engine ends or dies."""
-    while True:
-        data = channel.recv(LARGEST)
-        if not data:
+def _snapshots(channel: socket.socket) -> Iterator[RunSnapshot]:
+    """Snapshots until the engine ends or dies."""
+    while data := channel.recv(SNAPSHOT_MAX_BYTES):
+        snapshot = pickle.loads(data)
+        if snapshot is None:
             return
-        picture = pickle.loads(data)
-        if picture is None:
-            return
-        yield picture
+        yield snapshot

@@ -1,6 +1,6 @@
-"""Messages as JSON and back, exactly: a float's shortest text reads back as the same float.
+"""Messages as JSON and back, exactly: the shortest text of a float reads back as the same float.
 
-JSON knows no nan or infinity; they are written as the texts "nan", "inf" and "-inf".
+JSON has no nan or infinity; they are written as the texts "nan", "inf" and "-inf".
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ def message_encoder(kind: type) -> Encoder:
     """A function that turns a message of class `kind` into one JSON object."""
     names = list(fields(kind))
     pattern = "{" + ", ".join(f'"{name}": %r' for name in names) + "}"
-    simple = all(hint in (int, float) for hint, _ in fields(kind).values())
+    n_count = "".join(names).count("n")
 
     def encode(message: Any) -> bytes:
-        if simple:
-            # Twelve times faster than json.dumps; 'n' stands only in nan, inf and field names.
-            text: str = pattern % message
-            if text.count("n") == clean:
-                return text.encode()
         return json.dumps(plain(message), allow_nan=False).encode()
 
-    clean = "".join(names).count("n")
-    return encode
+    def encode_numbers(message: Any) -> bytes:
+        # Twelve times faster than json.dumps; 'n' occurs only in nan, inf and field names.
+        text: str = pattern % message
+        return text.encode() if text.count("n") == n_count else encode(message)
+
+    is_simple = all(hint in (int, float) for hint, _ in fields(kind).values())
+    return encode_numbers if is_simple else encode
 
 
 def message_decoder(kind: type) -> Callable[[bytes], Any]:
-    """A function that turns JSON made by `encoder(kind)` back into an equal message."""
+    """A function that turns JSON made by `message_encoder(kind)` back into an equal message."""
     read = message_reader(kind)
 
     def decode(data: bytes) -> Any:
@@ -44,7 +44,7 @@ def message_decoder(kind: type) -> Callable[[bytes], Any]:
 
 
 def message_reader(kind: type) -> Callable[[dict[str, Any]], Any]:
-    """A function that turns what `plain` made of a message of class `kind` back into it."""
+    """A function that turns the result of `plain` for a message of class `kind` back into it."""
     floats = {name for name, (hint, _) in fields(kind).items() if float in _parts(hint)}
     tuples = {name for name, (hint, _) in fields(kind).items() if _is_tuple(hint)}
 
@@ -72,16 +72,16 @@ def json_schema(kind: type) -> dict[str, Any]:
 
 
 def _property(hint: Any, field: Field) -> dict[str, Any]:
-    about: dict[str, Any] = {"description": field.help, "x-unit": field.unit}
+    common: dict[str, Any] = {"description": field.help, "x-unit": field.unit}
     if _is_tuple(hint):
-        inside = get_args(hint)[0]
-        items = {"type": "number"} if inside is float else {"type": "object"}
-        return {"type": "array", "items": items, **about}
+        item_type = get_args(hint)[0]
+        items = {"type": "number"} if item_type is float else {"type": "object"}
+        return {"type": "array", "items": items, **common}
     if get_origin(hint) is Literal:
-        return {"type": "string", "enum": list(get_args(hint)), **about}
+        return {"type": "string", "enum": list(get_args(hint)), **common}
     names = {int: "integer", float: "number", str: "string", bool: "boolean", type(None): "null"}
     types = [names[part] for part in _parts(hint)]
-    return {"type": types[0] if len(types) == 1 else types, **about}
+    return {"type": types[0] if len(types) == 1 else types, **common}
 
 
 def _parts(hint: Any) -> tuple[Any, ...]:
@@ -93,7 +93,7 @@ def _is_tuple(hint: Any) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """A message or a value in it as JSON has it; nan and infinities as texts."""
+    """A message, or a value in it, as JSON types; nan and infinities as texts."""
     if isinstance(value, float):
         return value if isfinite(value) else repr(value)
     if hasattr(value, "_asdict"):

@@ -117,10 +117,9 @@ def open_log(
 
 def log_sink(log: Recorder) -> Sink:
     """A sink that records log lines."""
-    record = log.record
 
     def sink(now: int, line: Any) -> None:
-        record(line)
+        log.record(line)
 
     return sink
 

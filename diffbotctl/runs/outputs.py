@@ -126,7 +126,7 @@ class RunOutputs:
         """The wires that the screen and the log file follow."""
         if self.screen is not None:
             for wire in self.wires:
-                yield wire, self.screen.hear if wire == LOG else self.screen.sink(wire)
+                yield wire, self.screen.add_line if wire == LOG else self.screen.sink(wire)
         if self.log_file is not None:
             yield LOG, log_sink(self.log_file)
 
@@ -191,7 +191,7 @@ class RunOutputs:
         if self.black_box is not None:
             self.black_box.finish(summary)
         if self.screen is not None:
-            self.screen.hear(ending.time, line)
+            self.screen.add_line(ending.time, line)
             self.screen.finish(max(last, 0))
 
     def close(self) -> None:
