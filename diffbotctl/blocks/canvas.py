@@ -1,4 +1,4 @@
-"""Sheet: the sheet on which the turtle draws, and the other turtles that stand on it."""
+"""Canvas: the colours of the turtle's canvas and pen, and the turtles that do not move."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from diffbotctl.block import Block, In, Out, action
 from diffbotctl.messages import Canvas, Odometry
 from diffbotctl.params import Param
 
-TURTLES_MAX = 100  # more do not fit on the sheet, nor a picture of them in one datagram
+TURTLES_MAX = 100  # limit of one datagram of a screen
 
 
 class TurtleCanvas(Block):
-    """Keep the colours of a sheet and a pen, and the turtles that were put beside the first one.
+    """Keep the colours of the canvas and the pen, and the poses of spawned turtles.
 
-    It says what it canvas like whenever that has changed; the line itself is drawn by whoever shows
-    it, from the pose that it is given here.
+    It sends the state of the canvas whenever that changes. The screen draws the line, from the pose
+    of the turtle.
 
     blocks:
       canvas: {block: canvas, in: {odometry: robot.pose}}
     """
 
-    background_red = Param(int, default=69, minimum=0, maximum=255, live=True, help="Sheet: red.")
+    background_red = Param(int, default=69, minimum=0, maximum=255, live=True, help="Canvas: red.")
     background_green = Param(
-        int, default=86, minimum=0, maximum=255, live=True, help="Sheet: green."
+        int, default=86, minimum=0, maximum=255, live=True, help="Canvas: green."
     )
     background_blue = Param(
-        int, default=255, minimum=0, maximum=255, live=True, help="Sheet: blue."
+        int, default=255, minimum=0, maximum=255, live=True, help="Canvas: blue."
     )
     pen_red = Param(int, default=179, minimum=0, maximum=255, live=True, help="Pen: red.")
     pen_green = Param(int, default=184, minimum=0, maximum=255, live=True, help="Pen: green.")
@@ -34,11 +34,11 @@ class TurtleCanvas(Block):
         default="down",
         choices=("down", "up"),
         live=True,
-        help="down: it draws; up: it leaves no line.",
+        help="down: draw a line; up: draw none.",
     )
 
-    odometry = In(Odometry, help="Where the turtle is, in the frame of the sheet.")
-    canvas = Out(Canvas, help="What the sheet canvas like, whenever that has changed.")
+    odometry = In(Odometry, help="Pose of the turtle, in the frame of the canvas.")
+    canvas = Out(Canvas, help="State of the canvas, whenever it changes.")
 
     def reset(self) -> None:
         self.sheet = 0
@@ -48,12 +48,12 @@ class TurtleCanvas(Block):
 
     @action
     def clear(self, now: int) -> None:
-        """Wipe the line off; turtles stay where they are."""
+        """Erase the line; the turtles stay."""
         self.sheet += 1
 
     @action(x="m", y="m", heading="rad")
     def spawn(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Put another turtle there: x and y in m, heading in rad. They are numbered from 2 on."""
+        """Add a turtle at x and y in m, heading in rad. Their numbers start at 2."""
         if len(self.turtles) >= TURTLES_MAX:
             raise ValueError(f"there are {TURTLES_MAX} turtles already; kill some")
         self.number += 1
@@ -61,14 +61,14 @@ class TurtleCanvas(Block):
 
     @action(number="1")
     def kill(self, now: int, number: float) -> None:
-        """Take the turtle with this number off the sheet."""
+        """Remove the turtle with this number."""
         self.turtles.pop(self._turtle(number))
 
     @action(number="1", x="m", y="m", heading="rad")
     def teleport(
         self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
     ) -> None:
-        """Put the turtle with this number elsewhere; the first one is `robot.teleport`."""
+        """Move the turtle with this number; `robot.teleport` moves the first one."""
         self.turtles[self._turtle(number)] = (x, y, heading)
 
     def react(self, now: int, odometry: Odometry | None) -> Canvas | None:
@@ -97,5 +97,5 @@ class TurtleCanvas(Block):
 
 
 def colour(red: int, green: int, blue: int) -> str:
-    """`#rrggbb`."""
+    """The colour as `#rrggbb`."""
     return f"#{red:02x}{green:02x}{blue:02x}"

@@ -1,4 +1,4 @@
-"""Command selection: a person's velocity goes before the pipeline's own."""
+"""Command selection: a manual velocity command overrides the autonomous one."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from diffbotctl.params import Param
 
 
 class CommandMux(Block):
-    """Pass the person's command while one is fresh, else the autonomous one.
+    """Pass the manual command while it is fresh, else the autonomous one.
 
-    It only selects. That a goal waits for `resume` after a person took over is the operator's
-    doing: the follower then simply has no goal.
+    It only selects. After manual driving the node `operator` withdraws the goal until `resume`.
 
     blocks:
       mux: {block: command_mux, in: {teleop: operator.twist, autonomous: follower.twist}}
@@ -23,12 +22,12 @@ class CommandMux(Block):
         default=0.4,
         minimum=0.05,
         maximum=2.0,
-        help="A person's command counts for so long. Keys repeat each 30 ms, joysticks each 100.",
+        help="Validity of a manual command. Keys repeat every 30 ms, joysticks every 100 ms.",
     )
 
-    teleop = In(Twist, fresh_for="held_for", optional=True, help="A person's command.")
-    autonomous = In(Twist, optional=True, help="The pipeline's own command.")
-    twist = Out(Twist, help="The command that counts.")
+    teleop = In(Twist, fresh_for="held_for", optional=True, help="The manual command.")
+    autonomous = In(Twist, optional=True, help="The command of the pipeline.")
+    twist = Out(Twist, help="The selected command.")
 
     def reset(self) -> None:
         self.was_driven = False
@@ -40,7 +39,7 @@ class CommandMux(Block):
         if teleop is not None:
             return teleop._replace(time=now)
         if was_driven:
-            # The old autonomous command was meant for another place: stand until a new one comes.
+            # The last autonomous command was for another pose: stop until a new one arrives.
             return Twist(now, 0.0, 0.0)
         if autonomous is None:
             return None

@@ -1,4 +1,4 @@
-"""From the body's velocity to the wheels' speeds."""
+"""Inverse kinematics of the differential drive: body velocity to wheel speeds."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from diffbotctl.params import FromRobot
 
 
 class DiffDrive(Block):
-    """Turn a body velocity into two wheel speeds within what the motors can do.
+    """Convert a body velocity into two wheel speeds within the rated speeds of the motors.
 
-    When a wheel would have to turn faster than rated, both are slowed alike: the path stays, only
-    the time on it grows.
+    If a wheel exceeds its rated speed, both are scaled by one factor, which keeps the path.
     """
 
     track: float = FromRobot("drive.track")
@@ -34,7 +33,7 @@ class DiffDrive(Block):
 def wheel_speeds(
     linear: float, angular: float, track: float, left_diameter: float, right_diameter: float
 ) -> tuple[float, float]:
-    """Wheel speeds (rad/s) that give `linear` (m/s) and `angular` (rad/s)."""
+    """Wheel speeds (rad/s) for `linear` (m/s) and `angular` (rad/s); lengths in m."""
     aside = 0.5 * angular * track
     return 2.0 * (linear - aside) / left_diameter, 2.0 * (linear + aside) / right_diameter
 
@@ -42,6 +41,6 @@ def wheel_speeds(
 def scale_to_rated(
     left: float, right: float, left_max: float, right_max: float
 ) -> tuple[float, float]:
-    """Both speeds scaled by one factor so that neither exceeds its most; their ratio is kept."""
+    """Both speeds scaled by one factor so that neither exceeds its maximum."""
     over = max(abs(left) / left_max, abs(right) / right_max)
     return (left, right) if over <= 1.0 else (left / over, right / over)

@@ -1,4 +1,4 @@
-"""Drive to a pose: turn to its bearing, drive there, turn to its heading."""
+"""Goal follower: turn to the bearing of the goal, drive to it, turn to its heading."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from diffbotctl.messages import Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
 
-# Speeds of the wheels at the rim.
-STILL_SPEED_MAX = 0.004  # m/s; below this a wheel is between two slots
-SLOW_SPEED_MAX = 0.012  # m/s; it rolls on for about a millimetre; the next leg may begin
-STILL_TIME_MIN = 60 * MILLISECOND  # of stillness after which the pose is believed
-BRAKING_RATIO = 0.8  # of the limit: the rest is for what the motors add
-HEADING_GAIN = 4.5  # 1/s: heading error to turn rate; a third of what the motors' lag allows
-HEADING_CORRECTION_MAX = 1.0  # rad/s; a correction is not a turn
-PIVOT_GAIN = 2.5  # 1/s; place error to speed while turning
-PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheels' speed, so that no wheel changes its direction
-BEARING_DISTANCE_MIN = 0.06  # m to the goal; nearer, its bearing is more noise than direction
-ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance: nearer, only the heading is left to correct
-TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading's tolerance, per leg
-TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and times the shortest time that is possible
+# Wheel speeds in m/s.
+STILL_SPEED_MAX = 0.004  # m/s; at lower speeds a wheel may stand between two slots
+SLOW_SPEED_MAX = 0.012  # m/s; it coasts for about a millimetre, so the next leg may begin
+STILL_TIME_MIN = 60 * MILLISECOND  # at rest, after which the pose is final
+BRAKING_RATIO = 0.8  # of the braking limit; the rest is a reserve for the motors
+HEADING_GAIN = 4.5  # 1/s: heading error to turn rate; a third of the limit given by the motors' lag
+HEADING_CORRECTION_MAX = 1.0  # rad/s, while driving
+PIVOT_GAIN = 2.5  # 1/s: position error to speed while turning
+PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheel speed, so that no wheel reverses
+BEARING_DISTANCE_MIN = 0.06  # m to the goal; closer, the bearing is dominated by noise
+ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
+TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
+TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 
 
 class FollowerStep(NamedTuple):
-    """What a pose leads to: the next state, a velocity (m/s, rad/s), and how the goal ended."""
+    """Result of one update: next state, velocity (m/s, rad/s), and how the goal ended."""
 
     pursuit: Pursuit
     linear: float = 0.0
@@ -47,32 +47,28 @@ class FollowerStep(NamedTuple):
 
 
 class GoalFollower(Block):
-    """Reach one goal after another; say for each how it ended.
+    """Drive to one goal after another, and report how each ended.
 
-    The state goes turning, driving, aligning, each from rest to rest, then judges the pose and
-    tries again when it is not within tolerance.
+    Each attempt turns, drives and aligns, each from rest to rest. If the final pose is not within
+    tolerance, it tries again.
     """
 
-    tolerance = Param(
-        float, default=0.01, unit="m", above=0.0, help="Distance that counts as there."
-    )
+    tolerance = Param(float, default=0.01, unit="m", above=0.0, help="Tolerance of the position.")
     heading_tolerance = Param(
-        float, default=2 * pi / 180, unit="rad", above=0.0, help="Heading that counts as there."
+        float, default=2 * pi / 180, unit="rad", above=0.0, help="Tolerance of the heading."
     )
-    reverse = Param(bool, default=False, help="May drive backwards where that is shorter.")
+    reverse = Param(bool, default=False, help="Allow driving backwards where it is shorter.")
     creep = Param(
         float,
         default=0.035,
         unit="m/s",
         above=0.0,
-        help="Least speed asked of a wheel: below it friction may hold one of the two.",
+        help="Minimum wheel speed: below it, friction may hold one of the wheels.",
     )
-    attempts = Param(int, default=6, minimum=1, maximum=50, help="Tries before a goal is given up.")
-    patience = Param(
-        float, default=10.0, unit="s", above=0.0, help="How long to wait at an obstacle."
-    )
+    attempts = Param(int, default=6, minimum=1, maximum=50, help="Maximum number of attempts.")
+    patience = Param(float, default=10.0, unit="s", above=0.0, help="Maximum wait at an obstacle.")
     stuck_after = Param(
-        float, default=2.0, unit="s", above=0.0, help="Driving without moving so long is stuck."
+        float, default=2.0, unit="s", above=0.0, help="Time without motion after which it is stuck."
     )
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")
@@ -84,7 +80,7 @@ class GoalFollower(Block):
 
     odometry = In(Odometry)
     goal = In(Goal)
-    stop = In(Stop, trigger=False, optional=True, help="What holds the robot further on.")
+    stop = In(Stop, trigger=False, optional=True, help="Stops of the blocks behind it.")
     twist = Out(Twist)
     state = Out(GoalState)
 
@@ -130,7 +126,7 @@ class GoalFollower(Block):
         return pursuit.begin(odometry, ALIGNED_DISTANCE_RATIO * self.tolerance, self.reverse)
 
     def _drop_effective(self, odometry: Odometry) -> None:
-        """Of the commands that have taken hold at the pose's time, keep the last."""
+        """Remove commands that took effect before the time of the pose, except the last."""
         delay = round(self.command_delay * SECOND)
         while len(self.sent) > 1 and self.sent[1][0] + delay <= odometry.time:
             self.sent.popleft()
@@ -138,13 +134,12 @@ class GoalFollower(Block):
     def advance(
         self, pursuit: Pursuit, now: int, odometry: Odometry, stop: Stop | None, seconds: float
     ) -> FollowerStep:
-        """The transition of a goal's state by one pose, `seconds` after the last; changes nothing
-        of the block.
+        """One update of the state by a pose that is `seconds` after the last; has no side effect.
 
-        turning -> driving -> aligning, each to rest; then the pose is judged, and the goal has
-        ended or the legs begin anew.
+        turning -> driving -> aligning, each to rest; then the goal has ended or a new attempt
+        begins.
         """
-        if _is_latched(stop):  # a held robot is neither late nor stuck
+        if _is_latched(stop):  # time in a latched stop does not count
             return FollowerStep(pursuit._replace(is_coasting=True))
         pursuit = self._count_time(pursuit, odometry, stop, seconds)
         timeout = self._timeout(pursuit, stop)
@@ -168,7 +163,7 @@ class GoalFollower(Block):
         )
 
     def _timeout(self, pursuit: Pursuit, stop: Stop | None) -> tuple[GoalEnd, str] | None:
-        """How and why the goal ends when it takes too long."""
+        """How and why the goal ends, if it takes too long."""
         if stop is not None and pursuit.blocked_for > self.patience:
             return "blocked", f"{stop.cause}, for {self.patience:g} s"
         if pursuit.elapsed > pursuit.time_limit:
@@ -178,7 +173,7 @@ class GoalFollower(Block):
         return None
 
     def _move(self, pursuit: Pursuit, now: int, odometry: Odometry, seconds: float) -> FollowerStep:
-        """The velocity for the leg under way; moves on to the next one at rest."""
+        """The velocity for the present leg; changes to the next leg at rest."""
         if pursuit.is_coasting:
             pursuit = self._await_rest(pursuit, odometry)
             if pursuit.is_coasting:
@@ -189,7 +184,7 @@ class GoalFollower(Block):
                     case "turning":
                         pursuit = pursuit._replace(leg="driving", pivot=(odometry.x, odometry.y))
                     case "driving":
-                        # The last turn is about the goal: in turning it can still come nearer.
+                        # The last turn is about the goal, which reduces the position error further.
                         pivot = (pursuit.goal.x, pursuit.goal.y)
                         pursuit = pursuit._replace(leg="aligning", pivot=pivot)
                     case "aligning":
@@ -204,7 +199,7 @@ class GoalFollower(Block):
         return self._turn_leg(pursuit, odometry, predicted, seconds)
 
     def _await_rest(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
-        """Coasting no more, once it is slow enough for what comes next."""
+        """End coasting when the robot is slow enough for the next leg or for the final check."""
         wheel_speed = self._wheel_speed(odometry)
         if pursuit.leg != "aligning":
             return pursuit._replace(is_coasting=wheel_speed > SLOW_SPEED_MAX)
@@ -242,7 +237,7 @@ class GoalFollower(Block):
         return FollowerStep(pursuit, linear, speed / half_track)
 
     def _pivot_speed(self, pursuit: Pursuit, odometry: Odometry, wheel_speed: float) -> float:
-        """Forward speed that keeps a turn on its spot: motors of unequal strength would drift."""
+        """Forward speed (m/s) that holds the position in a turn, against unequal motors."""
         x, y = pursuit.pivot
         ahead = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
         limit = PIVOT_SPEED_RATIO_MAX * wheel_speed
@@ -265,7 +260,7 @@ class GoalFollower(Block):
         return FollowerStep(pursuit, linear, correction)
 
     def _turn_bounds(self) -> SpeedBounds:
-        """Of a wheel while turning on the spot."""
+        """Wheel speeds while turning on the spot."""
         maximum = min(self.speed, self.turn_rate * 0.5 * self.track)
         return SpeedBounds(min(self.creep, maximum), maximum, self.braking * BRAKING_RATIO)
 
@@ -276,12 +271,12 @@ class GoalFollower(Block):
         error = abs(pursuit.heading_error(odometry))
         if error <= self.heading_tolerance * ratio:
             return True
-        # Where the motors are slow, what remains may be too little to be driven.
+        # With slow motors the remaining angle may be too small to drive.
         remaining, bounds = 0.5 * self.track * error, self._turn_bounds()
         return approach_speed(remaining, 0.0, pursuit.coast.time, seconds, bounds) == 0.0
 
     def _wheel_speed(self, odometry: Odometry) -> float:
-        """m/s, of the faster wheel."""
+        """Speed (m/s) of the faster wheel."""
         return abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
 
 
@@ -292,7 +287,9 @@ def _is_latched(stop: Stop | None) -> bool:
 def _goal_state(now: int, odometry: Odometry, step: FollowerStep) -> GoalState:
     pursuit = step.pursuit
     if step.end is not None:
-        pursuit = pursuit._replace(leg="aligning")  # counts how far the heading is off
+        pursuit = pursuit._replace(
+            leg="aligning"
+        )  # so that the error of the final heading is reported
     return GoalState(
         now,
         pursuit.goal.number,

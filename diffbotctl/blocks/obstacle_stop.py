@@ -1,4 +1,4 @@
-"""Obstacle stop: a wanted velocity and a distance in, one that can still stop in time out."""
+"""Obstacle stop: limits the velocity by a distance sensor, so that the robot stops in time."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ STALE: StopCode = "range_stale"
 FAULT: StopCode = "range_fault"
 TOO_CLOSE: StopCode = "too_close"
 OBSTACLE: StopCode = "obstacle"
-SENSOR_CYCLE = 0.0252  # s; a Sharp sensor's longest cycle and its settling (data sheet ED-05G101)
-# m farther than it stopped before it drives on; a reading at 20 cm wobbles by 3 mm
+SENSOR_CYCLE = 0.0252  # s; longest cycle and settling of a Sharp sensor (data sheet ED-05G101)
+# m; hysteresis: a reading at 20 cm has a noise of 3 mm
 RELEASE_DISTANCE = 0.02
 
 
 class ObstacleStop(Block):
-    """Let the robot drive forward only as fast as it can still stop in front of what it sees.
+    """Limit the forward speed so that the robot can stop before an obstacle ahead.
 
-    Near an obstacle it slows down, nearer it stops; a sensor that is too close, faulty or silent
-    counts as an obstacle. Turning and backing away stay allowed. It stands behind the limiter, so
-    its stops are not ramped.
+    It slows down and then stops in front of an obstacle. A reading that is too close, faulty or
+    stale counts as an obstacle. Turning and driving backwards stay allowed. Connect it after the
+    speed limiter, so that its stops are not ramped.
 
     blocks:
       guard: {block: obstacle_stop, in: {twist: limiter.twist, range: range.range}}
@@ -37,7 +37,7 @@ class ObstacleStop(Block):
         default=0.05,
         minimum=0.0,
         live=True,
-        help="Distance between the robot's front and the obstacle where it comes to stand.",
+        help="Distance between the front of the robot and the obstacle at standstill.",
     )
     reaction = Param(
         float,
@@ -46,8 +46,8 @@ class ObstacleStop(Block):
         none=True,
         minimum=0.0,
         maximum=2.0,
-        help="Time from the obstacle coming into view to the wheels slowing down; none: reckoned "
-        "from the sensor's cycle, the telemetry, the debouncing, the command's way and the motors.",
+        help="Time from an obstacle in view to the start of braking; none: computed from sensor "
+        "cycle, telemetry rate, debouncing, command delay and motor lag.",
     )
     slowest = Param(
         float,
@@ -55,7 +55,7 @@ class ObstacleStop(Block):
         default=0.05,
         above=0.0,
         live=True,
-        help="Where it may only drive slower than this, it stops.",
+        help="Stop where the safe speed is lower than this.",
     )
     debounce = Param(
         int,
@@ -63,15 +63,10 @@ class ObstacleStop(Block):
         minimum=1,
         maximum=20,
         live=True,
-        help="So many readings in a row stop the robot, or let it go on.",
+        help="Consecutive readings that stop or release the robot.",
     )
     stale_after = Param(
-        float,
-        unit="s",
-        default=0.2,
-        minimum=0.02,
-        maximum=1.0,
-        help="A distance older than this counts as none.",
+        float, unit="s", default=0.2, minimum=0.02, maximum=1.0, help="Maximum age of a distance."
     )
     resume_by = Param(
         str,
@@ -79,13 +74,13 @@ class ObstacleStop(Block):
         default="by_itself",
         choices=("by_itself", "wait"),
         live=True,
-        help="After an obstacle has gone: drive on by itself, or wait for a person to resume.",
+        help="When the obstacle has gone: drive on by itself, or wait for `resume`.",
     )
     sensor = Param(
         str,
         none=True,
         default=None,
-        help="Sensor that the distance comes from; none: the robot's first.",
+        help="Name of the sensor; none: the first of the robot.",
     )
     braking = FromRobot("limits.braking")
     telemetry = FromRobot("board.telemetry")
@@ -94,11 +89,11 @@ class ObstacleStop(Block):
     front = FromRobot("body.front")
     sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
 
-    twist = In(Twist, fresh_for=0.5, help="The wanted velocity.")
-    range = In(Range, fresh_for="stale_after", help="The distance to what is ahead.")
-    resume = In(Resume, optional=True, help="A person's consent to drive on.")
-    safe = Out(Twist, name="twist", help="The velocity that is allowed.")
-    stop = Out(Stop, help="What holds the robot, and that it is released.")
+    twist = In(Twist, fresh_for=0.5, help="The desired velocity.")
+    range = In(Range, fresh_for="stale_after", help="The distance ahead.")
+    resume = In(Resume, optional=True, help="Consent to drive on.")
+    safe = Out(Twist, name="twist", help="The safe velocity.")
+    stop = Out(Stop, help="Stop and release events.")
 
     def reset(self) -> None:
         name = self.sensor or next(iter(self.sensors), "")
@@ -115,7 +110,7 @@ class ObstacleStop(Block):
         self.cause = ""
         self.reported_code: StopCode = ""
         self.is_latched = False
-        self.is_slowing = False  # for something that is still far enough away
+        self.is_slowing = False  # for an obstacle that is still far enough away
         self.last_resume: Resume | None = None
 
     def react(
@@ -124,7 +119,7 @@ class ObstacleStop(Block):
         free = self._free_distance(range)
         if resume is not None and resume is not self.last_resume:
             self.last_resume = resume
-            # Consent while the obstacle still stands there would set the robot off later, unseen.
+            # Consent is ignored while the obstacle is there: it would start the robot later.
             self.is_latched = self.is_latched and self.code != ""
         is_forward = twist is not None and twist.linear > 0.0
         event = self._stop_event(now, is_forward)
@@ -146,7 +141,7 @@ class ObstacleStop(Block):
             self.log.debug(f"{does} what is {free * 100:.0f} cm ahead")
 
     def _free_distance(self, range: Range | None) -> float:
-        """Take the newest reading into account; return the free distance before the front."""
+        """Process a new reading; returns the free distance (m) before the front."""
         if range is None:
             self._block(STALE, "no fresh distance comes from the sensor")
             return 0.0
@@ -190,7 +185,7 @@ class ObstacleStop(Block):
             self.code = self.cause = ""
 
     def _stop_event(self, now: int, is_forward: bool) -> Stop | None:
-        """A Stop when the robot begins or ceases to be held back from driving forward."""
+        """A Stop when forward motion is first prevented or allowed again, else None."""
         code = self.code
         if is_forward and code and code != self.reported_code:
             must_wait = self.resume_by == "wait" and code != STALE
@@ -204,21 +199,21 @@ class ObstacleStop(Block):
 
 
 def reaction_time(rate: float, debounce: int, delay: float, lag: float) -> float:
-    """Seconds from an obstacle coming into view to the wheels slowing down, at the longest.
+    """Longest time (s) from an obstacle in view to the start of braking.
 
-    `rate` of the telemetry in Hz, readings that must agree, `delay` of a command and `lag` of the
-    motors in s.
+    `rate` of the telemetry in Hz; `debounce`: readings that must agree; `delay` of a command and
+    `lag` of the motors in s.
     """
     return SENSOR_CYCLE + debounce / rate + delay + lag
 
 
 def stopping_distance(speed: float, braking: float, reaction: float) -> float:
-    """Metres driven from `speed` to standstill: m/s, m/s2, s of driving on before braking."""
+    """Distance (m) from `speed` (m/s) to standstill; `braking` in m/s2, `reaction` in s."""
     return speed * speed / (2 * braking) + speed * reaction
 
 
 def max_safe_speed(free: float, braking: float, reaction: float) -> float:
-    """Highest speed in m/s from which the robot stands within `free` metres; 0 when there are none.
+    """Highest speed (m/s) from which the robot stops within `free` metres; 0 if `free` <= 0.
 
     The inverse of `stopping_distance`.
     """
@@ -230,7 +225,7 @@ def max_safe_speed(free: float, braking: float, reaction: float) -> float:
 
 
 def limit_to(twist: Twist, limit: float, now: int) -> Twist:
-    """`twist` at no more than `limit` m/s forward, on the same curve."""
+    """`twist` limited to `limit` m/s forward, with the same curvature."""
     if twist.linear <= limit:
         return twist._replace(time=now)
     return Twist(now, limit, twist.angular * limit / twist.linear)

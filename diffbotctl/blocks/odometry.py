@@ -1,4 +1,4 @@
-"""Where the robot is, from its wheel encoders and the commands that its motors follow."""
+"""Odometry: the pose from wheel encoders and motor commands."""
 
 from __future__ import annotations
 
@@ -14,33 +14,29 @@ from diffbotctl.estimation.wheel_odometer import (
 from diffbotctl.messages import Encoders, Odometry
 from diffbotctl.params import FromRobot, Param
 
-RESIDUAL_JITTER_RATIO = 0.3  # of the scatter of frames' times, once they are followed
-# Without news for so long (ns) nobody knows what drove the motors: the host has stopped after a
-# quarter of a second, and the board's dead-man has after 0.1 to 0.5 s of its own.
+RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to its input
+# ns; after a longer gap the commands in between are unknown: the host stops the robot after 0.25 s,
+# the dead-man stop of the board after 0.1 to 0.5 s.
 SILENCE_MAX = 400_000_000
-SILENCE_TRAVEL_SD_PITCHES = 0.5  # of a wheel meanwhile: where in a slot it began, and ended
-FRICTION_LOG_ODDS_MIN = 1.0  # dry friction is believed when it tells the rolling out better
+SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and after the gap
+FRICTION_LOG_ODDS_MIN = 1.0  # natural log; above it the motors have dry friction
 
 
 class OdometryBlock(Block):
-    """Integrate both wheels' travel into a pose, finer than the encoders' slots.
+    """Integrate the travel of both wheels into a pose, with sub-slot resolution.
 
-    Each wheel has a filter driven by the model of its motor; `method: count` is the naive way,
-    which takes a count for a pitch.
+    Each wheel has a filter with a model of its motor; with `method: count` the travel is the count
+    times the pitch.
     """
 
     method = Param(
         str,
         default="model",
         choices=("model", "count"),
-        help="`model`: a filter a wheel, driven by the motor's model; `count`: counts alone.",
+        help="`model`: one filter per wheel with its motor model; `count`: counts alone.",
     )
     slip = Param(
-        float,
-        default=0.0005,
-        unit="m",
-        minimum=0.0,
-        help="Slip of a wheel: sd after a metre of its travel.",
+        float, default=0.0005, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
     )
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
@@ -61,7 +57,7 @@ class OdometryBlock(Block):
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Say where the robot is: x and y in m, heading in rad; the origin when left out."""
+        """Set the pose: x and y in m, heading in rad; default: the origin."""
         self.pose.set_pose(x, y, heading)
 
     def react(self, now: int, encoders: Encoders | None) -> Odometry | None:
@@ -93,7 +89,7 @@ class OdometryBlock(Block):
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
         )
         if len(left.filter.hypotheses) > 1 or len(right.filter.hypotheses) > 1:
-            # Both motors are of one kind: they roll out alike.
+            # Both motors are of the same type, so they coast alike.
             log_odds = left.filter.friction_log_odds() + right.filter.friction_log_odds()
             left.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
             right.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
@@ -104,7 +100,7 @@ class OdometryBlock(Block):
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[WheelOdometer, WheelOdometer]
     ) -> None:
-        """After a silence: the counts tell the way, and nothing more is known of the wheels."""
+        """After a gap in the telemetry: use the counts for the travel, and restart the filters."""
         left = wheels[0].unobserved_travel(encoders.left)
         right = wheels[1].unobserved_travel(encoders.right)
         self.wheels = self._start(encoders)
@@ -123,7 +119,7 @@ class OdometryBlock(Block):
         )
 
     def _command_start(self, before: int, time: int) -> int:
-        """Commands follow frames, so a change between two frames came a fixed time before one."""
+        """Estimated time at which a command took effect: a fixed delay after a frame."""
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)

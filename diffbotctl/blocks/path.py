@@ -1,4 +1,4 @@
-"""Path: a square or a list of waypoints, all in one message."""
+"""Path: a square or a list of waypoints, sent as one message."""
 
 from __future__ import annotations
 
@@ -12,29 +12,28 @@ Point = tuple[float, float]
 
 
 class PathSource(Block):
-    """Give a path at the start, and again when asked by the action `again`.
+    """Send a path at the start, and again on the action `again`.
 
-    The square begins and ends at the origin, its first side along x. At its end the robot looks
-    along x again.
+    The square starts and ends at the origin with its first side along x. The final heading is 0.
 
     blocks:
       square: {block: path, with: {side: 1 m, direction: counter_clockwise}}
     """
 
-    shape = Param(str, default="square", choices=("square", "waypoints"), help="What to drive.")
-    side = Param(float, unit="m", default=1.0, above=0.0, help="Length of the square's sides.")
+    shape = Param(str, default="square", choices=("square", "waypoints"), help="Shape of the path.")
+    side = Param(float, unit="m", default=1.0, above=0.0, help="Side of the square.")
     direction = Param(
         str,
         default="counter_clockwise",
         choices=("counter_clockwise", "clockwise"),
-        help="Which way round the square.",
+        help="Direction around the square.",
     )
-    loops = Param(int, default=1, minimum=1, maximum=1000, help="How many times.")
+    loops = Param(int, default=1, minimum=1, maximum=1000, help="Number of rounds.")
     waypoints = Param(
         list[tuple[float, float]], unit="m", default=[], help="Points [x, y] for `waypoints`."
     )
 
-    tick = Every(0.1)  # s; soon after the start, when all blocks have been reset
+    tick = Every(0.1)  # s; after all blocks have been reset
     path = Out(Path, help="All waypoints in order.")
 
     def reset(self) -> None:
@@ -42,7 +41,7 @@ class PathSource(Block):
 
     @action
     def again(self, now: int) -> None:
-        """Give the path once more."""
+        """Send the path again."""
         self.is_due = True
 
     def react(self, now: int, tick: int | None) -> Path | None:
@@ -57,13 +56,13 @@ class PathSource(Block):
 
 
 def square(side: float, is_clockwise: bool) -> list[Point]:
-    """The four corners of a square from the origin, the last one the origin itself, in metres."""
+    """The corners (m) of a square that starts and ends at the origin."""
     y = -side if is_clockwise else side
     return [(side, 0.0), (side, y), (0.0, y), (0.0, 0.0)]
 
 
 def last_heading(points: list[Point]) -> float | None:
-    """The heading in rad of the last leg; None for fewer than two points."""
+    """Heading (rad) of the last leg; None for fewer than two points."""
     if len(points) < 2:
         return None
     (from_x, from_y), (to_x, to_y) = points[-2:]
@@ -71,7 +70,7 @@ def last_heading(points: list[Point]) -> float | None:
 
 
 def as_goals(now: int, points: list[Point], heading: float | None) -> tuple[Goal, ...]:
-    """Goals numbered from 1 at `points`; only the last one asks for a `heading`."""
+    """Goals at `points`, numbered from 1; only the last one has a `heading`."""
     last = len(points)
     return tuple(
         Goal(now, number, x, y, heading if number == last else None)

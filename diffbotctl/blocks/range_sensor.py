@@ -1,4 +1,4 @@
-"""Distance from a Sharp sensor's voltage: volts in, metres out, doubt told apart from certainty."""
+"""Range sensor: distance from the voltage of a Sharp infrared sensor."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.messages import Range, Resume, Volts
 from diffbotctl.params import Param
 
-DISTANCE_MIN = 0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet), its curve to 2 mm
-REACH = 0.30  # m; farther, its voltage hardly changes
-# The peak, 3.03 V, is 1.14 times the voltage at 4.2 cm. The voltage is above 1.09 times it over
-# 9 mm (typical part: from 3.7 to 2.8 cm), so readings that are closer together must see it.
+DISTANCE_MIN = (
+    0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet); the curve is good to 2 mm
+)
+REACH = 0.30  # m; at larger distances the voltage hardly changes
+# The peak, 3.03 V, is 1.14 times the voltage at 4.2 cm. Over 9 mm (typical part: 3.7 to 2.8 cm) the
+# voltage exceeds 1.09 times that value, so readings less than 9 mm apart cannot miss the peak.
 PEAK_RATIO = 1.09
 PEAK_WIDTH = 0.009  # m
-# An object 5 mm away reads 1.38 V, half the voltage at 4.2 cm: less means contact, or far away.
+# An object at 5 mm gives 1.38 V, half the voltage at 4.2 cm; less means contact or far away.
 CONTACT_RATIO = 0.5
-FOLDED_WIDTH = 0.020  # m; from 2.5 cm, where the folded-back part begins, to those 5 mm
-ZERO_READINGS_MAX = 3  # readings of zero volts in a row: a broken wire, where one alone is noise
+FOLDED_WIDTH = 0.020  # m; from 2.5 cm, where the ambiguous part begins, to these 5 mm
+ZERO_READINGS_MAX = 3  # consecutive readings of zero volts; a single one is noise
 
 
 class Curve(Protocol):
@@ -37,12 +39,12 @@ class CurvedSensor(Protocol):
 
 
 class RangeSensor(Block):
-    """Turn a voltage into a distance by the sensor's curve, and remember what was too close.
+    """Convert the voltage of a Sharp sensor into a distance, with its ambiguity at close range.
 
-    The curve is volts = a / (distance + b) + c from 4 to 30 cm. Nearer than 3 cm the voltage falls
-    again, and 2 cm reads like 5.3 cm: so what came too close stays `too_close` until its voltage
-    has come back through the peak, or a person resumes. `fault`: no voltage, zero volts, or a
-    voltage that never changes, which a real sensor's noise makes impossible.
+    The curve is volts = a / (distance + b) + c from 4 to 30 cm. Closer than 3 cm the voltage falls
+    again: 2 cm reads as 5.3 cm. An object that came too close therefore stays `too_close` until the
+    voltage has passed the peak again, or until `resume`. `fault`: no voltage, zero volts, or a
+    constant voltage, as the voltage of a working sensor has noise.
 
     blocks:
       range: {block: range_sensor, in: {volts: robot.front}, with: {sensor: front}}
@@ -55,14 +57,14 @@ class RangeSensor(Block):
         default=3.0,
         above=0.0,
         none=True,
-        help="A voltage that stays exactly equal for so long is not believed; none: believe it.",
+        help="A voltage constant for this time is a fault; none: no check.",
     )
     sensors: Mapping[str, CurvedSensor] = FromRobot("sensors")
     speed = FromRobot("limits.speed")
 
-    volts = In(Volts, help="The sensor's voltage.")
-    resume = In(Resume, optional=True, help="A person says that nothing is too close.")
-    range = Out(Range, help="The distance along the sensor's axis.")
+    volts = In(Volts, help="Voltage of the sensor.")
+    resume = In(Resume, optional=True, help="Confirms that nothing is too close.")
+    range = Out(Range, help="Distance along the axis of the sensor.")
 
     def reset(self) -> None:
         curve = self.sensors[self.sensor].curve
@@ -87,9 +89,9 @@ class RangeSensor(Block):
         return reading
 
     def _log_change(self, reading: Range, volts: float) -> None:
-        """Put a change of the state into the log."""
+        """Log a change of the state."""
         if reading.state == "fault":
-            self.log.warning(f"{self.sensor}: {volts:.2f} V is not what a working sensor says")
+            self.log.warning(f"{self.sensor}: {volts:.2f} V is not a voltage of a working sensor")
         elif self.last_state == "fault":
             self.log.info(f"{self.sensor}: works again, {volts:.2f} V")
         elif self.log.debugs:
@@ -119,13 +121,13 @@ class RangeSensor(Block):
 
 
 class FoldbackDetector:
-    """Whether the object is on the sensor's folded-back side, nearer than the peak at 3 cm.
+    """Detects objects closer than the peak of the curve at 3 cm, where the voltage is ambiguous.
 
-    A voltage above `near_volts`, that of the nearest certain distance, is too close on either side
-    of the peak. When it falls below again, the way tells the side: who was seen at the peak may
-    have passed it, and so may who could drive over it at `speed` in m/s between two readings. Back
-    on the certain side is only who was seen at the peak again, or whose voltage drops faster than
-    the robot could drive: that object went away sideways.
+    A voltage above `near_volts`, that of the nearest unambiguous distance, is too close on either
+    side of the peak. When it falls below again, the history decides. The object may have passed the
+    peak if the peak was seen, or if the robot at `speed` (m/s) could cross it between two readings.
+    It is back on the unambiguous side when the peak was seen again, or when the voltage drops
+    faster than the robot can drive: then the object has moved away sideways.
     """
 
     def __init__(self, near_volts: float, speed: float) -> None:
@@ -135,7 +137,7 @@ class FoldbackDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Begin as if nothing had been close."""
+        """Forget all readings."""
         self.is_folded = False
         self.was_folded = False  # before the zone was entered
         self.is_inside = False  # of the zone above `near_volts`
@@ -145,7 +147,7 @@ class FoldbackDetector:
         self.last_inside = 0  # last time inside, in ns
 
     def is_too_close(self, now: int, volts: float) -> bool:
-        """Take one voltage at `now` ns; True while the object is, or may be, closer than 4 cm."""
+        """Process a voltage at `now` (ns); True while an object is or may be closer than 4 cm."""
         is_jump, self.last_time = now - self.last_time >= self.peak_time, now
         if volts >= self.near_volts:
             self.is_inside, self.last_inside = True, now
@@ -170,10 +172,10 @@ class FoldbackDetector:
 
 
 def volts_at(distance: float, a: float, b: float, c: float) -> float:
-    """Voltage of the curve at `distance` in metres: a in V m, b in m, c in V."""
+    """Voltage of the curve at `distance` (m); a in V m, b in m, c in V."""
     return a / (distance + b) + c
 
 
 def distance_at(volts: float, a: float, b: float, c: float) -> float:
-    """Distance in metres at which the curve has this voltage; infinite at or below its end."""
+    """Distance (m) at this voltage of the curve; infinity at or below its asymptote."""
     return a / (volts - c) - b if volts > c else float("inf")

@@ -1,4 +1,4 @@
-"""Scan stop: a wanted velocity and a laser scan in, one that touches nothing out."""
+"""Scan stop: limits the velocity by a laser scan, so that the outline touches nothing."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from diffbotctl.params import Param
 
 OBSTACLE: StopCode = "obstacle"
 STALE: StopCode = "scan_stale"
-# of the wanted velocity that are tried, in this order
+# fractions of the desired velocity, in the order in which they are tried
 SPEED_RATIOS = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
-SWEEP_STEP = 0.01  # m that a corner moves between two looks along the way
-APPROACH_MIN = 1e-6  # m; less is no coming closer but arithmetic
-# m; what the LDS-01 says is too close to measure is nearer than this (data sheet)
+SWEEP_STEP = 0.01  # m that a corner moves between two checks along the path
+APPROACH_MIN = 1e-6  # m; smaller differences are rounding errors
+# m; an object too close for the LDS-01 to measure is nearer than this (data sheet)
 SCAN_DISTANCE_MIN = 0.12
-STILL_SPEED_MAX = 1e-3  # m/s or rad/s; slower is standing
+STILL_SPEED_MAX = 1e-3  # m/s or rad/s; slower counts as standstill
 
 
 class ScanStop(Block):
-    """Let the robot move only as fast as it can still stop before its outline touches what it sees.
+    """Limit the velocity so that the robot can stop before its outline touches an obstacle.
 
-    It follows the wanted curve in thought, for as long as it takes to react and to brake, and looks
-    whether any point of the scan comes nearer to the outline than `margin`. Then it tries slower
-    ones, then the turn alone, then none. What leads away from a thing is always allowed. Between
-    two scans the points are moved as the odometry says, so that things must stand still.
+    It predicts the motion along the desired curve for the time of reaction and braking, and checks
+    whether any point of the scan comes closer to the outline than `margin`. If so, it tries slower
+    velocities, then the turn alone, then standstill. Motion away from a point is always allowed.
+    Between two scans the points move with the odometry: obstacles are assumed to be static.
 
     blocks:
       guard: {block: scan_stop, in: {twist: limiter.twist, scan: robot.scan, odometry: o.odometry}}
@@ -48,7 +48,7 @@ class ScanStop(Block):
         default=0.05,
         minimum=0.0,
         live=True,
-        help="Distance that is kept free around the robot's outline.",
+        help="Distance kept free around the outline of the robot.",
     )
     stale_after = Param(
         float,
@@ -56,7 +56,7 @@ class ScanStop(Block):
         default=0.6,
         minimum=0.02,
         maximum=2.0,
-        help="A scan older than this counts as none; then the robot stands.",
+        help="Maximum age of a scan; without a fresh one the robot stops.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
     sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
@@ -70,11 +70,11 @@ class ScanStop(Block):
     command_delay = FromRobot("link.command_delay")
     lag = FromRobot("drive.left.motor.lag")
 
-    twist = In(Twist, fresh_for=0.5, help="The wanted velocity.")
-    scan = In(Scan, trigger=False, fresh_for="stale_after", help="The distances all round.")
-    odometry = In(Odometry, help="How the robot moves between two scans.")
-    safe = Out(Twist, name="twist", help="The velocity that is allowed.")
-    stop = Out(Stop, help="What holds the robot, and that it is released.")
+    twist = In(Twist, fresh_for=0.5, help="The desired velocity.")
+    scan = In(Scan, trigger=False, fresh_for="stale_after", help="The laser scan.")
+    odometry = In(Odometry, help="Motion between two scans.")
+    safe = Out(Twist, name="twist", help="The safe velocity.")
+    stop = Out(Stop, help="Stop and release events.")
 
     def reset(self) -> None:
         self.mount = sensor_mount(self.sensors, self.sensor)
@@ -85,7 +85,7 @@ class ScanStop(Block):
         self.last_scan: Scan | None = None
         self.last_twist: Twist | None = None
         self.reported_code: StopCode = ""
-        self.waiting_since: int | None = None  # for the first scan, while motion is wanted
+        self.waiting_since: int | None = None  # for the first scan, since the first command to move
 
     def react(
         self, now: int, twist: Twist | None, scan: Scan | None, odometry: Odometry | None
@@ -105,8 +105,8 @@ class ScanStop(Block):
         return safe, self._stop_event(now, code)
 
     def _safe_velocity(self, now: int, twist: Twist) -> tuple[Twist, StopCode]:
-        """The fastest velocity on the wanted curve that is safe, or else of the turn alone; and
-        what holds the robot then."""
+        """The fastest safe velocity on the desired curve, else of the turn alone; and the stop
+        code."""
         points = into_frame(self.points, *self.tracker.pose_at(now))
         for linear in (twist.linear, 0.0):
             if linear or twist.angular:
@@ -117,9 +117,9 @@ class ScanStop(Block):
         return Twist(now, 0.0, 0.0), OBSTACLE
 
     def is_free(self, points: list[Point], linear: float, angular: float) -> bool:
-        """Whether the outline keeps its margin on this curve until the robot could stand.
+        """True when the outline keeps its margin on this curve until the robot can have stopped.
 
-        `points`: in base_link, now. Those already within the margin must not come nearer.
+        `points` in base_link, at present. Those already within the margin must not come closer.
         """
         outline, margin = self.outline, self.margin
         seconds = self.stopping_time(linear, angular)
@@ -139,16 +139,16 @@ class ScanStop(Block):
         return True
 
     def stopping_time(self, linear: float, angular: float) -> float:
-        """Seconds at full speed that lead as far as reacting and then braking to standstill.
+        """Seconds at constant velocity that cover the distance of reaction and braking.
 
-        Braking by b from v takes v^2 / 2b of way, as long as v / 2b at full speed; a turn rate w
-        brakes by 2b / track at the wheels' b.
+        Braking by b from v takes the distance v^2 / 2b, which is v / 2b at constant speed; a turn
+        rate is braked by 2b / track.
         """
         turning = 0.25 * abs(angular) * self.track / self.braking
         return float(self.reaction + max(0.5 * abs(linear) / self.braking, turning))
 
     def _locate_points(self, scan: Scan) -> None:
-        """Note a scan's points where they stand."""
+        """Store the points of a scan in the frame of `tracker`."""
         self.last_scan = scan
         x, y, _ = self.mount
         reach = self.outline.reach + self.margin + self.speed * self.stale_after
@@ -157,7 +157,7 @@ class ScanStop(Block):
         self.points = out_of_frame(points, *self.tracker.pose_at(scan.time))
 
     def _stale_event(self, now: int) -> Stop | None:
-        """Say that there is no scan; at first a scanner has the time of a turn, and more."""
+        """A Stop when there is no fresh scan; the first one may take up to `stale_after`."""
         if self.last_scan is None:
             self.waiting_since = now if self.waiting_since is None else self.waiting_since
             if now - self.waiting_since < self.stale_after * 1e9:
@@ -165,7 +165,7 @@ class ScanStop(Block):
         return self._stop_event(now, STALE)
 
     def _stop_event(self, now: int, code: StopCode) -> Stop | None:
-        """A Stop when something begins to hold the robot, or has ceased to."""
+        """A Stop when the code changes, else None."""
         if code == self.reported_code:
             return None
         self.reported_code = code
@@ -180,6 +180,6 @@ CAUSES: dict[StopCode, str] = {
 
 
 def points_on_robot(scan: Scan, mount: tuple[float, float, float], reach: float) -> list[Point]:
-    """What a scan sees within `reach` (m) of the scanner, in base_link."""
+    """The points of a scan within `reach` (m) of the scanner, in base_link."""
     points = scan_points(scan.start, scan.step, scan.distances, SCAN_DISTANCE_MIN, reach)
     return out_of_frame(points, *mount)

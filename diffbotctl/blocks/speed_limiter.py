@@ -1,4 +1,4 @@
-"""Keep the body's commanded velocity within the robot's limits, and its changes gentle."""
+"""Limit the commanded velocity and its rate of change."""
 
 from __future__ import annotations
 
@@ -10,23 +10,15 @@ from diffbotctl.params import FromRobot, Param
 class SpeedLimiter(Block):
     """Limit speed, turn rate, acceleration and braking of a body velocity.
 
-    Too fast a twist is slowed as a whole, so its curvature stays. It reacts to each twist and takes
-    its time from the messages; after a long silence it begins at rest, as the board then does.
+    A twist that is too fast is scaled as a whole, which keeps its curvature. Times are those of the
+    messages; after `silence` it starts from rest, as the board has stopped by then.
     """
 
     silence = Param(
-        float,
-        default=0.3,
-        unit="s",
-        above=0.0,
-        help="Silence after which the robot counts as still.",
+        float, default=0.3, unit="s", above=0.0, help="Without input for longer, start from rest."
     )
     first_step = Param(
-        float,
-        default=0.02,
-        unit="s",
-        above=0.0,
-        help="Time that the first twist is taken to cover.",
+        float, default=0.02, unit="s", above=0.0, help="Time step assumed for the first twist."
     )
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")
@@ -49,7 +41,7 @@ class SpeedLimiter(Block):
             step = self.first_step
         self.time = twist.time
         linear, angular = brake_limited(twist.linear, twist.angular, self.speed, self.turn_rate)
-        arm = 2.0 / self.track  # a wheel's acceleration times this is the body's turning
+        arm = 2.0 / self.track  # angular acceleration per acceleration of the wheels
         self.linear = acceleration_limited(
             self.linear, linear, self.acceleration * step, self.braking * step
         )
@@ -62,7 +54,7 @@ class SpeedLimiter(Block):
 def brake_limited(
     linear: float, angular: float, speed: float, turn_rate: float
 ) -> tuple[float, float]:
-    """The twist scaled by one factor into |linear| <= speed and |angular| <= turn_rate."""
+    """The velocity scaled by one factor to |linear| <= speed and |angular| <= turn_rate."""
     scale = 1.0
     if abs(linear) > speed:
         scale = speed / abs(linear)
@@ -72,9 +64,10 @@ def brake_limited(
 
 
 def acceleration_limited(before: float, target: float, increase: float, decrease: float) -> float:
-    """`target`, or as near as one step lets: `increase` away from zero, `decrease` towards it.
+    """The speed nearest to `target` within one step of at most `increase` away from zero or
+    `decrease` towards it.
 
-    A change of sign first stops at zero, for one step.
+    A change of sign takes one step at zero.
     """
     if before < 0.0:
         return -acceleration_limited(-before, -target, increase, decrease)

@@ -1,4 +1,4 @@
-"""Talker and listener: a text on the wire, again and again, and an answer to each."""
+"""Talker and listener: the smallest pipeline, a text that is sent and answered."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from diffbotctl.params import Param
 
 
 class Talker(Block):
-    """Say a numbered greeting each period.
+    """Send a numbered greeting each period.
 
     blocks:
       talker: {block: talker, with: {greeting: hello world, period: 100 ms}}
     """
 
-    greeting = Param(str, default="hello world", live=True, help="What it says.")
-    period = Param(float, unit="s", default=0.1, minimum=0.001, help="Time from one to the next.")
+    greeting = Param(str, default="hello world", live=True, help="Text to send.")
+    period = Param(float, unit="s", default=0.1, minimum=0.001, help="Time between two messages.")
 
     tick = Every("period")
     text = Out(Text, help="The greeting and its number, from 1.")
@@ -31,14 +31,14 @@ class Talker(Block):
 
 
 class Listener(Block):
-    """Answer each text that comes with `heard: ...`.
+    """Answer each text with `heard: ...`.
 
     blocks:
       listener: {block: listener, in: {text: talker.text}}
     """
 
-    text = In(Text, help="What to listen to.")
-    heard = Out(Text, help="What was heard.")
+    text = In(Text, help="The text to answer.")
+    heard = Out(Text, help="The answer.")
 
     def react(self, now: int, text: Text | None) -> Text | None:
         return None if text is None else Text(text.time, f"heard: {text.text}")

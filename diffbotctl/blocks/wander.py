@@ -1,4 +1,4 @@
-"""Wander: drive on, and turn away from what stands in the way."""
+"""Wander: drive straight on, and turn away from obstacles."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from diffbotctl.geometry.footprint import Footprint, MountedDevice, Point, senso
 from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.params import Param
 
-SIDE_REACH = 1.5  # m; farther things do not say which side is freer
-FULL_TURN = 2 * pi  # rad; who looked all round takes what there is
-TURN_TIMEOUT = 1_500_000_000  # ns of a turn that does not come about
-TURN_RATE_MIN = 0.05  # rad/s; slower is no turning
+SIDE_REACH = 1.5  # m; farther points do not count when choosing a side
+FULL_TURN = 2 * pi  # rad; after it a smaller free distance is accepted
+TURN_TIMEOUT = 1_500_000_000  # ns without turning
+TURN_RATE_MIN = 0.05  # rad/s; slower does not count as turning
 
 
 class Wander(Block):
-    """Drive straight on; where the way ahead is not free, turn to the freer side until one is.
+    """Drive straight on; where the lane ahead is blocked, turn to the freer side until one is free.
 
-    A way is free when the robot's whole turning circle fits along it, so that wherever it comes to
-    stand it can turn away again. It is no guard: put `scan_stop` behind it.
+    The lane is as wide as the turning circle, so that the robot can always turn away again. It does
+    not prevent collisions: connect `scan_stop` behind it.
 
     blocks:
       wander: {block: wander, in: {scan: robot.scan, odometry: odometry.odometry}}
@@ -34,10 +34,10 @@ class Wander(Block):
         above=0.0,
         maximum=1.0,
         live=True,
-        help="Of the robot's highest speed that it drives with.",
+        help="Speed, as a fraction of the maximum speed of the robot.",
     )
     turn_rate = Param(
-        float, unit="rad/s", default=1.0, above=0.0, live=True, help="How fast it turns away."
+        float, unit="rad/s", default=1.0, above=0.0, live=True, help="Turn rate when turning away."
     )
     turn_at = Param(
         float,
@@ -45,7 +45,7 @@ class Wander(Block):
         default=0.25,
         above=0.0,
         live=True,
-        help="Free way before its turning circle at which it turns away.",
+        help="Free distance ahead of the turning circle at which it turns away.",
     )
     go_at = Param(
         float,
@@ -53,7 +53,7 @@ class Wander(Block):
         default=0.60,
         above=0.0,
         live=True,
-        help="Free way that it wants before it drives on.",
+        help="Free distance at which it drives on.",
     )
     room = Param(
         float,
@@ -61,7 +61,7 @@ class Wander(Block):
         default=0.08,
         minimum=0.0,
         live=True,
-        help="Room at either side of its turning circle.",
+        help="Margin on either side of the turning circle.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
     sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
@@ -70,9 +70,9 @@ class Wander(Block):
     width = FromRobot("body.width")
     speed = FromRobot("limits.speed")
 
-    scan = In(Scan, fresh_for=0.6, help="The distances all round.")
-    odometry = In(Odometry, help="Paces its words, and tells whether it turns.")
-    twist = Out(Twist, help="Where it wants to go.")
+    scan = In(Scan, fresh_for=0.6, help="The laser scan.")
+    odometry = In(Odometry, help="Triggers the output; shows whether the robot turns.")
+    twist = Out(Twist, help="The desired velocity.")
 
     def reset(self) -> None:
         self.mount = sensor_mount(self.sensors, self.sensor)
@@ -99,7 +99,7 @@ class Wander(Block):
         return Twist(now, 0.0, self.side * self.turn_rate)
 
     def _choose(self, now: int, scan: Scan) -> None:
-        """Decide whether to drive on or to turn, and where to."""
+        """Decide whether to drive on or to turn, and to which side."""
         points = points_on_robot(scan, self.mount, self.go_at + SIDE_REACH)
         free = free_distance(points, self.radius, self.radius + self.room)
         if self.side:
@@ -110,7 +110,7 @@ class Wander(Block):
             self.turned_angle, self.turning_since = 0.0, now
 
     def _watch_turn(self, now: int, odometry: Odometry, seconds: float) -> None:
-        """Turn the other way when the guard does not let it turn this way."""
+        """Reverse the turn when the robot does not turn, because a guard prevents it."""
         self.turned_angle += abs(odometry.angular) * seconds
         if abs(odometry.angular) > TURN_RATE_MIN:
             self.turning_since = now
@@ -119,18 +119,17 @@ class Wander(Block):
 
 
 def free_distance(points: list[Point], radius: float, half: float) -> float:
-    """Metres that a circle of `radius` about the axle can go ahead within a lane of `half` width.
+    """Metres that a circle of `radius` around the axle can move ahead, in a lane of width 2 `half`.
 
-    `points` in base_link; infinity where nothing stands in the lane.
+    `points` in base_link; infinity if no point lies in the lane.
     """
     return min((x - radius for x, y in points if x > 0.0 and abs(y) < half), default=float("inf"))
 
 
 def freer_side(points: list[Point]) -> int:
-    """1 when more room is on the left ahead, -1 on the right, by what stands nearest there.
+    """1 when there is more room ahead on the left, -1 on the right.
 
-    Each point weighs by the inverse square of its distance, and by the sine of its bearing: what is
-    near and aside decides.
+    Each point weighs by the inverse square of its distance and by the sine of its bearing.
     """
     weight = 0.0
     for x, y in points:

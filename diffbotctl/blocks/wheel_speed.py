@@ -1,4 +1,4 @@
-"""Wheel speeds on the host, for boards that take only PWM: feed-forward and a slow integral."""
+"""Wheel-speed control on the host, for boards that take only a duty."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from diffbotctl.estimation.wheel_odometer import SideConfig
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.params import FromRobot, Param
 
-INTEGRAL_MAX = 0.2  # duty; more than the spread of cold motors is never needed
+INTEGRAL_MAX = 0.2  # duty; covers the spread of cold motors
 LEARNING_STEP_MAX_S = 0.1
-SPEED_CHANGE_MAX = 0.5  # rad/s; a greater change of a target begins a new window
+SPEED_CHANGE_MAX = 0.5  # rad/s; a larger change of the target restarts the window
 
 
 class WheelSpeed(Block):
-    """Turn wheel speeds into motor duty: friction's share, the speed's share, and what is missing.
+    """Convert wheel speeds into motor duty: feed-forward of each motor plus an integral.
 
-    Twenty slots tell a speed only over a while, so the integral works on counts over `window`.
+    With 20 slots the speed is measured over a long time, so the integral uses counts over `window`.
     """
 
     window = Param(
-        float, default=0.6, unit="s", above=0.0, help="Time over which counts are taken."
+        float, default=0.6, unit="s", above=0.0, help="Time over which the speed is measured."
     )
-    integral = Param(float, default=0.01, minimum=0.0, help="Duty per rad of missing angle.")
+    integral = Param(float, default=0.01, minimum=0.0, help="Duty per rad of angle error.")
     left_side: SideConfig = FromRobot("drive.left")
     right_side: SideConfig = FromRobot("drive.right")
 
@@ -63,7 +63,7 @@ class WheelSpeed(Block):
         )
 
     def _learn(self, encoders: Encoders, targets: tuple[float, float], step: float) -> None:
-        """Integrate the speed that is missing, once the window is full of steady driving."""
+        """Integrate the speed error, once the targets have been steady for `window`."""
         self.history.append((encoders.time, encoders.left, encoders.right))
         first_time, *first_counts = self.history[0]
         span = (encoders.time - first_time) * 1e-9
@@ -80,23 +80,27 @@ class WheelSpeed(Block):
 
 
 def _is_steady(targets: tuple[float, float], before: tuple[float, float]) -> bool:
-    """True when both wheels keep their direction and nearly their speed."""
+    """True when both targets keep their direction and nearly their speed."""
     return all(
         a * b > 0 and abs(a - b) < SPEED_CHANGE_MAX for a, b in zip(targets, before, strict=True)
     )
 
 
 def duty(target: float, integral: float, motor: MotorSettings) -> float:
-    """Duty for `target` rad/s: feed-forward of the motor, and `integral` in the target's direction;
-    0 for 0."""
+    """Duty for `target` (rad/s): feed-forward plus `integral` (duty, in the target's direction).
+
+    0 for target 0.
+    """
     signed_integral = integral if target > 0.0 else -integral
     relative = target / motor.rated
     return limit_duty(_relative_gains(motor).duty(relative, integral=signed_integral), target)
 
 
 def _relative_gains(motor: MotorSettings) -> SpeedGains:
-    """Gains with the rated speed as the unit of speed: rounded so, duties are bit for bit those of
-    recordings of version 0.1."""
+    """Gains for speeds in units of the rated speed.
+
+    The rounding of this form keeps the replay of version 0.1 recordings bit-identical.
+    """
     gains, loop = speed_gains(motor), motor.loop
     slope = 1.0 - loop.static if loop.speed is None else loop.speed * motor.rated
     return gains._replace(slope=slope)

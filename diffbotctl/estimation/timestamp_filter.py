@@ -15,7 +15,7 @@ class TimestampFilter:
     """Alpha-beta filter of the sampling times of one board. Times are integer nanoseconds."""
 
     def __init__(self, jitter: float, rate: float) -> None:
-        """`jitter`: standard deviation of arrival times (s); `rate`: nominal frame rate (Hz)."""
+        """`jitter`: standard deviation of the arrival times (s); `rate`: nominal rate (Hz)."""
         self.jitter = jitter * 1e9
         self.expected = 0.0
         self.period = 1e9 / rate

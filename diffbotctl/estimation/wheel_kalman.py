@@ -318,7 +318,7 @@ class WheelKalman:
     def _update_edge_and_slots(
         self, disc: SlotErrors, place: float, slot: int, is_forward: bool
     ) -> None:
-        """Kalman update by an edge while learning; the measured quantity is z minus slot error."""
+        """Kalman update by an edge while learning: z minus the slot error is measured."""
         disc.propagate()
         index = disc.index(slot, is_forward)
         error_row, error_slot_row = disc.rows(index)
