@@ -103,7 +103,7 @@ def test_blocks_show_says_all_that_is_declared():
     _, output = run(blocks.command, "show", "obstacle_stop")
     for words in (
         "range   Range (fresh for the parameter stale_after)",
-        "twist  Twist  The velocity that is allowed.",
+        "twist  Twist  The safe velocity.",
         "margin       m, default 0.05 m, at least 0 m, may change while running.",
         "one of by_itself, wait",
         "limits.braking",
