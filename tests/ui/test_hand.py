@@ -87,6 +87,12 @@ def test_speeds_stay_within_the_robots_limits():
     )
 
 
+def test_without_a_robot_speed_keys_change_nothing():
+    keyboard = KeyboardVelocity((0.0, 0.0))
+    assert keyboard.press("q", 0.0)
+    assert (keyboard.speed, keyboard.turn_rate) == (0.0, 0.0)
+
+
 def test_a_held_key_counts_until_its_repeats_end():
     keyboard = KeyboardVelocity(LIMITS)
     for repeat in range(10):

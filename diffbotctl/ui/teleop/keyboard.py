@@ -196,6 +196,8 @@ class KeyboardVelocity:
     def _change_speed(self, meaning: SpeedUpKey) -> None:
         maximum, turn_maximum = self.limits
         speed, turn_rate = self.speed, self.turn_rate
+        if not speed or not turn_rate:
+            return  # a pipeline without a robot has no speeds
         self.speed = min(max(speed * meaning.speed, SPEED_MIN_RATIO * maximum), maximum)
         self.turn_rate = min(
             max(turn_rate * meaning.turn, SPEED_MIN_RATIO * turn_maximum), turn_maximum
