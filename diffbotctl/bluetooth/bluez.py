@@ -37,15 +37,17 @@ def parse_port(text: str) -> RfcommPort:
     """The port of an address, with or without `bluetooth:` in front. Raises UsageError."""
     match = ADDRESS.match(text.strip().removeprefix(PORT_PREFIX).upper().replace("-", ":"))
     if match is None:
-        raise _bad_address(text, f"'{text}' is no Bluetooth address")
+        raise _bad_address(text, f"'{text}' is not a Bluetooth address")
     channel = SERIAL_CHANNEL if match[2] is None else int(match[2])
     if channel not in CHANNELS:
-        raise _bad_address(text, f"there is no channel {channel}: 1 to 30")
+        raise _bad_address(text, f"there is no channel {channel}; channels are 1 to 30")
     return RfcommPort(match[1], channel)
 
 
 def _bad_address(text: str, cause: str) -> UsageError:
-    fix = "write bluetooth:98:D3:31:FC:12:34; `diffbotctl bluetooth scan` lists those in reach"
+    fix = (
+        "write bluetooth:98:D3:31:FC:12:34; `diffbotctl bluetooth scan` lists the modules in range"
+    )
     return UsageError(Problem("E-BLUETOOTH-ADDRESS", f"port {text}", cause, fix))
 
 

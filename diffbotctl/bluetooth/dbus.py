@@ -101,7 +101,7 @@ class Bus:
         try:
             self._connection.send(message, serial=serial)
         except OSError as error:
-            raise _no_bus("the connection to it broke") from error
+            raise _no_bus("the connection to it was lost") from error
 
     def _receive(self, timeout: float) -> Any:
         try:
@@ -109,7 +109,7 @@ class Bus:
         except TimeoutError:
             return None
         except OSError as error:
-            raise _no_bus("the connection to it broke") from error
+            raise _no_bus("the connection to it was lost") from error
 
     def _reply(self, message: Any) -> None:
         """Answer a call of the service."""

@@ -15,7 +15,7 @@ NO_ADAPTER = Problem(
     "E-BLUETOOTH-ADAPTER",
     PLACE,
     "this machine has no Bluetooth radio",
-    "plug in a Bluetooth stick, or drive over the USB cable",
+    "plug in a Bluetooth adapter, or use the USB cable",
 )
 
 
@@ -36,17 +36,17 @@ def adapter_status(root: Path) -> AdapterStatus:
 def _adapter_problem(root: Path, names: list[str]) -> Problem | None:
     blocks = _blocks(root)
     if "hard" in blocks:
-        cause = "Bluetooth is switched off by a switch or key"
-        fix = "move the switch on the machine, or press its wireless key"
+        cause = "Bluetooth is disabled by a hardware switch or key"
+        fix = "use the switch of the machine, or press its wireless key"
         return Problem("E-BLUETOOTH-BLOCKED", PLACE, cause, fix)
     if "soft" in blocks:
-        cause = "Bluetooth is switched off by software"
-        fix = "rfkill unblock bluetooth, or switch it on in the settings"
+        cause = "Bluetooth is disabled by software"
+        fix = "run rfkill unblock bluetooth, or enable it in the settings"
         return Problem("E-BLUETOOTH-BLOCKED", PLACE, cause, fix)
     if not names:
         return NO_ADAPTER
     if not any(program.name == "bluetoothd" for program in running_programs(root)):
-        cause = "the system's Bluetooth service does not run"
+        cause = "the system's Bluetooth service is not running"
         return Problem("E-BLUETOOTH-SERVICE", PLACE, cause, START_FIX)
     return None
 
@@ -65,8 +65,8 @@ def _blocks(root: Path) -> set[str]:
 def not_found(address: str) -> RunError:
     """The module does not answer."""
     fix = (
-        "is it powered (its light blinks fast), near, and not connected elsewhere (its "
-        "light blinks twice every two seconds)?"
+        "check that it has power (its light blinks fast), is in range, and is not connected to "
+        "another device (its light blinks twice every two seconds)"
     )
     return RunError(Problem("E-BLUETOOTH-ABSENT", f"module {address}", "it does not answer", fix))
 
@@ -78,14 +78,14 @@ def not_paired(address: str, error: BusError, pin_requested: bool) -> RunError:
     if name in timeouts and not pin_requested:
         return not_found(address)
     if name in ("AuthenticationFailed", "AuthenticationRejected"):
-        cause = "the module does not accept this number"
+        cause = "the module does not accept this PIN"
         fix = (
-            "most have 1234, some 0000: --pin 0000; if it was paired before, forget that "
-            "first: --again"
+            "most modules have 1234, some 0000: --pin 0000; if it was paired before, remove that "
+            "pairing with --again"
         )
     else:
         cause = f"pairing failed: {error.text or name}"
-        fix = "switch the module off and on and try again; if it was paired before, --again"
+        fix = "switch the module off and on and try again; if it was paired before, use --again"
     return RunError(Problem("E-BLUETOOTH-PAIR", f"module {address}", cause, fix))
 
 
@@ -95,12 +95,12 @@ def refused(error: BusError) -> RunError:
     if name in NO_SERVICE:
         cause, fix = "the system's Bluetooth service does not answer", START_FIX
     elif name == "AccessDenied":
-        cause = "you may not ask the Bluetooth service"
+        cause = "you have no permission to use the Bluetooth service"
         fix = "sudo usermod -aG bluetooth $USER, then log out and in again"
     elif name in ("NotReady", "Blocked") or "rfkill" in error.text.lower():
-        code, cause = "E-BLUETOOTH-BLOCKED", "the radio is switched off"
-        fix = "rfkill unblock bluetooth; `diffbotctl doctor` tells more"
+        code, cause = "E-BLUETOOTH-BLOCKED", "the radio is disabled"
+        fix = "run rfkill unblock bluetooth; `diffbotctl doctor` shows the cause"
     else:
-        cause = f"the service refuses: {error.text or name}"
-        fix = "sudo systemctl restart bluetooth, and try again"
+        cause = f"the service refuses the request: {error.text or name}"
+        fix = "run sudo systemctl restart bluetooth, and try again"
     return RunError(Problem(code, PLACE, cause, fix))

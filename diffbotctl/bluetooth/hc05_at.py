@@ -15,11 +15,11 @@ COMMAND_MAX_TRIES = 3  # the first command after power-on is often answered with
 BAUD_PREFIX = "+UART:"
 # The usual error numbers; HC-05 AT command set, appendix.
 ERRORS = {
-    "0": "it does not know the command",
-    "1": "it takes the rate for its own",
+    "0": "unknown command",
+    "1": "the rate is already set",
     "4": "the command is too long",
     "7": "the name is too long",
-    "16": "it is busy with the radio",
+    "16": "the radio is busy",
 }
 
 AtReply = list[str]
@@ -46,13 +46,13 @@ def set_baud(baud: int) -> AtSession:
     """
     reply = yield from _try("AT")
     if not _is_ok(reply):
-        raise AtModeError(f"it answers {reply[-1]} to AT" if reply else "nothing answers to AT")
+        raise AtModeError(f"it answers {reply[-1]} to AT" if reply else "no answer to AT")
     before = yield from _read_baud()
     if before != baud:
         yield from _command(f"AT+UART={baud},0,0")  # one stop bit, no parity
         now = yield from _read_baud()
         if now != baud:
-            raise AtModeError(f"it took the command, but its rate is still {now} baud")
+            raise AtModeError(f"it accepted the command, but its rate is still {now} baud")
     yield "AT+RESET"  # it restarts outside AT mode, with any reply
     return BaudChange(before, baud)
 
@@ -62,7 +62,7 @@ def _read_baud() -> Generator[str, AtReply, int]:
         baud = line.removeprefix(BAUD_PREFIX).split(",")[0]
         if line.startswith(BAUD_PREFIX) and baud.isdigit():
             return int(baud)
-    raise AtModeError("it does not tell its rate")
+    raise AtModeError("it does not report its rate")
 
 
 def _command(command: str) -> Generator[str, AtReply, AtReply]:
@@ -70,7 +70,7 @@ def _command(command: str) -> Generator[str, AtReply, AtReply]:
     if _is_ok(reply):
         return reply
     if not reply:
-        raise AtModeError(f"it has fallen silent over {command}")
+        raise AtModeError(f"no answer to {command}")
     number = reply[-1].removeprefix("ERROR:(").rstrip(")")
     raise AtModeError(f"{command} fails: {ERRORS.get(number, reply[-1])}")
 

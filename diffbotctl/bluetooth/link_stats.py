@@ -52,7 +52,7 @@ def link_figures(
     Raises ValueError for fewer than two frames or no answer.
     """
     if len(arrivals) < 2 or not answers:
-        raise ValueError("too little was heard to measure anything")
+        raise ValueError("too few frames arrived to measure the link")
     pairs = list(pairwise(arrivals))
     missing = sum((after.sequence - before.sequence - 1) % sequences for before, after in pairs)
     delays = frame_delays(arrivals)

@@ -1,4 +1,4 @@
-"""Which rates suit a link, from what was measured of it."""
+"""Recommended rates for a link, from its measured statistics."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def advise_rate(figures: LinkFigures, baud: int, frame: int) -> RateAdvice:
         best_baud = next(fast, baud)
         best_telemetry = max_telemetry_rate(best_baud, frame)
         reasons.append(
-            f"{baud} baud carry {telemetry} frames a second, {best_baud} would carry "
+            f"{baud} baud carries {telemetry} frames a second, {best_baud} would carry "
             f"{best_telemetry}: `diffbotctl bluetooth baud {best_baud}` changes the module"
         )
         telemetry = best_telemetry
@@ -45,18 +45,18 @@ def advise_rate(figures: LinkFigures, baud: int, frame: int) -> RateAdvice:
     deadman = min(max(DEADMAN_MIN_S, round(gap + 0.005, 2)), DEADMAN_MAX_S)
     if deadman > DEADMAN_MIN_S:
         reasons.append(
-            f"frames come up to {figures.jitter_worst * 1000:.0f} ms late: a dead-man "
-            "of 300 ms would stop the robot now and then"
+            f"frames arrive up to {figures.jitter_worst * 1000:.0f} ms late: a dead-man "
+            "time of 300 ms would stop the robot occasionally"
         )
     if gap > DEADMAN_MAX_S:
         reasons.append(
-            "even the longest dead-man will stop the robot now and then: bring the "
-            "antennas nearer, and other radios (a wireless network) away"
+            "even the longest dead-man time will stop the robot occasionally: reduce the "
+            "distance, and move other radios (a wireless network) away"
         )
     if figures.lost > LOSS_MAX_RATIO:
         reasons.append(
-            f"{figures.lost:.0%} of the frames are lost: the module's supply dips, or "
-            "its rate and the board's differ a little; look at its wires"
+            f"{figures.lost:.0%} of the frames are lost: the module's supply voltage drops, or "
+            "its rate differs slightly from the board's; check its wires"
         )
     return RateAdvice(telemetry, best_baud, deadman, tuple(reasons))
 

@@ -40,8 +40,8 @@ class Package(NamedTuple):
 
 
 PACKAGES = (
-    Package("avrdude", "bin/avrdude", "`flash --programmer avrdude`; diffbotctl flashes without"),
-    Package("gcc-avr", "bin/avr-gcc", "building the firmware; a built one is shipped"),
+    Package("avrdude", "bin/avrdude", "`flash --programmer avrdude`, which is optional"),
+    Package("gcc-avr", "bin/avr-gcc", "building the firmware; a built one is included"),
     Package("libsimavr-dev", "include/simavr/sim_avr.h", "`emulate` and `run --port emulated`"),
     Package("gcc", "bin/gcc", "`emulate` and `run --port emulated`"),
 )
@@ -72,7 +72,7 @@ def _versions() -> Iterator[DoctorFinding]:
     if is_new_enough:
         yield DoctorFinding(Verdict.OK, "Python", text)
     else:
-        yield DoctorFinding(Verdict.BAD, "Python", text, "Python 3.11 or newer")
+        yield DoctorFinding(Verdict.BAD, "Python", text, "install Python 3.11 or newer")
     yield DoctorFinding(Verdict.OK, "diffbotctl", __version__)
     versions = {name: _version(name) for name in REQUIRED_PACKAGES}
     missing = [name for name, number in versions.items() if number is None]
@@ -97,12 +97,12 @@ def _groups(root: Path, user: SystemUser) -> DoctorFinding:
     joined = [group.name for group in groups if group.number in user.groups]
     verdict, fix = Verdict.OK, ""
     if user.user == 0:
-        text = "root may do anything; as an ordinary user diffbotctl needs no root"
+        text = "root has access to every port; diffbotctl does not need root"
     elif joined:
         text = f"{user.name} is in {', '.join(joined)}"
     elif any(user.name in group.members for group in groups):
-        verdict, fix = Verdict.BAD, "log in anew"
-        text = "joined, but not in force in this session"
+        verdict, fix = Verdict.BAD, "log out and log in again"
+        text = f"{user.name} is in a group, but this session began before that"
     else:
         name = groups[0].name if groups else SERIAL_GROUPS[0]
         verdict, text = Verdict.NOTE, f"{user.name} is in no group that owns serial ports"
@@ -134,16 +134,14 @@ def _bluetooth(adapters: AdapterStatus) -> Iterator[DoctorFinding]:
     topic = "Bluetooth"
     if not hasattr(socket, "AF_BLUETOOTH"):
         text = "this Python was built without Bluetooth sockets"
-        fix = "use the system's own: /usr/bin/python3 -m venv ..."
+        fix = "use the Python of the system: /usr/bin/python3 -m venv ..."
         yield DoctorFinding(Verdict.NOTE, topic, text, fix)
     if _version("jeepney") is None:
-        text = (
-            "the package jeepney is missing, so `bluetooth scan` and `pair` cannot ask the system"
-        )
+        text = "the package jeepney is not installed; `bluetooth scan` and `pair` need it"
         yield DoctorFinding(Verdict.NOTE, topic, text, "pip install 'diffbotctl[bluetooth]'")
     problem = adapters.problem
     if problem is None:
-        text = f"{', '.join(adapters.names)} is there, the service runs"
+        text = f"{', '.join(adapters.names)} is present, the service is running"
         yield DoctorFinding(Verdict.OK, topic, text)
     else:
         yield DoctorFinding(Verdict.NOTE, topic, problem.cause, problem.fix)
@@ -154,5 +152,5 @@ def _packages(root: Path) -> Iterator[DoctorFinding]:
         if any((root / folder / file).exists() for folder in PACKAGE_FOLDERS):
             yield DoctorFinding(Verdict.OK, name, "installed")
         else:
-            text = f"not installed; only for {purpose}"
+            text = f"not installed; needed only for {purpose}"
             yield DoctorFinding(Verdict.NOTE, name, text, f"sudo apt-get install {name}")

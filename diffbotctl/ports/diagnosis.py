@@ -17,26 +17,26 @@ from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices
 from diffbotctl.ports.usb_ids import PortRole, UsbChip
 
-NEVER_CHMOD = "Never chmod 777: it lasts until the cable is pulled, and lets anyone in"
-REPLUG = "then plug the cable in anew"
+NEVER_CHMOD = "Never chmod 777: it lasts until the cable is unplugged, and gives access to everyone"
+REPLUG = "then unplug the cable and plug it in again"
 RULE_FIX = f"install the udev rule that `diffbotctl doctor --fix` prints, {REPLUG}"
 BRLTTY_FIX = f"sudo apt-get remove brltty, {REPLUG}"
 SERIAL_MONITOR_FIX = "close the serial monitor of the Arduino IDE"
 # How to make a program release a port, by its name.
 RELEASE_FIXES = {
-    "diffbotctl": "end that run: Ctrl-C in its window, or `diffbotctl stop` and then end it",
-    "ModemManager": "it lets go within half a minute; for good: sudo systemctl disable --now "
+    "diffbotctl": "end that run: press Ctrl-C in its window, or `diffbotctl stop`, then end it",
+    "ModemManager": "it releases the port within 30 s; permanently: sudo systemctl disable --now "
     "ModemManager",
-    "brltty": f"it takes the chip for a Braille display: {BRLTTY_FIX}",
-    "screen": "end it: Ctrl-A, then K, in its window",
-    "minicom": "end it: Ctrl-A, then X, in its window",
-    "picocom": "end it: Ctrl-A, then Ctrl-X, in its window",
+    "brltty": f"it treats the chip as a Braille display: {BRLTTY_FIX}",
+    "screen": "end it: press Ctrl-A, then K, in its window",
+    "minicom": "end it: press Ctrl-A, then X, in its window",
+    "picocom": "end it: press Ctrl-A, then Ctrl-X, in its window",
     "serial-monitor": SERIAL_MONITOR_FIX,
     "arduino-ide": SERIAL_MONITOR_FIX,
     "java": SERIAL_MONITOR_FIX,
-    "serial_node.py": "end the ROS node: Ctrl-C in its window",
+    "serial_node.py": "end the ROS node: press Ctrl-C in its window",
     "avrdude": "wait until it has finished",
-    "agetty": "a login runs on this port: sudo systemctl disable --now serial-getty@{name}",
+    "agetty": "a login program uses this port: sudo systemctl disable --now serial-getty@{name}",
 }
 PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM_PROGRAM = "rfcomm"  # keeps the port that it made open; others may use it
@@ -99,12 +99,12 @@ def _title(port: SerialPort) -> str:
     if port.usb is None:
         if port.device.startswith("/dev/rfcomm"):
             return f"Bluetooth {port.address}".rstrip()
-        return "a serial port of the machine itself"
+        return "an onboard serial port"
     chip = port.usb.chip
     if chip is None:
         return port.usb.title or f"unknown USB device {port.usb.identity}"
     if chip.role == PortRole.CHIP:
-        return f"{chip.title}: a clone of an Arduino, or another thing with this chip"
+        return f"{chip.title}: an Arduino clone, or another device with this chip"
     return chip.title
 
 
@@ -124,15 +124,15 @@ def _permission_problems(root: Path, user: SystemUser, port: SerialPort) -> Iter
     name = group.name if group else f"number {port.group}"
     if group is None or port.mode >> 3 & access.READ_WRITE != access.READ_WRITE or name == "root":
         code = "E-PORT-RULE"
-        cause = f"{user.name} may not open it, and no group could be joined: it belongs to {name}"
-        fix = f"{RULE_FIX if port.usb else 'the system must give it to a group'}. {NEVER_CHMOD}"
+        cause = f"{user.name} has no permission, and no group could be joined: it belongs to {name}"
+        fix = f"{RULE_FIX if port.usb else 'assign it to a group with a udev rule'}. {NEVER_CHMOD}"
     elif user.name in group.members:
         code = "E-PORT-SESSION"
-        cause = f"{user.name} has joined the group {name}, but this session began before"
-        fix = f"log out and in again; or, for one window: newgrp {name}"
+        cause = f"{user.name} is in the group {name}, but this session began before that"
+        fix = f"log out and in again; or, in this window only: newgrp {name}"
     else:
         code = "E-PORT-RIGHTS"
-        cause = f"{user.name} may not open it; it belongs to the group {name}"
+        cause = f"{user.name} has no permission; it belongs to the group {name}"
         fix = f"sudo usermod -aG {name} {user.name}, then log out and in again. {NEVER_CHMOD}"
     yield _port_problem(port.device, code, cause, fix)
 
@@ -142,8 +142,8 @@ def busy_problem(device: str, user: PortUser) -> Problem:
     name = device.rpartition("/")[2]
     fix = RELEASE_FIXES.get(user.name, f"end that program (kill {user.process})").format(name=name)
     if user == HIDDEN_USER:
-        fix = f"sudo fuser -v {device} tells which; end it"
-    fix += "; two programs on one port garble each other"
+        fix = f"find it with sudo fuser -v {device}, and end it"
+    fix += "; two programs on one port corrupt the data of both"
     return _port_problem(device, "E-PORT-BUSY", f"it is in use by {user}", fix)
 
 
@@ -151,8 +151,8 @@ def _console_problems(root: Path, port: SerialPort) -> Iterator[Problem]:
     if access.is_console(root, port.device):
         cause = "the system's login console runs on it"
         fix = (
-            "raspi-config, Interface Options, Serial Port: no login shell, hardware on; elsewhere "
-            "take console=... out of the kernel's command line; then restart"
+            "in raspi-config, Interface Options, Serial Port: disable the login shell, enable the "
+            "hardware; on other systems remove console=... from the kernel's command line; restart"
         )
         yield _port_problem(port.device, "E-PORT-CONSOLE", cause, fix)
 
@@ -162,14 +162,14 @@ def _chip_problems(port: SerialPort) -> Iterator[Problem]:
     if chip is None:
         return
     if chip.role == PortRole.NO_BOARD:
-        cause = f"it leads to {chip.title}, no board"
+        cause = f"it is {chip.title}, not a board"
         fix = "leave it alone; name another port with --port"
         yield _port_problem(port.device, "W-PORT-OTHER", cause, fix)
     elif chip.role == PortRole.OTHER_BOARD:
-        cause = f"an {chip.title} is no Mega 2560"
+        cause = f"an {chip.title} is not a Mega 2560"
         fix = (
-            "our firmware runs on a Mega 2560; with the book's firmware this board "
-            "can be driven as book_2wd_stock"
+            "the firmware of diffbotctl needs a Mega 2560; with the firmware of the book this "
+            "board works as book_2wd_stock"
         )
         yield _port_problem(port.device, "W-PORT-BOARD", cause, fix)
 
@@ -179,23 +179,20 @@ def _service_problems(root: Path, port: SerialPort, holder: PortUser | None) -> 
         return
     if access.brltty_claims(root, port.usb):
         cause = (
-            "brltty's rules take this chip for a Braille display: "
-            "the port may vanish a second after plugging in"
+            "brltty's rules claim this chip for a Braille display: "
+            "the port may disappear one second after plugging in"
         )
         yield _port_problem(port.device, "W-PORT-BRLTTY", cause, BRLTTY_FIX)
     is_held = holder is not None and holder.name == access.MODEM_MANAGER
     if not port.no_modem and not is_held and access.modem_manager_runs(root):
-        cause = (
-            "ModemManager runs, and may talk to a board that was just "
-            "plugged in as if it were a modem"
-        )
+        cause = "ModemManager runs, and may send modem commands to a board that was just plugged in"
         yield _port_problem(port.device, "W-PORT-MODEM", cause, RULE_FIX)
 
 
 def _mode_problems(port: SerialPort) -> Iterator[Problem]:
     if port.mode & 0o002:
-        fix = "join the group that owns it instead; plug the cable in anew to undo the chmod"
-        cause = "anyone on this machine may write to it"
+        fix = "join the group that owns it instead; unplug and plug the cable to undo the chmod"
+        cause = "every user of this machine may write to it"
         yield _port_problem(port.device, "W-PORT-WORLD", cause, fix)
 
 
@@ -209,7 +206,11 @@ def _twins(ports: list[SerialPort]) -> set[str]:
 
 
 def _twin_problems(port: SerialPort) -> Iterator[Problem]:
-    fix = f"name it by its socket: {port.place}" if port.place else "plug in one at a time"
+    fix = (
+        f"use the name of its USB socket: {port.place}"
+        if port.place
+        else "plug in one board at a time"
+    )
     cause = (
         "another port has the same chip without a serial number, so by-id cannot tell them apart"
     )
@@ -221,25 +222,23 @@ def _portless_problem(root: Path, usb: UsbDevice, chip: UsbChip) -> Problem:
     if chip.role == PortRole.DFU:
         code = "E-PORT-DFU"
         cause = (
-            f"{chip.title}: the board's USB chip waits for a "
-            "program of its own, so the board has no port"
+            f"{chip.title}: the board's USB chip waits for its "
+            "own program, so the board has no port"
         )
         fix = (
-            "plug the cable in anew without touching the six pins beside the USB "
-            "socket; if it stays so, the chip lost its program: DFU-program it as "
-            "Arduino's page on the 16U2 says"
+            "unplug the cable and plug it in again without touching the six pins beside the USB "
+            "socket; if that does not help, the chip has lost its program: install it by DFU, see "
+            "Arduino's page on the 16U2"
         )
     elif "usbfs" in usb.drivers or access.brltty_claims(root, usb):
         code, fix = "E-PORT-BRLTTY", BRLTTY_FIX
-        cause = (
-            f"{chip.title} is plugged in but has no port: brltty has taken it for a Braille display"
-        )
+        cause = f"{chip.title} has no port: brltty has claimed it for a Braille display"
     else:
         code = "E-PORT-DRIVER"
-        cause = f"{chip.title} is plugged in but no driver serves it"
+        cause = f"{chip.title} is plugged in but has no driver"
         fix = (
-            f"sudo modprobe {chip.module}; if that finds no module, the kernel was "
-            "updated since the last start: restart the machine"
+            f"sudo modprobe {chip.module}; if it finds no module, the kernel was "
+            "updated since the last boot: reboot"
         )
     return _problem(f"USB {usb.place}", code, cause, fix)
 
@@ -249,15 +248,15 @@ def _board_count_problems(ports: list[SerialPort], has_portless: bool) -> Iterat
     boards = [port for port in boards if port.role == PortRole.MEGA] or boards
     if len(boards) > 1:
         cause = f"{len(boards)} ports may be the board: {', '.join(port.name for port in boards)}"
-        fix = "name one with --port; unplug one and look again to see which is which"
+        fix = "choose one with --port; to identify them, unplug one and list the ports again"
         yield _problem("ports", "W-PORT-SEVERAL", cause, fix)
     has_radio = any(port.role == PortRole.BLUETOOTH for port in ports)
     if not boards and not has_radio and not has_portless:
         fix = (
-            "plug the USB cable in (a charging cable has no data wires and shows "
-            "nothing), or use --port bluetooth:ADDRESS"
+            "plug the USB cable in (a charging cable has no data wires and does not work), "
+            "or use --port bluetooth:ADDRESS"
         )
-        yield _problem("ports", "W-PORT-NONE", "no board is plugged in", fix)
+        yield _problem("ports", "W-PORT-NONE", "no board is connected", fix)
 
 
 def diagnose_name(root: Path, survey: PortSurvey, name: str) -> PortReport | Problem | None:
@@ -274,7 +273,7 @@ def diagnose_name(root: Path, survey: PortSurvey, name: str) -> PortReport | Pro
         return _missing_problem(survey, name)
     if device.startswith(PTY_FOLDER):
         return None
-    kind = "a folder" if path.is_dir() else "no serial port"
+    kind = "a folder" if path.is_dir() else "not a serial port"
     return _port_problem(name, "E-PORT-KIND", f"it is {kind}", _alternatives(survey))
 
 
@@ -283,16 +282,16 @@ def _missing_problem(survey: PortSurvey, name: str) -> Problem:
     is_usb = any(part in name for part in ("ttyUSB", "ttyACM", "by-id", "by-path"))
     if len(boards) == 1 and is_usb:
         board = boards[0]
-        cause = f"it is gone; the board is {board.device} now"
+        cause = f"it is disconnected; the board is now {board.device}"
         fix = f"use --port {board.name}, " + (
-            "a name that stays" if board.stable else "or --port auto"
+            "which is a stable name" if board.stable else "or --port auto"
         )
         return _port_problem(name, "E-PORT-RENAMED", cause, fix)
     if "rfcomm" in name:
         cause = "no Bluetooth module is bound to it"
         fix = (
             "use --port bluetooth:ADDRESS, which needs no rfcomm; `diffbotctl "
-            "bluetooth scan` tells the address"
+            "bluetooth scan` shows the address"
         )
         return _port_problem(name, "E-PORT-OPEN", cause, fix)
     return _port_problem(name, "E-PORT-OPEN", "there is no such port", _alternatives(survey))
@@ -301,5 +300,5 @@ def _missing_problem(survey: PortSurvey, name: str) -> Problem:
 def _alternatives(survey: PortSurvey) -> str:
     names = [report.port.name for report in survey.reports if report.usable]
     if names:
-        return f"there is {', '.join(names)}"
-    return "plug the board in; a charging cable has no data wires and shows nothing"
+        return f"available: {', '.join(names)}"
+    return "connect the board; a charging cable has no data wires and does not work"

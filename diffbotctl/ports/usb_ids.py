@@ -10,7 +10,7 @@ class PortRole(StrEnum):
     """What a port or a USB device leads to."""
 
     MEGA = "mega"
-    CHIP = "chip"  # of a clone, or of anything else
+    CHIP = "chip"  # a serial chip of a clone, or of any other device
     OTHER_BOARD = "other_board"
     DFU = "dfu"
     NO_BOARD = "no_board"

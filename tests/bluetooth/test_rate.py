@@ -55,12 +55,12 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
         # It has the rate already: nothing is changed.
         ([OK, NEW, OK], ["AT", "AT+UART?", "AT+RESET"], BaudChange(115200, 115200)),
         # In data mode nothing answers.
-        ([[], [], []], ["AT"] * 3, "nothing answers to AT"),
+        ([[], [], []], ["AT"] * 3, "no answer to AT"),
         # It takes the command and does not do it.
         (
             [OK, OLD, OK, OLD],
             ["AT", "AT+UART?", "AT+UART=115200,0,0", "AT+UART?"],
-            "it took the command, but its rate is still 9600 baud",
+            "it accepted the command, but its rate is still 9600 baud",
         ),
         # No answer to the last command is fine: it has restarted.
         (
@@ -72,9 +72,9 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
         (
             [OK, *[["ERROR:(0)"]] * 3],
             ["AT", *["AT+UART?"] * 3],
-            "AT+UART? fails: it does not know the command",
+            "AT+UART? fails: unknown command",
         ),
-        ([OK, ["OK"]], ["AT", "AT+UART?"], "it does not tell its rate"),
+        ([OK, ["OK"]], ["AT", "AT+UART?"], "it does not report its rate"),
     ],
 )
 def test_conversations(answers, said, end):

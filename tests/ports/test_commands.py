@@ -97,7 +97,7 @@ def test_one_without_rights_is_told_which_group(machine):
     device = machine.port("ttyUSB0", CH340, mode=0o060 if os.geteuid() == 0 else 0)
     code, said = run_without_rights("ports", device, "--root", machine.root)
     assert code == 1
-    assert "E-PORT-R" in said and "may not open it" in said
+    assert "E-PORT-R" in said and "has no permission" in said
     assert "Never chmod 777" in said
     assert "free" not in said
 
@@ -170,7 +170,7 @@ def test_doctor_says_which_optional_packages_are_there(machine):
     found = doctor(machine)
     assert about(found, "avrdude") == [(Verdict.OK, "installed", "")]
     (verdict, words, fix) = about(found, "gcc-avr")[0]
-    assert verdict == Verdict.NOTE and "only for building the firmware" in words
+    assert verdict == Verdict.NOTE and "needed only for building the firmware" in words
     assert fix == "sudo apt-get install gcc-avr"
 
 

@@ -172,7 +172,13 @@ SITUATIONS = [
         ("plugdev", "bob"),
     ),
     Situation(
-        "joined, old session", mega, A, "E-PORT-SESSION", "began before", "newgrp dialout", STRANGER
+        "joined, old session",
+        mega,
+        A,
+        "E-PORT-SESSION",
+        "session began before",
+        "newgrp dialout",
+        STRANGER,
     ),
     Situation(
         "owned by root alone",
@@ -195,7 +201,7 @@ SITUATIONS = [
         lambda m: clone(m, mode=0o666),
         U,
         "W-PORT-WORLD",
-        "anyone on this machine",
+        "every user of this machine",
         "join the group",
         STRANGER,
     ),
@@ -280,7 +286,7 @@ SITUATIONS = [
         moved,
         U,
         "E-PORT-RENAMED",
-        "/dev/ttyUSB1 now",
+        "now /dev/ttyUSB1",
         f"/dev/serial/by-id/{CH340_NAME}",
     ),
     Situation(
@@ -288,7 +294,7 @@ SITUATIONS = [
         mega,
         f"/dev/serial/by-id/{CH340_NAME}",
         "E-PORT-RENAMED",
-        "/dev/ttyACM0 now",
+        "now /dev/ttyACM0",
         MEGA_NAME,
     ),
     Situation(
@@ -328,8 +334,8 @@ SITUATIONS = [
         lambda m: m.usb("1-1", (0x03EB, 0x2FEF)),
         None,
         "E-PORT-DFU",
-        "program of its own",
-        "plug the cable in anew",
+        "own program",
+        "unplug the cable",
     ),
     Situation("ModemManager lies in wait", modem, A, "W-PORT-MODEM", "modem", "doctor --fix"),
     Situation("ModemManager was told", modem_told, A, ""),
@@ -360,7 +366,7 @@ SITUATIONS = [
         "--port bluetooth:ADDRESS",
     ),
     Situation("pseudo-terminal", lambda m: m.write("dev/pts/3", ""), "/dev/pts/3", ""),
-    Situation("a plain file", file, "/dev/ttyUSB7", "E-PORT-KIND", "no serial port", "plug"),
+    Situation("a plain file", file, "/dev/ttyUSB7", "E-PORT-KIND", "not a serial port", "connect"),
     Situation("a folder", mega, "/dev/serial", "E-PORT-KIND", "a folder", MEGA_NAME),
 ]
 
