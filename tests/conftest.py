@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 os.chdir(Path(__file__).parent.parent)
-# A background shell starts its jobs with SIGINT ignored, nohup with SIGHUP ignored. Programs started
-# by the tests would inherit that and not end on these signals.
+# A background shell starts its jobs with SIGINT ignored, nohup with SIGHUP ignored. Programs that
+# the tests start would inherit that and not end on these signals.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
