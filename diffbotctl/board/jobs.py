@@ -24,7 +24,7 @@ LIGHT_OFF, LIGHT_TOGGLE = 0, 2  # of the action `light`
 
 
 def identify(device: str, host: DiffbotHost) -> Iterator[JobMessage]:
-    """Connect to the board on `device`; yields what it reports of itself.
+    """Connect to the board on `device`; yields its texts, among them its description.
 
     Raises RunError: the port cannot be opened, something else answers, or nothing does.
     """
@@ -48,13 +48,13 @@ def is_diffbot(device: str, robot: Robot) -> bool:
 
 
 def blink(device: str, host: DiffbotHost, times: int) -> Iterator[JobMessage]:
-    """Connect to the board on `device` and blink its light so many times.
+    """Connect to the board on `device` and blink its light `times` times.
 
     Raises RunError: the port cannot be opened, or the board cannot be driven.
     """
     with BoardSession(device, host.baud) as session:
         yield from session.connect(host)
-        yield JobMessage(f"its light, L beside pin 13, now blinks {times} times")
+        yield JobMessage(f"the light L beside pin 13 now blinks {times} times")
         for _ in range(2 * times):
             host.light(LIGHT_TOGGLE)
             yield from session.run_for(host, BLINK_HALF_PERIOD_S)
@@ -65,7 +65,7 @@ def blink(device: str, host: DiffbotHost, times: int) -> Iterator[JobMessage]:
             f"the link: {host.rate:.0f} frames a second, {link.damaged} damaged, {link.lost} lost, "
             f"answers after {link.latency * 1000:.0f} ms"
         )
-        yield JobMessage("if you saw it blink, board, cable and port are right")
+        yield JobMessage("if it blinked, board, cable and port work")
 
 
 def measure_link(
@@ -90,6 +90,6 @@ def _probe_link(session: BoardSession, seconds: float) -> LinkFigures:
     try:
         return probe.figures()
     except ValueError as error:
-        fix = "measure for longer, and nearer; `diffbotctl blink` tells whether the board answers"
+        fix = "measure longer and at a shorter distance; `diffbotctl blink` checks the board"
         problem = Problem("E-PORT-SILENT", f"port {session.device}", str(error), fix)
         raise RunError(problem) from error

@@ -1,4 +1,4 @@
-"""A session with one board behind a port, outside of any run; and what a job reports meanwhile."""
+"""A session with one board, outside of any run; and the events that a job reports."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from diffbotctl.messages import Text
 from diffbotctl.time import SECOND
 
 POLL_PERIOD_S = 0.05  # of a silent port
-WRITE_TIMEOUT_S = 0.1  # until the kernel must take more bytes
-RESET_PULSE_S = 0.05  # that DTR is low; the capacitor to the reset line needs a tenth of that
+WRITE_TIMEOUT_S = 0.1  # until the next attempt, when the kernel takes no bytes
+RESET_PULSE_S = 0.05  # the capacitor to the reset line needs a tenth of it
 
 
 class JobMessage(NamedTuple):
-    """A line for the user who waits."""
+    """A line of text for the user."""
 
     text: str
 
 
 class JobProgress(NamedTuple):
-    """How far a job is."""
+    """Progress of a job."""
 
     what: str  # `writing`, `verifying`, `reading`
     done: int  # bytes
@@ -42,8 +42,8 @@ JobEvent = JobProgress | JobMessage
 class BoardSession:
     """An open port with a board behind it: `with BoardSession(device, baud) as session`.
 
-    The port is closed at the end. An OSError inside the block is that of a port that is gone; it
-    becomes the RunError that says so.
+    The port is closed at the end. An OSError inside the block means that the port is gone; it is
+    raised as the RunError for that.
     """
 
     def __init__(self, device: str, baud: int) -> None:
@@ -79,7 +79,7 @@ class BoardSession:
             return
 
     def read(self, timeout: float) -> bytes:
-        """What arrives within `timeout` seconds; b"" when nothing does. Raises OSError."""
+        """Bytes that arrive within `timeout` seconds; b"" when none do. Raises OSError."""
         if not select.select([self._port.fd], [], [], max(0.0, timeout))[0]:
             return b""
         return self._port.read()
@@ -94,7 +94,7 @@ class BoardSession:
     # --- our firmware ---
 
     def connect(self, host: DiffbotHost) -> Iterator[JobMessage]:
-        """Shake hands until the board is ready to drive; yields its texts.
+        """Run the handshake until the board is ready to drive; yields its texts.
 
         Raises RunError when it cannot be driven, OSError.
         """
@@ -109,14 +109,14 @@ class BoardSession:
             yield from self._exchange(host, POLL_PERIOD_S)
 
     def run_for(self, host: DiffbotHost, seconds: float) -> Iterator[JobMessage]:
-        """Keep the link going for so long; yields the board's texts. Raises OSError."""
+        """Keep the link up for `seconds`; yields the board's texts. Raises OSError."""
         end = self._now + round(seconds * SECOND)
         while (remaining := end - self._now) > 0:
             yield from self._exchange(host, min(POLL_PERIOD_S, remaining / SECOND))
 
     @property
     def _now(self) -> int:
-        """ns since the handshake began."""
+        """ns since the start of the handshake."""
         return time.monotonic_ns() - self._start
 
     def _exchange(self, host: DiffbotHost, timeout: float) -> Iterator[JobMessage]:

@@ -1,1 +1,1 @@
-"""Bringing a program onto the board: the whole task, told as events that others draw."""
+"""Flashing a program onto a board, as a stream of events."""

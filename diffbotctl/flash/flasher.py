@@ -1,4 +1,4 @@
-"""The whole task of flashing a board, as a stream of events."""
+"""Flashing a board, as a stream of events: backup, write, verify, send the settings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.links.stk500_frames import BAUD, ReplyParser
 
 SYNC_TRIES = 15
-SYNC_TIMEOUT_S = 0.1  # of one try; the bootloader listens for 0.8 s
+SYNC_TIMEOUT_S = 0.1  # of one try; the bootloader waits 0.8 s for requests
 REPLY_TIMEOUT_S = 1.0  # a page takes 15 ms
 
 
@@ -41,7 +41,7 @@ def load(file: Path) -> bytes:
     except OSError as error:
         raise BadImageError(str(file), error.strerror or str(error)) from error
     except UnicodeDecodeError as error:
-        raise BadImageError(str(file), "it is no text") from error
+        raise BadImageError(str(file), "it is not a text file") from error
 
 
 def flash(
@@ -52,10 +52,10 @@ def flash(
     backup: Path | None = None,
     settings: BoardSettings | None = None,
 ) -> Iterator[JobEvent]:
-    """Write and verify `file`, then greet the firmware and send it `settings`.
+    """Write and verify `file`, then connect to the firmware and send it `settings`.
 
-    `backup` first saves what is on the board. With `settings` of None the board is left as soon as
-    its program runs. Raises RunError: a FlashError, or what opening the port has to say.
+    `backup`: file for the present program of the board, saved first. With `settings` of None the
+    job ends when the new program starts. Raises RunError: a FlashError, or of opening the port.
     """
     refuse_radio(device)
     image = load(file)
@@ -85,7 +85,7 @@ def _write(
         saved = bytearray()
         yield from bootloader.run(stk500.read(bootloader.device, saved))
         _save(backup, write_hex(bytes(saved)))
-        yield JobMessage(f"what was on the board is in {backup}")
+        yield JobMessage(f"the former program of the board is in {backup}")
     if writes:
         yield from bootloader.run(stk500.write(bootloader.device, image))
         yield JobMessage(f"{len(image)} bytes written and verified")
@@ -93,7 +93,7 @@ def _write(
 
 
 def _check_backup_file(backup: Path) -> None:
-    """Before half a minute of reading; and what was saved before the last flash stays saved."""
+    """Check before half a minute of reading; an earlier backup is never overwritten."""
     if backup.exists():
         raise NoBackupError(str(backup), "the file exists, and may hold an earlier backup")
     if not os.access(backup.parent, os.W_OK):
@@ -108,7 +108,7 @@ def _save(backup: Path, text: str) -> None:
 
 
 class Bootloader:
-    """The bootloader of a board that has just been reset, at the other end of a session."""
+    """The bootloader of a board that has just been reset."""
 
     def __init__(self, session: BoardSession) -> None:
         self.device = session.device
@@ -117,14 +117,14 @@ class Bootloader:
         self._replies = ReplyParser()
 
     def synchronise(self) -> None:
-        """Find the bootloader. Raises NoSyncError."""
+        """Send sign-ons until the bootloader replies. Raises NoSyncError."""
         for _ in range(SYNC_TRIES):
             if self._request(stk500.HELLO, SYNC_TIMEOUT_S) is not None:
                 return
         raise NoSyncError(self.device)
 
     def run(self, procedure: Procedure) -> Iterator[JobProgress]:
-        """Carry out a procedure; yields how far it is. Raises what it raises, RefusedError."""
+        """Carry out a procedure; yields its progress. Raises what it raises, and RefusedError."""
         step = next(procedure, None)
         while step is not None:
             reply = b""
@@ -175,7 +175,9 @@ def _avrdude(device: str, file: Path) -> Iterator[JobEvent]:
             "avrdude is not installed",
             "sudo apt-get install avrdude, or leave --programmer out: diffbotctl flashes by itself",
         )
-    open_port(device, BAUD).close()  # who else holds it, and what rights we lack, we say better
+    open_port(
+        device, BAUD
+    ).close()  # its errors (port in use, missing rights) are clearer than avrdude's
     target = f"-c wiring -p m2560 -b {BAUD} -D".split()
     command = [program, *target, "-P", device, "-U", f"flash:w:{os.path.abspath(file)}:i"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)

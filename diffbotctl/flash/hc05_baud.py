@@ -1,7 +1,7 @@
-"""Changing an HC-05's rate through the board it is wired to, and the board's with it.
+"""Change of the baud rate of an HC-05 through the board that it is wired to, and of the board's.
 
-A small program that joins the USB port to the module's port is flashed for the purpose, and the
-firmware after it, whatever came of it.
+A small program that connects the USB port with the module's port is flashed first, and the firmware
+afterwards, also after an error.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.links.stk500_frames import BAUD
 
 BRIDGE, FIRMWARE = "bridge_mega2560.hex", "diffbot_mega2560.hex"
-BRIDGE_START_TIME_S = (
-    1.5  # from opening the port until the bridge runs: what comes earlier holds it up
-)
+BRIDGE_START_TIME_S = 1.5  # from opening the port until the bridge runs; earlier bytes delay it
 REPLY_TIMEOUT_S = 0.6  # at 38400 baud one takes 10 ms
 ATTEMPTS_MAX = 3  # at getting the module into AT mode
 BUTTON = """\
-Now the module: pull its VCC wire out. Hold its small button down, put VCC back, and let go after
-a second. Its light must blink slowly, once in two seconds: that is AT mode."""
-OUT_AGAIN = "Pull the module's VCC out and put it back, without the button: its light blinks fast."
+Now the module: disconnect its VCC wire. Hold its small button, reconnect VCC, and release the
+button after a second. Its light must blink slowly, once in two seconds: that is AT mode."""
+OUT_AGAIN = (
+    "Disconnect the module's VCC and reconnect it, without the button: its light blinks fast."
+)
 
 
 class ManualStep(NamedTuple):
@@ -45,7 +45,9 @@ def change_rate(
     Yields ManualStep wherever the user must act. Raises RunError; the firmware is back on the board
     then, unless the cable was pulled.
     """
-    yield JobMessage("a program that joins the USB port to the module's port, for a while:")
+    yield JobMessage(
+        "flashing a temporary program that connects the USB port with the module's port:"
+    )
     yield from flash(device, folder("firmware") / BRIDGE)
     change: BaudChange | None = None
     try:
@@ -57,9 +59,9 @@ def change_rate(
             except AtModeError as error:
                 if attempt == ATTEMPTS_MAX - 1:
                     raise _at_mode_error(device, error) from error
-                yield JobMessage(f"No: {error}. Once more.")
+                yield JobMessage(f"no success: {error}; try again")
     finally:
-        # In a `finally`, since a person who gives up must not be left with the bridge.
+        # In a `finally`: the firmware is restored also when the user gives up.
         settings = replace(settings, baud=change.now if change else settings.baud)
         events = list(flash(device, folder("firmware") / FIRMWARE, settings=settings))
     yield from (event for event in events if isinstance(event, JobMessage))
@@ -72,7 +74,7 @@ def _set_module_baud(device: str, baud: int) -> BaudChange:
     with BoardSession(device, BAUD) as session:
         session.reset()
         time.sleep(BRIDGE_START_TIME_S)
-        session.read(0.0)  # what the restart itself has put on the line
+        session.read(0.0)  # bytes of the restart
         dialogue = set_baud(baud)
         command = next(dialogue)
         while True:
@@ -101,7 +103,7 @@ def _at_mode_error(device: str, error: AtModeError) -> RunError:
             "E-BLUETOOTH-AT",
             f"port {device}",
             f"the module is not in AT mode, or not an HC-05: {error}",
-            "does its light blink slowly? Its TX leads to pin 19, its RX (through the two "
-            "resistors) to pin 18. An HC-06 has no button and no such mode",
+            "check that its light blinks slowly, its TX is wired to pin 19, and its RX (through "
+            "the two resistors) to pin 18; an HC-06 has no button and no such mode",
         )
     )

@@ -1,4 +1,4 @@
-"""Intel hex files: read into one block without gaps, and written."""
+"""Intel hex files: reader of one block without gaps, and writer."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ FLASH_BYTES_MAX = 0x3E000  # bytes below the bootloader of a Mega 2560
 ERASED = 0xFF
 DATA, END, SEGMENT, LINEAR = 0, 1, 2, 4
 RECORD_BYTES = 16  # data bytes a line
-# Old factory bootloaders take this for the call of their monitor, and hang.
+# Old factory bootloaders start their monitor at this sequence, and hang.
 MONITOR_CALL = b"!!!"
 
 
@@ -23,7 +23,7 @@ def read_hex(text: str, name: str = "image") -> bytes:
     base, ended = 0, False
     for number, line in enumerate(text.split(), 1):
         if ended:
-            raise BadImageError(name, f"line {number} stands behind the end record")
+            raise BadImageError(name, f"line {number} is after the end record")
         kind, address, data = _record(line, f"{name}, line {number}")
         if kind == DATA:
             chunks.append((base + address, data))
@@ -42,7 +42,7 @@ def _record(line: str, place: str) -> tuple[int, int, bytes]:
     except ValueError:
         raw = b""
     if len(raw) < 5 or len(raw) != raw[0] + 5:
-        raise BadImageError(place, "this is no line of an Intel hex file")
+        raise BadImageError(place, "this is not a line of an Intel hex file")
     if sum(raw) & 0xFF:
         raise BadImageError(place, "its checksum is wrong: the file is damaged")
     return raw[3], int.from_bytes(raw[1:3], "big"), raw[4:-1]
@@ -58,7 +58,7 @@ def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
             )
         image += data
     if not image:
-        raise BadImageError(name, "it holds no program")
+        raise BadImageError(name, "it contains no program")
     if len(image) > FLASH_BYTES_MAX:
         raise BadImageError(
             name, f"{len(image)} bytes do not fit below the bootloader ({FLASH_BYTES_MAX})"
@@ -70,7 +70,7 @@ def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
 
 
 def write_hex(data: bytes) -> str:
-    """An Intel hex file with `data` from address 0."""
+    """Text of an Intel hex file with `data` from address 0."""
     lines = []
     for address in range(0, len(data), RECORD_BYTES):
         if address % 0x10000 == 0:

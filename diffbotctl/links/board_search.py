@@ -23,7 +23,7 @@ SIGN_ON = stk500_frames.message(1, bytes([stk500_frames.SIGN_ON]))
 LEAVE = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 1, 1]))
 """makes a waiting bootloader start the program, if there is one"""
 TOPICS = rosserial_frames.encode(REQUEST)
-FLASH = "`diffbotctl flash firmware` puts our program on it, over the USB cable"
+FLASH = "`diffbotctl flash firmware` installs our firmware over the USB cable"
 
 
 class BaudSearch:
@@ -111,9 +111,9 @@ def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
     if any(data.count(ROSSERIAL_START) >= ROSSERIAL_STARTS_MIN for data in received.values()):
         return Refusal(
             "E-BOARD-ROSSERIAL",
-            "the board runs the book's firmware, which speaks rosserial",
-            f"{FLASH}; or drive it as it is with link: {{protocol: rosserial}}, as the robot "
-            "book_2wd_stock does",
+            "the board runs the book's firmware, which uses rosserial",
+            f"{FLASH}; or keep its firmware and set link: {{protocol: rosserial}}, as in the robot "
+            "book_2wd_stock",
         )
     return None
 
@@ -125,24 +125,28 @@ def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refu
         return Refusal(
             "E-PORT-SILENT",
             f"nothing answers at {tried}",
-            "is the robot switched on, this the right port, the module's RX wired to the board's "
-            f"TX and its TX to RX? Press the reset button; if it stays silent, {FLASH}",
+            "check that the robot is switched on, the port is the right one, and the module's RX "
+            "is wired to the board's TX and its TX to RX; press the reset button. If that fails, "
+            f"{FLASH}",
         )
     return Refusal(
         "E-BOARD-UNKNOWN",
-        f"bytes come that mean nothing at {tried}",
-        f"another firmware ({FLASH}), or a radio module set to another baud rate than link.baud "
-        "says",
+        f"unknown bytes arrive at {tried}",
+        f"the board has another firmware ({FLASH}), or the radio module has a baud rate other "
+        "than link.baud",
     )
 
 
 def wrong_version(version: int) -> Refusal:
-    """Our firmware speaks another version of the protocol."""
+    """Our firmware uses another version of the protocol."""
     fix = FLASH
     if version > frames.VERSION:
-        fix = f"upgrade diffbotctl (pip install --upgrade diffbotctl); or {FLASH}, an older one"
+        fix = (
+            "upgrade diffbotctl (pip install --upgrade diffbotctl), or install the older firmware: "
+            "`diffbotctl flash firmware`"
+        )
     cause = (
-        f"the board's firmware speaks version {version} of the protocol, this diffbotctl "
+        f"the board's firmware uses version {version} of the protocol, this diffbotctl "
         f"version {frames.VERSION}"
     )
     return Refusal("E-BOARD-VERSION", cause, fix)
@@ -152,11 +156,11 @@ def refused_setting(field: int, refusal: frames.RefusalCode | None) -> Refusal:
     """The board cannot use one of the robot's settings."""
     names = frames.SettingsFrame._fields
     name = names[field] if field < len(names) else f"number {field}"
-    meaning = refusal.meaning if refusal else "for a reason that this version does not know"
+    meaning = refusal.meaning if refusal else "for a reason unknown to this version"
     return Refusal(
         "E-BOARD-SETTINGS",
         f"the board refuses the setting `{name}`: {meaning}",
-        "change it in the robot file, and the wire with it",
+        "change it in the robot file, and the wiring accordingly",
     )
 
 
@@ -164,6 +168,6 @@ def settings_timeout(cause: str) -> Refusal:
     """The board answers, but has not accepted the settings in time."""
     return Refusal(
         "E-BOARD-SETTINGS",
-        cause or "the board does not answer to its settings",
-        "let the wheels come to rest and end what else drives this board, over its other port too",
+        cause or "the board does not reply to its settings",
+        "let the wheels stop, and end other programs that drive this board, over both its ports",
     )

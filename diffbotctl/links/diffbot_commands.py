@@ -1,7 +1,7 @@
 """Commands and stops of the protocol `diffbot`: numbered, repeated, confirmed by telemetry.
 
-Sans-IO. A board takes commands only from the link that owns them, and a stop is how a link claims
-them. So a stop is sent before the first command, after a silence and after each hold of the board.
+Sans-IO. A board accepts commands only from the link that owns them, and a link claims them with a
+stop. So a stop is sent before the first command, after a pause and after each hold by the board.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from diffbotctl.messages import Duty, Stop, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
 
 STOP_PERIOD = 60 * MILLISECOND  # a stop and the frame that shows it take about 50
-REPEAT_PERIOD = 100 * MILLISECOND  # a command lost to noise is replaced within the dead-man time
-REPEAT_TIMEOUT = 200 * MILLISECOND  # an engine that has gone silent does not keep the robot driving
-TAKE_OVER_TIMEOUT = 600 * MILLISECOND  # the longest dead-man time, and a frame
+REPEAT_PERIOD = 100 * MILLISECOND  # a lost command is replaced within the dead-man time
+REPEAT_TIMEOUT = 200 * MILLISECOND  # a command is not repeated when the engine is silent
+TAKE_OVER_TIMEOUT = 600 * MILLISECOND  # maximum dead-man time, and a frame
 INT16_MAX = (1 << 15) - 1
 DRIVING_MODES = (ModeCode.SPEED, ModeCode.DUTY)
-# Modes in which the board itself holds the robot: stop code and cause of each.
+# Stop code and cause of the modes in which the board itself holds the robot.
 HOLDS = {
     ModeCode.FAULT: ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
     ModeCode.OVERRULED: ("overruled", "another program or port stopped the robot"),
@@ -30,14 +30,14 @@ HOLDS = {
 
 
 class CommandSender:
-    """Decides which command, stop or action frame goes out next. All times are ns.
+    """Selects the next command, stop or action frame. All times are ns.
 
     `confirmed` is True when telemetry has shown the last stop. `faulty_wheels` names the wheels
     whose encoders gave no edges, for the cause of a hold.
     """
 
     def __init__(self, deadman: int, telemetry: Telemetry) -> None:
-        """`deadman`: ns without a command after which the board stops by itself."""
+        """`deadman`: ns without a command after which the board stops the motors."""
         self.faulty_wheels = ""
         self._deadman = deadman
         self._telemetry = telemetry
@@ -47,14 +47,14 @@ class CommandSender:
         self.reset(0)
 
     def reset(self, now: int) -> None:
-        """Forget what was to be sent: another board may answer next."""
+        """Discard what waits to be sent: another board may answer next."""
         self.confirmed = False
         self._stop_sequence: int | None = None
         self._stop_at = NEVER
         self._claimed_at = now
         self._commanded_at = -NEVER
         self._actions: list[frames.ActionFrame] = []
-        self._clear_fault = False  # clear a wheel fault before the next claim
+        self._clear_fault = False  # clear the wheel fault before the next stop
         self._drop_command()
 
     # --- requests ---
@@ -68,13 +68,13 @@ class CommandSender:
             raise ValueError(f"no finite command: {command.left}, {command.right}")
         if self._hold is not None:
             if command.left == 0 and command.right == 0:
-                return  # the board holds still already
+                return  # the board holds the robot already
             self._release(now)
         self._pending: tuple[int, Wheels | Duty] | None = (now, command)
         self._repeat_at = now
 
     def stop(self, now: int) -> None:
-        """Drop what waits; send stops until telemetry shows one."""
+        """Discard what waits; send stops until telemetry shows one."""
         self._drop_command()
         self._actions.clear()
         self.claim(now)
@@ -95,24 +95,24 @@ class CommandSender:
         self._pending = None
 
     def stop_bytes(self) -> bytes:
-        """A stop frame with a number of its own, for a process that stops the board."""
+        """A stop with a new number, for a process that stops the board."""
         return b"\0" + encode(frames.StopFrame(self._next_sequence()))
 
     # --- frames to send ---
 
     @property
     def may_drive(self) -> bool:
-        """True when the board accepts a command now: no hold, no stop under way."""
+        """True when the board accepts a command now: no hold, no unconfirmed stop."""
         return self._hold is None and self._stop_at == NEVER
 
     def due(self, is_up: bool, has_board: bool) -> int:
-        """When a frame is to be sent."""
+        """Time of the next frame."""
         repeat_at = self._repeat_at if is_up and self.may_drive else NEVER
         action_at = 0 if self._actions and has_board else NEVER
         return min(self._stop_at, repeat_at, action_at)
 
     def stop_frame(self, now: int) -> frames.Frame | None:
-        """The stop that is due, or the clearing of a fault that goes before it."""
+        """The stop that is due, or the action before it that clears a fault."""
         if self._clear_fault:
             self._clear_fault = False
             return frames.ActionFrame(ActionCode.CLEAR, 0)
@@ -128,7 +128,7 @@ class CommandSender:
         return self.may_drive and now >= self._repeat_at
 
     def command_frame(self, now: int) -> frames.Frame | None:
-        """The command, or a stop where the board may have released the commands of this link."""
+        """The command; a stop when this link may have lost the ownership of the commands."""
         if self._pending is None or now - self._pending[0] > REPEAT_TIMEOUT:
             self._drop_command()
             return None
@@ -145,20 +145,20 @@ class CommandSender:
         return frame
 
     def action_frame(self) -> frames.Frame | None:
-        """The oldest action that waits."""
+        """The oldest waiting action."""
         return self._actions.pop(0) if self._actions else None
 
     # --- telemetry ---
 
     def on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> Stop | None:
-        """Take the board's mode; the Stop message where a hold of the board begins or ends."""
+        """Take the board's mode; returns a Stop message when a hold by the board begins or ends."""
         self._mode = ModeCode(frame.mode)
         self._check_stop(now, frame.command)
         return self._check_hold(now)
 
     def _check_stop(self, now: int, command: int) -> None:
         if self._mode is ModeCode.OVERRULED and now < self._claimed_at + TAKE_OVER_TIMEOUT:
-            return  # this stop overruled the former owner, which has only just fallen silent
+            return  # this stop overruled the former owner of the commands
         if command == self._stop_sequence and self._mode not in DRIVING_MODES:
             self._stop_sequence, self._stop_at, self.confirmed = None, NEVER, True
 
@@ -174,7 +174,7 @@ class CommandSender:
         return Stop(now, code, cause.format(wheels=self.faulty_wheels or "see its wiring"), True)
 
     def _release(self, now: int) -> None:
-        """A command after a hold of the board is the operator's consent: claim the board again."""
+        """A command during a hold is the operator's consent to end it: claim the commands again."""
         self._clear_fault = self._hold is ModeCode.FAULT
         self._hold = None
         self.claim(now)
@@ -187,7 +187,7 @@ class CommandSender:
 
 
 def _quantise(now: int, sequence: int, command: Wheels | Duty) -> tuple[frames.Frame, SentCommand]:
-    """A command in the board's units, and the values that these stand for."""
+    """A command in the board's units, and the rounded values."""
     one = frames.SPEED_ONE if isinstance(command, Wheels) else frames.DUTY_ONE
     left, right = (
         max(-INT16_MAX, min(INT16_MAX, round(value * one)))

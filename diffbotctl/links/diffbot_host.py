@@ -1,8 +1,8 @@
-"""The host's half of the protocol `diffbot`: handshake, commands, stops, telemetry. Sans-IO.
+"""Host side of the protocol `diffbot`: handshake, commands, stops, telemetry. Sans-IO.
 
 The handshake: find the board's baud rate (`BaudSearch`), ask for its hello, send it the robot's
-settings until it uses them. Then the link is up until frames stop coming. `TRANSITIONS` has every
-change of state; commands and stops are in `CommandSender`.
+settings until it uses them. Then the link is up until frames stop arriving. `TRANSITIONS` has every
+change of state; `CommandSender` handles commands and stops.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ STALE_TIMEOUT = 250 * MILLISECOND
 LOST_TIMEOUT = SECOND
 SETTINGS_SILENCE_TIMEOUT = 2 * SECOND  # a board silent over its settings is searched for again
 SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
-# Opening a USB port resets the board, and each byte that comes too early keeps it in its
-# bootloader. The firmware speaks first when it starts.
+# Opening a USB port resets the board, and each byte that arrives too early keeps it in its
+# bootloader. The firmware sends a hello when it starts.
 USB_QUIET_TIME = 1_500 * MILLISECOND
 SILENT = "the board has gone silent"
 
@@ -57,7 +57,7 @@ class HostEvent(StrEnum):
     SETTINGS_MATCH = auto()  # the board uses the robot's settings
     SETTINGS_DIFFER = auto()  # it uses others, or none
     SETTINGS_REJECTED = auto()  # it cannot use them, or not now
-    VERSION_DIFFERS = auto()  # it speaks another version of the protocol
+    VERSION_DIFFERS = auto()  # it uses another version of the protocol
     FRAME = auto()  # a state frame
     SILENCE = auto()  # frames have been missing for the time that the state allows
     TIMEOUT = auto()  # the search or the settling takes too long; it goes on
@@ -100,11 +100,11 @@ LINK_STATES: dict[HostState, LinkState] = {
 
 
 class DiffbotHost:
-    """One board with our firmware behind one port. Fulfils LinkProtocol.
+    """Host side of the link to one board with our firmware. Fulfils LinkProtocol.
 
     `baud` is the rate the port must have now; it changes when another is tried. Output ports:
     `encoders`, the distance sensor's name, `battery`, `link`, `text`, and `stop` when the board
-    itself holds the robot (code empty when it does no longer).
+    itself holds the robot (with an empty code when the hold ends).
     """
 
     def __init__(self, settings: BoardSettings) -> None:
@@ -222,7 +222,7 @@ class DiffbotHost:
         return [("link", self.link(now))]
 
     def _refuse(self, now: int, event: HostEvent, refusal: Refusal) -> LinkOutput:
-        """This board cannot be driven. One that could be before may become usable again."""
+        """This board cannot be driven. A board that was up before may recover: no refusal then."""
         if not self._was_up:
             self.refusal = refusal
         return self._enter(now, event, refusal.cause)

@@ -159,7 +159,7 @@ class Topics:
             return True
         self.problems[info.name] = (
             f"the sketch declares {info.name} as {_printable(info.kind[0])}, "
-            f"this driver speaks {' or '.join(kind[0] for kind in kinds)}"
+            f"this driver expects {' or '.join(kind[0] for kind in kinds)}"
         )
         return False
 

@@ -39,13 +39,13 @@ def test_the_shipped_image():
     [
         ("", "cut short"),
         (":00000001FF", "no program"),
-        ("hello", "no line"),
+        ("hello", "not a line"),
         (":0100000000FE", "damaged"),  # the checksum of 01 00 00 00 00 is FF
         (":0100000000FF", "cut short"),
         (":0100000000FF\n:0100100000EF\n:00000001FF", "gap"),
         (":0100000000FF\n:0100000000FF\n:00000001FF", "overlap"),
-        (":00000001FF\n:0100000000FF", "behind the end"),
-        (":0200000400FF", "no line"),
+        (":00000001FF\n:0100000000FF", "after the end"),
+        (":0200000400FF", "not a line"),
         (write_hex(b"abc!!!def"), "!!!"),
         (write_hex(bytes(FLASH_BYTES_MAX + 1)), "do not fit"),
     ],

@@ -100,7 +100,7 @@ def test_wrong_type_is_named():
     topics = told([(SUBSCRIBER, info(100, "set_left_speed", ("std_msgs/Int16", "x")))])
     assert topics.problems == {
         "set_left_speed": "the sketch declares set_left_speed as std_msgs/Int16, "
-        "this driver speaks std_msgs/Int32"
+        "this driver expects std_msgs/Int32"
     }
 
 

@@ -107,7 +107,7 @@ def test_a_firmware_that_prints_lines(tmp_path):
         code, said = meet(port)
     assert code == 1
     assert "E-BOARD-UNKNOWN" in said
-    assert "bytes come that mean nothing at 9600 or 115200 baud" in said
+    assert "unknown bytes arrive at 9600 or 115200 baud" in said
     assert "flash firmware" in said
 
 
@@ -141,7 +141,7 @@ def test_another_version_and_flashing_mends_it(newer):
         assert code == 1
         assert "E-BOARD-VERSION" in said
         ours, theirs = frames.VERSION, frames.VERSION + 1
-        assert f"speaks version {theirs} of the protocol, this diffbotctl version {ours}" in said
+        assert f"uses version {theirs} of the protocol, this diffbotctl version {ours}" in said
         assert "upgrade diffbotctl" in said
         assert flash(virtual)[0] == 0
         code, said = meet(virtual.radio)
