@@ -6,11 +6,7 @@ from collections.abc import Generator
 from typing import Any, NamedTuple
 
 from diffbotctl.calibrate.motor_fit import NS, StepResponse, mean_speed
-from diffbotctl.calibrate.session import (
-    Received,
-    RobotSession,
-    drive_sides,
-)
+from diffbotctl.calibrate.session import Received, RobotSession, drive_sides
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import is_duty_board, wheel_command

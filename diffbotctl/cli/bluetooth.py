@@ -116,7 +116,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     from diffbotctl.bluetooth.rate_advice import advise_rate
     from diffbotctl.board.jobs import measure_link
     from diffbotctl.config.load import load_robot
-    from diffbotctl.drivers.board_candidates import is_usb
+    from diffbotctl.drivers.board_ports import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
     from diffbotctl.links import link_protocol
 
@@ -197,7 +197,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     from diffbotctl.bluetooth.hc05_at import BaudChange
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.drivers.board_candidates import refuse_radio
+    from diffbotctl.drivers.board_ports import refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.hc05_baud import change_rate
 

@@ -14,8 +14,7 @@ def choose_port(radio: bool = False) -> str:
     Raises NoBoardError, with `radio` one that names the modules that are paired but not bound;
     SeveralBoardsError without a terminal to ask at.
     """
-    from diffbotctl.drivers.board_candidates import candidates, choose
-    from diffbotctl.drivers.board_errors import NoBoardError, SeveralBoardsError
+    from diffbotctl.drivers.board_ports import NoBoardError, SeveralBoardsError, candidates, choose
 
     boards = candidates(radio)
     try:
@@ -40,7 +39,7 @@ def _refuse_unbound_modules() -> None:
     It is not chosen automatically: only the user knows whether it belongs to this robot.
     """
     from diffbotctl.bluetooth.bluez import RfcommPort, paired_modules
-    from diffbotctl.drivers.board_errors import OnlyRadioError
+    from diffbotctl.drivers.board_ports import OnlyRadioError
 
     modules = paired_modules()
     if modules:

@@ -62,7 +62,7 @@ def flash(
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import folder
-    from diffbotctl.drivers.board_candidates import refuse_radio
+    from diffbotctl.drivers.board_ports import refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
 

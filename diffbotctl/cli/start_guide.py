@@ -194,7 +194,7 @@ class SetupGuide:
 
     def _find_board(self) -> None:
         from diffbotctl.cli.choose_port import choose_port
-        from diffbotctl.drivers.board_errors import NoBoardError
+        from diffbotctl.drivers.board_ports import NoBoardError
 
         if self.stated_port is None:
             try:

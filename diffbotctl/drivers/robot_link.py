@@ -7,7 +7,7 @@ from math import pi
 
 from diffbotctl.config.robot import Robot, SideSection
 from diffbotctl.control.speed_loop import limit_duty, speed_gains
-from diffbotctl.drivers.board_candidates import is_usb
+from diffbotctl.drivers.board_ports import is_usb
 from diffbotctl.errors import ConfigurationError, Problem
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings

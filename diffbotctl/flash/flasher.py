@@ -11,14 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from diffbotctl.board.session import BoardSession, JobEvent, JobMessage, JobProgress
-from diffbotctl.drivers.board_candidates import refuse_radio
-from diffbotctl.drivers.board_errors import (
+from diffbotctl.drivers.board_ports import (
     BadImageError,
     NoBackupError,
     NoProgrammerError,
     NoSyncError,
     RefusedError,
     SilentError,
+    refuse_radio,
 )
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError

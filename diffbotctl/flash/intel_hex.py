@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diffbotctl.drivers.board_errors import BadImageError
+from diffbotctl.drivers.board_ports import BadImageError
 
 PAGE_BYTES = 256  # bytes; the chip erases and writes whole pages
 FLASH_BYTES_MAX = 0x3E000  # bytes below the bootloader of a Mega 2560

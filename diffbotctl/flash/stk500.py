@@ -10,7 +10,7 @@ from collections.abc import Generator
 from typing import NamedTuple, TypeVar
 
 from diffbotctl.board.session import JobProgress
-from diffbotctl.drivers.board_errors import RefusedError, VerifyMismatchError, WrongSignatureError
+from diffbotctl.drivers.board_ports import RefusedError, VerifyMismatchError, WrongSignatureError
 from diffbotctl.flash.intel_hex import ERASED, FLASH_BYTES_MAX, PAGE_BYTES
 from diffbotctl.links.stk500_frames import LEAVE, SIGN_ON, message
 

@@ -24,12 +24,7 @@ from diffbotctl.links.rosserial_topics import (
     TopicNames,
     Topics,
 )
-from diffbotctl.links.rosserial_wheels import (
-    SpeedSender,
-    TickUnwrapper,
-    TickVerdict,
-    pair_frames,
-)
+from diffbotctl.links.rosserial_wheels import SpeedSender, TickUnwrapper, TickVerdict, pair_frames
 from diffbotctl.messages import Duty, Encoders, Link, LinkState, Message, Text, Volts, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 

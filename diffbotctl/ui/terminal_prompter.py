@@ -11,13 +11,7 @@ from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.prompts.keyboard import Keyboard
-    from diffbotctl.prompts.question import (
-        Answer,
-        ManualAction,
-        MarkFloor,
-        MotionNotice,
-        Question,
-    )
+    from diffbotctl.prompts.question import Answer, ManualAction, MarkFloor, MotionNotice, Question
 
 ANY_KEY = "Any key stops it. Press Enter to begin"
 ANSWER_ATTEMPTS_MAX = 5

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.bluetooth.bluez import RfcommPort, parse_port
-from diffbotctl.drivers.board_candidates import is_usb, refuse_radio
-from diffbotctl.drivers.board_errors import RadioPortError
+from diffbotctl.drivers.board_ports import RadioPortError, is_usb, refuse_radio
 from diffbotctl.drivers.serial_port import open_port, reopen_port
 from diffbotctl.drivers.socket_port import SocketPort, unreachable
 from diffbotctl.errors import RunError, UsageError

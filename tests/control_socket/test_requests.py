@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from diffbotctl.control_socket.dispatch import METHODS
 from diffbotctl.control_socket.engine_channel import ResultCode, reply_to
-from diffbotctl.control_socket.protocol import (
-    LINE_MAX_BYTES,
-    LineBuffer,
-    RefusalError,
-    parse_line,
-)
+from diffbotctl.control_socket.protocol import LINE_MAX_BYTES, LineBuffer, RefusalError, parse_line
 from diffbotctl.control_socket.requests import (
     VERSION_1_METHODS,
     DriveRequest,

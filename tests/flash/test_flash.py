@@ -5,8 +5,8 @@ import time
 import pytest
 
 from diffbotctl.board.session import BoardSession, JobMessage, JobProgress
-from diffbotctl.drivers import board_candidates
-from diffbotctl.drivers.board_errors import (
+from diffbotctl.drivers import board_ports
+from diffbotctl.drivers.board_ports import (
     BadImageError,
     NoBoardError,
     NoSyncError,
@@ -126,10 +126,10 @@ CLONE, OTHER_CLONE = (usb_port(f"/dev/ttyUSB{n}", 0x1A86, 0x7523) for n in (0, 1
 )
 def test_choosing_a_board(found, chosen):
     if isinstance(chosen, str):
-        assert board_candidates.choose(found).device == chosen
+        assert board_ports.choose(found).device == chosen
     else:
         with pytest.raises(chosen):
-            board_candidates.choose(found)
+            board_ports.choose(found)
 
 
 def talk(conversation, answer_to):

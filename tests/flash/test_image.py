@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.drivers.board_errors import BadImageError
+from diffbotctl.drivers.board_ports import BadImageError
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.flash.intel_hex import (
     FLASH_BYTES_MAX,

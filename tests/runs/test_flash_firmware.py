@@ -12,7 +12,7 @@ from contextlib import suppress
 
 import pytest
 
-from diffbotctl.drivers import board_candidates
+from diffbotctl.drivers import board_ports
 from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
@@ -246,7 +246,7 @@ def test_which_ports_may_lead_to_a_board(tmp_path, ports, radio, found):
     machine = FakeMachine(tmp_path / "machine")
     for number, (name, usb) in enumerate(ports.items(), 1):
         machine.port(name, usb, place=f"1-{number}")
-    assert [port.device for port in board_candidates.candidates(radio, machine.root)] == [
+    assert [port.device for port in board_ports.candidates(radio, machine.root)] == [
         f"/dev/{name}" for name in found
     ]
 
@@ -254,5 +254,5 @@ def test_which_ports_may_lead_to_a_board(tmp_path, ports, radio, found):
 def test_a_board_has_a_name_that_stays(tmp_path):
     machine = FakeMachine(tmp_path / "machine")
     machine.port("ttyACM0", MEGA, by_id="usb-Arduino_Mega_1-if00")
-    (port,) = board_candidates.candidates(root=machine.root)
+    (port,) = board_ports.candidates(root=machine.root)
     assert port.name == "/dev/serial/by-id/usb-Arduino_Mega_1-if00"
