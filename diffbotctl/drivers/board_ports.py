@@ -1,7 +1,4 @@
-"""What can go wrong while flashing; each is a RunError with its own code, cause and way out.
-
-Which port leads to a board.
-"""
+"""The ports that may lead to a board, and the errors of finding and flashing one."""
 
 from __future__ import annotations
 
@@ -33,20 +30,20 @@ class NoBoardError(FlashError):
         super().__init__(
             "ports",
             "no board is plugged in",
-            "plug the Mega's USB cable in (a charging cable without data wires shows nothing), or "
-            "name the port with --port",
+            "plug in the Mega's USB cable (not a charging cable without data wires), or name the "
+            "port with --port",
         )
 
 
 class OnlyRadioError(NoBoardError):
-    """No board is plugged in, but modules are paired; `commands` lead over each of them."""
+    """No board is plugged in, but Bluetooth modules are paired; one command for each of them."""
 
     def __init__(self, modules: list[str], commands: list[str]) -> None:
         FlashError.__init__(
             self,
             "ports",
             f"no board is plugged in; paired over Bluetooth: {', '.join(modules)}",
-            f"drive over the radio with `{'` or `'.join(commands)}`, or plug the USB cable in",
+            f"drive over Bluetooth with `{'` or `'.join(commands)}`, or plug in the USB cable",
         )
 
 
@@ -59,7 +56,7 @@ class SeveralBoardsError(FlashError):
         super().__init__(
             "ports",
             f"{len(devices)} boards are plugged in: {', '.join(devices)}",
-            "say which one with --port DEVICE, or unplug the others",
+            "choose one with --port DEVICE, or unplug the others",
         )
 
 
@@ -71,8 +68,8 @@ class RadioPortError(FlashError):
     def __init__(self, device: str) -> None:
         super().__init__(
             f"port {device}",
-            "this is a Bluetooth port: the bootloader listens on the USB port alone, while the "
-            "radio module sits on pins 18 and 19",
+            "this is a Bluetooth port: the bootloader listens on the USB port only, and the "
+            "Bluetooth module is connected to pins 18 and 19",
             "use the USB cable",
         )
 
@@ -86,13 +83,13 @@ class NoSyncError(FlashError):
         super().__init__(
             f"port {device}",
             "no bootloader answers at 115200 baud",
-            "check port and cable; is anything wired to pins 0 and 1? Press the reset button "
-            "within the first second when the board does not reset by itself",
+            "check port and cable, and disconnect anything from pins 0 and 1; press the reset "
+            "button within the first second if the board does not reset by itself",
         )
 
 
 class WrongSignatureError(FlashError):
-    """The chip is another one."""
+    """The board has another chip."""
 
     code = "E-FLASH-SIGNATURE"
 
@@ -102,13 +99,13 @@ class WrongSignatureError(FlashError):
         chip = self.KNOWN.get(signature, "another chip")
         super().__init__(
             f"port {device}",
-            f"the signature {signature} is that of {chip}; this firmware is for an ATmega2560",
+            f"its signature {signature} is that of {chip}; this firmware is for an ATmega2560",
             "choose the port of the Mega 2560",
         )
 
 
 class RefusedError(FlashError):
-    """The bootloader does not do as told."""
+    """The bootloader refused a command."""
 
     code = "E-FLASH-REFUSED"
 
@@ -122,33 +119,33 @@ class RefusedError(FlashError):
 
 
 class VerifyMismatchError(FlashError):
-    """What was read back is not what was written."""
+    """The flash read back differs from what was written."""
 
     code = "E-FLASH-VERIFY"
 
-    def __init__(self, device: str, address: int, wanted: int, got: int) -> None:
+    def __init__(self, device: str, address: int, expected: int, actual: int) -> None:
         super().__init__(
             f"port {device}",
-            f"at address 0x{address:05X} the board has 0x{got:02X} instead of 0x{wanted:02X}",
-            "flash again; if it always fails at one address, the chip is worn out",
+            f"at address 0x{address:05X} the board has 0x{actual:02X} instead of 0x{expected:02X}",
+            "flash again; if it always fails at the same address, the chip's flash is worn out",
         )
 
 
 class SilentError(FlashError):
-    """The program was written, but does not speak."""
+    """The program was written, but does not answer."""
 
     code = "E-FLASH-SILENT"
 
     def __init__(self, device: str, cause: str = "") -> None:
         super().__init__(
             f"port {device}",
-            f"written and verified, but our firmware does not speak: {cause or 'nothing comes'}",
-            "press the reset button; if it stays silent, flash again",
+            f"written and verified, but our firmware does not answer: {cause or 'no reply'}",
+            "press the reset button; if it still does not answer, flash again",
         )
 
 
 class NoBackupError(FlashError):
-    """What is on the board cannot be saved."""
+    """The program on the board cannot be saved."""
 
     code = "E-FLASH-BACKUP"
 
@@ -166,7 +163,7 @@ class BadImageError(FlashError):
 
 
 class NoProgrammerError(FlashError):
-    """avrdude is wanted but absent, or it failed."""
+    """avrdude is not installed, or it failed."""
 
     code = "E-FLASH-AVRDUDE"
 
@@ -201,12 +198,12 @@ def choose(ports: list[SerialPort]) -> SerialPort:
 
 
 def is_usb(device: str) -> bool:
-    """Whether the port leads over USB: to UART0 at 115200 baud, and opening it resets the board."""
+    """Whether the port is USB: UART0 at 115200 baud, and opening it resets the board."""
     return any(USB.search(name) for name in (device, os.path.realpath(device)))
 
 
 def refuse_radio(device: str) -> None:
-    """Raises RadioPortError for a port that leads over Bluetooth."""
+    """Raises RadioPortError for a Bluetooth port."""
     bound = any(RADIO.search(name) for name in (device, os.path.realpath(device)))
     if bound or device.startswith(PORT_PREFIX):
         raise RadioPortError(device)

@@ -66,8 +66,8 @@ def board_settings(robot: Robot) -> BoardSettings:
     Raises ConfigurationError for a board that it does not run on.
     """
     if robot.board.type != FIRMWARE_BOARD:
-        cause = f"there is no firmware of ours for the board {robot.board.type} yet"
-        fix = f"take a Mega 2560 (board: {{type: {FIRMWARE_BOARD}}}), or simulate: --port sim"
+        cause = f"there is no diffbotctl firmware for the board {robot.board.type}"
+        fix = f"use a Mega 2560 (board: {{type: {FIRMWARE_BOARD}}}), or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     left, right, board, battery = robot.drive.left, robot.drive.right, robot.board, robot.battery
     name, sensor = next(iter(robot.sensors.items()), ("range", None))

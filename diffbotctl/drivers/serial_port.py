@@ -23,7 +23,7 @@ from diffbotctl.ports.diagnosis import (
     survey_ports,
 )
 
-FIND_PORT = "look for the board's name under /dev/serial/by-id, or unplug it and see what vanishes"
+FIND_PORT = "look for the board under /dev/serial/by-id, or unplug it and see which name disappears"
 READ_SIZE = 4096  # bytes; more than any board sends between two reads
 
 
@@ -49,7 +49,7 @@ class SerialPortDevice:
         except BlockingIOError:
             return b""
         if not data:
-            raise OSError(errno.EIO, "the device hung up")
+            raise OSError(errno.EIO, "the device disconnected")
         return data
 
     def write(self, data: bytes) -> int:
@@ -134,7 +134,7 @@ def _open(device: str) -> int:
         raise
     if not stat.S_ISCHR(os.fstat(fd).st_mode) or not os.isatty(fd):
         os.close(fd)
-        raise _port_error("E-PORT-KIND", device, "it is no serial port", FIND_PORT)
+        raise _port_error("E-PORT-KIND", device, "it is not a serial port", FIND_PORT)
     return fd
 
 
@@ -164,7 +164,7 @@ def _permission_error(device: str) -> RunError:
             return RunError(problem)
     group = _group(device)
     fix = f"join that group, then log out and in: sudo usermod -aG {group} $USER"
-    cause = f"you have no right to open it; it belongs to the group {group}"
+    cause = f"you have no permission to open it; it belongs to the group {group}"
     return _port_error("E-PORT-RIGHTS", device, cause, fix)
 
 
@@ -181,7 +181,7 @@ def _make_raw(fd: int, baud: int) -> None:
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
         problem = Problem(
-            "E-PORT-BAUD", "link.baud", f"{baud} baud is no standard rate", "use 9600 or 115200"
+            "E-PORT-BAUD", "link.baud", f"{baud} baud is not a standard rate", "use 9600 or 115200"
         )
         raise RunError(problem)
     control = termios.CS8 | termios.CREAD | termios.CLOCAL

@@ -22,8 +22,8 @@ RETRY_PERIOD_MAX = 2_000 * MILLISECOND
 INPUT_AGE_MAX = 1_000 * MILLISECOND
 DISCARD_READS_MAX = 64  # reads of up to 4 kB
 NO_DEADMAN = """\
-Note: this board cannot stop by itself when the host falls silent. A guardian process
-does it if diffbotctl dies; nothing can if the cable or the radio fails."""
+Note: this board does not stop by itself when the host falls silent. A watchdog process
+stops it if diffbotctl is killed; nothing can stop it if the cable or the radio fails."""
 
 
 def open_serial_robot(

@@ -21,16 +21,25 @@ CONNECT_TIMEOUT_S = 12.0  # a radio pages a module for 5 s before it gives up, a
 SEND_BUFFER_BYTES = 2048  # a small request: the kernel then uses its minimum
 # Cause and fix for each error of the kernel.
 CONNECT_ERRORS = {
-    errno.ECONNREFUSED: ("the module refuses", "is it connected to another machine?"),
-    errno.EHOSTDOWN: ("the module does not answer", "is it switched on, and near?"),
-    errno.ETIMEDOUT: ("the module does not answer", "is it switched on, and near?"),
-    errno.EACCES: ("the module wants to be paired", "pair it: diffbotctl bluetooth pair {address}"),
-    errno.EBUSY: ("it is in use", "end the other program of this machine that is connected to it"),
-    errno.EHOSTUNREACH: ("Bluetooth is off", "`diffbotctl doctor` tells why"),
-    errno.ENETUNREACH: ("Bluetooth is off", "`diffbotctl doctor` tells why"),
-    errno.ENODEV: ("this machine has no Bluetooth radio", "`diffbotctl doctor` tells more"),
-    errno.EAFNOSUPPORT: ("this system has no Bluetooth", "`diffbotctl doctor` tells more"),
-    errno.EPROTONOSUPPORT: ("this system has no Bluetooth", "`diffbotctl doctor` tells more"),
+    errno.ECONNREFUSED: (
+        "the module refuses the connection",
+        "is it connected to another machine?",
+    ),
+    errno.EHOSTDOWN: ("the module does not answer", "is it switched on and within range?"),
+    errno.ETIMEDOUT: ("the module does not answer", "is it switched on and within range?"),
+    errno.EACCES: (
+        "the module must be paired first",
+        "pair it: diffbotctl bluetooth pair {address}",
+    ),
+    errno.EBUSY: (
+        "it is in use",
+        "close the other program on this machine that is connected to it",
+    ),
+    errno.EHOSTUNREACH: ("Bluetooth is off", "run `diffbotctl doctor` for the reason"),
+    errno.ENETUNREACH: ("Bluetooth is off", "run `diffbotctl doctor` for the reason"),
+    errno.ENODEV: ("this machine has no Bluetooth radio", "run `diffbotctl doctor` for details"),
+    errno.EAFNOSUPPORT: ("this system has no Bluetooth", "run `diffbotctl doctor` for details"),
+    errno.EPROTONOSUPPORT: ("this system has no Bluetooth", "run `diffbotctl doctor` for details"),
 }
 
 
@@ -93,7 +102,7 @@ class SocketPort:
         except BlockingIOError:
             return b""
         if not data:
-            raise OSError(errno.EIO, "the module hung up")
+            raise OSError(errno.EIO, "the module disconnected")
         return data
 
     def write(self, data: bytes) -> int:
@@ -150,10 +159,10 @@ def unreachable(device: str, error: OSError) -> RunError:
     """The error for a module that cannot be reached, or has disconnected."""
     cause, fix = CONNECT_ERRORS.get(
         error.errno or 0,
-        (error.strerror or str(error), "switch the module off and on, and try again"),
+        (error.strerror or str(error), "switch the module off and on, then try again"),
     )
     if device.startswith(SOCKET):
-        fix = "does whoever serves that socket run?"
+        fix = "is the program that serves this socket running?"
     address = device.removeprefix(PORT_PREFIX)
     return RunError(
         Problem("E-BLUETOOTH-CONNECT", f"port {device}", cause, fix.format(address=address))

@@ -25,7 +25,7 @@ EEPROM_SIZE = 4096
 DUTY_ONE = 32767
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
 POWER, LINE, BROWNOUT, WATCHDOG = 1, 2, 4, 8
-STOP_SECONDS = 5.0
+EXIT_TIMEOUT_S = 5.0
 
 _HEAD = struct.Struct("<cQHHHH")
 _TRANSITION = struct.Struct("<IBB")
@@ -36,9 +36,9 @@ _BYTE = struct.Struct("<IBB")
 
 
 class EmulatorError(RunError):
-    """The emulator cannot be built or has died; its words say why and what to install."""
+    """The emulator cannot be built, or has crashed."""
 
-    def __init__(self, cause: str, fix: str = "run again with --debug and send us what it prints"):
+    def __init__(self, cause: str, fix: str = "run again with --debug and report the output"):
         super().__init__(Problem("E-EMULATOR", "emulated board", cause, fix))
 
 
@@ -54,7 +54,7 @@ class MotorChange(NamedTuple):
     """What a motor's bridge was switched to."""
 
     time: int  # ns of board time
-    motor: int  # place in the list of motors given at the start
+    motor: int  # index in the list of motors passed to the emulator
     duty: float  # -1 to 1; positive when the first input is high and the second low
     brake: bool  # true when the bridge shorts the motor, false when it leaves it open or drives it
 
@@ -78,7 +78,7 @@ class StepResult(NamedTuple):
 
     def bytes_of(self, uart: int) -> bytes:
         """All bytes sent on one UART in this step."""
-        return bytes(each.byte for each in self.sent if each.uart == uart)
+        return bytes(sent.byte for sent in self.sent if sent.uart == uart)
 
 
 def build(into: Path | None = None) -> Path:
@@ -111,7 +111,7 @@ def _require(boots: bool = False) -> None:
         if not here
     ]
     if missing:
-        why = "it is built on this machine, from parts that are not here"
+        why = "it is built on this machine, and packages are missing"
         raise EmulatorError(why, f"sudo apt-get install {' '.join(missing)}")
 
 
@@ -120,23 +120,9 @@ def _compile(sources: list[Path], program: Path) -> None:
     compiler = shutil.which("gcc") or "gcc"
     program.parent.mkdir(parents=True, exist_ok=True)
     partial = program.with_name(f"{program.name}.{os.getpid()}")
-    done = subprocess.run(
-        [
-            compiler,
-            "-std=c11",
-            "-O2",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-o",
-            str(partial),
-            *map(str, sources),
-            "-lsimavr",
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    options = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-o"]
+    command = [compiler, *options, str(partial), *map(str, sources), "-lsimavr"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise EmulatorError(f"it does not compile; gcc says:\n{done.stderr.strip()}")
     partial.replace(program)
@@ -159,14 +145,14 @@ def bootloader() -> Path:
 
 
 def cache() -> Path:
-    """The folder for what is built once."""
+    """Folder of the compiled emulator."""
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
 
 
 class Emulator:
     """One emulated board. Times are ns of board time; every run with equal input is equal.
 
-    `motors` names the (enable, in1, in2) pins of each motor to be watched. With `pty` the UARTs are
+    `motors`: the (enable, in1, in2) pins of each motor. With `pty` the UARTs are
     pseudo-terminals named by `ports`, and opening the first resets the board. With `paced` the
     board follows real time by itself and takes no steps.
     """
@@ -181,13 +167,13 @@ class Emulator:
         pty: bool = False,
         paced: bool = False,
     ) -> None:
-        words = [str(build())]
+        command = [str(build())]
         for option, path in (("--hex", image), ("--boot", boot), ("--eeprom", eeprom)):
-            words += [option, str(path)] if path else []
+            command += [option, str(path)] if path else []
         for pins in motors:
-            words += ["--motor", ",".join(map(str, pins))]
-        words += ["--pty"] * pty + ["--paced"] * paced
-        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+            command += ["--motor", ",".join(map(str, pins))]
+        command += ["--pty"] * pty + ["--paced"] * paced
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._requests, self._replies = self._process.stdin, self._process.stdout
         self._lock = Lock()  # one request and its reply at a time, from any thread
@@ -213,7 +199,7 @@ class Emulator:
         """Run to `until`, with pins changing on the way and bytes arriving from now on.
 
         `millivolts` gives analog channels (A0 is 0); `received` is what goes into each UART, at its
-        own baud rate. Raises EmulatorError when the emulator has died.
+        own baud rate. Raises EmulatorError when the emulator has crashed.
         """
         changes = transitions or []
         analogs = millivolts or {}
@@ -270,7 +256,7 @@ class Emulator:
         if self._process.poll() is None:
             self._requests.close()
             try:
-                self._process.wait(STOP_SECONDS)
+                self._process.wait(EXIT_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
@@ -292,10 +278,10 @@ class Emulator:
             self._requests.write(data)
             self._requests.flush()
         except BrokenPipeError:
-            raise EmulatorError("it has died") from None
+            raise EmulatorError("it has crashed") from None
 
     def _read(self, size: int) -> bytes:
         data = self._replies.read(size)
         if len(data) != size:
-            raise EmulatorError("it has died")
+            raise EmulatorError("it has crashed")
         return data

@@ -97,7 +97,7 @@ def test_nobody_answers(tmp_path):
 def test_a_radio_port_is_refused(tmp_path):
     port = tmp_path / "rfcomm0"
     port.touch()
-    with pytest.raises(RadioPortError, match="USB port alone"):
+    with pytest.raises(RadioPortError, match="USB port only"):
         list(flash(str(port), IMAGE))
 
 
