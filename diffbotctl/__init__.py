@@ -1,3 +1,3 @@
 """A robot control stack for low-cost differential-drive robots."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
