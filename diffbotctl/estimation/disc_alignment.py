@@ -26,8 +26,6 @@ OTHER_DISC_PRIOR = 0.05  # prior probability that the disc is not the measured o
 class DiscAlignment:
     """One set of hypotheses per rotation of the pattern, updated beside those that assume none."""
 
-    __slots__ = ("count", "edges", "hypotheses")
-
     def __init__(self, known_edges: EdgeErrors, hypotheses: list[EdgeHypothesis]) -> None:
         """Copy the `hypotheses` before the first edge, once per rotation."""
         self.count = hypotheses[0].count

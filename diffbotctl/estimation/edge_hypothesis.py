@@ -9,10 +9,11 @@ pitches.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import log, sqrt
 from typing import NamedTuple
 
-from diffbotctl.estimation.wheel_kalman import Priors, WheelKalman, normal_cdf
+from diffbotctl.estimation.wheel_kalman import WheelKalman, normal_cdf
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
@@ -51,30 +52,18 @@ class _Branch(NamedTuple):
     slot: int
 
 
+@dataclass(slots=True, eq=False)
 class EdgeHypothesis:
     """The motion of one wheel, and the edge that was passed last."""
 
-    __slots__ = (
-        "count",
-        "drive",
-        "drive_direction",
-        "edge_direction",
-        "edge_slot",
-        "is_reversed",
-        "motion",
-        "time",
-    )
-
-    def __init__(self, priors: Priors, time: int, count: int, slots: int) -> None:
-        """`slots` of the disc; their errors are estimated if the board reports edge times."""
-        self.motion = WheelKalman(priors, slots)
-        self.time = time
-        self.count = count
-        self.drive = 0.0
-        self.drive_direction = 0  # of the last drive: 1, -1, or 0 before the first
-        self.edge_slot = 0  # slot of the last edge
-        self.edge_direction = 0  # in which it was passed: 1, -1, or 0 before the first edge
-        self.is_reversed = False  # driven in the other direction since the last edge
+    motion: WheelKalman
+    time: int
+    count: int
+    drive: float = 0.0
+    drive_direction: int = 0  # of the last drive: 1, -1, or 0 before the first
+    edge_slot: int = 0  # slot of the last edge
+    edge_direction: int = 0  # in which it was passed: 1, -1, or 0 before the first edge
+    is_reversed: bool = False  # driven in the other direction since the last edge
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
@@ -88,11 +77,7 @@ class EdgeHypothesis:
 
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
-        twin = object.__new__(EdgeHypothesis)
-        for name in EdgeHypothesis.__slots__:
-            setattr(twin, name, getattr(self, name))
-        twin.motion = self.motion.copy()
-        return twin
+        return replace(self, motion=self.motion.copy())
 
     @property
     def edge_place(self) -> float:

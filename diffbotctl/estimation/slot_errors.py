@@ -13,6 +13,7 @@ pitch, which places the edges that are seen backward.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 LEARNABLE_SLOTS_MAX = 64  # finer discs have errors too small to be worth the computation
@@ -31,14 +32,12 @@ TransitionRows = tuple[float, float, float, float, float, float, float, float]
 IDENTITY: TransitionRows = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
+@dataclass(slots=True)
 class Transition:
     """Product of the transition matrices since `take` was last called."""
 
-    __slots__ = ("is_identity", "rows")
-
-    def __init__(self) -> None:
-        self.rows = IDENTITY
-        self.is_identity = True
+    rows: TransitionRows = IDENTITY
+    is_identity: bool = True
 
     def add(self, later: TransitionRows) -> None:
         """Multiply by the transition of a later step."""
@@ -143,8 +142,7 @@ class SlotErrors:
         twin.errors = self.errors[:]
         twin.cross_covariance = [row[:] for row in self.cross_covariance]
         twin.covariance = [row[:] for row in self.covariance]
-        twin.pending = Transition()
-        twin.pending.rows, twin.pending.is_identity = self.pending.rows, self.pending.is_identity
+        twin.pending = replace(self.pending)
         return twin
 
     def index(self, slot: int, is_forward: bool) -> int:
@@ -233,8 +231,6 @@ class SlotErrors:
 class KnownSlotErrors:
     """Slot errors of a measured disc in one rotation. Constant."""
 
-    __slots__ = ("edges", "first_slot", "slots")
-
     is_fixed: Literal[True] = True
 
     def __init__(self, edges: EdgeErrors, first_slot: int) -> None:
@@ -266,8 +262,6 @@ class KnownSlotErrors:
 
 class EdgeErrors:
     """Measured errors of both edges of each slot, in pitches."""
-
-    __slots__ = ("backward", "backward_variance", "forward", "forward_variance", "open_share")
 
     def __init__(
         self,

@@ -16,8 +16,6 @@ LOG_RATIO_MAX = (
 class WheelFilter:
     """Angle and speed of one wheel. `hypotheses` are the likely ones, best first."""
 
-    __slots__ = ("alignment", "hypotheses", "known_edges")
-
     def __init__(
         self,
         priors: Priors,
@@ -28,7 +26,7 @@ class WheelFilter:
     ) -> None:
         """`slots` of the disc; their errors are estimated if the board reports edge times.
         `known_edges`: errors of a measured disc."""
-        self.hypotheses = [EdgeHypothesis(priors, time, count, slots)]
+        self.hypotheses = [EdgeHypothesis(WheelKalman(priors, slots), time, count)]
         self.known_edges = known_edges
         self.alignment: DiscAlignment | None = None
 

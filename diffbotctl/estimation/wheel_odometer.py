@@ -56,21 +56,6 @@ class LinkTiming(NamedTuple):
 class WheelOdometer:
     """A wheel whose travel is estimated with the model of its motor."""
 
-    __slots__ = (
-        "count",
-        "filter",
-        "first_count",
-        "mirror",
-        "pitch",
-        "pitches_per_rad",
-        "rated",
-        "reported_start",
-        "reported_travel",
-        "start_correction",
-        "static",
-        "travel",
-    )
-
     def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
         """Start at `time` (ns) with the board's `count`."""
         motor, slots = side.motor, side.encoder.slots
@@ -150,8 +135,6 @@ class WheelOdometer:
 
 class CountWheelOdometer(WheelOdometer):
     """A wheel whose travel is its count times the pitch; the filter gives only the speed."""
-
-    __slots__ = ()
 
     def report(self) -> None:
         """Set `travel` to its value since the last call."""
