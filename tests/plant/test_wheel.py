@@ -1,4 +1,4 @@
-"""One wheel: the closed-form exponential, friction, and when the light barrier's pin rises."""
+"""One wheel: the closed-form exponential, friction, and the times of its encoder edges."""
 
 from itertools import pairwise
 from math import exp, log, pi
@@ -45,7 +45,7 @@ def test_after_one_lag_by_hand():
 
 
 @given(st.lists(st.integers(1, 400_000_000), min_size=1, max_size=20))
-def test_cutting_time_into_steps_changes_nothing(steps):
+def test_the_step_size_changes_nothing(steps):
     once, often, now, rises = wheel(ripple=0.02), wheel(ripple=0.02), 0, []
     for step in steps:
         now += step
@@ -67,7 +67,7 @@ def test_edge_times_by_hand(sign, first):
 
 
 @pytest.mark.parametrize("sign, first", [(1, 0.5), (-1, 1.0)])
-def test_falling_edges_come_at_the_other_flanks(sign, first):
+def test_falling_edges_are_half_a_pitch_later(sign, first):
     made = WheelModel(MOTOR, IDEAL, Random(1), falling=True)
     falls = made.advance(3 * SECOND, sign * HALF)
     # The slot that lies open at the start closes half a pitch ahead, or at its near end behind,
@@ -79,7 +79,7 @@ def test_falling_edges_come_at_the_other_flanks(sign, first):
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("falling", [False, True])
-def test_a_watched_pin_tells_both_flanks_of_each_slot(sign, falling):
+def test_a_watched_pin_reports_both_edges_of_each_slot(sign, falling):
     # A quarter of each pitch is open.
     flanks = [place * PITCH for k in range(SLOTS) for place in (k, k + 0.25)]
     made = WheelModel(
@@ -99,7 +99,7 @@ def test_a_watched_pin_tells_both_flanks_of_each_slot(sign, falling):
     assert made.changes(4 * SECOND) == []
 
 
-def test_a_bouncing_pin_goes_back_before_each_edge_that_comes_again():
+def test_a_bouncing_pin_returns_between_its_repeated_edges():
     made = wheel(IDEAL._replace(bounce=0.001))
     made.watch(True)
     counted = list(made.advance(SECOND, HALF))
@@ -111,13 +111,13 @@ def test_a_bouncing_pin_goes_back_before_each_edge_that_comes_again():
     assert all(a.level != b.level for a, b in pairwise(changes))
 
 
-def test_an_edge_while_it_speeds_up_lies_at_its_flank():
+def test_an_edge_during_acceleration_is_timed_at_its_angle():
     time = wheel().advance(SECOND // 2, HALF)[0] / SECOND
     angle = 5 * (time - LAG * (1 - exp(-time / LAG)))
     assert angle == pytest.approx(PITCH, abs=5e-9)  # a nanosecond at 5 rad/s
 
 
-def test_jitter_makes_edges_late_only_and_keeps_their_order():
+def test_jitter_only_delays_edges_and_keeps_their_order():
     disc = IDEAL._replace(jitter=100e-6)
     late, sharp = wheel(disc), wheel()
     times = list(late.advance(20 * SECOND, HALF))
@@ -160,7 +160,7 @@ def test_below_the_keeping_duty_it_comes_to_rest(duty):
     assert made.speed == 0.0
 
 
-def test_linear_coasting_dies_exponentially_down_to_rest():
+def test_linear_coasting_decays_exponentially_to_rest():
     made = wheel()
     made.advance(3 * SECOND, HALF)
     before = made.angle
@@ -195,7 +195,7 @@ def test_a_reversal_goes_through_rest():
     assert made.speed == pytest.approx(-5.0, abs=1e-6)
 
 
-def test_dry_friction_helps_to_brake_a_reversal():
+def test_coulomb_friction_helps_to_brake_a_reversal():
     made = wheel(coulomb=True)
     made.advance(3 * SECOND, -HALF)
     # Turning backwards, friction pushes forward too: towards 10 x (0.55 + 0.1) / 0.9 = 7.222 rad/s.
@@ -208,7 +208,7 @@ def test_dry_friction_helps_to_brake_a_reversal():
     assert made.speed == pytest.approx(5.0)
 
 
-def test_ripple_swings_about_the_same_mean():
+def test_ripple_keeps_the_mean_speed():
     made = wheel(ripple=0.02)
     made.advance(3 * SECOND, HALF)
     before = made.angle
@@ -216,7 +216,7 @@ def test_ripple_swings_about_the_same_mean():
     assert (made.angle - before) / 30 == pytest.approx(5.0, rel=0.005)
 
 
-def test_a_drawn_disc_has_its_flanks_in_order():
+def test_a_drawn_disc_has_its_edges_in_order():
     for seed in range(50):
         disc = draw_disc(EncoderTruth(slot_spread=0.15, duty_spread=0.15), SLOTS, Random(seed))
         flanks = [*disc.edges, disc.edges[0] + 2 * pi]

@@ -55,7 +55,7 @@ def test_round_obstacles(x, y, degrees, distance):
     assert world.distance(x, y, degrees * pi / 180) == pytest.approx(distance)
 
 
-def test_the_nearest_thing_counts():
+def test_the_nearest_obstacle_counts():
     world = World([AHEAD], [Pillar(0.5, 0.0, 0.1), Pillar(1.5, 0.0, 0.1)])
     assert world.distance(0.0, 0.0, 0.0) == pytest.approx(0.4)
     assert world.distance(0.7, 0.0, 0.0) == pytest.approx(0.3)
@@ -81,7 +81,7 @@ def test_a_room_is_closed_and_hits_lie_on_it(x, y, bearing):
     st.lists(st.tuples(*[st.floats(-4, 4)] * 4), max_size=4),
     st.lists(st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(0.05, 1)), max_size=4),
 )
-def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
+def test_a_scan_equals_single_rays(x, y, heading, walls, rounds):
     for x1, y1, x2, y2 in walls:  # an eye on the wall's own line sees neither side of it
         length = hypot(x2 - x1, y2 - y1)
         assume(length > 1e-3)
@@ -101,7 +101,7 @@ def test_a_scan_sees_what_single_rays_see(x, y, heading, walls, rounds):
         assert any(found == pytest.approx(each, abs=1e-2) for each in beside)
 
 
-def test_a_field_has_four_walls_and_keeps_what_is_in_it():
+def test_a_field_has_four_walls_and_limits_positions():
     world = World(field=(4.0, 3.0))
     # from (1, 1): right 3, up 2, left 1, down 1
     assert world.scan(1.0, 1.0, 0.0, 4) == pytest.approx([3.0, 2.0, 1.0, 1.0])

@@ -1,4 +1,4 @@
-"""`emulate` at the prompt: a board for other terminals, which ends cleanly."""
+"""The command `emulate`: a board for other programs, which ends cleanly."""
 
 import os
 import re
@@ -46,7 +46,7 @@ def test_a_run_on_it_and_a_clean_end(how):
     assert not Path(usb).parent.exists()
 
 
-def test_a_blank_one_is_flashed():
+def test_a_blank_board_is_flashed():
     with emulated("book_2wd", "--blank") as (_, said, usb, _radio):
         assert "nothing but its bootloader" in said
         words = ("flash", "firmware", "--robot", "book_2wd", "--port", usb, "--yes")
@@ -54,7 +54,7 @@ def test_a_blank_one_is_flashed():
     assert code == 0, told
 
 
-def test_what_is_wrong_with_it_is_told(tmp_path):
+def test_wrong_arguments_are_reported(tmp_path):
     hangs = tmp_path / "hangs.hex"
     hangs.write_text(write_hex(b"\xff\xcf").replace("FFCF", "FFCE"))
     code, said = diffbotctl("emulate", "book_2wd_stock")
@@ -77,7 +77,7 @@ def test_missing_packages_are_named(tmp_path):
 
 
 def test_the_walls_of_a_pipeline(tmp_path):
-    """A wall 20 cm before the sensor is seen; the robot stops for it."""
+    """The robot stops for a wall 20 cm in front of the sensor."""
     walled = tmp_path / "walled.yaml"
     walled.write_text(
         "include: " + str(Path("pipelines/goal.yaml").resolve()) + "\n"

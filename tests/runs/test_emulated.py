@@ -17,7 +17,7 @@ def test_the_real_binary_drives_to_the_goal_and_twice_the_same():
     assert first.digest == again.digest
 
 
-def test_falling_edges_serve_as_well_as_rising_ones(tmp_path):
+def test_falling_edges_work_like_rising_ones(tmp_path):
     robot = tmp_path / "falling.yaml"
     robot.write_text(
         "format: 1\nkind: robot\ninclude: book_2wd\ndrive: {encoder: {edge: falling}}\n"

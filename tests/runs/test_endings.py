@@ -1,4 +1,4 @@
-"""Every way out ends in a stop: what a person sees, and the exit code."""
+"""Every exit path ends in a stop: its output and its exit code."""
 
 import os
 import signal
@@ -91,7 +91,7 @@ blocks:
     assert "block bad" in text and "ZeroDivisionError" in text
 
 
-def test_a_full_disk_is_told_at_once_and_the_run_goes_on():
+def test_a_full_disk_is_reported_at_once_and_the_run_continues():
     told = []
     setup = load("goal", None, ["world.walls=[]"])
     run = Run(setup, RunOptions(fast=True, record="/dev/full"), tell=told.append)

@@ -135,7 +135,7 @@ def newer(tmp_path_factory):
     return copy / IMAGE.name
 
 
-def test_another_version_and_flashing_mends_it(newer):
+def test_another_protocol_version_and_its_fix_by_flashing(newer):
     with board(image=newer) as virtual:
         code, said = meet(virtual.radio)
         assert code == 1

@@ -34,7 +34,7 @@ def test_every_event_is_a_line_of_json(tmp_path):
     assert moments[-1] - moments[0] == pytest.approx(lines[-1]["time"], abs=2000)
 
 
-def test_one_line_an_event_and_never_one_a_message(tmp_path):
+def test_one_line_per_event_not_per_message(tmp_path):
     path = tmp_path / "run.jsonl"
     run = Run(load("goal", None, WALL), RunOptions(fast=True, log=path, duration=20.0))
     run.go()
@@ -51,7 +51,7 @@ def test_a_second_run_adds_to_the_file(tmp_path):
     assert len(starts) == 2
 
 
-def test_a_full_disk_is_said_once_and_the_run_goes_on():
+def test_a_full_disk_is_reported_once_and_the_run_continues():
     told = []
     run = Run(load("goal"), RunOptions(fast=False, log="/dev/full", duration=1.5), tell=told.append)
     result = run.go()
@@ -79,7 +79,7 @@ def test_a_replay_has_the_same_log_line_by_line(tmp_path, sets):
     assert again.difference is None and again.digest == result.digest
 
 
-def test_a_replay_that_says_something_else_is_found_out(tmp_path, monkeypatch):
+def test_a_replay_with_another_log_text_is_detected(tmp_path, monkeypatch):
     from diffbotctl.engine import event_log
     from diffbotctl.replay.replay import replay
 
@@ -90,7 +90,7 @@ def test_a_replay_that_says_something_else_is_found_out(tmp_path, monkeypatch):
     assert difference is not None and difference.wire == "log" and "some way" in difference.replayed
 
 
-def test_the_block_that_raised_says_so_in_the_log(tmp_path, monkeypatch):
+def test_a_block_that_raises_is_named_in_the_log(tmp_path, monkeypatch):
     from diffbotctl.config import registry
     from tests.runs.test_endings import Breaks
 

@@ -1,4 +1,4 @@
-"""Same inputs, same run: one digest over every message, whatever the process was like."""
+"""Equal inputs give equal runs: one digest over every message, in every kind of process."""
 
 import os
 import re
@@ -48,7 +48,7 @@ def test_hash_seeds_paced_unpaced_and_replayed(tmp_path):
 
 
 class Shaken(BackgroundDevice):
-    """A second pseudo-terminal in front of a board's: bytes pass in pieces, with random pauses."""
+    """A pseudo-terminal that passes bytes in pieces with random pauses."""
 
     def __init__(self, board, seed):
         self.board = board

@@ -36,12 +36,12 @@ def test_the_other_pipelines_reach_all_their_goals(pipeline, goals):
         (0.0, 0.1, 0.0),
     ],
 )
-def test_goals_that_the_book_never_reached(x, y, heading):
+def test_goals_that_the_book_s_program_did_not_reach(x, y, heading):
     result = go("goal", sets=["world.walls=[]"], goals=(Goal(0, 0, x, y, heading),), seed=2)
     assert result.reached == 1
 
 
-def test_a_wall_in_the_way_blocks_and_the_robot_stands_before_it():
+def test_a_wall_blocks_the_goal_and_the_robot_stops_before_it():
     sets = ["world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s"]
     result = go("goal", sets=sets, goals=(Goal(0, 0, 1.0, 0.0, None),), seed=3)
     assert result.reached == 0 and result.ending.code == 1

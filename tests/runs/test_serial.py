@@ -1,4 +1,4 @@
-"""The real program on a real pseudo-terminal, with the book's board at the other end."""
+"""The command line on a pseudo-terminal, with a fake of the book's board at the other end."""
 
 import os
 import re
@@ -47,7 +47,7 @@ def test_the_book_board_drives_to_its_goal(port):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_leaves_zeros_as_the_last_thing_on_the_wire(port, number):
+def test_a_signal_ends_with_zero_commands_on_the_wire(port, number):
     process = start(port, "--goal", "3 0")
     port.wait_for(moving, 20)
     process.send_signal(number)
@@ -57,7 +57,7 @@ def test_a_signal_leaves_zeros_as_the_last_thing_on_the_wire(port, number):
     assert last == [0, 0, 0, 0]
 
 
-def test_the_guardian_stops_the_board_when_the_host_is_killed(port):
+def test_the_watchdog_stops_the_board_when_the_host_is_killed(port):
     process = start(port, "--goal", "3 0")
     port.wait_for(moving, 20)
     os.kill(process.pid, signal.SIGKILL)
@@ -66,7 +66,7 @@ def test_the_guardian_stops_the_board_when_the_host_is_killed(port):
     assert [value for _, _, value in port.board.commands[-4:]] == [0, 0, 0, 0]
 
 
-def test_a_silent_link_stops_and_waits_for_a_person(port):
+def test_a_silent_link_stops_and_waits_for_resume(port):
     process = start(port, "--goal", "3 0", "--for", "12 s")
     port.wait_for(moving, 20)
     with port.changed:
@@ -91,7 +91,7 @@ def test_left_and_right_are_always_commanded_together(port):
     assert wheels[1::2] == ["right"] * len(wheels[1::2])
 
 
-def test_a_second_program_is_told_who_holds_the_port(port):
+def test_a_second_program_gets_the_name_of_the_port_s_user(port):
     process = start(port, "--goal", "3 0")
     port.wait_for(moving, 20)
     other = start(port, "--goal", "3 0").communicate(timeout=20)[0]

@@ -1,4 +1,4 @@
-"""Whole runs of the robots that exist in the simulator alone."""
+"""Whole runs of the robots that exist in the simulator only."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, goals, se
     assert hypot(believed.x - true.x, believed.y - true.y) < 0.03
 
 
-def test_the_turtle_is_sent_to_places_of_its_field():
+def test_the_turtle_reaches_goals_in_its_field():
     result = go("turtle", goals=(Goal(0, 0, 8.0, 8.0, None), Goal(0, 0, 2.0, 9.0, 0.0)))
     assert result.reached == 2
     # goal, pose and truth are all in the frame of the field
@@ -46,7 +46,7 @@ def test_a_wall_stops_the_burger_at_its_margin():
     assert 0.45 < result.truth.pose.x < 0.6 - 0.038
 
 
-def test_a_burger_keeps_to_its_limits():
+def test_the_burger_stays_within_its_limits():
     run = Run(load("wander"), RunOptions(fast=True, duration=20.0, seed=2))
     fastest = [0.0, 0.0]
     plant = run.plant
@@ -65,7 +65,7 @@ def test_a_burger_keeps_to_its_limits():
 @pytest.mark.parametrize(
     "words", [("run", "wander", "--for", "6s"), ("run", "turtle", "--goal", "7 6")]
 )
-def test_what_they_did_is_replayed_bit_for_bit(words, tmp_path):
+def test_runs_are_replayed_bit_for_bit(words, tmp_path):
     program = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
     log = str(tmp_path / "log.mcap")
     made = subprocess.run(

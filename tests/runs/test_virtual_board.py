@@ -1,4 +1,4 @@
-"""The face of the product on a board that runs the real firmware: driving it."""
+"""Commands that drive a board with the real firmware."""
 
 import re
 import signal
@@ -46,7 +46,7 @@ def test_from_a_blank_board_to_a_goal_and_the_same_again(tmp_path):
     assert digest in said
 
 
-def test_a_board_that_has_just_got_its_settings_does_not_pass_for_a_faulty_sensor():
+def test_a_newly_configured_board_is_not_reported_as_a_faulty_sensor():
     """Its first frame comes before its first distance."""
     with board() as virtual:
         code, said = diffbotctl(*run(virtual.radio, "--goal", "0.05 0"))
@@ -62,7 +62,7 @@ def test_the_usb_port_drives_as_well_and_the_other_port_takes_over_after_it():
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_driver_that_is_told_to_end_stops_the_robot_and_says_so(how):
+def test_a_run_that_is_interrupted_stops_the_robot_and_reports_it(how):
     with board() as virtual:
         driver = start(*run(virtual.radio, *FAR))
         wait_until(lambda: moving(virtual))
@@ -73,7 +73,7 @@ def test_a_driver_that_is_told_to_end_stops_the_robot_and_says_so(how):
     assert driver.returncode == 130, said
 
 
-def test_a_driver_that_is_killed_leaves_the_stop_to_the_board():
+def test_the_board_stops_by_itself_when_the_run_is_killed():
     with board() as virtual:
         driver = start(*run(virtual.radio, *FAR))
         wait_until(lambda: moving(virtual))
@@ -82,7 +82,7 @@ def test_a_driver_that_is_killed_leaves_the_stop_to_the_board():
         wait_until(lambda: virtual.board.duty == STILL)
 
 
-def test_after_a_pulled_link_a_stop_comes_first_and_a_person_must_consent(tmp_path):
+def test_after_a_reconnect_a_stop_comes_first_and_resume_is_needed(tmp_path):
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
         driver = start(*run(wire.name, *FAR, "--for", "10s"))
         wait_until(lambda: moving(virtual))
@@ -100,7 +100,7 @@ def test_after_a_pulled_link_a_stop_comes_first_and_a_person_must_consent(tmp_pa
     assert "link up" in said and "final stop confirmed" in said
 
 
-def test_a_link_that_stays_pulled_is_no_success(tmp_path):
+def test_a_link_that_stays_disconnected_is_a_failure(tmp_path):
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
         driver = start(*run(wire.name, *FAR, "--for", "2s"))
         wait_until(lambda: moving(virtual))
@@ -113,8 +113,8 @@ def test_a_link_that_stays_pulled_is_no_success(tmp_path):
 
 
 @pytest.mark.parametrize("port", ["usb", "radio"])
-def test_a_board_that_is_reset_in_motion_comes_back_and_stands(port):
-    """Over USB the bootloader comes between, and is being talked to."""
+def test_a_board_that_is_reset_in_motion_stays_stopped(port):
+    """Over USB the bootloader starts first, and receives the host's frames."""
     with board() as virtual:
         driver = start(*run(getattr(virtual, port), *FAR, "--for", "8s"))
         wait_until(lambda: moving(virtual))
@@ -128,7 +128,7 @@ def test_a_board_that_is_reset_in_motion_comes_back_and_stands(port):
     assert "link up" in said and "final stop confirmed" in said
 
 
-def test_a_second_driver_is_told_who_holds_the_port():
+def test_a_second_run_gets_the_name_of_the_port_s_user():
     with board() as virtual:
         driver = start(*run(virtual.radio, *FAR))
         wait_until(lambda: moving(virtual))

@@ -28,7 +28,7 @@ def robot_of(name, world=None, seed=1):
 
 
 def heard(plant, until, command=None, every=40 * MS):
-    """Everything that arrives until then, as (port, message), one command each frame."""
+    """All (port, message) pairs that arrive until then, with one command per frame."""
     found = []
     for now in range(plant.now + every, until + 1, every):
         plant.advance(now)
@@ -38,7 +38,7 @@ def heard(plant, until, command=None, every=40 * MS):
     return found
 
 
-def test_a_scanner_tells_clear_near_and_measured():
+def test_a_scanner_reports_clear_near_and_measured_rays():
     # four rays: 2 m ahead, nothing left, 0.05 m behind, 5 m right
     world = World([Wall(2, -1, 2, 1), Wall(-0.05, -1, -0.05, 1), Wall(-1, -5, 1, -5)])
     scanner = Scanner(ScannerModel(4, 0.12, 3.5, SECOND), 0.0, Random(1))
@@ -46,7 +46,7 @@ def test_a_scanner_tells_clear_near_and_measured():
     assert scanner.due == 2 * SECOND
 
 
-def test_its_noise_is_as_wide_as_said():
+def test_noise_has_the_stated_spread():
     world = World([], [Pillar(2.0, 0.0, 0.5)])  # 1.5 m ahead
     scanner = Scanner(ScannerModel(1, 0.12, 3.5, SECOND), 0.01, Random(1))
     told = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
@@ -67,7 +67,7 @@ def test_scans_come_five_times_a_second_and_in_order():
     assert times == sorted(times)
 
 
-def test_a_scan_is_seen_from_where_the_scanner_sits():
+def test_a_scan_is_measured_from_the_scanner_s_mount():
     # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
     plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
     plant._sensors.scanners[0][1]._spread = 0.0
@@ -77,7 +77,7 @@ def test_a_scan_is_seen_from_where_the_scanner_sits():
     assert scan.step == pytest.approx(2 * pi / 360)
 
 
-def test_the_camera_sees_the_true_pose_in_the_world():
+def test_the_camera_measures_the_true_pose_in_the_world():
     plant = robot_of("turtle")
     poses = [m for _, m in heard(plant, SECOND, (2.0, 2.0)) if isinstance(m, Odometry)]
     first, last = poses[0], poses[-1]
@@ -89,7 +89,7 @@ def test_the_camera_sees_the_true_pose_in_the_world():
     assert plant.pose_in_world().x == pytest.approx(5.544 + truth.x)
 
 
-def test_the_start_is_where_odom_begins_in_the_world():
+def test_odom_begins_at_the_start_in_the_world():
     robot = load_robot("turtle").nominal
     start = Pose(1.0, 2.0, pi / 2)
     plant = SimulatedRobot(
@@ -116,7 +116,7 @@ def test_no_robot_leaves_the_field():
     assert plant.truth_in_world() == pytest.approx((0.0, 11.09, 0.0))
 
 
-def test_a_hop_goes_by_the_robot_s_own_bearings():
+def test_a_hop_is_relative_to_the_robot_s_heading():
     driver = simulated_robot_driver(load("turtle"), 1)
     driver.hop(0, 1.0, pi / 2)  # turn left, then 1 m ahead
     assert driver.robot.truth_in_world() == pytest.approx((5.544, 6.544, pi / 2))

@@ -1,4 +1,4 @@
-"""The body: exact arcs, and the statistics of slip."""
+"""The chassis: exact arcs, and the statistics of slip."""
 
 from math import pi
 from random import Random
@@ -47,7 +47,7 @@ def test_travel_and_turning_add_up_there_and_back():
     assert made.turned == pytest.approx(4 * RADIUS / TRACK)
 
 
-def test_slip_spreads_as_it_is_told():
+def test_slip_has_the_stated_spread():
     # Over 1 m each wheel is off by 0.5 mm: the middle by 0.5 / sqrt(2) mm, the heading by
     # 0.5 sqrt(2) / 125 rad. Spreads of 400 runs scatter by 3.5 %; 12 % are allowed.
     ends = []
@@ -62,7 +62,7 @@ def test_slip_spreads_as_it_is_told():
 
 
 @pytest.mark.parametrize("cut", [1, 3, 20])  # rolled by 10, 3.3 and 0.5 mm
-def test_slip_does_not_depend_on_how_finely_it_is_rolled(cut):
+def test_slip_does_not_depend_on_the_step_size(cut):
     ends = []
     for seed in range(200):
         made = body(0.0005, seed)

@@ -19,7 +19,7 @@ def board(kind="edges", glitch=2 * MS, deadman=300 * MS, seed=1):
 
 
 def serve_until(made, until):
-    """Let everything happen until `until`; returns [(time, (left, right duty))] of the changes."""
+    """Serve the board until `until`; returns [(time, (left, right duty))] of the changes."""
     changes, before = [], None
     while made.due <= until:
         now = made.due
@@ -31,7 +31,7 @@ def serve_until(made, until):
     return changes
 
 
-def test_a_command_takes_hold_after_its_way():
+def test_a_command_takes_hold_after_its_delay():
     made = board()
     made.command(0, Wheels(0, 5.0, -5.0))
     serve_until(made, HELD - 1)
@@ -69,7 +69,7 @@ def test_the_published_firmware_has_no_dead_man():
     assert [side.duty for side in made.sides] == [0.5, 0.5]
 
 
-def test_the_published_firmwares_commands_come_late_and_apart():
+def test_stock_commands_are_delayed_differently_per_wheel():
     # 100 ms, and each wheel by up to 25 ms off that.
     made, apart = board("stock"), []
     for k in range(200):
@@ -88,7 +88,7 @@ def test_a_board_without_a_speed_loop_refuses_speeds():
         board("stock").command(0, Wheels(0, 1, 1))
 
 
-def test_raw_duty_holds_until_the_dead_man_and_is_told():
+def test_raw_duty_holds_until_the_dead_man_stop_and_is_reported():
     made = board()
     made.command(0, Duty(0, 0.5, -0.25))
     changes = serve_until(made, 500 * MS)
@@ -137,7 +137,7 @@ def test_counts_take_the_sign_of_the_command():
     assert (frame.left_edge, frame.right_edge) == (HELD + 30 * MS, 80 * MS)
 
 
-def test_only_boards_with_edge_times_tell_them():
+def test_only_boards_with_edge_times_report_them():
     for kind, told in (("counts", False), ("edges", True)):
         made = board(kind)
         made.command(0, Wheels(0, 5.0, 5.0))

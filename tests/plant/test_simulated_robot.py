@@ -1,4 +1,4 @@
-"""The whole simulated robot: the same seed the same run, wiring, frames, sight."""
+"""The whole simulated robot: equal runs for equal seeds, wiring, frames, sensors."""
 
 from math import pi
 from random import Random
@@ -37,7 +37,7 @@ def robot(kind="edges", seed=1, world=None, wiring=None, machine=None, **errors)
 
 
 def driven(made, seconds, left, right, kind=Wheels):
-    """Commands the same each 25 ms; returns every message that came."""
+    """Send the same command every 25 ms; returns all messages."""
     heard = []
     for now in range(0, int(seconds * SECOND), FRAME):
         made.advance(now)
@@ -55,7 +55,7 @@ def test_the_same_seed_is_the_same_run(kind, command):
     assert runs[0] != runs[2] and a.truth() != other.truth()
 
 
-def test_how_time_is_cut_changes_nothing():
+def test_the_step_size_changes_nothing():
     once, often = robot(), robot()
     for made in (once, often):
         made.command(0, Wheels(0, 5.0, 4.0))
@@ -94,7 +94,7 @@ def counted(made, seconds, left, right, kind=Wheels):
     return abs(last.left), abs(last.right)
 
 
-def test_a_floating_wire_picks_up_the_mains_whatever_the_wheel_does():
+def test_a_floating_wire_picks_up_the_mains_independent_of_the_wheel():
     resting = counted(robot(wiring={"left": "floating"}), 1.0, 0.0, 0.0)
     # 50 Hz for 0.95 s, the time of the last frame that has arrived; its trembling adds up
     assert resting == (pytest.approx(47, abs=3), 0)
@@ -116,7 +116,7 @@ def test_wiring_of_the_encoders(wiring, command, counting):
     assert tuple(count > 2 for count in counts) == counting
 
 
-def test_pins_that_were_exchanged_in_the_settings_undo_exchanged_wires():
+def test_exchanged_pins_in_the_settings_undo_exchanged_wires():
     wiring = {"left": "swapped", "right": "swapped", "encoders": "swapped"}
     told = {"channels": (1, 0), "sockets": (1, 0)}
     made = robot(wiring=wiring, machine=told)
@@ -126,7 +126,7 @@ def test_pins_that_were_exchanged_in_the_settings_undo_exchanged_wires():
     assert truth.left_angle > 0.0 and truth.right_angle == 0.0
 
 
-def test_a_hand_turns_a_wheel_through_the_angle_it_wants():
+def test_a_wheel_is_turned_by_hand_through_an_angle():
     made = robot()
     end = made.turn_by_hand(0, 4 * pi, 2 * pi)
     assert end == 2 * SECOND  # two turns at one a second
@@ -145,7 +145,7 @@ def test_a_hand_turns_a_wheel_through_the_angle_it_wants():
         ({"right_encoder": "floating"}, {0, 1}),  # it hums, though only the left wheel turns
     ],
 )
-def test_captured_flanks_are_those_at_the_board_s_pins(wiring, sides):
+def test_captured_edges_are_those_at_the_board_s_pins(wiring, sides):
     made = robot(wiring=wiring)
     made.capture(True)
     made.turn_by_hand(0, 2 * pi, 2 * pi)
@@ -161,7 +161,7 @@ def test_captured_flanks_are_those_at_the_board_s_pins(wiring, sides):
     assert len(made.captured_edges) == told
 
 
-def test_a_board_of_ours_drives_with_raw_duty_too():
+def test_our_firmware_also_takes_raw_duty():
     made = robot()
     heard = driven(made, 3.0, 0.5, -0.5, Duty)
     motor, truth = made.motors[0], made.truth()
@@ -172,7 +172,7 @@ def test_a_board_of_ours_drives_with_raw_duty_too():
     assert last.command_kind == "duty" and last.left > 0 > last.right
 
 
-def test_a_restarted_board_counts_anew_and_says_so():
+def test_a_restarted_board_counts_from_zero_with_a_new_boot_number():
     made = robot()
     driven(made, 1.0, 5.0, 5.0)
     made.restart_board(made.parameters._replace(slots=30))
@@ -208,7 +208,7 @@ def test_due_is_when_a_message_comes():
     assert len(made.deliver()) == 1
 
 
-def test_it_stands_when_nothing_is_heard_for_300_ms():
+def test_the_robot_stops_300_ms_after_the_last_command():
     made = robot()
     made.command(0, Wheels(0, 5.0, 5.0))
     made.advance(SECOND)  # by then it has coasted out
@@ -218,7 +218,7 @@ def test_it_stands_when_nothing_is_heard_for_300_ms():
     assert made.truth()._replace(time=0) == still
 
 
-def test_the_sensor_sees_the_wall_that_comes_nearer():
+def test_the_sensor_measures_an_approaching_wall():
     # Sensor 80 mm before the axle, the wall at 0.38 m: 0.30 m at the start.
     sight = {
         "world": World([Wall(0.38, -1.0, 0.38, 1.0)]),
@@ -235,7 +235,7 @@ def test_the_sensor_sees_the_wall_that_comes_nearer():
     assert volts(gap + 0.016) < seen[-1].volts < volts(gap)
 
 
-def test_a_sensor_in_an_empty_world_sees_nothing():
+def test_a_sensor_in_an_empty_world_measures_nothing():
     made = robot(
         machine={"sensors": (MountedSensor("front", 0.08),)},
         sensors={"front": SensorTruth(noise=0.0)},
@@ -248,7 +248,7 @@ def test_a_sensor_in_an_empty_world_sees_nothing():
     "left, right, supply",  # 4 % of the voltage are lost when both motors take all
     [(1.0, 1.0, 0.96), (1.0, 0.0, 0.98), (1.0, -1.0, 0.96), (0.5, 0.5, 0.98)],
 )
-def test_the_battery_sags_with_what_the_motors_take(left, right, supply):
+def test_the_battery_voltage_drops_with_the_load(left, right, supply):
     made = robot("stock", motor=MotorTruth(ripple=0.0))
     driven(made, 4.0, left, right, Duty)
     motor = made.motors[0]

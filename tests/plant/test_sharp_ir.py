@@ -1,4 +1,4 @@
-"""The infrared sensor: the data sheet's curve, its fold-back, its staircase."""
+"""The infrared sensor: the data sheet's curve, its fold-back, its sampling."""
 
 from math import inf
 from random import Random
@@ -53,7 +53,7 @@ def test_before_the_peak_nearer_reads_less(a, b):
     assert volts(near) <= volts(far)
 
 
-def test_the_output_is_a_staircase():
+def test_the_output_is_constant_between_measurements():
     sensor = Sharp(0.0, 0.0, Random(3))
     first = sensor.due
     assert 0 <= first < MEASURING_PERIOD == 16_500_000

@@ -40,7 +40,7 @@ def test_by_hand(thing, pose, wanted):
     assert clearance(OUTLINE, pose, world, within=0.2) == pytest.approx(min(wanted, 0.2))
 
 
-def test_nothing_is_infinitely_far_away():
+def test_an_empty_world_is_infinitely_far_away():
     assert clearance(OUTLINE, HERE, World()) == inf
 
 
