@@ -29,7 +29,7 @@ from diffbotctl.testing.trials import flash as flash_module
 
 @pytest.fixture
 def blank():
-    """A board with nothing but the stock bootloader."""
+    """A board with the stock bootloader and no program."""
     with Emulator([], image=None, boot=bootloader(), pty=True, paced=True) as board:
         yield board
 
@@ -41,7 +41,7 @@ def test_it_is_written_verified_and_answers(programmer, case):
     assert row.figure.endswith("equal, dirty 0, answers"), row.line()
 
 
-def test_events_tell_how_far_it_is(blank):
+def test_events_show_the_progress(blank):
     events = list(flash(blank.ports[0], IMAGE, settings=BOOK))
     size = len(load(IMAGE))
     for what in ("writing", "verifying"):
@@ -49,10 +49,10 @@ def test_events_tell_how_far_it_is(blank):
             event.done for event in events if isinstance(event, JobProgress) and event.what == what
         ]
         assert done == list(range(256, size + 1, 256))
-    said = [event.text for event in events if isinstance(event, JobMessage)]
-    assert said[0].startswith("Mega 2560 on ")
-    assert said[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
-    assert said[-1].endswith(", ready")
+    texts = [event.text for event in events if isinstance(event, JobMessage)]
+    assert texts[0].startswith("Mega 2560 on ")
+    assert texts[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
+    assert texts[-1].endswith(", ready")
 
 
 def test_an_interrupted_flash_can_be_flashed_again(blank):
@@ -68,24 +68,24 @@ def test_an_interrupted_flash_can_be_flashed_again(blank):
     assert blank.dirty_writes() == 0
 
 
-def test_what_was_on_the_board_can_be_saved(tmp_path):
+def test_the_former_program_can_be_saved(tmp_path):
     before = bytes.fromhex("ffcf") + bytes(range(1, 200))
     older, saved = tmp_path / "older.hex", tmp_path / "saved.hex"
     older.write_text(write_hex(before))
     with Emulator([], image=older, boot=bootloader(), pty=True, paced=True) as board:
-        conversation = bytearray()
+        program = bytearray()
         with BoardSession(board.ports[0], BAUD) as session:
             session.reset()
             port = Bootloader(session)
             port.synchronise()
-            for progress in port.run(stk500.read(port.device, conversation)):
-                if progress.done > 2048:  # the rest is erased; the whole takes half a minute
+            for progress in port.run(stk500.read(port.device, program)):
+                if progress.done > 2048:  # the rest is erased; all of it takes half a minute
                     break
-        saved.write_text(write_hex(bytes(conversation).rstrip(b"\xff")))
+        saved.write_text(write_hex(bytes(program).rstrip(b"\xff")))
     assert read_hex(saved.read_text())[: len(before)] == before
 
 
-def test_nobody_answers(tmp_path):
+def test_no_bootloader_answers(tmp_path):
     """The firmware runs, but the board has no bootloader."""
     with (
         Emulator([], pty=True, paced=True) as board,
@@ -119,7 +119,7 @@ CLONE, OTHER_CLONE = (usb_port(f"/dev/ttyUSB{n}", 0x1A86, 0x7523) for n in (0, 1
     [
         ([], NoBoardError),
         ([CLONE], "/dev/ttyUSB0"),
-        ([MEGA, CLONE], "/dev/ttyACM0"),  # a clone's USB chip may belong to anything
+        ([MEGA, CLONE], "/dev/ttyACM0"),  # a clone's USB chip is used in other devices too
         ([MEGA, OTHER_MEGA], SeveralBoardsError),
         ([CLONE, OTHER_CLONE], SeveralBoardsError),
     ],
@@ -132,15 +132,15 @@ def test_choosing_a_board(found, chosen):
             board_ports.choose(found)
 
 
-def talk(conversation, answer_to):
-    """Hold a conversation with a board that answers as `answer_to` says."""
-    answer = None
+def carry_out(procedure, reply_to):
+    """Carry out a procedure with a board that sends the replies of `reply_to`."""
+    reply = None
     while True:
         try:
-            wish = conversation.send(answer)
+            step = procedure.send(reply)
         except StopIteration:
             return
-        answer = answer_to(wish.body) if isinstance(wish, BootloaderRequest) else b""
+        reply = reply_to(step.body) if isinstance(step, BootloaderRequest) else b""
 
 
 @pytest.mark.parametrize(
@@ -150,33 +150,33 @@ def talk(conversation, answer_to):
 def test_another_chip_is_refused(signature, name):
     code = bytes.fromhex(signature)
 
-    def answer(body):
+    def reply(body):
         return bytes([body[0], 0, 0, 0x30, 0, code[body[6]], 0])
 
     with pytest.raises(WrongSignatureError, match=name):
-        talk(stk500.identify("port"), answer)
+        carry_out(stk500.identify("port"), reply)
 
 
 def test_a_page_that_reads_back_wrong():
     image = bytes(512)
 
-    def answer(body):
+    def reply(body):
         if body[0] == stk500.READ:
             return bytes([body[0], 0]) + b"\0" * 5 + b"\x01" + b"\0" * 250 + b"\0"
         return bytes([body[0], 0])
 
     with pytest.raises(VerifyMismatchError, match="0x00005 the board has 0x01 instead of 0x00"):
-        talk(stk500.write("port", image), answer)
+        carry_out(stk500.write("port", image), reply)
 
 
 def test_a_command_that_is_refused():
     with pytest.raises(RefusedError, match="take an address"):
-        talk(stk500.write("port", bytes(256)), lambda body: bytes([body[0], 0xC0]))
+        carry_out(stk500.write("port", bytes(256)), lambda body: bytes([body[0], 0xC0]))
 
 
-def test_answers_are_found_in_noise():
-    """Noise, an old answer, half an answer, then the one that is waited for."""
-    answers = ReplyParser()
+def test_replies_are_found_in_noise():
+    """Noise, an old reply, half a reply, then the expected one."""
+    parser = ReplyParser()
     stream = b"\x1b\x1b\x00noise" + message(6, b"\x01\x00old") + message(7, b"\x13\x00")
-    got = [answers.feed(bytes([byte]), 7) for byte in stream]
-    assert [each for each in got if each is not None] == [b"\x13\x00"]
+    replies = [parser.feed(bytes([byte]), 7) for byte in stream]
+    assert [reply for reply in replies if reply is not None] == [b"\x13\x00"]

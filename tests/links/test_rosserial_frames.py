@@ -1,4 +1,4 @@
-"""Frames out of clean, damaged and hostile streams."""
+"""Frames decoded from clean, damaged and random streams."""
 
 import pytest
 from hypothesis import given
@@ -17,7 +17,7 @@ frames = st.lists(
     st.builds(
         RosserialFrame,
         st.integers(0, 300),
-        # Without ff no payload can hold a frame of its own, so the stream has one reading only.
+        # Without ff no frame can start within a payload, so the stream has one decoding only.
         st.lists(st.integers(0, 254), max_size=40).map(bytes),
     ),
     max_size=8,
@@ -29,7 +29,7 @@ junk = st.lists(st.integers(0, 254), max_size=20).map(bytes)
 @pytest.mark.parametrize(
     ("topic", "payload", "expected"),
     [
-        (0, b"", "fffe0000ff0000ff"),  # the question for the topics, as the protocol prints it
+        (0, b"", "fffe0000ff0000ff"),  # the request for the topics, as documented
         (11, b"", "fffe0000ff0b00f4"),  # tx stop, likewise
         (*TICKS, TICKS_BYTES),
     ],
@@ -49,8 +49,8 @@ def test_bytes_of_a_frame(topic, payload, expected):
         ("ff fe 04 00 fb 7d 00", 7),  # a frame cut after its header
         ("ff fe 30 75 5a", 5),  # length 30000, sum right: 0x30 + 0x75 = 0xa5
         ("ff fe ff ff 01", 5),  # length -1
-        ("ff fe f4 01 0a", 5),  # length 500, sum right: it would swallow all three frames
-        ("ff fe 0a 00 f5 7d 00", 7),  # length 10: its end lies within the first frame
+        ("ff fe f4 01 0a", 5),  # length 500, sum right: includes all three frames
+        ("ff fe 0a 00 f5 7d 00", 7),  # length 10: ends within the first frame
     ],
 )
 def test_three_frames_follow_at_once_after(before, damaged):
@@ -112,7 +112,7 @@ def test_how_the_bytes_are_cut_makes_no_difference(parts, data):
 
 
 @given(st.binary(max_size=400))
-def test_anything_is_survived_and_accounted_for(stream):
+def test_every_byte_of_a_random_stream_is_counted(stream):
     decoder = RosserialDecoder()
     found = decoder.feed(stream)
     assert 0 <= decoder.damaged <= len(stream)

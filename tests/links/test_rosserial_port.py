@@ -14,12 +14,12 @@ from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
 
-PATIENCE = 20.0  # s; the test fails when nothing has come of it by then
+TIMEOUT_S = 20.0
 
 
 @pytest.fixture
 def terminal():
-    """A pseudo-terminal: the board's end, and the name of the host's."""
+    """A pseudo-terminal: file of the board's end, name of the host's end."""
     board, host = pty.openpty()
     tty.setraw(host)
     yield board, os.ttyname(host)
@@ -27,18 +27,18 @@ def terminal():
     os.close(board)
 
 
-def until(robot, enough, drive=None):
-    """Serve the driver until `enough(heard)`; returns what was heard."""
-    heard, begin = [], time.monotonic_ns()
-    while not enough(heard):
+def serve_until(robot, enough, drive=None):
+    """Serve the driver until `enough(messages)`; returns the messages."""
+    messages, begin = [], time.monotonic_ns()
+    while not enough(messages):
         now = time.monotonic_ns()
-        assert now - begin < PATIENCE * 1e9, heard[-3:]
+        assert now - begin < TIMEOUT_S * 1e9, messages[-3:]
         select.select(robot.files(), [], [], min(0.05, max(0, robot.due() - now) / 1e9))
         for delivery in robot.deliver(time.monotonic_ns()):
-            heard.append(delivery.message)
+            messages.append(delivery.message)
             if drive is not None and isinstance(delivery.message, Encoders):
                 robot.command(time.monotonic_ns(), drive)
-    return heard
+    return messages
 
 
 def test_negotiates_drives_and_stops(terminal):
@@ -46,10 +46,10 @@ def test_negotiates_drives_and_stops(terminal):
     with RosserialDevicePort(RosserialDevice(1), board) as device:
         host = RosserialHost(RATED)
         robot = SerialRobot(host, lambda: SerialPortDevice(name, 9600))
-        far = Duty(0, 0.8, 0.6)
-        until(robot, lambda heard: any(getattr(m, "left", 0) > 20 for m in heard), far)
+        duty = Duty(0, 0.8, 0.6)
+        serve_until(robot, lambda messages: any(getattr(m, "left", 0) > 20 for m in messages), duty)
         assert device.commands["set_left_speed"][-1][1] == 204  # 0.8 of 255
         robot.stop(time.monotonic_ns())
-        until(robot, lambda heard: robot.stopped)
+        serve_until(robot, lambda _: robot.stopped)
         assert device.pwm == [0, 0]
         robot.close()

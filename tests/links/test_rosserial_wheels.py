@@ -1,4 +1,4 @@
-"""Ticks made whole: wraps, outliers, restarts."""
+"""Unwrapping of ticks: wraps, outliers, restarts."""
 
 import pytest
 
@@ -9,7 +9,7 @@ STEP = 60_000_000  # ns between two values; reach: floor(33.3 * 1.5 * 0.11) + 2 
 
 
 def run(values: list[int]) -> tuple[list[str], TickUnwrapper]:
-    """Judge values that come every STEP."""
+    """Verdicts on values that arrive every STEP."""
     count = TickUnwrapper(RATE)
     return [count.take(index * STEP, raw) for index, raw in enumerate(values)], count
 
@@ -36,8 +36,8 @@ S, C, A = "suspect", "counted", "anew"
     ],
 )
 def test_verdicts(values, verdicts, value):
-    found, count = run(values)
-    assert (found, count.value) == (verdicts, value)
+    actual, count = run(values)
+    assert (actual, count.value) == (verdicts, value)
 
 
 def test_more_may_have_been_counted_after_a_pause():

@@ -1,4 +1,4 @@
-"""Hex files: what is read, what is refused and why."""
+"""Intel hex files: reading, writing, errors."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The host against the independent board half, in virtual time."""
+"""The host against an independent implementation of the board, in simulated time."""
 
 import struct
 from math import isnan
@@ -21,21 +21,21 @@ def forward(now):
 
 @pytest.fixture
 def driving():
-    """Three seconds into a clean run that drives a gentle curve."""
+    """A session after three seconds of driving a gentle curve."""
     session = RosserialSession(RosserialDevice(1)).run(3 * SECOND, forward)
     assert session.host.state == "up"
     return session
 
 
 @pytest.mark.parametrize("path", [path for path in RECORDINGS if path.exists()], ids=str)
-def test_recorded_session_is_read_whole_and_byte_by_byte(path):
-    found = list(recorded(path))
-    assert len(found) == 3 and all(row.met for row in found), found
+def test_recorded_session_is_decoded_at_once_and_byte_by_byte(path):
+    rows_of_proof = list(recorded(path))
+    assert len(rows_of_proof) == 3 and all(row.met for row in rows_of_proof), rows_of_proof
 
 
 def test_sample_of_the_proof():
-    found = list(rows(seed=7, starts=6))
-    assert [row for row in found if not row.met] == []
+    rows_of_proof = list(rows(seed=7, starts=6))
+    assert [row for row in rows_of_proof if not row.met] == []
 
 
 def test_commands_reach_both_wheels_as_pwm(driving):
@@ -70,7 +70,7 @@ def test_newest_command_replaces_the_waiting_one(driving):
     assert set(sent) == {(255, 255)}
 
 
-def test_wire_is_never_given_more_than_it_carries(driving):
+def test_line_is_never_overloaded(driving):
     driving.run(driving.now + 5 * SECOND, lambda now: Duty(now, now % 997 / 1000, 0.2))
     free = 0
     for time, data in driving.written:
@@ -96,12 +96,12 @@ def test_command_in_force_is_the_one_sent_100_ms_ago():
     assert session.encoders[-1].command_time == sent + 100 * MS
 
 
-def test_stop_is_repeated_and_confirmed_by_standing_ticks(driving):
+def test_stop_is_repeated_and_confirmed_by_constant_counts(driving):
     begin = driving.now
     driving.host.stop(begin)
     assert not driving.host.stopped
     driving.run(begin + 200 * MS)
-    assert not driving.host.stopped  # the motors' lag is 0.1 s, and 0.3 s of standing are wanted
+    assert not driving.host.stopped  # the motors' lag is 0.1 s, and 0.3 s of standstill are needed
     driving.run(begin + 2 * SECOND)
     assert driving.host.stopped
     last = [values for time, data in driving.written if time > begin and (values := pair_in(data))]
@@ -110,7 +110,7 @@ def test_stop_is_repeated_and_confirmed_by_standing_ticks(driving):
     assert not driving.host.stopped
 
 
-def test_stop_is_not_confirmed_by_a_dead_wire(driving):
+def test_stop_is_not_confirmed_without_ticks(driving):
     driving.device.dead = True
     driving.host.stop(driving.now)
     driving.run(driving.now + 3 * SECOND)
@@ -128,10 +128,10 @@ def test_cut_wire_goes_stale_and_comes_back_at_rest_in_the_same_boot(driving):
     assert driving.host.state == "up" and driving.host.boot == 0
     assert driving.worst_error() <= 3
     late = [v for time, data in driving.written if time > back and (v := pair_in(data))]
-    assert set(late) == {(0, 0)}  # the command of before the cut is not taken up again
+    assert set(late) == {(0, 0)}  # the command from before the cut is not resumed
 
 
-def test_restart_of_the_board_is_told_and_never_a_jump(driving):
+def test_restart_of_the_board_changes_boot_and_makes_no_jump(driving):
     before = driving.encoders[-1]
     driving.device.restart(driving.now)
     driving.run(driving.now + 5 * SECOND)
@@ -142,7 +142,7 @@ def test_restart_of_the_board_is_told_and_never_a_jump(driving):
     assert driving.worst_error() <= 3
 
 
-def test_counts_pass_the_end_of_sixteen_bits():
+def test_counts_wrap_at_sixteen_bits():
     session = RosserialSession(RosserialDevice(1))
     session.device.counts = [32750.0, -32750.0]
     session.run(5 * SECOND, lambda now: Duty(now, 1.0, -1.0))
@@ -163,11 +163,11 @@ def test_counts_pass_the_end_of_sixteen_bits():
         (1e-20, None),
     ],
 )
-def test_distance_becomes_volts_again(driving, centimetres, volts):
+def test_distance_is_converted_to_volts(driving, centimetres, volts):
     heard = driving.host.receive(driving.now, encode(127, struct.pack("<f", centimetres)))
-    (found,) = [message for port, message in heard if port == "front"]
-    assert isinstance(found, Volts)
-    assert isnan(found.volts) if volts is None else abs(found.volts - volts) < 1e-6
+    (rows_of_proof,) = [message for port, message in heard if port == "front"]
+    assert isinstance(rows_of_proof, Volts)
+    assert isnan(rows_of_proof.volts) if volts is None else abs(rows_of_proof.volts - volts) < 1e-6
 
 
 def test_log_is_shown_without_control_characters(driving):
@@ -177,7 +177,7 @@ def test_log_is_shown_without_control_characters(driving):
     assert ("text", Text(driving.now, "board, warning: low  [31mbattery")) in heard
 
 
-def test_parameter_request_is_answered_with_nothing(driving):
+def test_parameter_request_gets_an_empty_reply(driving):
     driving.device.write(driving.now, 6, struct.pack("<I", 5) + b"~gain")
     driving.run(driving.now + 300 * MS)
     assert [payload for _, payload in driving.device.replies] == [bytes(12)]
@@ -191,7 +191,7 @@ def test_time_is_answered_within_a_tenth_of_a_second(driving):
     assert len(driving.device.time_answers) >= 8
 
 
-def test_wrong_type_in_the_sketch_is_said():
+def test_wrong_type_in_the_sketch_is_reported():
     wrong = (("set_left_speed", "Int16"), *SUBSCRIBERS[1:])
     session = RosserialSession(RosserialDevice(1, subscribers=wrong)).run(3 * SECOND)
     assert session.host.state == "negotiating"
@@ -209,7 +209,7 @@ def test_other_names_and_slashes():
     assert "wheel_l" in session.host.topics.numbers
 
 
-def test_farewell_is_a_pair_of_zeros_once_the_topics_are_known(driving):
+def test_stop_frame_is_a_pair_of_zeros_when_the_topics_are_known(driving):
     assert RosserialHost(RATED).stop_frame() == b""
     zero = bytes(4)
     assert driving.host.stop_frame() == encode(100, zero) + encode(101, zero)
@@ -217,13 +217,13 @@ def test_farewell_is_a_pair_of_zeros_once_the_topics_are_known(driving):
     assert driving.host.stop_frame() == b""
 
 
-def test_closed_port_is_told_with_its_cause(driving):
+def test_closed_port_is_reported_with_its_cause(driving):
     ((port, link),) = driving.host.closed(driving.now, "Input/output error")
     assert (port, link.state, link.cause) == ("link", "lost", "Input/output error")
     assert driving.host.due() > 1000 * SECOND
 
 
-def test_due_never_stands_still(driving):
+def test_due_always_advances(driving):
     for _ in range(2000):
         now = max(driving.now, driving.host.due())
         driving.host.on_time(now)

@@ -1,0 +1,88 @@
+"""The host side of our protocol: states of the link, with hand-written frames of a board."""
+
+import pytest
+
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import FrameDecoder, encode
+from diffbotctl.links.diffbot_host import LINK_STATES, TRANSITIONS, DiffbotHost, HostState
+from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.time import MILLISECOND
+
+
+def hello(settings, version=frames.VERSION, boot=1):
+    return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings))
+
+
+def state(sequence, mode=frames.ModeCode.STOPPED, command=0):
+    return encode(
+        frames.StateFrame(1, sequence, 0, 0, mode, 0, 0, 0, 0, 4095, command, 65535, 65535)
+    )
+
+
+def links(output):
+    return [message.state for port, message in output if port == "link"]
+
+
+@pytest.fixture
+def host():
+    host = DiffbotHost(BOOK)
+    host.opened(0)
+    return host
+
+
+@pytest.fixture
+def up(host):
+    host.receive(MILLISECOND, hello(BOOK.mark()))
+    assert host.state is HostState.UP
+    return host
+
+
+def test_every_state_has_transitions_and_a_link_state():
+    assert set(TRANSITIONS) == set(LINK_STATES) == set(HostState)
+    targets = {target for events in TRANSITIONS.values() for target in events.values()}
+    assert targets == set(HostState), "each state can be reached"
+
+
+def test_a_board_with_the_settings_is_up_and_gets_a_stop_first(host):
+    output = host.receive(MILLISECOND, hello(BOOK.mark()))
+    assert links(output) == ["up"]
+    (frame,) = FrameDecoder().feed(host.send(MILLISECOND))
+    assert isinstance(frame, frames.StopFrame)
+
+
+def test_a_board_with_other_settings_is_sent_ours(host):
+    assert links(host.receive(MILLISECOND, hello(123))) == ["negotiating"]
+    assert host.state is HostState.SETTLING
+    (frame,) = FrameDecoder().feed(host.send(MILLISECOND))
+    assert frame == BOOK.frame()
+    answer = encode(frames.AnswerFrame(frames.RefusalCode.NONE, 0, BOOK.mark()))
+    assert links(host.receive(2 * MILLISECOND, answer)) == ["up"]
+
+
+def test_another_version_is_refused_while_searching(host):
+    host.receive(MILLISECOND, hello(0, version=frames.VERSION + 1))
+    assert host.state is HostState.SEARCHING
+    assert host.refusal.code == "E-BOARD-VERSION"
+
+
+def test_silence_is_stale_then_lost(up):
+    start = MILLISECOND
+    assert links(up.on_time(start + 249 * MILLISECOND)) == []
+    assert links(up.on_time(start + 250 * MILLISECOND)) == ["stale"]
+    assert links(up.receive(start + 260 * MILLISECOND, state(1))) == ["up"]
+    assert links(up.on_time(start + 510 * MILLISECOND)) == ["stale"]
+    assert links(up.on_time(start + 1260 * MILLISECOND)) == ["lost"]
+    assert up.state is HostState.SEARCHING
+
+
+def test_a_stop_is_confirmed_by_its_number(up):
+    (stop,) = FrameDecoder().feed(up.send(MILLISECOND))
+    up.receive(30 * MILLISECOND, state(1, command=(stop.sequence + 1) % 16))
+    assert not up.stopped
+    up.receive(60 * MILLISECOND, state(2, command=stop.sequence))
+    assert up.stopped
+
+
+def test_a_closed_port_is_lost_and_has_nothing_due(up):
+    assert links(up.closed(MILLISECOND, "unplugged")) == ["lost"]
+    assert up.send(10**12) == b"" and up.due() > 10**15
