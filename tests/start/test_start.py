@@ -96,7 +96,7 @@ def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
         code, said = person.types("start", *ports)  # nobody answers, and nobody is asked
         assert (code, said.count("done ")) == (0, 8)
     assert person.robot().drive.polarity == "calibrated"
-    assert "# checked_by_hand once" in (person.folder / "robots/my_robot.yaml").read_text()
+    assert "# checked_by_hand when" in (person.folder / "robots/my_robot.yaml").read_text()
 
 
 def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
