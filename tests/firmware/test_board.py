@@ -1,4 +1,4 @@
-"""The real image on the emulated board."""
+"""The shipped image on the emulated board."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -12,7 +12,7 @@ from diffbotctl.testing.trials import board, board_restarts, board_runs, frame_d
 
 
 def mode(bench):
-    """The mode of the last state frame that tells of now."""
+    """Mode of the newest state frame after 60 ms."""
     bench.wait(60)
     return frames.ModeCode(bench.state().mode).name.lower()
 
@@ -80,7 +80,7 @@ def test_settings_survive_a_reset():
         assert hello.reset == frames.ResetCode.LINE
 
 
-def test_settings_are_not_taken_in_motion():
+def test_settings_are_refused_in_motion():
     with BoardBench() as bench:
         bench.ready()
         bench.turn(2)
@@ -97,18 +97,18 @@ def test_settings_are_not_taken_in_motion():
         assert answer.settings == BOOK.mark()
 
 
-def test_a_command_drives_as_the_feed_forward_says():
+def test_duty_of_a_command_is_the_feed_forward():
     with BoardBench() as bench:
         bench.ready()
         bench.turn(1)
         bench.send(RADIO, speed(1, 5.0, -2.5))
-        bench.wait(12)  # the wire takes 10.4 ms, the loop has at most run once
+        bench.wait(12)  # the frame takes 10.4 ms, and the loop has run once at most
         # 0.10 + 0.086 x 5 = 0.530 and 0.10 + 0.086 x 2.5 = 0.315; a PWM step is 0.004
         assert bench.duty == pytest.approx([0.530, -0.315], abs=0.004)
 
 
 @pytest.mark.parametrize(("brake", "expected"), [(False, False), (True, True)])
-def test_at_rest_it_coasts_or_brakes(brake, expected):
+def test_coast_or_brake_at_standstill(brake, expected):
     with BoardBench(settings=replace(BOOK, brake=brake)) as bench:
         bench.ready()
         bench.turn(1)
@@ -131,8 +131,8 @@ def test_raw_duty():
         assert bench.duty == [0.0, 0.0]
 
 
-def test_a_wheel_with_power_and_without_edges_is_a_fault():
-    """0.3 of duty for 500 ms; then a clear and a new claim are needed."""
+def test_a_driven_wheel_without_edges_is_a_fault():
+    """Duty above 0.3 for 500 ms; then a clear and a stop are needed."""
     with BoardBench() as bench:
         bench.ready()
         for number in range(12):
@@ -151,7 +151,7 @@ def test_a_wheel_with_power_and_without_edges_is_a_fault():
 
 
 @pytest.mark.parametrize("owner", [RADIO, USB])
-def test_any_link_may_stop_and_the_owner_must_agree_before_it_goes_on(owner):
+def test_any_link_may_stop_and_the_owner_must_stop_before_it_drives_again(owner):
     with BoardBench() as bench:
         bench.ready(owner)
         bench.turn(3)
@@ -226,7 +226,7 @@ def test_counts_frames_at_50_hz():
         assert steps == {1}
 
 
-def test_capture_tells_every_flank():
+def test_capture_has_every_edge():
     with BoardBench() as bench:
         bench.ready()
         bench.send(RADIO, frames.ActionFrame(2, 1))
@@ -236,11 +236,11 @@ def test_capture_tells_every_flank():
         captured = [frame for frame in heard if isinstance(frame, frames.CaptureFrame)]
         assert not any(frame.lost for frame in captured)
         edges = [edge for frame in captured for edge in frame.edges[: frame.used]]
-        # 2 wheels, 40 slots, 2 flanks
+        # 2 wheels, 40 slots, 2 edges
         assert len(edges) == 160
         assert [edge >> 15 for edge in edges].count(1) == 80
         assert [edge >> 14 & 1 for edge in edges].count(1) == 80
-        # A frame's time and the low bits of each entry give the board's time: 25 ms apart.
+        # Board times of the edges, from the frame's time and their low bits: 25 ms apart.
         times = sorted(
             frame.time - (frame.time - edge & frames.CAPTURE_TIME)
             for frame in captured
@@ -252,7 +252,7 @@ def test_capture_tells_every_flank():
         assert all(abs(t - times[0] - n * flank) <= 3 for t, n in zip(times, steps, strict=True))
 
 
-def test_a_quadrature_encoder_knows_its_direction():
+def test_a_quadrature_encoder_counts_with_its_direction():
     """Channel B 90 degrees behind A: forward; ahead of it: backward."""
     settings = replace(BOOK, left=replace(BOOK.left, encoder_b=22))
     with BoardBench(settings=settings) as bench:

@@ -1,4 +1,4 @@
-"""The shipped image is what the source gives, byte for byte."""
+"""The shipped image is the build of the source, byte for byte."""
 
 import shutil
 import subprocess
@@ -12,12 +12,12 @@ from diffbotctl.testing.trials import board
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PACKAGES = "sudo apt-get install gcc-avr avr-libc make"
-COMPILER = "5.4.0"  # Debian's gcc-avr: another one gives other bytes
+COMPILER = "5.4.0"  # Debian's gcc-avr: another version produces other bytes
 
 
 @pytest.fixture(scope="module")
 def rebuilt(tmp_path_factory):
-    """The image that `make` gives from a copy of the source, in a folder of its own."""
+    """Image built by `make` from a copy of the source."""
     for program in ("make", "avr-gcc", "avr-objcopy"):
         assert shutil.which(program), f"{program} is missing: {PACKAGES}"
     asked = ["avr-gcc", "-dumpversion"]
@@ -33,14 +33,14 @@ def rebuilt(tmp_path_factory):
     return copy / IMAGE.name
 
 
-def test_the_shipped_image_is_what_the_source_gives(rebuilt):
+def test_the_shipped_image_is_the_build_of_the_source(rebuilt):
     shipped, fresh = (read_hex(path.read_text(), path.name) for path in (IMAGE, rebuilt))
     differing = [
         at for at, (one, two) in enumerate(zip(shipped, fresh, strict=False)) if one != two
     ]
     first = f"first at 0x{differing[0]:05X}" if differing else "the lengths differ"
     assert rebuilt.read_bytes() == IMAGE.read_bytes(), (
-        f"{IMAGE.name} is not what firmware/ gives ({len(differing)} bytes differ, {first}): "
+        f"{IMAGE.name} is not the build of firmware/ ({len(differing)} bytes differ, {first}): "
         "run `make -C firmware` and commit the image with the source"
     )
 

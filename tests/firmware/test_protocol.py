@@ -1,4 +1,4 @@
-"""The protocol's declaration: what is generated from it, and what it promises of itself."""
+"""The protocol's declaration: generated files, frame sizes, checksum, codec."""
 
 import importlib.util
 from pathlib import Path
@@ -32,13 +32,13 @@ def test_frames_keep_within_the_wire_budget():
     """At 9600 baud the Mega's divider gives 9615, so 961 bytes a second."""
     assert WIRE_BYTES[frames.CommandFrame] <= 10  # 10.4 ms on the wire
     assert WIRE_BYTES[frames.StopFrame] < WIRE_BYTES[frames.CommandFrame]
-    # 40 states and 10 pieces of status leave room for answers (12 of 11 bytes would take 132).
+    # 40 state and 10 status frames leave room for answers (12 of 11 bytes would take 132).
     assert 40 * WIRE_BYTES[frames.StateFrame] + 10 * WIRE_BYTES[frames.StatusFrame] <= 920
     assert 50 * WIRE_BYTES[frames.CountsFrame] <= 930 - 5 * WIRE_BYTES[frames.StatusFrame] + 40
 
 
 def test_checksum_is_that_of_flexray():
-    """Bit by bit, as the standard draws it: shift left, subtract the polynomial on carry."""
+    """Bit by bit, as in the standard: shift left, subtract the polynomial on carry."""
     check = 0xFEDCBA
     for byte in b"123456789":
         for bit in range(7, -1, -1):
@@ -49,11 +49,12 @@ def test_checksum_is_that_of_flexray():
     assert checksum(b"123456789") == check
 
 
-def test_five_flipped_bits_are_always_seen():
+def test_five_flipped_bits_are_always_detected():
     """No code word of weight below six up to our longest frame.
 
-    The polynomial has an even number of terms, so it divides by x + 1 and sees all odd weights.
-    Weight two or four in n bits would mean that two pairs of positions have equal syndromes.
+    The polynomial has an even number of terms, so it is divisible by x + 1 and detects all odd
+    weights. Weight two or four in n bits would mean that two pairs of positions have equal
+    syndromes.
     """
     polynomial = frames.CHECK_POLYNOMIAL
     assert (polynomial.bit_count() + 1) % 2 == 0
@@ -85,7 +86,7 @@ def any_frame():
 
 
 @given(any_frame())
-def test_frames_survive_the_wire(frame):
+def test_frames_are_decoded_as_encoded(frame):
     wire = encode(frame)
     assert len(wire) == WIRE_BYTES[type(frame)]
     assert b"\0" not in wire[:-1]
@@ -105,15 +106,15 @@ def test_bytes_may_come_in_any_pieces(frame, data):
 
 
 @given(st.binary(max_size=200))
-def test_noise_is_never_an_error(noise):
+def test_noise_raises_no_error(noise):
     decoder = FrameDecoder()
     decoder.feed(noise)
     stop = frames.StopFrame(3)
-    # One delimiter ends whatever the noise began.
+    # A delimiter ends a frame that the noise started.
     assert decoder.feed(b"\0" + encode(stop))[-1] == stop
 
 
-def test_a_flood_without_delimiters_takes_no_memory():
+def test_bytes_without_delimiters_take_no_memory():
     decoder = FrameDecoder()
     for _ in range(100):
         decoder.feed(b"\x55" * 10_000)
@@ -122,7 +123,7 @@ def test_a_flood_without_delimiters_takes_no_memory():
     assert decoder.feed(b"\0" + encode(stop)) == [stop]
 
 
-@settings(deadline=None, max_examples=40)  # each starts a process, the first one a compiler
+@settings(deadline=None, max_examples=40)  # each starts a process, the first one the compiler
 @given(any_frame())
 def test_the_board_reads_what_the_host_writes(frame):
     lines = firmware_parts.run("codec", lines=[encode(frame).hex()])

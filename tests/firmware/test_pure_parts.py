@@ -18,7 +18,7 @@ from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.trials.board import spoil
 
 GOOD = BOOK.frame()
-UNKNOWN = 0xFFFFFF  # ticks: no period to go by
+UNKNOWN = 0xFFFFFF  # ticks: the period is unknown
 FIELDS = SettingsFrame._fields
 # From the Mega 2560's pin drawing: which pins have PWM (without timer 1's 11 and 12, the board's
 # clock), which raise interrupts (18 and 19 carry the radio link).
@@ -37,7 +37,7 @@ def verdicts(wanted):
 
 
 def expected(field, pin):
-    """What the drawing says of using `pin` for `field` in the book robot's settings."""
+    """Refusal of `pin` for `field` in the book robot's settings, from the pin drawing."""
     optional = field in ("left_encoder_b", "right_encoder_b", "button")
     others = [getattr(GOOD, name) for name in FIELDS[11:22] if name != field]
     if pin == 255 and optional:
@@ -91,27 +91,27 @@ def test_every_value_of_a_number(field, low, high, most):
 def test_analog_channels(field, other):
     good = GOOD._replace(range=255, battery=255)._replace(**{other: 3})
     got = [refusal for refusal, _ in verdicts([good._replace(**{field: c}) for c in range(256)])]
-    # A0 to A15 are there; the other sensor has channel 3; 255 is none.
+    # The board has A0 to A15; the other sensor uses channel 3; 255 is none.
     assert got == [
         "none" if c == 255 else "pin_analog" if c > 15 else "pin_twice" if c == 3 else "none"
         for c in range(256)
     ]
 
 
-def test_spoilt_settings_are_spoilt():
+def test_invalid_settings_are_refused_as_expected():
     chance = Random(1)
     assert all(refusal != "none" for refusal, _ in verdicts([spoil(chance) for _ in range(2000)]))
 
 
-def test_noise_through_everything():
-    """Sanitizers, and the rules that the driver checks: no power against the target, no obedience
-    to a link that does not own the commands, no driving for a silent owner."""
+def test_random_inputs_to_every_part():
+    """Sanitizers, and the rules that pure.c checks: no duty against the target, no command accepted
+    of a link that does not own the commands, no driving for a silent owner."""
     assert firmware_parts.run("fuzz", 7, 300_000) == ["fuzzed 300000"]
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_plant_models_the_speed_loop(seed):
-    """The same edges and commands at the same times: equal within what fixed point rounds."""
+    """The same edges and commands at the same times: equal within fixed-point rounding."""
     chance = Random(seed)
     gains = SpeedGains(0.12, 0.08, chance.choice((0.0, 0.01)), chance.uniform(0.0, 0.05))
     model = WheelSpeedLoop(gains, 20)
