@@ -90,26 +90,26 @@ def fit_report(fit: GeometryFit) -> Iterator[str]:
 def _notes(fit: GeometryFit) -> Iterator[str]:
     """What the user should know before the figures."""
     if fit.swapped:
-        yield "The columns of the wheels are swapped: left is right. Taken the right way."
+        yield "The columns of the left and the right wheel are swapped; this was corrected."
     if fit.track_ratio == 2:
-        yield "The stated track is half the true one: measure from tyre to tyre."
+        yield "The stated track is half of the actual one: measure from tyre to tyre."
     elif fit.track_ratio != 1:
-        yield "The stated track is twice the true one: measure from tyre to tyre once."
+        yield "The stated track is twice the actual one: measure from tyre to tyre once."
     if not fit.sees_diameter:
-        yield "These drives do not tell the mean wheel diameter: it is kept as stated."
+        yield "These drives do not determine the mean wheel diameter: it is kept as stated."
     if len(fit.drives) == 1:
-        yield "One drive alone: nothing shows how the next would differ."
+        yield "Only one drive: its repeatability is unknown."
 
 
 def _drives(fit: GeometryFit) -> Iterator[str]:
     # Imported late: it imports numpy, which takes long.
     from diffbotctl.calibrate.dead_reckoning import end_error
 
-    yield f"{'drive':<32} {'ended off by':>13} {'now by':>10} {'clock':>9}"
+    yield f"{'drive':<32} {'error before':>13} {'after':>10} {'clock':>9}"
     for drive, offset in zip(fit.drives, fit.offsets, strict=True):
         stated, fitted = end_error(drive, fit.stated), end_error(drive, fit.geometry)
         before, after = MM * hypot(stated.x, stated.y), MM * hypot(fitted.x, fitted.y)
         errors = f"{before:>10.1f} mm {after:>7.1f} mm"
         yield f"{drive.name:<32} {errors} {MM * offset:>+6.0f} ms"
     for outlier in fit.outliers:
-        yield f"{outlier.name:<32} left out: {outlier.ratio:.0f} times as far off as the others"
+        yield f"{outlier.name:<32} left out: {outlier.ratio:.0f} times the error of the others"

@@ -162,7 +162,7 @@ class EngineApp(App[int]):
         self.deadman.beat(time.monotonic())
         if self.deadman.is_unproven:
             self.keyboard.configure(mode="hold")
-            self.status = "no latched mode: this terminal does not answer whether it is there"
+            self.status = "no latched mode: this terminal does not report the cursor position"
 
     def _send(self, request: str, **fields: Any) -> None:
         self.client.send(request, request, **fields)
@@ -180,7 +180,7 @@ class EngineApp(App[int]):
         """The window lost the focus: stop the robot."""
         if self.deadman.is_driving:
             self.keyboard.release()
-            self.status = "the window lost the focus: the robot stands"
+            self.status = "the window lost the focus: the robot is stopped"
 
     def on_key(self, event: events.Key) -> None:
         """Handle a key that is not for a prompt."""
@@ -220,7 +220,7 @@ class EngineApp(App[int]):
         multiplexer = multiplexer_name(os.environ)
         self.keyboard.configure(mode="hold" if multiplexer else "latched")
         self.status = (
-            f"no latched mode inside {multiplexer}: it would answer for a terminal that died"
+            f"no latched mode inside {multiplexer}: it would answer for a disconnected terminal"
             if multiplexer
             else ""
         )

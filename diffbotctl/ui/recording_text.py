@@ -11,12 +11,12 @@ from diffbotctl.recording.metrics import Metrics
 from diffbotctl.recording.reader import RecordingInfo
 from diffbotctl.time import SECOND
 
-INPUTS = "the flight recorder's: only what came in; `diffbotctl replay` makes the rest"
+INPUTS = "black box recording, inputs only; `diffbotctl replay` computes the rest;"
 # States of a recording of the black box.
 FLIGHTS = {
-    "run": f"{INPUTS}, from the run's start",
-    "state": f"{INPUTS}, from a known state",
-    "unknown": f"{INPUTS}, from a state unknown",
+    "run": f"{INPUTS} from the start of the run",
+    "state": f"{INPUTS} from a known state",
+    "unknown": f"{INPUTS} from an unknown state",
 }
 # How each metric is shown: its unit, and how many of that are one SI unit.
 UNITS: dict[str, tuple[str, float]] = {
@@ -69,7 +69,7 @@ def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> I
             text = "nothing" if message is None else f"{message[0] / SECOND:.6f} s {message[1]}"
             yield f"  {name}  {text}"
         if topic.counts[0] != topic.counts[1]:
-            yield f"  messages in all: {topic.counts[0]} and {topic.counts[1]}"
+            yield f"  messages in total: {topic.counts[0]} and {topic.counts[1]}"
     if equal:
         messages = sum(topic.counts[0] for topic in equal)
         yield f"same: {len(equal)} of {len(topics)} topics, {messages} messages"
@@ -99,16 +99,16 @@ def _value(value: float | None, scale: float, unit: str, sign: str = "") -> str:
 
 def _end(info: RecordingInfo) -> str:
     if info.end is None:
-        return "unknown: the recording does not tell its end"
+        return "unknown: the recording has no end record"
     cause, code = info.end.get("cause", "unknown"), info.end.get("code", "")
-    return f"{cause} (exit code {code})" if code else f"it went on after: {cause}"
+    return f"{cause} (exit code {code})" if code else f"the run continued after: {cause}"
 
 
 def _state(info: RecordingInfo) -> str:
     if info.recovered is not None:
         lost = info.recovered.get("damaged_chunks", "0")
         damaged = "" if lost == "0" else f", {lost} damaged chunks are missing"
-        return f"recovered from one that was cut{damaged}"
+        return f"recovered from a cut file{damaged}"
     if info.complete:
         return FLIGHTS.get(info.about.get("flight", ""), "complete")
-    return "CUT; every message up to the cut is there. `diffbotctl bag recover` mends the file"
+    return "CUT; all messages before the cut can be read. `diffbotctl bag recover` repairs the file"

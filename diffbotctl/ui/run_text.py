@@ -29,7 +29,7 @@ M = TypeVar("M", bound=Message)
 ROBOT_WIRES = "robot."  # prefix of the wires of the robot's driver
 BOARD_TEXT_WIRE = "robot.text"  # texts of the board are in the log
 LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
-NAME_WIDTH = 12  # columns of the names in the summary
+NAME_WIDTH = 17  # columns of the names in the summary
 
 
 def newest_message(snapshot: RunSnapshot, kind: type[M]) -> M | None:
@@ -155,10 +155,11 @@ def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, s
     if pose is not None:
         yield "pose", pose_text(pose)
         if last_goal is not None:
-            yield "error", _goal_error(last_goal, pose.x, pose.y, pose.heading)
+            yield "estimated error", _goal_error(last_goal, pose.x, pose.y, pose.heading)
     if last_goal is not None and truth is not None:
         actual = truth.pose
-        yield "true error", _goal_error(last_goal, actual.x, actual.y, actual.heading)
+        error = _goal_error(last_goal, actual.x, actual.y, actual.heading)
+        yield "actual error", f"{error} (simulation)"
     if pose is not None:
         yield "path", f"{result.path:.2f} m"
     for stop in result.stops:

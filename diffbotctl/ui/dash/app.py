@@ -185,7 +185,7 @@ class Dashboard(EngineApp):
         if self.panel == "parameters" and self._handle_parameter_key(key):
             return True
         if self.panel == "log" and key == "enter":
-            self.ask("log: BLOCK LEVEL, such as guard debug, * info:", "", self._set_log_level)
+            self.ask("log: BLOCK LEVEL, such as guard debug or * info:", "", self._set_log_level)
             return True
         action = self._key_actions().get(key)
         if action is not None:
@@ -260,7 +260,7 @@ class Dashboard(EngineApp):
             return
         try:
             if not 2 <= len(parts) <= 3:
-                raise UnitError("give X Y and, if you like, a heading")
+                raise UnitError("give X Y [HEADING]")
             x, y = (quantity(part, "m") for part in parts[:2])
             heading = quantity(parts[2], "rad") if len(parts) == 3 else None
         except UnitError as error:
@@ -287,7 +287,7 @@ class Dashboard(EngineApp):
         if len(parts) == 2:
             self.request("set_log_level", block=parts[0], level=parts[1])
         elif parts:
-            self.status = f"{text}: give a block, or *, and a level"
+            self.status = f"{text}: give a block or * and a level"
 
     def _set_parameter(self, text: str | None) -> None:
         rows = self.run_view.live_parameters

@@ -33,21 +33,21 @@ PLOT_SPAN_S = 30.0
 NAME_WIDTH = 6  # characters of the names of the facts
 HELP_LINE = "1-5 views  g goal  p plot  f follow  [ ] zoom  t keys  b latch  r resume  ? help"
 HELP = (
-    ("click", "a goal there"),
-    ("drag", "a goal with a heading"),
+    ("click", "set a goal there"),
+    ("drag", "set a goal with a heading"),
     ("wheel, [ ]", "zoom"),
     ("right drag, { } ( )", "pan left, right, up, down"),
-    ("1 2 3 4 5, n", "map, plots, parameters, blocks, log; the next of them"),
+    ("1 2 3 4 5, n", "map, plots, parameters, blocks, log; the next panel"),
     ("3, arrows, enter", "change a parameter"),
-    ("5, enter", "hear a block in the log from another level on"),
-    ("g", "a goal in numbers"),
-    ("space", "stop: while driving stand, else hold until r"),
+    ("5, enter", "set the log level of a block"),
+    ("g", "enter a goal in numbers"),
+    ("space", "stop driving; if not driving: stop the robot until r"),
     ("r", "resume"),
     ("f, 0", "keep the robot in the middle; keep everything in view"),
-    ("p", "choose what is plotted"),
+    ("p", "choose the plotted fields"),
     ("arrows", "drive"),
-    ("t", "the other set of letters"),
-    ("b", "hold a key to drive, or latched until the next key"),
+    ("t", "change to the other set of letters"),
+    ("b", "drive while a key is held, or until the next key"),
     ("ctrl-c", "leave"),
 )
 
@@ -214,7 +214,7 @@ def keyboard_line(deadman: TeleopDeadman) -> Text:
     if deadman.heartbeat.round_trip is not None:
         out.append(f"  terminal {deadman.heartbeat.round_trip * 1e3:.0f} ms", "dim")
     if keyboard.has_gap:
-        out.append("  gap: the keyboard repeats late", "yellow")
+        out.append("  gap: the first key repeat was late", "yellow")
     return out
 
 
@@ -223,7 +223,7 @@ def plots_panel(
 ) -> Text:
     """The chosen fields over the last half minute."""
     if not names:
-        return Text("p chooses what is plotted", "dim")
+        return Text("press p to choose the plotted fields", "dim")
     series = [(name, list(view.numbers.get(name, ()))) for name in names]
     return render_chart(series, PLOT_SPAN_S, width, height, plain)
 
@@ -264,7 +264,7 @@ def parameters_panel(view: RunView, selected: int, height: int) -> Table:
     table = _table()
     for name in ("parameter", "value", "unit"):
         table.add_column(name, no_wrap=True)
-    table.add_column("what it is", no_wrap=True, overflow="ellipsis", ratio=1)
+    table.add_column("description", no_wrap=True, overflow="ellipsis", ratio=1)
     count = max(height - 1, 1)
     first = min(max(selected - count // 2, 0), max(len(rows) - count, 0))
     for number, row in enumerate(rows[first : first + count], first):
@@ -273,7 +273,7 @@ def parameters_panel(view: RunView, selected: int, height: int) -> Table:
         text = f"{value:.6g}" if isinstance(value, float) else str(value)
         table.add_row(row["parameter"], text, row["unit"], row["help"], style=style)
     if not rows:
-        table.add_row("no block of this pipeline has a parameter that may change while it runs")
+        table.add_row("this pipeline has no parameter that can change during a run")
     return table
 
 

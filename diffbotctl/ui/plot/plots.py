@@ -54,7 +54,7 @@ def render_chart(
     for (name, points), letter, style in zip(
         series, cycle(CHART_LETTERS), cycle(CHART_STYLES), strict=False
     ):
-        last = f"{points[-1][1]:.4g}" if points else "nothing yet"
+        last = f"{points[-1][1]:.4g}" if points else "no data"
         sign = letter if plain else "━"
         lines.append(Text(f"{last:>{CHART_LABEL_WIDTH - 1}} {sign} {name}", style))
     return Text("\n", no_wrap=True, end="").join(lines)

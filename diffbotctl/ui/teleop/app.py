@@ -10,7 +10,7 @@ from textual.widgets import Static
 from diffbotctl.ui.dash import panels
 from diffbotctl.ui.engine_app import EngineApp
 
-HELP = "t other keys   b hold/latched   r resume   space stop   ctrl-c leave"
+HELP = "t other letters   b hold/latched   r resume   space stop   ctrl-c leave"
 FACTS_MAX_WIDTH = 60  # characters
 
 
