@@ -115,7 +115,9 @@ def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socke
     Raises RunError when the name is taken or the folder cannot be made.
     """
     if name is not None and not NAME.fullmatch(name):
-        cause = f"'{name}' is no name: letters, digits, - and _, {NAME_MAX_LENGTH} at most"
+        cause = (
+            f"'{name}' is not a valid name: use at most {NAME_MAX_LENGTH} letters, digits, - and _"
+        )
         raise RunError(Problem("E-SOCKET", "--name", cause, "such as --name mower"))
     folder = own_folder() if group is None else group_folder(group)
     try:
@@ -127,9 +129,9 @@ def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socke
     except (OSError, KeyError) as error:
         text = error.strerror if isinstance(error, OSError) else f"there is no group '{group}'"
         cause = f"cannot make the control socket: {text}"
-        fix = "mend the folder, or run with --no-socket"
+        fix = "correct the folder, or run with --no-socket"
         raise RunError(Problem("E-SOCKET", str(folder), cause, fix)) from error
-    cause = f"an engine called '{name}' runs already"
+    cause = f"an engine called '{name}' is already running"
     raise RunError(Problem("E-SOCKET", str(folder), cause, "give another --name"))
 
 

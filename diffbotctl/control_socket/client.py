@@ -34,12 +34,15 @@ def choose_engine(name: str | None) -> EngineAddress:
         return named[0]
     names = ", ".join(engine.name for engine in running)
     if not running:
-        cause, fix = "no engine is running that you may speak to", "start one: diffbotctl run goal"
+        cause, fix = "no engine that you may access is running", "start one: diffbotctl run goal"
     elif name is None:
         cause = f"several engines are running: {names}"
-        fix = f"say which: --engine {running[0].name}"
+        fix = f"choose one: --engine {running[0].name}"
     elif named:
-        cause, fix = f"{len(named)} engines are called '{name}'", "run them with other --name"
+        cause, fix = (
+            f"{len(named)} engines are called '{name}'",
+            "give them different names with --name",
+        )
     else:
         near = closest_match(name, [engine.name for engine in running])
         cause = f"there is no engine '{name}'"
@@ -149,7 +152,7 @@ def _no_answer(name: str, cause: str) -> RunError:
 def _refused(name: str, reply: Fields) -> RunError:
     if reply.get("ended"):
         return _no_answer(name, "the run has ended")
-    code, cause = reply.get("error", "E-PROTOCOL"), reply.get("cause", "it speaks otherwise")
+    code, cause = reply.get("error", "E-PROTOCOL"), reply.get("cause", "it uses another protocol")
     return RunError(Problem(code, name, cause, reply.get("fix", "")))
 
 

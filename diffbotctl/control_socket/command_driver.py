@@ -31,7 +31,7 @@ GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
 
 
 class DriveLease:
-    """Which client drives, None for nobody, and until when without another command (ns)."""
+    """The client that drives, None for none, and the time limit of its next command (ns)."""
 
     def __init__(self) -> None:
         self.client: int | None = None
@@ -44,7 +44,7 @@ class DriveLease:
         self.client, self.who = command.client, command.who
 
     def end(self) -> None:
-        """Nobody drives any more."""
+        """No client drives any more."""
         self.client, self.deadline = None, NEVER
 
 
@@ -82,7 +82,7 @@ class ControlClientDriver:
     def deliver(self, now: int) -> list[Delivery]:
         """Deliver what waits, stamped with `now`, and end a lease that has run out."""
         if now >= self.lease.deadline:
-            self._stop_lost(now, f"{self.lease.who} was driving and fell silent")
+            self._stop_lost(now, f"{self.lease.who} was driving and sent no command for 300 ms")
         deliveries = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
         return deliveries
@@ -165,7 +165,7 @@ class ControlClientDriver:
             if self.lease.client is not None and not request.take_over:
                 return ResultCode.BUSY
             self.operator.pause(now)
-            self.operator.log(now, "info", "operator", f"{command.who} drives by hand")
+            self.operator.log(now, "info", "operator", f"{command.who} is driving")
         self.lease.renew(now, command)
         self._queue("twist", now, Twist(now, request.linear, request.angular))
         return ResultCode.DONE
@@ -175,7 +175,7 @@ class ControlClientDriver:
             return ResultCode.NOT_DRIVING
         self._queue("twist", now, Twist(now, 0.0, 0.0))
         self.lease.end()
-        self.operator.log(now, "info", "operator", f"{command.who} has let go")
+        self.operator.log(now, "info", "operator", f"{command.who} released control")
         return ResultCode.DONE
 
     def _stop(self, now: int, who: str, reason: str) -> None:
@@ -185,7 +185,7 @@ class ControlClientDriver:
         self._queue_stop(now, "operator_stop", cause)
 
     def _stop_gone(self, now: int) -> None:
-        self._stop_lost(now, f"{self.lease.who} was driving and is gone")
+        self._stop_lost(now, f"{self.lease.who} was driving and disconnected")
 
     def _stop_lost(self, now: int, cause: str) -> None:
         self._queue("twist", now, Twist(now, 0.0, 0.0))

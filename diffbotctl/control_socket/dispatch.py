@@ -99,7 +99,7 @@ class Dispatcher:
             client.answer({"id": request_id, "ok": True, **reply})
             return
         if self.info.is_replay:
-            cause = "this is a replay: what has happened cannot be commanded"
+            cause = "this is a replay: it accepts no commands"
             raise RefusalError("E-REQUEST", cause)
         if not isinstance(reply, requests.DriveRequest):
             self.log({"event": name, "fields": reply._asdict(), "by": client.who})

@@ -90,20 +90,22 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
         case ResultCode.DONE:
             return {"ok": True}
         case ResultCode.STOPPED:
-            cause = "the robot is held; `why` tells by what"
+            cause = "the robot is stopped; `diffbotctl why` explains the cause"
             refusal = RefusalError("E-HELD", cause, "resume first: `diffbotctl resume`")
         case ResultCode.BUSY:
             fix = 'wait, or take over with "take_over": true'
-            refusal = RefusalError("E-BUSY", "someone else is driving", fix)
+            refusal = RefusalError("E-BUSY", "another client is driving", fix)
         case ResultCode.NOT_DRIVING:
-            fix = "there is nothing to let go of"
+            fix = "only the client that drives can release control"
             refusal = RefusalError("E-REQUEST", "this client is not driving", fix)
         case ResultCode.DRIVING:
-            refusal = RefusalError("E-BUSY", "someone is driving", "resume when they have let go")
+            refusal = RefusalError(
+                "E-BUSY", "a client is driving", "resume when it has released control"
+            )
         case ResultCode.REFUSED:
-            refusal = RefusalError("E-REQUEST", f"the block refuses: {detail}")
+            refusal = RefusalError("E-REQUEST", f"the block refused: {detail}")
         case ResultCode.OVERLOADED:
-            cause = "the engine does not take commands just now"
+            cause = "the engine has too many commands"
             refusal = RefusalError("E-BUSY", cause, "try again")
         case _:
             assert_never(code)
@@ -248,7 +250,7 @@ class EngineLink:
         if not self.unsent and self._has_token():
             self.bucket.spend()
             self.number += 1
-            self._send(EngineCommand(self.number, 0, "the hub", MeasureLoads()))
+            self._send(EngineCommand(self.number, 0, "the server", MeasureLoads()))
 
     def retry(self) -> None:
         """Send the urgent commands that did not fit before."""

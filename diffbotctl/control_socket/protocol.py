@@ -62,18 +62,18 @@ def parse_line(line: bytes) -> Fields:
         fields = json.loads(line.decode("utf-8"), parse_constant=_refuse_constant)
     except RecursionError:
         raise RefusalError(
-            "E-PROTOCOL", "this line is no JSON: nested too deeply", EXAMPLE
+            "E-PROTOCOL", "this line is not JSON: nested too deeply", EXAMPLE
         ) from None
     except ValueError as error:
-        cause = f"this line is no JSON: {str(error)[:80]}"
+        cause = f"this line is not JSON: {str(error)[:80]}"
         raise RefusalError("E-PROTOCOL", cause, EXAMPLE) from None
     if not isinstance(fields, dict):
-        raise RefusalError("E-PROTOCOL", "this line is no JSON object", EXAMPLE)
+        raise RefusalError("E-PROTOCOL", "this line is not a JSON object", EXAMPLE)
     return fields
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    cause = f"{name} is no number that a robot can follow"
+    cause = f"{name} is not a finite number"
     raise RefusalError("E-REQUEST", cause, "send a finite one")
 
 

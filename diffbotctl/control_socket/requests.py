@@ -82,10 +82,10 @@ class ReleaseRequest(NamedTuple):
 
 
 class OperatorLostRequest(NamedTuple):
-    """Report that the person for whom this client drives is out of reach: the robot is stopped."""
+    """Report that the person for whom this client drives is unreachable: the robot is stopped."""
 
     reason: Annotated[str, RequestField("appears in the cause of the stop")] = (
-        "nobody answers there"
+        "the operator does not answer"
     )
 
 
@@ -263,7 +263,7 @@ KINDS: dict[type, str] = {
     bool: "true or false",
     dict: "an object",
     str: f"a printable text of at most {TEXT_MAX_LENGTH} characters",
-    object: "given",
+    object: "present",
 }
 R = TypeVar("R")
 
@@ -345,7 +345,7 @@ def parse_hello(fields: Fields) -> Hello:
         fix = f'send {{"hello": {PROTOCOL}}} first'
         raise RefusalError("E-PROTOCOL", "the first line must be a hello", fix)
     if protocol not in (1, PROTOCOL):
-        cause = f"protocol {protocol % 10**9} is not spoken here; this is {PROTOCOL}"
+        cause = f"protocol {protocol % 10**9} is not supported; this is protocol {PROTOCOL}"
         fix = "install the same version of diffbotctl on both sides"
         raise RefusalError("E-PROTOCOL", cause, fix)
     return Hello(protocol, parse_request(_ClientName, {"name": fields.get("name", "client")}).name)

@@ -104,7 +104,7 @@ class Server:
         except Exception:
             from traceback import format_exc  # only after a failure
 
-            self.log({"event": "flight recorder failed", "traceback": format_exc()})
+            self.log({"event": "black box failed", "traceback": format_exc()})
             store.give_up()
             is_running = False
         if not is_running:
@@ -126,7 +126,9 @@ class Server:
         self.epoll.register(connection, READ)
         if not self.shared and peer.uid not in (0, os.getuid()):
             self.log({"event": "refused", **peer._asdict()})
-            self._refuse(client, RefusalError("E-SOCKET", "this engine obeys its own user alone"))
+            self._refuse(
+                client, RefusalError("E-SOCKET", "only the user of this engine may use its socket")
+            )
             return
         client.replies.append(self.greeting)
         if len(self.clients) > CLIENTS_MAX:  # clients that have greeted stay

@@ -48,7 +48,7 @@ def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
         if node.name != "gate":  # the whole pipeline is upstream of the gate
             waiting += [wire.partition(".")[0] for wire in node.wires.values()]
     texts = [
-        f"{wire} had said {_summary(message)} at {message.time / SECOND:.2f} s"
+        f"{wire} was {_summary(message)} at {message.time / SECOND:.2f} s"
         for wire in reversed(wires)
         if isinstance(message := episode.before.get(wire), SENSOR_MESSAGES)
     ]
@@ -57,16 +57,16 @@ def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
 
 def _commands(episode: StopEpisode, state: RunState) -> list[str]:
     velocities = [
-        f"{wire} wanted {_summary(message)}"
+        f"{wire} commanded {_summary(message)}"
         for wire, message in episode.before.items()
         if isinstance(message, Twist)
         and wire.startswith(("follower.", "mux.", "operator."))
         and episode.time - message.time < SECOND
     ]
-    sentences = [f"In that moment {', '.join(velocities)}."] if velocities else []
+    sentences = [f"At that time {', '.join(velocities)}."] if velocities else []
     sent = state.newest.get("gate.wheels")
     if isinstance(sent, Wheels):
-        sentences.append(f"What the gate sends to the motors now is {_summary(sent)}.")
+        sentences.append(f"The gate now sends {_summary(sent)} to the motors.")
     return sentences
 
 
@@ -74,19 +74,21 @@ def _motion(state: RunState) -> str:
     for message in state.newest.values():
         if isinstance(message, Odometry):
             is_moving = hypot(message.linear, message.angular) > STANDSTILL_MAX
-            return "The wheels still turn." if is_moving else "The wheels stand still."
+            return "The wheels are still turning." if is_moving else "The wheels are at rest."
     return ""
 
 
 def _how_it_ends(episode: StopEpisode, state: RunState) -> str:
     in_force = state.stop_in_force()
     if in_force is None:
-        return "Nothing holds the robot any more."
+        return "Nothing stops the robot any more."
     _, stop = in_force
-    other = "" if stop.code == episode.stop.code else f"It is held by {stop.code}: {stop.cause}. "
+    other = (
+        "" if stop.code == episode.stop.code else f"It is stopped by {stop.code}: {stop.cause}. "
+    )
     if stop.latched:
         return f"{other}It waits for `diffbotctl resume`."
-    return f"{other}It goes on by itself when the cause has gone."
+    return f"{other}It continues by itself when the cause ends."
 
 
 def _goal(state: RunState) -> str:

@@ -1,6 +1,6 @@
 """Black box, engine side: the source messages of the last 3 minutes, and states between them.
 
-The blocks' messages are not sent: a replay makes them anew, from a state that is taken every
+The blocks' messages are not sent: a replay computes them again, from a state that is saved every
 SNAPSHOT_PERIOD. The child side, in diffbotctl.recording.black_box_store, keeps them in memory and
 writes them to a file when the robot is stopped.
 """

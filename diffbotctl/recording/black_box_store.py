@@ -250,7 +250,7 @@ class BlackBoxStore:
             self._write(f"{self.stop.code}: {self.stop.cause}")
 
     def _write(self, cause: str) -> None:
-        """Fork a writing process, which nobody needs to wait for."""
+        """Fork a writing process; it is not waited for."""
         self.stop = None
         self.next_file = self.ring.last + FILE_PERIOD_MIN
         if not self.ring.last:
@@ -271,7 +271,7 @@ class BlackBoxStore:
 
     def _announce(self, line: str) -> None:
         if self.engine_was_killed:
-            os.write(2, line.encode())  # nobody else can print it
+            os.write(2, line.encode())  # no other process can print it
         else:
             report(self.channel, line)
 

@@ -92,7 +92,7 @@ class ReplayChecker:
             self.left_out[wire] += 1
             del now[wire]
         if not now:
-            return  # an instant without messages leaves no trace in a recording
+            return  # an instant without messages is not in a recording
         time, then = self._next()
         if time != instant[0]:
             self._differ(min(time, instant[0]), "(time)", f"{time} ns", f"{instant[0]} ns")
@@ -109,7 +109,7 @@ class ReplayChecker:
         self.compared += len(now)
 
     def finish(self) -> None:
-        """Note a recording that goes on where the replay has ended."""
+        """Note a recording that continues after the end of the replay."""
         time, then = self._next()
         if then and self.difference is None:
             wire, data = next(iter(then.items()))
@@ -154,7 +154,7 @@ class TopicDifference(NamedTuple):
 def recording_differences(one: Path, other: Path) -> list[TopicDifference]:
     """All topics of both recordings: those that differ first, by the time of the difference.
 
-    Raises RunError for a file that is no recording.
+    Raises RunError for a file that is not a recording.
     """
     ours, theirs = _texts_by_topic(one), _texts_by_topic(other)
     topics = [_compare(name, ours[name], theirs[name]) for name in sorted({*ours, *theirs})]

@@ -36,7 +36,7 @@ class Column(NamedTuple):
 def column_wires(path: Path) -> dict[str, type]:
     """Every topic of the run with a message in the recording at `path`, with its message class.
 
-    Raises RunError for a file that is no recording.
+    Raises RunError for a file that is not a recording.
     """
     reader = RecordingReader(path)
     topics = {channel.topic for channel, _ in reader.records()}
@@ -105,7 +105,7 @@ def _column(name: str, wires: dict[str, type]) -> Column:
         raise _unknown_field(name, cause, None if near is None else f"{wire}.{near}")
     hint, declaration = declared[field]
     if not _is_path_in(hint, rest):
-        cause = f"'{'.'.join(rest)}' leads nowhere in the field '{field}'"
+        cause = f"'{'.'.join(rest)}' does not exist in the field '{field}'"
         raise _unknown_field(name, cause, f"{wire}.{field}")
     return Column(name, wire, (field, *rest), declaration.unit)
 
@@ -149,7 +149,7 @@ def read_series(
     """The fields called `names` of the recording at `path`, from `begin` to before `until` (ns).
 
     A topic alone stands for all its fields that are numbers. Raises UsageError for a field that
-    does not exist or holds no numbers, RunError for a file that is no recording.
+    does not exist or holds no numbers, RunError for a file that is not a recording.
     """
     columns = choose_columns(names, column_wires(path))
     curves = [Series(column.name, column.unit, [], []) for column in columns]
@@ -159,7 +159,7 @@ def read_series(
         for column, curve, value in zip(columns, curves, row, strict=True):
             if isinstance(value, str | tuple):
                 if column.name in names:  # asked for by its own name, not as part of a topic
-                    cause = f"{column.name} holds words or lists; a curve needs numbers"
+                    cause = f"{column.name} holds texts or lists, not numbers"
                     fix = "see them with bag export"
                     raise UsageError(Problem("E-FIELD", column.name, cause, fix))
             elif value is not None:

@@ -121,7 +121,7 @@ def recorded_metrics(path: Path, begin: int = 0, until: int | None = None) -> Me
     """The metrics of the recording at `path`, from `begin` to before `until` (ns).
 
     The pose, the goal and the stops in force at `begin` are taken from what came before it. Raises
-    RunError for a file that is no recording.
+    RunError for a file that is not a recording.
     """
     reader = RecordingReader(path)
     accumulator = MetricsAccumulator()

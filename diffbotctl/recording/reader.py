@@ -47,7 +47,7 @@ class RecordingReader:
     def messages(self) -> Iterator[RecordedMessage]:
         """All messages of the run in the order of writing, without those for viewers.
 
-        Raises RunError when the file cannot be read or is no recording.
+        Raises RunError when the file cannot be read or is not a recording.
         """
         decoders: dict[int, Any] = {}
         for channel, record in self.records():
@@ -97,7 +97,7 @@ class RecordingReader:
 
     def _require_metadata(self) -> None:
         if not self.about:
-            cause = "this is no recording of diffbotctl"
+            cause = "this is not a recording of diffbotctl"
             fix = "make one: diffbotctl run goal --record FILE"
             raise RunError(Problem("E-RECORDING", str(self.path), cause, fix))
 

@@ -28,7 +28,7 @@ class Recorder:
     """Gathers instants, or log lines, and sends them in batches.
 
     `waits`: an unpaced run waits for the child; a paced one never does, and on overflow the
-    recording is given up while the run goes on. `on_loss` is called once, with the reason, when the
+    recording is given up and the run continues. `on_loss` is called once, with the reason, when the
     recording has become incomplete. `immediate`: a paced run sends without gathering.
     """
 
@@ -106,7 +106,7 @@ def open_log(
         raise RunError(Problem("E-LOG", str(path), cause, "give another file")) from error
 
     def on_loss(cause: str) -> None:
-        warn(f"LOG STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+        warn(f"LOG STOPPED: {path}: {cause}; the run continues, the file is incomplete")
 
     recorder = Recorder(channel, waits, on_loss, immediate=True)
     robot = configuration.robot_file

@@ -107,11 +107,12 @@ class _Copy:
 def recover(source: Path, target: Path) -> RecoveryResult:
     """Write every message of `source` that can be read to the new file `target`.
 
-    A recording without an end stays without one: nobody knows what is missing, and `replay --check`
-    says so. Raises RunError when `source` is no recording, or `target` exists or cannot be written.
+    A recording without an end stays without one: messages may be missing, so that `replay --check`
+    refuses it. Raises RunError when `source` is not a recording, or `target` exists or cannot be
+    written.
     """
     if target.exists():
-        cause = "the file is there already"
+        cause = "the file exists already"
         raise RunError(Problem("E-RECORD", str(target), cause, "give another with --output"))
     draft = target.with_name(target.name + ".part")
     damaged_file = _DamagedFile()
@@ -119,7 +120,7 @@ def recover(source: Path, target: Path) -> RecoveryResult:
         with open_recording(source) as file:
             copy = _copy(file, draft, damaged_file)
         if not copy.is_recording:
-            cause = "nothing in it can be read as the beginning of a recording of diffbotctl"
+            cause = "the beginning of a recording of diffbotctl cannot be read"
             raise RunError(Problem("E-RECORDING", str(source), cause))
         os.replace(draft, target)
     except OSError as error:

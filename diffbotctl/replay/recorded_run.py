@@ -29,7 +29,7 @@ CLIENT_WIRES = {  # with messages that only a client of the control socket cause
 
 
 class RecordedRun(NamedTuple):
-    """What a recording says about its run.
+    """Contents of a recording about its run.
 
     `last` is the time in ns of its last instant; `state` is the state, as (time in ns, bytes), from
     which a black box file starts when the beginning of the run is lost; `operator_messages` are
@@ -140,10 +140,10 @@ def _deliveries(recorded: Iterable[RecordedMessage]) -> Iterator[tuple[int, list
 def recorded_configuration(run: RecordedRun, sets: tuple[str, ...] = ()) -> Iterator[Configuration]:
     """The configuration that the recording carries, with `sets` on top of its own.
 
-    Its files stand in a folder that is gone afterwards. Raises ConfigurationError.
+    Its files are in a temporary folder. Raises ConfigurationError.
     """
     with tempfile.TemporaryDirectory() as folder:
-        places = _written(json.loads(run.about["files"]), Path(folder))
+        places = _write_files(json.loads(run.about["files"]), Path(folder))
         robot = places.get(run.about["robot"])
         yield load(
             str(places[run.about["pipeline"]]),
@@ -153,8 +153,8 @@ def recorded_configuration(run: RecordedRun, sets: tuple[str, ...] = ()) -> Iter
         )
 
 
-def _written(files: dict[str, str], folder: Path) -> dict[str, Path]:
-    """Each file in a folder of its own, with all the others beside it: one may include another."""
+def _write_files(files: dict[str, str], folder: Path) -> dict[str, Path]:
+    """Write each file to its own folder, with copies of all others: one may include another."""
     places: dict[str, Path] = {}
     for number, (name, text) in enumerate(files.items()):
         parent = folder / str(number)
@@ -163,7 +163,7 @@ def _written(files: dict[str, str], folder: Path) -> dict[str, Path]:
         places[name].write_text(text)
     for place in places.values():
         for other in places.values():
-            beside = place.parent / other.name
-            if not beside.exists():
-                beside.write_text(other.read_text())
+            copy = place.parent / other.name
+            if not copy.exists():
+                copy.write_text(other.read_text())
     return places

@@ -1,4 +1,4 @@
-"""Replaying a recording: the configuration and the inputs come from it, the blocks react anew."""
+"""Replaying a recording: the configuration and the inputs come from it, the blocks react again."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ class ReplayResult(NamedTuple):
 def replay(path: Path, check: bool = False) -> ReplayResult:
     """Replay the recording at `path`; `check` compares every message with the recorded one.
 
-    Raises RunError for a file that is no recording, or one that is incomplete and to be checked.
+    Raises RunError for a file that is not a recording, or one that is incomplete and to be checked.
     """
     return replay_run(read_run(path), ReplayOptions(check=check))
 
 
 def replay_run(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
-    """Replay with the recorded motion: the drivers deliver what they did, the blocks react anew.
+    """Replay with the recorded motion: the drivers deliver what they did, the blocks react again.
 
     Raises RunError when it cannot be checked or begun, ConfigurationError for a wrong `sets`.
     """
@@ -237,12 +237,12 @@ def _restore_state(
     try:
         snapshot.restore_snapshot(data, engine)
     except snapshot.StateError as error:
-        cause = f"the state in which it begins cannot be read: {error}"
+        cause = f"the state at its beginning cannot be read: {error}"
         raise RunError(Problem("E-RECORDING", str(path), cause)) from error
     for block, name, value in overrides:
         if not declared(type(block))[name].live:
-            cause = f"{name} of {type(block).__name__} shapes a run from its start, and this "
-            cause += "recording begins in the midst of one"
+            cause = f"{name} of {type(block).__name__} cannot change after the start of a run, and "
+            cause += "this recording begins later"
             raise RunError(Problem("E-RECORDING", str(path), cause, "set a live parameter"))
         setattr(block, name, value)
         block.changed(name)
@@ -264,7 +264,7 @@ def _block_parameters(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, st
 
 def _require_checkable(run: RecordedRun) -> None:
     if run.is_black_box:
-        cause = "a flight holds what came in, and nothing that the blocks made of it to compare"
+        cause = "a black box file contains only inputs: there are no messages of blocks to compare"
         raise RunError(Problem("E-RECORDING", str(run.path), cause, "replay it without --check"))
     if run.end is None:
         cause = "the recording is incomplete: it was cut, or the disk was full"

@@ -21,11 +21,11 @@ def why_not_resimulable(run: RecordedRun) -> str | None:
     if run.about["port"] != "sim":
         return "a real or emulated robot drove, and its motion is as recorded"
     if run.begins != "run":
-        return "the recording begins in the midst of a run"
+        return "the recording does not begin at the start of the run"
     if run.is_driven():
-        return "a person drove or gave goals, whose answer to another motion nobody knows"
+        return "a client drove or sent goals, and would have reacted to another motion"
     if "goals" not in run.about:
-        return "the recording does not tell which goals it was given"
+        return "the recording does not contain the goals of the run"
     return None
 
 

@@ -241,7 +241,7 @@ def record_to(
         raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
 
     def lost(cause: str) -> None:
-        loss(f"RECORDING STOPPED: {path}: {cause}; the run goes on, the file is incomplete")
+        loss(f"RECORDING STOPPED: {path}: {cause}; the run continues, the file is incomplete")
 
     return Recorder(channel, waits, lost), pid
 
@@ -258,7 +258,7 @@ def start_black_box(
     store = BlackBoxStore(theirs, RunMetadata(folder, name, wires, reports.facts))
 
     def lost(cause: str) -> None:
-        reports.loss(f"FLIGHT RECORDER STOPPED: {cause}; the last minutes of this run are not kept")
+        reports.loss(f"BLACK BOX STOPPED: {cause}; the last minutes of this run are not kept")
 
     box = BlackBox(ours, len(graph.sources), reports.take_snapshot, reports.announce, lost)
     return box, store

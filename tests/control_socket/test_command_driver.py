@@ -75,7 +75,7 @@ def test_silence_of_whoever_drives_holds_the_robot_to_the_nanosecond():
     assert (found["operator.twist"].linear, found["operator.twist"].angular) == (0.0, 0.0)
     halt = found["operator.halt"]
     assert (halt.code, halt.latched) == ("operator_lost", True)
-    assert halt.cause == "ann was driving and fell silent"
+    assert halt.cause == "ann was driving and sent no command for 300 ms"
     assert desk.person.due() == NEVER
 
 
@@ -96,7 +96,7 @@ def test_a_driver_who_leaves_holds_the_robot_and_a_watcher_who_leaves_does_not()
     assert "operator.halt" not in desk.instant(1)
     desk.send(ClientDisconnected(), client=1)
     desk.idle(10)
-    assert desk.instant(11)["operator.halt"].cause == "ann was driving and is gone"
+    assert desk.instant(11)["operator.halt"].cause == "ann was driving and disconnected"
 
 
 def test_a_dead_hub_is_a_lost_operator_only_while_someone_drives():

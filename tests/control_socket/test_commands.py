@@ -98,7 +98,7 @@ def test_without_an_engine_and_with_several(tmp_path):
         code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
         assert code == 0 and "first: stopped" in out and first.request("status")["held"]
         code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
-        assert code == 1 and "E-SOCKET" in complaint and "runs already" in complaint
+        assert code == 1 and "E-SOCKET" in complaint and "already running" in complaint
 
 
 @pytest.mark.parametrize("broken", ["hub frozen", "hub killed", "engine frozen"])
@@ -118,7 +118,7 @@ def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
         rest = process.stdout.read()
         assert "final stop confirmed" in rest
         # The last minutes are lost with a hub, and that is said.
-        assert ("FLIGHT RECORDER STOPPED" in rest) == broken.startswith("hub")
+        assert ("BLACK BOX STOPPED" in rest) == broken.startswith("hub")
     assert not list((tmp_path / "diffbotctl").glob("test.socket"))
 
 

@@ -50,14 +50,14 @@ def refusal_to(folder, data):
 @pytest.mark.parametrize(
     "data, words",
     [
-        (b"\x00\x01\xff\xfe\n", "no JSON"),
-        (b'{"method": "stop"\n', "no JSON"),
-        (b"[]\n", "no JSON object"),
+        (b"\x00\x01\xff\xfe\n", "not JSON"),
+        (b'{"method": "stop"\n', "not JSON"),
+        (b"[]\n", "not a JSON object"),
         (b"{}\n", "'method' must be the name"),
         (b'{"method": 5}\n', "'method' must be the name"),
         (b'{"method": "stpo"}\n', "no method 'stpo'"),
         (b'{"method": "stop", "reason": "\\u001b[2J"}\n', "'reason' must be a printable text"),
-        (b'{"method": "drive", "linear": NaN}\n', "NaN is no number"),
+        (b'{"method": "drive", "linear": NaN}\n', "NaN is not a finite number"),
         (b'{"method": "drive", "linear": 1e308}\n', "beyond this robot's limit"),
         (b'{"method": "drive", "linear": 1e309}\n', "must be a finite number"),
         (b'{"method": "drive", "angular": -1e308}\n', "beyond this robot's limit"),
@@ -93,11 +93,11 @@ def test_nonsense_gets_a_clear_refusal(folder, data, words):
 @pytest.mark.parametrize(
     "hello, words",
     [
-        ('{"hello": 3}', "protocol 3 is not spoken here"),
+        ('{"hello": 3}', "protocol 3 is not supported"),
         ('{"hello": 1.0}', "must be a hello"),
         ('{"method": "stop"}', "must be a hello"),
-        ("GET / HTTP/1.1", "no JSON"),
-        (b"\x16\x03\x01\x02\x00\n", "no JSON"),
+        ("GET / HTTP/1.1", "not JSON"),
+        (b"\x16\x03\x01\x02\x00\n", "not JSON"),
     ],
 )
 def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
@@ -237,7 +237,7 @@ def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_hub(folder
         assert as_nobody(path) == "refused: Permission denied\n"  # by the file's own mode
         path.chmod(0o666)
         said = json.loads(as_nobody(path))  # and by the hub, who knows the caller's uid
-        assert said["error"] == "E-SOCKET" and "own user" in said["cause"]
+        assert said["error"] == "E-SOCKET" and "only the user" in said["cause"]
     finally:
         path.chmod(0o600)
         for each, mode in modes.items():
@@ -275,4 +275,4 @@ def test_a_folder_that_belongs_to_another_user_is_not_used(tmp_path):
 
 def test_a_name_with_a_slash_is_refused(tmp_path):
     code, _, complaint = cli(tmp_path, "run", "goal", "--name", "../x")
-    assert code == 1 and "is no name" in complaint
+    assert code == 1 and "not a valid name" in complaint

@@ -98,9 +98,9 @@ def test_whoever_drives_is_named_when_they_come_and_go(folder):
     client.until(stands)
     said = until(
         lambda: [line["text"] for line in client.request("read_log", block="operator")["lines"]],
-        lambda said: said[-1].endswith("has let go"),  # it may be a turn behind the answer
+        lambda said: said[-1].endswith("released control"),  # it may be a turn behind the answer
     )
-    assert said[-2].startswith("plain (process ") and said[-2].endswith("drives by hand")
+    assert said[-2].startswith("plain (process ") and said[-2].endswith("is driving")
 
 
 def test_echo_and_the_ros_name_show_the_same_wire(folder):

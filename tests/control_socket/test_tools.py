@@ -63,9 +63,9 @@ def test_hz_and_type(folder):
     [
         ("robot.wheels", "driver's input"),
         ("gate.wheels", "driver's input"),
-        ("robot.encoders", "only robot itself"),
-        ("odometry.odometry", "only odometry itself"),
-        ("operator.setting", "only operator itself"),
+        ("robot.encoders", "only robot publishes"),
+        ("odometry.odometry", "only odometry publishes"),
+        ("operator.setting", "only operator publishes"),
     ],
 )
 def test_what_others_say_cannot_be_published(folder, topic, words):

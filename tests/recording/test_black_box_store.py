@@ -130,7 +130,7 @@ def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
     assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
     flight.finish(DONE)
     assert told == [
-        "FLIGHT RECORDER STOPPED: the recorder has ended; the last minutes of this run are not kept"
+        "BLACK BOX STOPPED: the recorder has ended; the last minutes of this run are not kept"
     ]
 
 

@@ -156,7 +156,7 @@ def test_without_pillow_a_png_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_words_make_no_curve(goal):
-    with pytest.raises(UsageError, match="words or lists"):
+    with pytest.raises(UsageError, match="texts or lists"):
         read_series(goal, ["range.range.state"])
     assert [each.name for each in read_series(goal, ["range.range"])] == ["range.range.distance"]
 

@@ -98,7 +98,7 @@ def test_a_whole_recording_stays_what_it_was(goal, tmp_path):
 def test_nothing_is_overwritten(goal, tmp_path):
     target = tmp_path / "mine.mcap"
     target.write_text("precious")
-    with pytest.raises(RunError, match="there already"):
+    with pytest.raises(RunError, match="exists already"):
         recover(goal, target)
     assert target.read_text() == "precious"
 

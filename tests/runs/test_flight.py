@@ -108,29 +108,29 @@ def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, 
     assert len(said_by_blocks(again)) > 10_000
 
 
-def test_what_is_live_can_be_changed_in_the_midst_of_a_run_and_nothing_else(long):
+def test_only_live_parameters_can_be_changed_in_a_replay_from_a_state(long):
     run = recorded_run.read_run(long[1][-1])
     plain = replay_run(run, ReplayOptions())
     live, fixed = ("guard.margin=0.2 m", "guard.resume=wait"), ("follower.tolerance=25 mm",)
     changed = replay_run(run, ReplayOptions(sets=live))
     assert changed.digest != plain.digest
     assert replay_run(run, ReplayOptions(sets=live)).digest == changed.digest
-    with pytest.raises(RunError, match="midst of one"):
+    with pytest.raises(RunError, match="cannot change after the start"):
         replay_run(run, ReplayOptions(sets=fixed))
 
 
 def test_the_command_says_where_a_replay_begins(long, tmp_path):
     path = long[1][-1]
     result = CliRunner().invoke(program, ["replay", str(path), "--set", "guard.margin=0.2 m"])
-    assert re.search(r"^begins \d+\.\d\d s after the start, in a known state", result.output)
-    assert "midst of a run" in result.output  # why the robot does not drive once more
+    assert re.search(r"^starts \d+\.\d\d s after the run.s start, in a saved state", result.output)
+    assert "begin at the start of the run" in result.output  # why it is not simulated again
     assert "cross track rms" in result.output
     info = CliRunner().invoke(program, ["bag", "info", str(path)]).output
     assert "from a known state" in info and "blocked" in info
 
 
 def test_a_check_of_a_flight_is_refused(long):
-    with pytest.raises(RunError, match="nothing that the blocks made"):
+    with pytest.raises(RunError, match="no messages of blocks"):
         replay_run(recorded_run.read_run(long[1][-1]), ReplayOptions(check=True))
 
 

@@ -106,7 +106,7 @@ def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path
     assert done.difference is None and set(done.left_out) == {missing}
     assert done.compared + done.left_out[missing] == whole.compared
     code, text = said(old.path, "--check")
-    assert code == 0 and f"messages on {missing}, a wire that the recording lacks" in text
+    assert code == 0 and f"messages on {missing}, a wire the recording does not have" in text
 
 
 def test_a_wire_that_the_recording_has_is_compared_to_its_last_message(goal, tmp_path):
@@ -149,8 +149,8 @@ def test_speed_changes_nothing_but_the_time_it_takes(goal):
     [
         ({"port": "/dev/ttyUSB0"}, "real or emulated"),
         ({"port": "emulated"}, "real or emulated"),
-        ({"flight": "state"}, "midst of a run"),
-        ({"goals": "[]"}, "a person"),  # it was given one goal, so somebody gave it
+        ({"flight": "state"}, "begin at the start of the run"),
+        ({"goals": "[]"}, "a client"),  # the run has one goal more
     ],
 )
 def test_what_cannot_drive_once_more(goal, change, reason):
@@ -159,24 +159,24 @@ def test_what_cannot_drive_once_more(goal, change, reason):
 
 def test_the_command_prints_the_metrics_of_both(goal):
     code, text = said(goal.path, "--set", SLOWER[0])
-    assert code == 0 and "drives once more" in text
+    assert code == 0 and "drives again" in text
     row = re.search(r"time to goal +([\d.]+) s +([\d.]+) s +\+([\d.]+) s", text)
     assert row and float(row[2]) - float(row[1]) == pytest.approx(float(row[3]), abs=0.002)
     for name in ("cross track max", "cross track rms", "stops", "true error", "path"):
         assert name in text
     code, text = said(goal.path, "--set", SLOWER[0], "--same-motion")
-    assert "the recorded motion (asked for)" in text
+    assert "with the recorded motion (as requested)" in text
     assert re.search(r"path .* same", text)
 
 
 def test_the_command_plays_a_part_at_a_speed(goal):
-    code, text = said(goal.path, "--speed", 1000, "--from", "2s", "--until", "4s")
+    code, text = said(goal.path, "--rate", 1000, "--from", "2s", "--until", "4s")
     assert code == 0 and "replayed 4.00 s" in text and "cross track rms" in text
 
 
 @pytest.mark.parametrize(
     "words",
-    [("--check", "--set", "a.b=1"), ("--check", "--from", "1s"), ("--from", "x"), ("--speed", "0")],
+    [("--check", "--set", "a.b=1"), ("--check", "--from", "1s"), ("--from", "x"), ("--rate", "0")],
 )
 def test_what_does_not_fit_together(goal, words):
     result = CliRunner().invoke(program, ["replay", str(goal.path), *words])

@@ -54,7 +54,7 @@ def forward(context: RequestContext, request: R) -> R:
 
 
 def handle_stop(context: RequestContext, request: requests.StopRequest) -> requests.StopRequest:
-    _require_input(context, "operator.halt", "this pipeline moves no robot")
+    _require_input(context, "operator.halt", "this pipeline drives no robot")
     return request
 
 
@@ -64,7 +64,7 @@ def handle_goto(context: RequestContext, request: requests.GotoRequest) -> reque
 
 
 def handle_drive(context: RequestContext, request: requests.DriveRequest) -> requests.DriveRequest:
-    _require_input(context, "operator.twist", "this pipeline takes no velocity from a person")
+    _require_input(context, "operator.twist", "this pipeline accepts no velocity from a client")
     _require_limit("linear", request.linear, context.info.speed, "m/s")
     _require_limit("angular", request.angular, context.info.turn_rate, "rad/s")
     return request
@@ -74,7 +74,7 @@ def handle_operator_lost(
     context: RequestContext, request: requests.OperatorLostRequest
 ) -> requests.OperatorLostRequest:
     if not context.client.has_driven:
-        raise RefusalError("E-REQUEST", "this client never drove", "nothing need be done")
+        raise RefusalError("E-REQUEST", "this client has not driven", "no action is needed")
     return request
 
 
@@ -82,7 +82,7 @@ def handle_publish(context: RequestContext, request: requests.PublishRequest) ->
     """Publish as the operator; blocks and drivers alone publish on their wires."""
     name, message = request.topic, request.message
     if name.strip("/") in ("robot.wheels", "robot.duty", context.info.command):
-        cause = f"{name} is a driver's input: motion passes the mux, the limits and the last gate"
+        cause = f"{name} is a driver's input: motion passes the mux, the limits and the safety gate"
         raise RefusalError("E-REQUEST", cause, "publish to operator.twist, or use drive")
     match wire := context.wire(name):
         case "operator.twist":
@@ -95,7 +95,7 @@ def handle_publish(context: RequestContext, request: requests.PublishRequest) ->
             return handle_stop(context, parse_request(requests.StopRequest, message))
     owner = wire.partition(".")[0]
     fix = f"you may publish to {', '.join(PUBLISHABLE)}"
-    raise RefusalError("E-REQUEST", f"only {owner} itself says {wire}", fix)
+    raise RefusalError("E-REQUEST", f"only {owner} publishes {wire}", fix)
 
 
 def handle_list_parameters(
