@@ -1,4 +1,4 @@
-"""Tests run from the root of the checkout, as a person would, and leave a person's files alone."""
+"""Tests run in the root of the checkout, and do not write to the user's state folder."""
 
 import atexit
 import os
@@ -16,7 +16,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
-os.environ["XDG_STATE_HOME"] = _state  # where runs keep their last minutes
+os.environ["XDG_STATE_HOME"] = _state  # folder of the black box
 atexit.register(shutil.rmtree, _state, ignore_errors=True)
 
 
