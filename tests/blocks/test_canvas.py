@@ -1,4 +1,4 @@
-"""The turtle's sheet: colours, pen, and the turtles beside the first."""
+"""Canvas: colours, pen and spawned turtles."""
 
 import pytest
 
@@ -10,7 +10,7 @@ HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
 
 @pytest.fixture
 def canvas():
-    """A sheet that has told once what it looks like."""
+    """A canvas that has sent its state once."""
     block = TurtleCanvas()
     block.react(0, HERE)
     return block
@@ -24,7 +24,7 @@ def test_colours(parts, wanted):
     assert colour(*parts) == wanted
 
 
-def test_it_speaks_at_first_and_then_only_of_changes(canvas):
+def test_the_state_is_sent_first_and_then_on_changes(canvas):
     assert TurtleCanvas().react(0, HERE) == (0, 0, "#4556ff", "#b3b8ff", True, ())
     assert canvas.react(1, HERE) is None
     canvas.background_red = 255
@@ -32,30 +32,30 @@ def test_it_speaks_at_first_and_then_only_of_changes(canvas):
     assert canvas.react(3, HERE) is None
 
 
-def test_the_pen(canvas):
+def test_pen_up_and_down(canvas):
     canvas.pen, canvas.pen_green = "up", 0
     looks = canvas.react(1, HERE)
     assert (looks.is_down, looks.pen) == (False, "#b300ff")
 
 
-def test_clear_starts_another_sheet(canvas):
+def test_clear_starts_a_new_line(canvas):
     canvas.clear(1)
     assert canvas.react(1, HERE).sheet == 1
 
 
-def test_turtles_are_numbered_moved_and_killed(canvas):
+def test_turtles_are_spawned_moved_and_killed(canvas):
     canvas.spawn(1, 2.0, 3.0, 0.5)
     canvas.spawn(1)
     assert canvas.react(1, HERE).turtles == (2, 2.0, 3.0, 0.5, 3, 0.0, 0.0, 0.0)
     canvas.teleport(2, 3, 9.0, 8.0, 1.0)
     canvas.kill(2, 2)
     assert canvas.react(2, HERE).turtles == (3, 9.0, 8.0, 1.0)
-    canvas.spawn(3, 1.0)  # a number is never given twice
+    canvas.spawn(3, 1.0)  # numbers are not reused
     assert canvas.react(3, HERE).turtles[4] == 4
 
 
 @pytest.mark.parametrize("number", [1, 7, 2.5])
-def test_who_is_not_there_cannot_be_killed_or_moved(canvas, number):
+def test_an_unknown_turtle_cannot_be_killed_or_moved(canvas, number):
     canvas.spawn(1)
     with pytest.raises(ValueError, match="turtle"):
         canvas.kill(2, number)
@@ -64,7 +64,7 @@ def test_who_is_not_there_cannot_be_killed_or_moved(canvas, number):
     assert len(canvas.react(3, HERE).turtles) == 4
 
 
-def test_there_is_an_end_to_turtles(canvas):
+def test_the_number_of_turtles_is_limited(canvas):
     for _ in range(TURTLES_MAX):
         canvas.spawn(1)
     with pytest.raises(ValueError, match="kill some"):

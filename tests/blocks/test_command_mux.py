@@ -1,4 +1,4 @@
-"""A person's velocity goes before the pipeline's own."""
+"""A manual command overrides the autonomous one."""
 
 import pytest
 
@@ -14,23 +14,23 @@ OWN = Twist(7, 0.3, 0.0)
     [
         (None, None, None),
         (None, OWN, OWN),
-        (HAND, None, Twist(9, 0.1, 0.5)),  # dated now: it is in force now
+        (HAND, None, Twist(9, 0.1, 0.5)),  # stamped with the present time
         (HAND, OWN, Twist(9, 0.1, 0.5)),
     ],
 )
-def test_who_is_heard(teleop, autonomous, result):
+def test_selection(teleop, autonomous, result):
     assert CommandMux().react(9, teleop, autonomous) == result
 
 
-def test_when_a_person_lets_go_the_robot_stands_before_it_goes_on():
+def test_after_manual_driving_the_robot_stops_until_a_new_command():
     mux = CommandMux()
     mux.react(9, HAND, OWN)
-    # The engine wakes the block when the person's command has outlived its time.
+    # The engine triggers the block when the manual command expires.
     assert mux.react(409, None, OWN) == Twist(409, 0.0, 0.0)
     assert mux.react(420, None, OWN._replace(time=420)) == Twist(420, 0.3, 0.0)
 
 
-def test_letting_go_stands_also_without_a_pipeline_s_command():
+def test_after_manual_driving_it_stops_without_an_autonomous_command():
     mux = CommandMux()
     mux.react(9, HAND, None)
     assert mux.react(409, None, None) == Twist(409, 0.0, 0.0)

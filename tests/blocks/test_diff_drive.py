@@ -1,4 +1,4 @@
-"""Body velocity to wheel speeds: the curve is kept whatever the motors cannot do."""
+"""Body velocity to wheel speeds: the curvature is kept at the limits of the motors."""
 
 from math import pi
 
@@ -63,12 +63,12 @@ def test_each_wheel_has_its_own_diameter():
         ((10.0, 9.5), 0.3, 0.3 / RADIUS, 0.3 / RADIUS),
     ],
 )
-def test_the_weaker_motor_decides(rated, linear, left, right):
+def test_the_lower_rated_speed_limits_both(rated, linear, left, right):
     made = drive(left_rated=rated[0], right_rated=rated[1])
     assert made.react(1, Twist(1, linear, 0.0))[1:] == pytest.approx((left, right))
 
 
-def test_no_twist_no_command():
+def test_no_twist_no_output():
     assert drive().react(1, None) is None
 
 
@@ -85,5 +85,5 @@ def test_saturation_keeps_the_curvature(linear, angular):
 
 
 @given(st.floats(-RATED, RATED), st.floats(-RATED, RATED))
-def test_what_the_motors_can_do_is_not_changed(left, right):
+def test_speeds_within_the_rating_are_unchanged(left, right):
     assert scale_to_rated(left, right, RATED, RATED) == (left, right)

@@ -1,4 +1,4 @@
-"""From goal to goal on a robot that does what it is told; and when something is in the way."""
+"""Goals on an ideal robot, and the ends of a goal that is not reached."""
 
 from math import cos, pi, radians, sin
 from typing import get_args
@@ -84,9 +84,9 @@ def test_known_goals_are_reached(x, y, heading, reverse):
 
 @pytest.mark.parametrize(
     "bearing, sign",
-    [(30, 1), (-30, -1), (170, 1), (-170, -1)],  # degrees: always the shorter way round
+    [(30, 1), (-30, -1), (170, 1), (-170, -1)],  # degrees
 )
-def test_it_turns_the_short_way_first(bearing, sign):
+def test_it_turns_in_the_shorter_direction(bearing, sign):
     course = Course()
     for _ in range(5):
         course.step(goal(cos(radians(bearing)), sin(radians(bearing))))
@@ -110,7 +110,7 @@ def test_a_turn_that_is_too_small_for_slow_motors_ends(lag, left, moves):
     assert any(twist.angular for twist in course.twists) is moves
 
 
-def test_backwards_only_when_it_may():
+def test_backwards_only_when_allowed():
     behind = goal(-0.5, 0.0, 0)
     forwards, either = Course(), Course(reverse=True)
     assert forwards.drive(behind) == either.drive(behind) == "reached"
@@ -127,7 +127,7 @@ def test_several_goals_in_a_row():
         assert abs(course.x - x) < 0.01 and abs(course.y - y) < 0.01
 
 
-def test_a_robot_that_does_not_move_is_stuck_and_is_told_so_in_time():
+def test_a_robot_that_does_not_move_is_stuck():
     course = Course(moves=False)
     assert course.drive(goal(1.0, 0.0)) == "stuck"
     assert 1.5e9 < course.now < 4e9  # `stuck_after` is 2 s
@@ -139,7 +139,7 @@ def test_a_goal_that_is_missed_in_every_attempt_is_given_up():
     assert course.drive(goal(0.3, 0.2)) == "given_up"
 
 
-def test_an_obstacle_is_waited_for_then_it_is_blocked():
+def test_a_long_wait_at_an_obstacle_ends_as_blocked():
     course = Course()
     for _ in range(50):
         course.step(goal(1.0, 0.0))
@@ -150,7 +150,7 @@ def test_an_obstacle_is_waited_for_then_it_is_blocked():
     assert 2.5e9 < course.now - begun < 5e9  # `patience` is 3 s
 
 
-def test_a_latched_stop_holds_the_goal_until_it_is_lifted():
+def test_a_latched_stop_suspends_the_goal():
     course, there = Course(), goal(0.5, 0.0)
     for _ in range(30):
         course.step(there)
@@ -161,7 +161,7 @@ def test_a_latched_stop_holds_the_goal_until_it_is_lifted():
     assert course.drive(there, stop=Stop(course.now, "", "", False)) == "reached"
 
 
-def test_without_a_goal_it_stands():
+def test_without_a_goal_it_does_not_move():
     course = Course()
     for _ in range(5):
         course.step(None)

@@ -1,4 +1,4 @@
-"""Never faster than it can still stop; stopped by doubt; turning and backing away stay free."""
+"""Obstacle stop: safe speeds, uncertain readings, and motions that stay allowed."""
 
 from math import inf
 
@@ -21,7 +21,7 @@ FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 
 def guard(setback=0.0, **values):
-    """A guard whose sensor sits `setback` metres behind the robot's front; braking 1.5 m/s2."""
+    """A guard with its sensor `setback` m behind the front of the robot; braking 1.5 m/s2."""
     sensor = SensorSection(type="sharp_gp2y0a41sk0f", pin="A0", at=MountSection(x=0.08 - setback))
     return ObstacleStop(
         **{"margin": 0.05, "reaction": 0.2, **values},
@@ -35,7 +35,7 @@ def guard(setback=0.0, **values):
 
 
 class Course:
-    """Feeds a guard one range and one wish every 25 ms; keeps what came out last."""
+    """Gives a guard one range and one twist every 25 ms; keeps the last output."""
 
     def __init__(self, block):
         self.block = block
@@ -69,13 +69,13 @@ def test_stopping_distance(speed, distance):
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.1, 10.0), st.floats(0.0, 2.0))
-def test_the_allowed_speed_stops_within_the_free_way(free, braking, reaction):
+def test_the_safe_speed_stops_within_the_free_distance(free, braking, reaction):
     speed = max_safe_speed(free, braking, reaction)
     assert stopping_distance(speed, braking, reaction) <= free + 1e-9
 
 
 @pytest.mark.parametrize("free, speed", [(-1.0, 0.0), (0.0, 0.0), (inf, inf)])
-def test_allowed_at_the_ends(free, speed):
+def test_safe_speed_at_the_limits(free, speed):
     assert max_safe_speed(free, 1.5, 0.2) == speed
 
 
@@ -84,7 +84,7 @@ def test_reaction_time():
     assert reaction_time(40.0, 2, 0.015, 0.1) == pytest.approx(0.1902)
 
 
-def test_slowing_keeps_the_curve():
+def test_slowing_keeps_the_curvature():
     assert limit_to(Twist(1, 0.3, 0.6), 0.1, 5) == Twist(5, 0.1, pytest.approx(0.2))
     assert limit_to(Twist(1, 0.3, 0.6), 0.4, 5) == Twist(5, 0.3, 0.6)
 
@@ -99,20 +99,20 @@ def test_slowing_keeps_the_curve():
         (0.07, 1.5 * ((0.04 + 0.04 / 1.5) ** 0.5 - 0.2)),  # free 2 cm: 0.087 m/s
     ],
 )
-def test_the_slow_zone(distance, linear):
+def test_it_slows_down_near_an_obstacle(distance, linear):
     course = Course(guard())
     course.see("measured", distance)
     assert course.see("measured", distance) == pytest.approx((linear, 2 * linear))
     assert course.stops == []
 
 
-def test_the_margin_counts_from_the_front_not_from_the_sensor():
+def test_the_margin_is_measured_from_the_front():
     course = Course(guard(setback=0.04))
     course.see("measured", 0.18)
     assert course.see("measured", 0.18)[0] == pytest.approx(0.3)  # 14 cm before the front
 
 
-def test_the_stop_zone_stops_after_two_readings_and_lets_go_after_two():
+def test_two_readings_stop_and_two_release():
     course = Course(guard())
     course.see("clear", 0.3)
     # the slowest speed, 0.05 m/s, needs 0.0008 + 0.01 m; with the margin the zone ends at 6.1 cm
@@ -124,7 +124,7 @@ def test_the_stop_zone_stops_after_two_readings_and_lets_go_after_two():
     assert course.stops == [("obstacle", False), ("", False)]
 
 
-def test_it_does_not_flutter_at_the_edge_of_the_zone():
+def test_hysteresis_at_the_stop_distance():
     course = Course(guard())
     for distance in (0.06, 0.06, 0.065, 0.075, 0.065, 0.075):  # released from 8.1 cm on
         out = course.see("measured", distance)
@@ -138,7 +138,7 @@ def test_it_does_not_flutter_at_the_edge_of_the_zone():
     "state, code",
     [("too_close", "too_close"), ("fault", "range_fault"), (None, "range_stale")],
 )
-def test_doubt_is_an_obstacle_at_once(state, code):
+def test_an_uncertain_reading_stops_immediately(state, code):
     course = Course(guard())
     course.see("clear", 0.3)
     assert course.see(state) == (0.0, 0.6)
@@ -147,37 +147,37 @@ def test_doubt_is_an_obstacle_at_once(state, code):
 
 @pytest.mark.parametrize("state", ["too_close", "fault", None])
 @pytest.mark.parametrize("wish", [(0.0, 2.0), (-0.2, 0.0), (-0.1, 0.5), (0.0, 0.0)])
-def test_turning_and_backing_away_stay_allowed(state, wish):
+def test_turning_and_driving_backwards_stay_allowed(state, wish):
     course = Course(guard(resume_by="wait"))
     course.see("clear", 0.3)
     course.see(state)  # forward: held, latched
     assert course.see(state, wish=wish) == wish
 
 
-def test_nothing_is_told_before_anything_is_held_back():
+def test_no_stop_is_sent_before_motion_is_prevented():
     course = Course(guard())
     course.see(None, wish=(0.0, 0.0))  # before the first reading, at rest
     assert course.stops == []
 
 
-def test_before_the_first_reading_it_does_not_drive():
+def test_it_does_not_drive_before_the_first_reading():
     assert Course(guard()).see(None) == (0.0, 0.6)
 
 
-def test_after_silence_one_clear_reading_is_enough():
+def test_after_a_stale_sensor_one_clear_reading_releases():
     course = Course(guard())
     course.see(None)
     assert course.see("clear", 0.3) == FORWARD
     assert course.stops == [("range_stale", False), ("", False)]
 
 
-def test_after_silence_an_obstacle_is_no_clear_reading():
+def test_after_a_stale_sensor_an_obstacle_does_not_release():
     course = Course(guard())
     course.see(None)
     assert course.see("measured", 0.055) == (0.0, 0.6)
 
 
-def test_waiting_for_a_person():
+def test_waiting_for_resume():
     course = Course(guard(resume_by="wait"))
     course.see("clear", 0.3)
     course.see("too_close")
@@ -188,8 +188,8 @@ def test_waiting_for_a_person():
     assert course.stops[1:] == [("", False)]
 
 
-def test_consent_counts_only_when_the_way_is_clear():
-    """Else the robot would set off by itself, whenever the obstacle goes away."""
+def test_resume_is_ignored_while_the_obstacle_is_there():
+    """Otherwise the robot would start by itself when the obstacle goes away."""
     course = Course(guard(resume_by="wait"))
     course.see("clear", 0.3)
     course.see("too_close")
@@ -200,14 +200,14 @@ def test_consent_counts_only_when_the_way_is_clear():
     assert course.see("clear", 0.3, resume=Resume(course.now)) == FORWARD
 
 
-def test_a_silent_sensor_does_not_wait_for_a_person():
+def test_a_stale_sensor_needs_no_resume():
     course = Course(guard(resume_by="wait"))
     course.see(None)
     assert course.stops == [("range_stale", False)]
     assert course.see("clear", 0.3) == FORWARD
 
 
-def test_without_a_wish_nothing_comes_out():
+def test_no_twist_no_output():
     twist, stop = guard().react(MS, None, Range(MS, 0.3, "clear"), None)
     assert (twist, stop) == (None, None)
 
@@ -231,7 +231,7 @@ def test_the_same_reading_twice_counts_once():
         max_size=30,
     )
 )
-def test_it_is_never_faster_forward_than_it_can_stop(steps):
+def test_it_can_always_stop_in_time(steps):
     course = Course(guard())
     for state, distance, wish in steps:
         linear, _ = course.see(state, distance, wish=(wish, 0.0))
@@ -257,7 +257,7 @@ def test_it_is_never_faster_forward_than_it_can_stop(steps):
         (3, "ffnnnfff", True),
     ],
 )
-def test_so_many_readings_in_a_row_hold_it_and_let_it_go(debounce, readings, moves):
+def test_debouncing(debounce, readings, moves):
     course = Course(guard(debounce=debounce))
     for reading in readings:
         linear, _ = course.see("measured", 0.06 if reading == "n" else 0.3, wish=(0.05, 0.0))

@@ -1,4 +1,4 @@
-"""Odometry on simulated wheels whose truth is known: travel, its doubt, discs learnt, restarts."""
+"""Odometry of a simulated robot: travel, variance, slot errors, restarts."""
 
 from math import degrees, pi
 from random import Random
@@ -30,7 +30,7 @@ TOUR = [
 
 
 def block(kind: str):
-    """The block as the shipped pipeline builds it."""
+    """The block as in the pipeline `goal`."""
     setup = load("goal", ROBOTS[kind])
     use = next(use for use in setup.blocks if use.name == "odometry")
     built = use.cls(**use.values)
@@ -81,14 +81,14 @@ def ends(kind: str, robots: int, coasting: str):
 
 @pytest.mark.parametrize("kind, most", [("edges", 0.5), ("counts", 0.9)])
 @pytest.mark.parametrize("coasting", ["linear", "coulomb"])
-def test_the_heading_is_known_far_below_a_slot_and_so_is_the_doubt(kind, most, coasting):
-    """One slot of one wheel is 4.7 degrees. Both ways of rolling out, told by nothing but edges."""
+def test_heading_and_variance_are_accurate_far_below_a_slot(kind, most, coasting):
+    """One slot of one wheel is 4.7 degrees. Both kinds of friction, detected by edges alone."""
     headings, normalised = ends(kind, 24, coasting)
     assert mean(e * e for e in headings) ** 0.5 < most
     assert 0.3 < mean(normalised) < 4.0, "the filter's doubt must be neither boast nor alarm"
 
 
-def test_raw_counting_is_what_it_says():
+def test_method_count_is_the_count_times_the_pitch():
     _, odometry = block("edges")
     odometry.method = "count"
     odometry.reset()
@@ -97,8 +97,8 @@ def test_raw_counting_is_what_it_says():
     assert pose.x == pytest.approx(3 * PITCH)
 
 
-def test_the_disc_is_learnt_in_a_few_turns():
-    """Ten turns at a steady speed: each slot's error is then known to about a third of its own."""
+def test_slot_errors_are_learnt_in_a_few_turns():
+    """After ten turns at constant speed each slot error is known to about a third."""
     tour = [*[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 8)], (10.0, 6.5, 6.5)]
     wrong = []
     for seed in range(6):
@@ -118,8 +118,7 @@ def slot_errors(disc) -> list[float]:
 
 
 def spread(true: list[float], learnt: list[float]) -> float:
-    """Standard deviation of what is left, for the turn of the disc that fits best: which slot was
-    the first is not known."""
+    """Standard deviation of the remaining errors, in the rotation of the disc that fits best."""
     rests = []
     for first in range(20):
         left = [true[(first + k) % 20] - learnt[k] for k in range(20)]
@@ -128,7 +127,7 @@ def spread(true: list[float], learnt: list[float]) -> float:
     return min(rests)
 
 
-def test_a_restarted_board_moves_nothing():
+def test_a_restarted_board_keeps_the_pose():
     _, odometry = block("edges")
     frames = [
         Encoders(100 * MS, 40, 44, command_time=0),
@@ -142,8 +141,8 @@ def test_a_restarted_board_moves_nothing():
 
 
 @pytest.mark.parametrize("kind", ["edges", "counts"])
-def test_every_covariance_is_one(kind):
-    """Symmetric by construction; no variance below zero, no correlation beyond one."""
+def test_every_covariance_is_valid(kind):
+    """Symmetric by construction; no negative variance, no correlation above one."""
     for _, _, pose, _ in drive(kind, 11):
         xx, xy, xh, yy, yh, hh = pose.covariance
         assert min(xx, yy, hh) >= 0.0
@@ -153,8 +152,8 @@ def test_every_covariance_is_one(kind):
 
 @pytest.mark.parametrize("kind", ["edges", "counts"])
 @pytest.mark.parametrize("silent", [0.5, 5.0])
-def test_after_a_silence_the_counts_tell_the_way(kind, silent):
-    """The link fails at speed; the board stops the motors 300 ms later, and counts on meanwhile."""
+def test_after_a_gap_the_counts_give_the_travel(kind, silent):
+    """The link fails while driving; the board stops after 300 ms and continues to count."""
     setup, odometry = block(kind)
     setup.robot.simulation.slip = 0.0
     for seed in range(4):

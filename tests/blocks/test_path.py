@@ -1,4 +1,4 @@
-"""Squares and waypoints, in one message."""
+"""Squares and waypoints."""
 
 from math import pi
 
@@ -8,7 +8,7 @@ from diffbotctl.block import actions
 from diffbotctl.blocks.path import PathSource, last_heading, square
 
 
-def test_the_square_ends_where_it_began():
+def test_the_square_ends_at_its_start():
     assert square(0.5, is_clockwise=False) == [(0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (0.0, 0.0)]
     assert square(0.5, is_clockwise=True) == [(0.5, 0.0), (0.5, -0.5), (0.0, -0.5), (0.0, 0.0)]
 
@@ -27,7 +27,7 @@ def test_the_last_leg_gives_the_heading(points, heading):
     assert last_heading(points) == (None if heading is None else pytest.approx(heading))
 
 
-def test_it_gives_its_path_once_and_again_when_asked():
+def test_the_path_is_sent_once_and_again_on_the_action():
     path = PathSource(side=1.0, loops=2)
     assert path.react(50, None) is None
     given = path.react(100, 100)

@@ -1,4 +1,4 @@
-"""The Sharp sensor: metres from volts, and what came too close is remembered."""
+"""The Sharp sensor: distances, objects that are too close, and faults."""
 
 from random import Random
 
@@ -19,11 +19,11 @@ def sensor(speed=0.3, **values):
 
 def drive(block, places, period=25 * MS, noise=0.0, seed=1):
     """The states and distances for true distances in metres, one each period."""
-    chance = Random(seed)
+    rng = Random(seed)
     found = []
     for number, place in enumerate(places, 1):
         now = number * period
-        reading = Volts(now, max(0.005, volts(place) + chance.gauss(0.0, noise)))
+        reading = Volts(now, max(0.005, volts(place) + rng.gauss(0.0, noise)))
         found.append(block.react(now, reading, None))
     return found
 
@@ -59,15 +59,15 @@ def test_distance_is_the_inverse_of_volts(distance):
     assert distance_at(volts_at(distance, *curve), *curve) == pytest.approx(distance)
 
 
-def test_beyond_its_reach_the_way_is_clear():
+def test_beyond_its_range_it_reports_clear():
     found = sensor().react(MS, Volts(MS, 0.30), None)  # 0.312 V is 40 cm
     assert (found.state, found.distance) == ("clear", REACH)
 
 
 @pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.3, 20), (0.25, 61), (0.05, 61)])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_the_fold_back_is_never_taken_for_a_distance(speed, period, noise):
-    """60 cm to contact and back, as fast as the robot drives, for each board's telemetry."""
+def test_folded_back_voltages_never_give_a_distance(speed, period, noise):
+    """60 cm to contact and back at the maximum speed, for the telemetry of each board."""
     step = speed * period / 1000
     places = [*sweep(0.6, 0.0, step), *sweep(0.0, 0.6, step)]
     found = drive(sensor(speed), places, period * MS, noise)
@@ -81,7 +81,7 @@ def test_the_fold_back_is_never_taken_for_a_distance(speed, period, noise):
 
 
 @pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.05, 61)])
-def test_it_is_believed_again_when_the_voltage_came_back_through_its_peak(speed, period):
+def test_it_is_released_when_the_voltage_has_passed_its_peak_again(speed, period):
     step = speed * period / 1000
     there, back = sweep(0.6, 0.01, step), sweep(0.01, 0.6, step)
     found = drive(sensor(speed), [*there, *back], period * MS)
@@ -90,8 +90,8 @@ def test_it_is_believed_again_when_the_voltage_came_back_through_its_peak(speed,
             assert seen.state in ("measured", "clear")
 
 
-def test_turning_back_before_the_peak_is_no_fold():
-    """To 3.8 cm, where the voltage still rises, and away again."""
+def test_retreat_before_the_peak_is_not_folded_back():
+    """To 3.8 cm, where the voltage still rises, and back."""
     step = 0.3 * 0.025
     places = [*sweep(0.2, 0.038, step), *sweep(0.038, 0.2, step)]
     found = drive(sensor(), places)
@@ -99,22 +99,22 @@ def test_turning_back_before_the_peak_is_no_fold():
     assert found[-1].state == "measured"
 
 
-def test_what_comes_close_from_the_side_and_leaves_again_is_gone():
-    """A hand at 3.2 cm for half a second: no robot drives through 2 cm in 25 ms."""
+def test_an_object_that_enters_and_leaves_sideways_is_released():
+    """A hand at 3.2 cm for half a second: the robot cannot move 2 cm in 25 ms."""
     found = drive(sensor(), [*[0.5] * 5, *[0.032] * 20, *[0.5] * 5], noise=0.01)
     assert [seen.state for seen in found[5:25]] == ["too_close"] * 20
     assert [seen.state for seen in found[25:]] == ["clear"] * 5
 
 
-def test_what_stands_at_the_edge_is_not_held_for_ever():
-    """At 4.2 cm noise carries the voltage in and out of the zone."""
+def test_noise_at_the_nearest_distance_does_not_latch():
+    """At 4.2 cm noise moves the voltage across the limit."""
     block = sensor()
     drive(block, [0.042] * 200, noise=0.01)
     found = drive(block, [0.045, 0.05, 0.06], noise=0.0)
     assert found[-1].state == "measured"
 
 
-def test_a_person_may_say_that_nothing_is_too_close():
+def test_resume_releases_too_close():
     block = sensor()
     found = drive(block, sweep(0.2, 0.015, 0.005))
     assert found[-1].state == "too_close"
@@ -131,14 +131,14 @@ def test_no_voltage_is_a_fault(read):
     assert (found.state, found.distance) == ("fault", 0.0)
 
 
-def test_zero_volts_are_a_fault_at_the_third_in_a_row():
+def test_three_readings_of_zero_volts_are_a_fault():
     block = sensor()
     states = [block.react(n * MS, Volts(n * MS, 0.0), None).state for n in range(1, 5)]
     assert states == ["clear", "clear", "fault", "fault"]
     assert block.react(5 * MS, Volts(5 * MS, 0.5), None).state == "measured"
 
 
-def test_a_voltage_that_never_changes_is_not_believed():
+def test_a_constant_voltage_is_a_fault():
     block = sensor(frozen_for=1.0)
     states = [block.react(n * 25 * MS, Volts(n * 25 * MS, 0.8), None).state for n in range(1, 60)]
     # from 25 ms on the same; a second later is the 41st reading
@@ -148,11 +148,11 @@ def test_a_voltage_that_never_changes_is_not_believed():
     assert block.react(now, Volts(now, 0.805), None).state == "measured"
 
 
-def test_it_may_be_told_to_believe_a_still_voltage():
+def test_the_check_of_a_constant_voltage_can_be_disabled():
     block = sensor(frozen_for=None)
     states = {block.react(n * 100 * MS, Volts(n * 100 * MS, 0.8), None).state for n in range(1, 90)}
     assert states == {"measured"}
 
 
-def test_it_says_nothing_before_the_first_voltage():
+def test_no_output_before_the_first_voltage():
     assert sensor().react(MS, None, None) is None

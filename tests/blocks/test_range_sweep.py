@@ -1,4 +1,4 @@
-"""Sweeps of a distance along the simulated sensor's own curve, to 60 cm and to contact."""
+"""Sweeps of the distance with the simulated sensor, from contact to 60 cm."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def test_a_sweep_from_60_cm_to_contact_and_back(step):
     both = [*inwards, *inwards[::-1]]
     for true, seen in zip(both, swept(block, both), strict=True):
         if true < 0.037:
-            # What is nearer than the certain range is never given out as a distance.
+            # A distance below the unambiguous range is never reported.
             assert seen.state == "too_close", true
         elif 0.044 < true < REACH - 0.01:
             assert seen.state == "measured", true
@@ -48,7 +48,7 @@ def test_a_sweep_from_60_cm_to_contact_and_back(step):
             assert (seen.state, seen.distance) == ("clear", REACH)
 
 
-def test_folded_back_voltages_are_not_believed():
+def test_folded_back_voltages_are_rejected():
     # 1 cm reads like 6.7 cm, 0.5 cm like 9.1 cm.
     block = sensor()
     swept(block, millimetres(100, 20))
@@ -57,6 +57,6 @@ def test_folded_back_voltages_are_not_believed():
         assert (seen.state, seen.distance) == ("too_close", 0.0)
 
 
-def test_the_same_voltages_are_believed_when_nothing_came_close():
-    seen = swept(sensor(), [0.02])[0]  # nobody can tell, from one reading alone
+def test_the_same_voltages_are_accepted_when_nothing_came_close():
+    seen = swept(sensor(), [0.02])[0]  # one reading alone is ambiguous
     assert (seen.state, seen.distance) == ("measured", pytest.approx(0.0537, abs=FIT))

@@ -1,4 +1,4 @@
-"""Scan stop: what it lets through, by hand; and that nothing is ever touched, whatever is asked."""
+"""Scan stop: allowed velocities computed by hand; random commands cause no contact."""
 
 from math import cos, inf, pi, sin
 from random import Random
@@ -24,7 +24,7 @@ MARGIN = 0.05
 
 
 def guard(**changes):
-    """The block as the shipped robot has it."""
+    """The block with the values of the robot file."""
     known = {
         "sensors": ROBOT.sensors,
         "front": FRONT,
@@ -51,7 +51,7 @@ def still(time):
 
 
 def asked(world, linear, angular, block=None):
-    """What the standing robot may do of that velocity, and the code of what holds it."""
+    """The allowed velocity of the robot at rest, and the stop code."""
     block = block or guard()
     twist, stop = block.react(MS, Twist(MS, linear, angular), scan_of(world), still(0))
     return twist.linear, twist.angular, stop.code if stop else ""
@@ -76,10 +76,10 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
         (across(FRONT + MARGIN + NEEDED - 0.002), 0.2, 0.0, (0.14, 0.0, "")),
         (across(FRONT + MARGIN + NEEDED_70 - 0.002), 0.2, 0.0, (0.1, 0.0, "")),
         (across(FRONT + MARGIN - 0.001), 0.2, 0.0, (0.0, 0.0, OBSTACLE)),
-        # what leads away is allowed, and so is standing
+        # motion away from it and standstill are allowed
         (across(FRONT + MARGIN - 0.001), -0.2, 0.0, (-0.2, 0.0, "")),
         (across(FRONT + 0.001), 0.0, 0.0, (0.0, 0.0, "")),
-        # a wall behind holds only who drives back
+        # a wall behind prevents only driving backwards
         (across(-BACK - MARGIN + 0.001), -0.2, 0.0, (0.0, 0.0, OBSTACLE)),
         (across(-BACK - MARGIN + 0.001), 0.2, 0.0, (0.2, 0.0, "")),
         # a wall at the side: its points ahead come nearer only where that is within the margin
@@ -89,18 +89,18 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
         (World([], [Pillar(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
     ],
 )
-def test_what_it_lets_through(world, linear, angular, wanted):
+def test_allowed_velocities(world, linear, angular, wanted):
     assert asked(world, linear, angular) == pytest.approx(wanted)
 
 
-def test_turning_on_is_allowed_where_driving_is_not():
+def test_turning_is_allowed_where_driving_is_not():
     # Its skin is 50.5 mm before the front. The slowest drive that is tried, 0.02 m/s for 0.101 s,
     # takes 2 mm of it; the turn by 0.5 rad/s for 0.111 s takes 0.15 m (1 - cos 3.2 deg) = 0.2 mm.
     found = asked(World([], [Pillar(0.15, 0.0, 0.0615)]), 0.2, 0.5)
     assert found == pytest.approx((0.0, 0.5, OBSTACLE))
 
 
-def test_without_a_fresh_scan_it_stands_and_says_so():
+def test_without_a_fresh_scan_it_stops_with_a_code():
     block = guard()
 
     def at(now, scan=None):
@@ -112,7 +112,7 @@ def test_without_a_fresh_scan_it_stands_and_says_so():
     assert (twist.linear, twist.angular, stop.code) == (0.0, 0.0, STALE)
     again, more = at(602)
     assert again.linear == 0.0
-    assert more is None  # said once
+    assert more is None  # sent once
     free, told = at(603, scan_of(World(), 603 * MS))
     assert free.linear == 0.2
     assert told.code == ""
@@ -121,7 +121,7 @@ def test_without_a_fresh_scan_it_stands_and_says_so():
     assert stale.code == STALE
 
 
-def test_between_scans_the_points_come_nearer_as_it_drives():
+def test_points_move_with_the_odometry_between_scans():
     block = guard()
     scan = scan_of(across(FRONT + MARGIN + NEEDED + 0.02))
     speeds = []
@@ -134,7 +134,7 @@ def test_between_scans_the_points_come_nearer_as_it_drives():
     assert speeds == pytest.approx([0.2, 0.2, 0.2, 0.14, 0.14])
 
 
-def test_too_close_to_measure_counts_as_there():
+def test_too_close_to_measure_is_an_obstacle():
     distances = (0.0,) + (inf,) * 359  # straight ahead, nearer than 0.12 m to the scanner
     block = guard()
     scan = Scan(0, 0.0, 2 * pi / 360, distances)
@@ -144,12 +144,11 @@ def test_too_close_to_measure_counts_as_there():
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1 << 30))
-def test_it_touches_nothing_whatever_is_asked(seed):
-    """A robot that obeys after one frame and ramps as its limits say, driven by chance."""
-    chance = Random(seed)
+def test_random_commands_never_cause_a_contact(seed):
+    """A robot that obeys after one frame and ramps as its limits say, driven by rng."""
+    rng = Random(seed)
     things = [
-        Pillar(chance.uniform(-1, 1), chance.uniform(-1, 1), chance.uniform(0.02, 0.2))
-        for _ in range(8)
+        Pillar(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(0.02, 0.2)) for _ in range(8)
     ]
     things = [each for each in things if each.x**2 + each.y**2 > (each.radius + 0.25) ** 2]
     world = World(
@@ -170,6 +169,6 @@ def test_it_touches_nothing_whatever_is_asked(seed):
         if frame % 5 == 0:
             scan = scan_of(world, now, x, y, heading)
         if frame % 12 == 0:
-            wish = chance.uniform(-0.22, 0.22), chance.uniform(-2.84, 2.84)
+            wish = rng.uniform(-0.22, 0.22), rng.uniform(-2.84, 2.84)
         odometry = Odometry(now, x, y, heading, linear, angular, (0.0,) * 6)
         allowed = block.react(now, Twist(now, *wish), scan, odometry)[0]

@@ -1,4 +1,4 @@
-"""Limits of speed and acceleration: ramps by hand, the curve kept."""
+"""Limits of speed and acceleration, with ramps computed by hand."""
 
 import pytest
 from hypothesis import given
@@ -33,7 +33,7 @@ def driven(block, twists):
         ((0.0, -8.0), (0.0, -4.0)),
     ],
 )
-def test_slowed_as_a_whole(twist, slower):
+def test_scaled_as_a_whole(twist, slower):
     assert brake_limited(*twist, SPEED, TURN_RATE) == pytest.approx(slower)
 
 
@@ -46,7 +46,7 @@ def test_slowed_as_a_whole(twist, slower):
         (0.3, 0.28, 0.28),
         (0.02, 0.0, 0.0),
         (0.1, -0.3, 0.07),
-        (0.02, -0.3, 0.0),  # a change of sign stands for one step
+        (0.02, -0.3, 0.0),  # a change of sign takes one step at zero
         (0.0, -0.3, -0.02),
         (-0.3, 0.0, -0.27),
         (-0.01, 0.3, 0.0),
@@ -73,7 +73,7 @@ def test_turning_is_ramped_by_the_wheels_acceleration():
     assert [t.angular for t in out] == pytest.approx([0.32, 0.64, 0.96])
 
 
-def test_it_begins_at_rest_after_a_long_silence():
+def test_it_starts_from_rest_after_a_long_silence():
     block = limiter()
     driven(block, [(0, 0.3, 0), (250, 0.3, 0)])
     # 301 ms of silence: the board has stopped by itself, so the ramp begins anew.
@@ -86,7 +86,7 @@ def test_it_keeps_its_speed_through_a_short_silence():
     assert driven(block, [(549, 0.3, 0)])[0].linear == pytest.approx(0.3)
 
 
-def test_no_twist_nothing():
+def test_no_twist_no_output():
     assert limiter().react(1, None) is None
 
 

@@ -1,4 +1,4 @@
-"""The first lesson: one block says something, the other hears it."""
+"""Talker and listener."""
 
 from diffbotctl.blocks.talker import Listener, Talker
 from diffbotctl.messages import Text
@@ -13,6 +13,6 @@ def test_the_talker_counts():
     assert talker.react(300, 300) == Text(300, "hi 1")
 
 
-def test_the_listener_says_what_it_heard():
+def test_the_listener_answers():
     assert Listener().react(100, Text(90, "hi 1")) == Text(90, "heard: hi 1")
     assert Listener().react(100, None) is None

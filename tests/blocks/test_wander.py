@@ -1,4 +1,4 @@
-"""Wander: when it drives, when it turns and where to, by hand; and a sample of its rooms."""
+"""Wander: when it drives and turns, computed by hand; and a sample of random rooms."""
 
 from math import inf, pi
 
@@ -40,7 +40,7 @@ def odometry(time, angular=0.0):
         ([(-0.5, 0.0)], inf),  # behind
     ],
 )
-def test_the_free_way(points, wanted):
+def test_free_distances(points, wanted):
     assert free_distance(points, radius=0.1, half=0.2) == pytest.approx(wanted)
 
 
@@ -49,9 +49,9 @@ def test_the_free_way(points, wanted):
     [
         ([(0.5, 0.5)], -1),
         ([(0.5, -0.5)], 1),
-        ([(0.3, 0.3), (1.0, -1.0)], -1),  # the nearer one decides
+        ([(0.3, 0.3), (1.0, -1.0)], -1),  # the nearer point decides
         ([(0.3, 0.3), (0.9, -0.9), (0.8, -0.9)], -1),
-        ([(-0.5, 0.5), (1.0, -0.5)], 1),  # what is behind does not
+        ([(-0.5, 0.5), (1.0, -0.5)], 1),  # points behind do not count
         ([], 1),
     ],
 )
@@ -59,7 +59,7 @@ def test_the_freer_side(points, side):
     assert freer_side(points) == side
 
 
-def test_it_drives_on_while_the_way_is_free():
+def test_it_drives_on_while_the_lane_is_free():
     block = wander()
     twist = block.react(0, scan(0, ahead=2.0), odometry(0))
     assert (twist.linear, twist.angular) == pytest.approx((0.8 * 0.22, 0.0))
@@ -77,7 +77,7 @@ def test_it_turns_away_and_keeps_turning_until_there_is_room():
     assert (go.linear, go.angular) == pytest.approx((0.8 * 0.22, 0.0))
 
 
-def test_who_has_looked_all_round_takes_what_there_is():
+def test_after_a_full_turn_a_smaller_free_distance_is_accepted():
     block = wander()
     block.react(0, scan(0, ahead=0.35), odometry(0))
     for frame in range(1, 180):  # 7.2 s at 1 rad/s: more than a full turn
@@ -86,7 +86,7 @@ def test_who_has_looked_all_round_takes_what_there_is():
     assert twist.linear > 0.0
 
 
-def test_who_cannot_turn_this_way_turns_the_other():
+def test_a_blocked_turn_is_reversed():
     block = wander()
     sides = set()
     for frame in range(60):  # 2.4 s without turning
@@ -96,11 +96,11 @@ def test_who_cannot_turn_this_way_turns_the_other():
     assert sides == {-1.0, 1.0}
 
 
-def test_it_says_nothing_without_a_scan():
+def test_no_output_without_a_scan():
     assert wander().react(0, None, odometry(0)) is None
 
 
-def test_rooms_of_chance_leave_the_start_free():
+def test_random_rooms_leave_the_start_free():
     from random import Random
 
     for seed in range(20):
@@ -110,7 +110,7 @@ def test_rooms_of_chance_leave_the_start_free():
         assert len(world.pillars) >= 4
 
 
-def test_a_sample_of_rooms_is_wandered_without_a_contact():
+def test_wandering_in_random_rooms_causes_no_contact():
     for each in walks(seed=7, seeds=1, minutes=1.0):
         assert each.contacts == 0
         assert each.least > 0.0

@@ -1,4 +1,4 @@
-"""Duty on the host: feed-forward by hand, and the slow integral on counts."""
+"""Wheel-speed control on the host: feed-forward computed by hand, and the integral."""
 
 from math import pi
 from types import SimpleNamespace
@@ -22,11 +22,11 @@ def side(static=0.1, rated=10.0, slots=20, speed=None):
 @pytest.mark.parametrize(
     "target, extra, wanted",
     [
-        (0.0, 0.2, 0.0),  # at rest no learnt duty may creep in
+        (0.0, 0.2, 0.0),  # at rest the integral is not applied
         (5.0, 0.0, 0.55),  # 0.1 against friction, half of the remaining 0.9
         (-5.0, 0.0, -0.55),
         (10.0, 0.0, 1.0),
-        (10.0, 0.1, 1.0),  # never more than all
+        (10.0, 0.1, 1.0),  # limited to full duty
         (5.0, 0.1, 0.65),
         (-5.0, 0.1, -0.65),
         (1.0, -0.5, 0.0),  # 0.19 less 0.5: the sign is the target's, or zero
@@ -42,11 +42,11 @@ def block(left=None, right=None):
 
 def test_each_side_gets_the_duty_of_its_own_motor():
     made = block(side(rated=10.472), side(static=0.2, rated=8.0))
-    # 0.1 + 5 / 10.472 x 0.9 and 0.2 + 5 / 8 x 0.8: as the calibration's feed-forward has it
+    # 0.1 + 5 / 10.472 x 0.9 and 0.2 + 5 / 8 x 0.8, as in calibration
     assert made.react(9, Wheels(9, 5.0, 5.0), None)[1:] == pytest.approx((0.5297, 0.7), abs=1e-4)
 
 
-def test_a_measured_slope_goes_before_the_rated_speed():
+def test_a_measured_slope_overrides_the_rated_speed():
     made = block(side(speed=0.06), side(static=0.2, rated=8.0, speed=0.09))
     # 0.1 + 5 x 0.06 and 0.2 + 5 x 0.09
     assert made.react(9, Wheels(9, 5.0, -5.0), None)[1:] == pytest.approx((0.4, -0.65))
@@ -64,7 +64,7 @@ def test_each_side_counts_the_slots_of_its_own_disc():
 
 
 def steady(counts, instants, target):
-    """Drive at `target` rad/s while `counts(i)` come; returns each instant's Duty."""
+    """Drive at `target` (rad/s) with `counts(i)` at instant i; returns the Duty of each instant."""
     made = block()
     return [
         made.react(
@@ -74,25 +74,25 @@ def steady(counts, instants, target):
     ]
 
 
-def test_a_wheel_that_stands_gets_more_once_the_window_is_full():
+def test_a_blocked_wheel_gets_more_duty_once_the_window_is_full():
     out = steady(lambda i: 0, 27, 5.0)
     # 0.6 s are 24 steps. From then each step adds 0.01 duty/rad x 5 rad/s x 0.025 s = 0.00125.
     assert [d.left for d in out[22:]] == pytest.approx([0.55, 0.55, 0.55125, 0.5525, 0.55375])
     assert out[-1].right == out[-1].left
 
 
-def test_a_wheel_at_its_speed_is_left_alone():
+def test_a_wheel_at_its_target_keeps_its_duty():
     target = 10 * (2 * pi / 20) / 0.6  # ten counts in each window of 0.6 s, 24 steps
     out = steady(lambda i: 10 * i // 24, 100, target)
     assert out[-1].left == pytest.approx(out[0].left, abs=1e-9)
 
 
-def test_a_wheel_too_fast_gets_less():
+def test_a_wheel_that_is_too_fast_gets_less_duty():
     out = steady(lambda i: 2 * i, 60, 5.0)  # 2 counts in 25 ms are 25 rad/s
     assert out[-1].left < out[0].left
 
 
-def test_what_is_learnt_is_bounded():
+def test_the_integral_is_limited():
     out = steady(lambda i: 0, 1000, 5.0)
     assert out[-1].left == pytest.approx(0.55 + INTEGRAL_MAX)
 
@@ -105,9 +105,9 @@ def test_a_change_of_speed_starts_a_new_window():
     assert made.integrals == [0.0, 0.0]  # neither speed was held for 0.6 s
 
 
-def test_without_a_command_the_motors_get_nothing():
+def test_no_command_no_duty():
     assert block().react(9, None, Encoders(9, 1, 1)) == Duty(9, 0.0, 0.0)
 
 
-def test_without_counts_it_drives_by_feed_forward():
+def test_without_counts_only_feed_forward():
     assert block().react(9, Wheels(9, 5.0, -5.0), None)[1:] == pytest.approx((0.55, -0.55))

@@ -1,4 +1,4 @@
-"""The rest-to-rest bound against values reckoned independently, and its properties."""
+"""Shortest times from rest to rest: independently computed values, and properties."""
 
 from math import hypot, pi, radians
 
@@ -55,11 +55,11 @@ def test_bounds_of_known_goals(x, y, heading, at_1, at_half):
         (0.075 / 4, 0.25),  # a triangle of half the height and half the time
     ],
 )
-def test_ramps_by_hand(distance, seconds):
+def test_ramp_times(distance, seconds):
     assert ramp_time(distance, 0.3, 1.0, 1.5) == pytest.approx(seconds)
 
 
-def test_turn_rate_bounds_a_turn():
+def test_the_turn_rate_limits_a_turn():
     # 2 rad/s at an arm of 70 mm is 0.14 m/s; a wheel rolls pi/2 x 70 mm; ramps of 0.14 s.
     slow = MotionLimits(0.34, 2.0, 1.0, 1.0, 0.14)
     assert turn_time(pi / 2, slow) == pytest.approx(pi / 4 + 0.14)
@@ -98,5 +98,5 @@ def test_bounds_are_consistent(x, y, heading):
     assert both <= rest_to_rest_time(x, y, heading, limits(1.0), reverse=False)
     assert both <= rest_to_rest_time(x, y, heading, limits(0.5))
     assert both >= drive_time(hypot(x, y), limits(1.0))
-    # Left and right are alike.
+    # Left and right are symmetrical.
     assert both == pytest.approx(rest_to_rest_time(x, -y, -heading, limits(1.0)), abs=1e-6)

@@ -1,4 +1,4 @@
-"""The board's wheel-speed loop: feed-forward, PI, reversals and stalls by hand."""
+"""The board's wheel-speed loop: feed-forward, PI, reversals and stalls, computed by hand."""
 
 from math import pi
 
@@ -25,7 +25,7 @@ def loop(gains=FORWARD):
 @pytest.mark.parametrize(
     "target, duty", [(0.0, 0.0), (5.0, 0.5), (-5.0, -0.5), (50.0, 1.0), (-50.0, -1.0)]
 )
-def test_feed_forward_acts_at_once(target, duty):
+def test_feed_forward_is_applied_immediately(target, duty):
     made = loop()
     made.command(0, target)
     assert made.duty == pytest.approx(duty)
@@ -35,10 +35,10 @@ def test_speed_is_the_last_period_or_the_age_of_the_last_edge():
     made = loop()
     made.command(0, 5.0)
     made.edge(10 * MS)
-    assert made.measured(20 * MS) is None  # one edge tells no speed
+    assert made.measured(20 * MS) is None  # one edge gives no speed
     made.edge(60 * MS)
     assert made.measured(70 * MS) == pytest.approx(PITCH / 0.050)
-    assert made.measured(160 * MS) == pytest.approx(PITCH / 0.100)  # it cannot be faster than that
+    assert made.measured(160 * MS) == pytest.approx(PITCH / 0.100)  # upper limit of the speed
     assert made.measured(360 * MS) == pytest.approx(PITCH / 0.300)
     assert made.measured(361 * MS) is None
 
@@ -50,7 +50,7 @@ def test_proportional_and_integral_parts():
     made.edge(100 * MS)  # pi rad/s: 1.858 too slow
     error = 5.0 - PITCH / 0.1
     assert made.tick(100 * MS) == pytest.approx(0.5 + 0.02 * error)
-    # The first tick has gathered 0.5 x error x 10 ms.
+    # The first tick integrates 0.5 x error x 10 ms.
     assert made.tick(110 * MS) == pytest.approx(0.5 + 0.02 * (5 - PITCH / 0.1) + 0.005 * error)
 
 
@@ -74,19 +74,19 @@ def test_a_reversal_is_slewed():
     assert made.direction == -1
 
 
-def test_a_wheel_without_edges_is_a_stall_after_half_a_second():
+def test_no_edges_for_half_a_second_is_a_stall():
     made = loop()
     made.command(0, 5.0)
     for k in range(1, 51):
         assert made.tick(k * LOOP_PERIOD) == pytest.approx(0.5)
     assert made.tick(51 * LOOP_PERIOD) == 0.0 and made.fault
     made.command(52 * LOOP_PERIOD, 6.0)
-    assert made.duty == 0.0  # it stays off until it is told to forget
+    assert made.duty == 0.0  # it stays off until the fault is cleared
 
 
-def test_little_duty_is_no_stall():
+def test_a_low_duty_is_not_a_stall():
     made = loop()
-    made.command(0, 2.0)  # 0.26, perhaps less than a stiff gear needs
+    made.command(0, 2.0)  # 0.26, which may not overcome a stiff gear
     for k in range(1, 200):
         made.tick(k * LOOP_PERIOD)
     assert not made.fault

@@ -14,8 +14,7 @@ FRAME = 25_000_000  # ns
 
 
 def run(targets, speeds, settings):
-    """Both loops, frame by frame, over a wheel that turns at `speeds` (rad/s) as told: yields the
-    duties of the board and of the mirror."""
+    """Run both loops on a wheel that turns at `speeds` (rad/s); yields both duties per frame."""
     slope = (1.0 - settings.static) / RATED
     gains = SpeedGains(settings.static, slope, settings.proportional, settings.integral)
     board, mirror = WheelSpeedLoop(gains, SLOTS), SpeedLoopMirror(gains, SLOTS, 0)
@@ -44,15 +43,15 @@ def run(targets, speeds, settings):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("proportional", [0.0, 0.005])
-def test_the_duty_is_known_without_being_told(seed, proportional):
+def test_the_mirror_agrees_with_the_board(seed, proportional):
     settings = Settings(proportional=proportional)
-    chance = Random(seed)
+    rng = Random(seed)
     targets, speeds, target = [], [], 0.0
     for _ in range(160):
-        if chance.random() < 0.1:
-            target = chance.choice([0.0, *(chance.uniform(2.0, 9.0) for _ in range(3))])
+        if rng.random() < 0.1:
+            target = rng.choice([0.0, *(rng.uniform(2.0, 9.0) for _ in range(3))])
         targets.append(target)
-        speeds.append(target * chance.uniform(0.85, 1.15))
+        speeds.append(target * rng.uniform(0.85, 1.15))
     pairs = list(run(targets, speeds, settings))
     assert any(board > 0.3 for board, _ in pairs)
     # The ticks of the two lie up to 10 ms apart: that is 0.02 * 3 rad/s * 0.01 s of the integral,
@@ -61,7 +60,7 @@ def test_the_duty_is_known_without_being_told(seed, proportional):
     assert max(abs(board - mirror) for board, mirror in pairs) < tolerance
 
 
-def test_a_stop_clears_what_was_gathered():
+def test_a_stop_resets_the_integral():
     targets = [6.0] * 60 + [0.0] * 4 + [6.0]
     speeds = [5.0] * 60 + [0.0] * 4 + [0.0]
     duties = [mirror for _, mirror in run(targets, speeds, Settings())]

@@ -1,4 +1,4 @@
-"""A measured disc is found again after power-on, a strange one is not believed."""
+"""A measured disc is identified after power-on; another disc is rejected."""
 
 from math import pi
 from random import Random
@@ -19,7 +19,7 @@ SPEED = 8.0  # rad/s
 
 
 def errors(disc: EncoderDisc, first: int) -> list[float]:
-    """Of the flanks seen forward (0) or backward (1), about their mean, in pitches."""
+    """Errors (pitches, mean removed) of the edges seen forward (0) or backward (1)."""
     places = [flank / PITCH - slot for slot, flank in enumerate(disc.edges[first::2])]
     return [place - fmean(places) for place in places]
 
@@ -56,8 +56,8 @@ def drive(seed: int, way: float, turned: float, known) -> tuple:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_slots_are_known_by_their_own_places_wherever_the_disc_stands(seed):
-    """The first flank passed is the next one after where the disc stood, and so on around."""
+def test_slots_are_identified_in_every_rotation(seed):
+    """The first edge is the next one after the initial position of the disc."""
     turned = 0.5 + seed
     odometry, robot = drive(seed, 1.0, turned, lambda disc: disc)
     for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
@@ -73,7 +73,7 @@ def test_the_slots_are_known_by_their_own_places_wherever_the_disc_stands(seed):
         assert (fits[best] / SLOTS) ** 0.5 < 0.012, "unlearnt they scatter by 0.03"
 
 
-def test_going_backward_tells_the_disc_too():
+def test_the_disc_is_identified_going_backward():
     odometry, robot = drive(3, -1.0, 2.0, lambda disc: disc)
     for wheel, disc in zip(odometry.wheels, robot.discs, strict=True):
         assert wheel.filter.alignment is None
@@ -83,8 +83,8 @@ def test_going_backward_tells_the_disc_too():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_strange_disc_is_not_believed(seed):
-    """Each slot's error with its sign turned round: no turn of it fits, nothing is taken."""
+def test_another_disc_is_rejected(seed):
+    """All slot errors with the opposite sign: no rotation fits."""
 
     def mirrored(disc: EncoderDisc) -> EncoderDisc:
         turned = tuple(

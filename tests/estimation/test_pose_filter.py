@@ -1,4 +1,4 @@
-"""Poses from two wheels' travel: the exact arc, what is learnt of the start, and the covariance."""
+"""Pose from wheel travel: the exact arc, corrections of the start, and the covariance."""
 
 from math import cos, hypot, pi, sin
 from random import Random
@@ -33,7 +33,7 @@ def test_one_frame_is_one_exact_arc(left, right, pose):
     assert arc(0.0, 0.0, 0.0, left, right, TRACK) == pytest.approx(pose, abs=1e-12)
 
 
-def test_a_quarter_turn_in_many_frames_loses_no_fifth_of_a_millimetre():
+def test_a_quarter_turn_in_many_frames_is_accurate_to_a_fifth_of_a_millimetre():
     x = y = heading = 0.0
     for _ in range(63):
         step = pi / 2 / 63
@@ -41,7 +41,7 @@ def test_a_quarter_turn_in_many_frames_loses_no_fifth_of_a_millimetre():
     assert hypot(x - 1.0, y - 1.0) < 0.0002
 
 
-def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
+def test_a_correction_of_the_initial_travel_turns_the_path_about_the_start():
     pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(1.0), Wheel(1.0))
     # The right wheel went 1.25 mm further at the start: 10 mrad to the left, 0.6 mm ahead.
@@ -50,7 +50,7 @@ def test_a_longer_first_stretch_turns_all_that_came_after_about_the_start():
     assert (pose.x, pose.y) == pytest.approx((cos(0.01) + 0.000625, sin(0.01)))
 
 
-def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
+def test_a_restarted_board_starts_from_the_present_pose():
     pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(2.0), Wheel(2.0))
     pose.start()
@@ -58,7 +58,7 @@ def test_the_start_of_a_restarted_board_is_where_the_robot_then_stood():
     assert pose.y == 0.0, "what was learnt of the new start turns nothing that came before it"
 
 
-def test_slip_spreads_the_pose_as_many_slipping_robots_do():
+def test_covariance_of_slip_agrees_with_a_sample_of_robots():
     slip, robots = 0.002, 1500  # m per square root of a metre
     ends = [slipped(slip, Random(seed)) for seed in range(robots)]
     pose = PoseFilter(TRACK, slip)
@@ -77,16 +77,16 @@ def test_slip_spreads_the_pose_as_many_slipping_robots_do():
 FRAMES = [(0.01, 0.01)] * 40 + [(0.01, 0.014)] * 30 + [(0.01, 0.01)] * 40  # m: a bend of 55 deg
 
 
-def slipped(slip: float, chance: Random) -> tuple[float, float, float]:
+def slipped(slip: float, rng: Random) -> tuple[float, float, float]:
     x = y = heading = 0.0
     for left, right in FRAMES:
-        left += chance.gauss(0.0, slip * left**0.5)
-        right += chance.gauss(0.0, slip * right**0.5)
+        left += rng.gauss(0.0, slip * left**0.5)
+        right += rng.gauss(0.0, slip * right**0.5)
         x, y, heading = arc(x, y, heading, left, right, TRACK)
     return x, y, heading
 
 
-def test_doubt_about_a_wheel_is_doubt_about_the_heading_and_so_about_what_lies_across():
+def test_variance_of_a_wheel_adds_variance_of_heading_and_lateral_position():
     pose = PoseFilter(TRACK, slip=0.0)
     pose.move(Wheel(1.0), Wheel(1.0))
     doubtful = Wheel(0.0, variance=1e-6)  # 1 mm

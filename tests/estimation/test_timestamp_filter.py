@@ -1,4 +1,4 @@
-"""Frames' times from scattering arrivals."""
+"""Sampling times from jittered arrival times."""
 
 from random import Random
 from statistics import pstdev
@@ -10,10 +10,10 @@ PERIOD = 60_606_061  # ns
 
 
 def arrivals(seed: int, frames: int, pace: float = 1.0):
-    chance = Random(seed)
+    rng = Random(seed)
     for frame in range(1, frames):
         true = int(frame * PERIOD * pace)
-        yield true, true + int(min(max(chance.gauss(0.0, 8.0), -16.0), 16.0) * MS)
+        yield true, true + int(min(max(rng.gauss(0.0, 8.0), -16.0), 16.0) * MS)
 
 
 def errors(pairs):
@@ -24,17 +24,17 @@ def errors(pairs):
     return out
 
 
-def test_a_scatter_of_8_ms_becomes_one_of_2():
+def test_jitter_of_8_ms_is_reduced_to_2_ms():
     settled = [error for seed in range(20) for error in errors(arrivals(seed, 200))[20:]]
     assert 0.5 < pstdev(settled) < 2.5
 
 
-def test_a_board_that_is_a_percent_slower_is_followed():
+def test_a_board_that_is_one_percent_slower_is_tracked():
     late = [errors(arrivals(seed, 600, pace=1.01))[-1] for seed in range(20)]
     assert abs(sum(late) / len(late)) < 6.0
 
 
-def test_after_a_pause_the_pace_begins_anew():
+def test_the_filter_restarts_after_a_pause():
     times = TimestampFilter(0.008, 16.5)
     told = 0
     for frame in range(1, 30):
@@ -43,7 +43,7 @@ def test_after_a_pause_the_pace_begins_anew():
     assert times.sampled(later, told) == later
 
 
-def test_time_never_goes_back_and_a_board_that_stamps_its_frames_is_believed():
+def test_sampling_times_are_monotonic_and_unchanged_without_jitter():
     told = [0]
     times = TimestampFilter(0.008, 16.5)
     for _, stamp in arrivals(3, 400):

@@ -1,4 +1,4 @@
-"""The robot's outline and its way, by hand."""
+"""The outline of the robot and its motion, computed by hand."""
 
 from math import hypot, inf, pi, sqrt
 
@@ -48,11 +48,11 @@ def test_reach_is_that_of_the_farthest_corner():
         (-1.0, 1.0, pi / 2, (-1.0, -1.0, pi / 2)),
     ],
 )
-def test_a_steady_velocity_leads_round_an_arc(linear, angular, seconds, wanted):
+def test_constant_velocity_moves_along_an_arc(linear, angular, seconds, wanted):
     assert arc_motion(linear, angular, seconds) == pytest.approx(wanted, abs=1e-12)
 
 
-def test_a_track_adds_up_arcs():
+def test_the_tracker_accumulates_arcs():
     track = PointTracker()
     for quarter in range(5):  # four quarters of a circle lead back
         track.update(quarter * 10**9, 1.0, pi / 2)
@@ -63,7 +63,7 @@ def test_a_track_adds_up_arcs():
 
 
 @given(*[st.floats(-3, 3)] * 5)
-def test_placing_and_seeing_undo_each_other(px, py, x, y, heading):
+def test_frame_transforms_are_inverse(px, py, x, y, heading):
     (back,) = into_frame(out_of_frame([(px, py)], x, y, heading), x, y, heading)
     assert back == pytest.approx((px, py), abs=1e-9)
 
