@@ -17,11 +17,11 @@ def canvas():
 
 
 @pytest.mark.parametrize(
-    ("parts", "wanted"),
+    ("parts", "expected"),
     [((0, 0, 0), "#000000"), ((255, 255, 255), "#ffffff"), ((69, 86, 255), "#4556ff")],
 )
-def test_colours(parts, wanted):
-    assert colour(*parts) == wanted
+def test_colours(parts, expected):
+    assert colour(*parts) == expected
 
 
 def test_the_state_is_sent_first_and_then_on_changes(canvas):
@@ -34,8 +34,8 @@ def test_the_state_is_sent_first_and_then_on_changes(canvas):
 
 def test_pen_up_and_down(canvas):
     canvas.pen, canvas.pen_green = "up", 0
-    looks = canvas.react(1, HERE)
-    assert (looks.is_down, looks.pen) == (False, "#b300ff")
+    state = canvas.react(1, HERE)
+    assert (state.is_down, state.pen) == (False, "#b300ff")
 
 
 def test_clear_starts_a_new_line(canvas):

@@ -64,8 +64,8 @@ def test_each_wheel_has_its_own_diameter():
     ],
 )
 def test_the_lower_rated_speed_limits_both(rated, linear, left, right):
-    made = drive(left_rated=rated[0], right_rated=rated[1])
-    assert made.react(1, Twist(1, linear, 0.0))[1:] == pytest.approx((left, right))
+    block = drive(left_rated=rated[0], right_rated=rated[1])
+    assert block.react(1, Twist(1, linear, 0.0))[1:] == pytest.approx((left, right))
 
 
 def test_no_twist_no_output():

@@ -50,8 +50,8 @@ class Course:
     def drive(self, goal, seconds=30.0, stop=None):
         until = self.now + int(seconds * 1e9)
         ends = GOAL_EXIT_CODES
-        begun = len(self.states)
-        while self.now < until and not any(end in self.states[begun:] for end in ends):
+        start = len(self.states)
+        while self.now < until and not any(end in self.states[start:] for end in ends):
             self.step(goal, stop)
         return self.states[-1]
 
@@ -144,10 +144,10 @@ def test_a_long_wait_at_an_obstacle_ends_as_blocked():
     for _ in range(50):
         course.step(goal(1.0, 0.0))
     wall = Stop(course.now, "obstacle", "something stands 5 cm ahead", False)
-    begun = course.now
+    start = course.now
     assert course.drive(goal(1.0, 0.0), stop=wall) != "reached"
     assert course.states[-1] == "blocked"
-    assert 2.5e9 < course.now - begun < 5e9  # `patience` is 3 s
+    assert 2.5e9 < course.now - start < 5e9  # `patience` is 3 s
 
 
 def test_a_latched_stop_suspends_the_goal():

@@ -42,13 +42,13 @@ class Course:
         self.now = 0
         self.stops = []
 
-    def see(self, state, distance=0.0, wish=FORWARD, resume=None):
+    def see(self, state, distance=0.0, velocity=FORWARD, resume=None):
         self.now += 25 * MS
         seen = None if state is None else Range(self.now, distance, state)
-        return self._react(seen, wish, resume)
+        return self._react(seen, velocity, resume)
 
-    def _react(self, seen, wish, resume):
-        twist, stop = self.block.react(self.now, Twist(self.now, *wish), seen, resume)
+    def _react(self, seen, velocity, resume):
+        twist, stop = self.block.react(self.now, Twist(self.now, *velocity), seen, resume)
         if stop is not None:
             self.stops.append((stop.code, stop.latched))
         return twist.linear, twist.angular
@@ -146,17 +146,17 @@ def test_an_uncertain_reading_stops_immediately(state, code):
 
 
 @pytest.mark.parametrize("state", ["too_close", "fault", None])
-@pytest.mark.parametrize("wish", [(0.0, 2.0), (-0.2, 0.0), (-0.1, 0.5), (0.0, 0.0)])
-def test_turning_and_driving_backwards_stay_allowed(state, wish):
+@pytest.mark.parametrize("velocity", [(0.0, 2.0), (-0.2, 0.0), (-0.1, 0.5), (0.0, 0.0)])
+def test_turning_and_driving_backwards_stay_allowed(state, velocity):
     course = Course(guard(resume_by="wait"))
     course.see("clear", 0.3)
     course.see(state)  # forward: held, latched
-    assert course.see(state, wish=wish) == wish
+    assert course.see(state, velocity=velocity) == velocity
 
 
 def test_no_stop_is_sent_before_motion_is_prevented():
     course = Course(guard())
-    course.see(None, wish=(0.0, 0.0))  # before the first reading, at rest
+    course.see(None, velocity=(0.0, 0.0))  # before the first reading, at rest
     assert course.stops == []
 
 
@@ -233,9 +233,9 @@ def test_the_same_reading_twice_counts_once():
 )
 def test_it_can_always_stop_in_time(steps):
     course = Course(guard())
-    for state, distance, wish in steps:
-        linear, _ = course.see(state, distance, wish=(wish, 0.0))
-        assert linear <= max(wish, 0.0) or linear == wish
+    for state, distance, velocity in steps:
+        linear, _ = course.see(state, distance, velocity=(velocity, 0.0))
+        assert linear <= max(velocity, 0.0) or linear == velocity
         if state == "measured" and linear > 0.0:
             assert stopping_distance(linear, 1.5, 0.2) <= distance - 0.05 + 1e-9
         if state in ("too_close", "fault", None):
@@ -260,5 +260,5 @@ def test_it_can_always_stop_in_time(steps):
 def test_debouncing(debounce, readings, moves):
     course = Course(guard(debounce=debounce))
     for reading in readings:
-        linear, _ = course.see("measured", 0.06 if reading == "n" else 0.3, wish=(0.05, 0.0))
+        linear, _ = course.see("measured", 0.06 if reading == "n" else 0.3, velocity=(0.05, 0.0))
     assert (linear > 0.0) is moves

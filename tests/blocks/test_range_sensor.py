@@ -20,12 +20,12 @@ def sensor(speed=0.3, **values):
 def drive(block, places, period=25 * MS, noise=0.0, seed=1):
     """The states and distances for true distances in metres, one each period."""
     rng = Random(seed)
-    found = []
+    readings = []
     for number, place in enumerate(places, 1):
         now = number * period
         reading = Volts(now, max(0.005, volts(place) + rng.gauss(0.0, noise)))
-        found.append(block.react(now, reading, None))
-    return found
+        readings.append(block.react(now, reading, None))
+    return readings
 
 
 def sweep(begin, end, step):
@@ -48,9 +48,9 @@ def sweep(begin, end, step):
     ],
 )
 def test_the_curve_fits_the_datasheet(read, distance):
-    found = sensor().react(MS, Volts(MS, read), None)
-    assert found.state == "measured"
-    assert found.distance == pytest.approx(distance, abs=0.002)
+    reading = sensor().react(MS, Volts(MS, read), None)
+    assert reading.state == "measured"
+    assert reading.distance == pytest.approx(distance, abs=0.002)
 
 
 @pytest.mark.parametrize("distance", [0.05, 0.1, 0.2, 0.3])
@@ -60,8 +60,8 @@ def test_distance_is_the_inverse_of_volts(distance):
 
 
 def test_beyond_its_range_it_reports_clear():
-    found = sensor().react(MS, Volts(MS, 0.30), None)  # 0.312 V is 40 cm
-    assert (found.state, found.distance) == ("clear", REACH)
+    reading = sensor().react(MS, Volts(MS, 0.30), None)  # 0.312 V is 40 cm
+    assert (reading.state, reading.distance) == ("clear", REACH)
 
 
 @pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.3, 20), (0.25, 61), (0.05, 61)])
@@ -70,22 +70,22 @@ def test_folded_back_voltages_never_give_a_distance(speed, period, noise):
     """60 cm to contact and back at the maximum speed, for the telemetry of each board."""
     step = speed * period / 1000
     places = [*sweep(0.6, 0.0, step), *sweep(0.0, 0.6, step)]
-    found = drive(sensor(speed), places, period * MS, noise)
-    for place, seen in zip(places, found, strict=True):
+    readings = drive(sensor(speed), places, period * MS, noise)
+    for place, seen in zip(places, readings, strict=True):
         if place < 0.04:
             assert seen.state == "too_close", f"{place * 100:.1f} cm is called {seen}"
         if seen.state == "measured":
             # 4 to 40 cm: the fit's 1.9 mm, and 10 mV of noise is 7 mm at 30 cm (twice that allowed)
             assert seen.distance == pytest.approx(place, abs=0.004 + 4 * noise * place)
-    assert found[0].state == "clear"
+    assert readings[0].state == "clear"
 
 
 @pytest.mark.parametrize("speed, period", [(0.3, 25), (0.1, 25), (0.05, 61)])
 def test_it_is_released_when_the_voltage_has_passed_its_peak_again(speed, period):
     step = speed * period / 1000
     there, back = sweep(0.6, 0.01, step), sweep(0.01, 0.6, step)
-    found = drive(sensor(speed), [*there, *back], period * MS)
-    for place, seen in zip(back, found[len(there) :], strict=True):
+    readings = drive(sensor(speed), [*there, *back], period * MS)
+    for place, seen in zip(back, readings[len(there) :], strict=True):
         if place > 0.05:
             assert seen.state in ("measured", "clear")
 
@@ -94,30 +94,30 @@ def test_retreat_before_the_peak_is_not_folded_back():
     """To 3.8 cm, where the voltage still rises, and back."""
     step = 0.3 * 0.025
     places = [*sweep(0.2, 0.038, step), *sweep(0.038, 0.2, step)]
-    found = drive(sensor(), places)
-    assert min(seen.distance for seen in found) == 0.0  # it was too close in between
-    assert found[-1].state == "measured"
+    readings = drive(sensor(), places)
+    assert min(seen.distance for seen in readings) == 0.0  # it was too close in between
+    assert readings[-1].state == "measured"
 
 
 def test_an_object_that_enters_and_leaves_sideways_is_released():
     """A hand at 3.2 cm for half a second: the robot cannot move 2 cm in 25 ms."""
-    found = drive(sensor(), [*[0.5] * 5, *[0.032] * 20, *[0.5] * 5], noise=0.01)
-    assert [seen.state for seen in found[5:25]] == ["too_close"] * 20
-    assert [seen.state for seen in found[25:]] == ["clear"] * 5
+    readings = drive(sensor(), [*[0.5] * 5, *[0.032] * 20, *[0.5] * 5], noise=0.01)
+    assert [seen.state for seen in readings[5:25]] == ["too_close"] * 20
+    assert [seen.state for seen in readings[25:]] == ["clear"] * 5
 
 
 def test_noise_at_the_nearest_distance_does_not_latch():
     """At 4.2 cm noise moves the voltage across the limit."""
     block = sensor()
     drive(block, [0.042] * 200, noise=0.01)
-    found = drive(block, [0.045, 0.05, 0.06], noise=0.0)
-    assert found[-1].state == "measured"
+    readings = drive(block, [0.045, 0.05, 0.06], noise=0.0)
+    assert readings[-1].state == "measured"
 
 
 def test_resume_releases_too_close():
     block = sensor()
-    found = drive(block, sweep(0.2, 0.015, 0.005))
-    assert found[-1].state == "too_close"
+    readings = drive(block, sweep(0.2, 0.015, 0.005))
+    assert readings[-1].state == "too_close"
     now = 10_000 * MS
     again = block.react(now, Volts(now, 1.0), Resume(now))
     assert again.state == "measured"
@@ -127,8 +127,8 @@ def test_resume_releases_too_close():
 
 @pytest.mark.parametrize("read", [float("nan"), float("inf"), -float("inf")])
 def test_no_voltage_is_a_fault(read):
-    found = sensor().react(MS, Volts(MS, read), None)
-    assert (found.state, found.distance) == ("fault", 0.0)
+    readings = sensor().react(MS, Volts(MS, read), None)
+    assert (readings.state, readings.distance) == ("fault", 0.0)
 
 
 def test_three_readings_of_zero_volts_are_a_fault():

@@ -68,7 +68,7 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
 
 
 @pytest.mark.parametrize(
-    ("world", "linear", "angular", "wanted"),
+    ("world", "linear", "angular", "expected"),
     [
         (World(), 0.2, 0.5, (0.2, 0.5, "")),
         (across(1.0), 0.2, 0.0, (0.2, 0.0, "")),
@@ -89,8 +89,8 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
         (World([], [Pillar(-0.09, HALF + 0.03, 0.01)]), 0.0, -1.0, (0.0, 0.0, OBSTACLE)),
     ],
 )
-def test_allowed_velocities(world, linear, angular, wanted):
-    assert asked(world, linear, angular) == pytest.approx(wanted)
+def test_allowed_velocities(world, linear, angular, expected):
+    assert asked(world, linear, angular) == pytest.approx(expected)
 
 
 def test_turning_is_allowed_where_driving_is_not():
@@ -158,7 +158,7 @@ def test_random_commands_never_cause_a_contact(seed):
     body, scan = PointTracker(), None
     allowed = Twist(0, 0.0, 0.0)
     linear = angular = 0.0
-    wish = (0.0, 0.0)
+    velocity = (0.0, 0.0)
     for frame in range(500):  # 20 s
         now = frame * 40 * MS
         x, y, heading = body.pose_at(now)
@@ -169,6 +169,6 @@ def test_random_commands_never_cause_a_contact(seed):
         if frame % 5 == 0:
             scan = scan_of(world, now, x, y, heading)
         if frame % 12 == 0:
-            wish = rng.uniform(-0.22, 0.22), rng.uniform(-2.84, 2.84)
+            velocity = rng.uniform(-0.22, 0.22), rng.uniform(-2.84, 2.84)
         odometry = Odometry(now, x, y, heading, linear, angular, (0.0,) * 6)
-        allowed = block.react(now, Twist(now, *wish), scan, odometry)[0]
+        allowed = block.react(now, Twist(now, *velocity), scan, odometry)[0]

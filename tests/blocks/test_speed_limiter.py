@@ -38,7 +38,7 @@ def test_scaled_as_a_whole(twist, slower):
 
 
 @pytest.mark.parametrize(
-    "before, wanted, after",  # 0.02 a step away from zero, 0.03 towards it
+    "before, target, after",  # 0.02 a step away from zero, 0.03 towards it
     [
         (0.0, 0.3, 0.02),
         (0.29, 0.3, 0.3),
@@ -53,8 +53,8 @@ def test_scaled_as_a_whole(twist, slower):
         (-0.1, -0.3, -0.12),
     ],
 )
-def test_one_step_of_the_ramp(before, wanted, after):
-    assert acceleration_limited(before, wanted, 0.02, 0.03) == pytest.approx(after)
+def test_one_step_of_the_ramp(before, target, after):
+    assert acceleration_limited(before, target, 0.02, 0.03) == pytest.approx(after)
 
 
 def test_from_rest_to_the_limit_and_back():

@@ -31,7 +31,7 @@ def odometry(time, angular=0.0):
 
 
 @pytest.mark.parametrize(
-    ("points", "wanted"),
+    ("points", "expected"),
     [
         ([], inf),
         ([(1.0, 0.0)], 0.9),  # the circle of 0.1 m comes 0.9 m far
@@ -40,8 +40,8 @@ def odometry(time, angular=0.0):
         ([(-0.5, 0.0)], inf),  # behind
     ],
 )
-def test_free_distances(points, wanted):
-    assert free_distance(points, radius=0.1, half=0.2) == pytest.approx(wanted)
+def test_free_distances(points, expected):
+    assert free_distance(points, radius=0.1, half=0.2) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def side(static=0.1, rated=10.0, slots=20, speed=None):
 
 
 @pytest.mark.parametrize(
-    "target, extra, wanted",
+    "target, extra, expected",
     [
         (0.0, 0.2, 0.0),  # at rest the integral is not applied
         (5.0, 0.0, 0.55),  # 0.1 against friction, half of the remaining 0.9
@@ -32,8 +32,8 @@ def side(static=0.1, rated=10.0, slots=20, speed=None):
         (1.0, -0.5, 0.0),  # 0.19 less 0.5: the sign is the target's, or zero
     ],
 )
-def test_feed_forward(target, extra, wanted):
-    assert duty(target, extra, side().motor) == pytest.approx(wanted)
+def test_feed_forward(target, extra, expected):
+    assert duty(target, extra, side().motor) == pytest.approx(expected)
 
 
 def block(left=None, right=None):
@@ -41,33 +41,35 @@ def block(left=None, right=None):
 
 
 def test_each_side_gets_the_duty_of_its_own_motor():
-    made = block(side(rated=10.472), side(static=0.2, rated=8.0))
+    controller = block(side(rated=10.472), side(static=0.2, rated=8.0))
     # 0.1 + 5 / 10.472 x 0.9 and 0.2 + 5 / 8 x 0.8, as in calibration
-    assert made.react(9, Wheels(9, 5.0, 5.0), None)[1:] == pytest.approx((0.5297, 0.7), abs=1e-4)
+    assert controller.react(9, Wheels(9, 5.0, 5.0), None)[1:] == pytest.approx(
+        (0.5297, 0.7), abs=1e-4
+    )
 
 
 def test_a_measured_slope_overrides_the_rated_speed():
-    made = block(side(speed=0.06), side(static=0.2, rated=8.0, speed=0.09))
+    controller = block(side(speed=0.06), side(static=0.2, rated=8.0, speed=0.09))
     # 0.1 + 5 x 0.06 and 0.2 + 5 x 0.09
-    assert made.react(9, Wheels(9, 5.0, -5.0), None)[1:] == pytest.approx((0.4, -0.65))
+    assert controller.react(9, Wheels(9, 5.0, -5.0), None)[1:] == pytest.approx((0.4, -0.65))
 
 
 def test_each_side_counts_the_slots_of_its_own_disc():
-    made = block(side(slots=20), side(slots=40))
+    controller = block(side(slots=20), side(slots=40))
     target = 10 * (2 * pi / 20) / 0.6  # ten of 20 slots in each window of 0.6 s, 24 steps
     for i in range(100):
         now = i * STEP
         encoders = Encoders(now, 10 * i // 24, 20 * i // 24)
-        out = made.react(now, Wheels(now, target, target), encoders)
-    assert made.integrals == pytest.approx([0.0, 0.0], abs=1e-9)
+        out = controller.react(now, Wheels(now, target, target), encoders)
+    assert controller.integrals == pytest.approx([0.0, 0.0], abs=1e-9)
     assert out.left == out.right
 
 
 def steady(counts, instants, target):
     """Drive at `target` (rad/s) with `counts(i)` at instant i; returns the Duty of each instant."""
-    made = block()
+    controller = block()
     return [
-        made.react(
+        controller.react(
             i * STEP, Wheels(i * STEP, target, target), Encoders(i * STEP, counts(i), counts(i))
         )
         for i in range(instants)
@@ -98,11 +100,11 @@ def test_the_integral_is_limited():
 
 
 def test_a_change_of_speed_starts_a_new_window():
-    made = block()
+    controller = block()
     for i in range(40):
         target = 5.0 if i < 20 else 8.0
-        made.react(i * STEP, Wheels(i * STEP, target, target), Encoders(i * STEP, 0, 0))
-    assert made.integrals == [0.0, 0.0]  # neither speed was held for 0.6 s
+        controller.react(i * STEP, Wheels(i * STEP, target, target), Encoders(i * STEP, 0, 0))
+    assert controller.integrals == [0.0, 0.0]  # neither speed was held for 0.6 s
 
 
 def test_no_command_no_duty():

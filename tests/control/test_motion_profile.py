@@ -74,7 +74,7 @@ def test_shortest_turn(angle, turned):
 
 
 @pytest.mark.parametrize(
-    "x, y, heading, backwards, wanted",
+    "x, y, heading, backwards, expected",
     [
         (1.0, 0.0, 0.0, False, (0, 1.0, 0)),
         (-1.0, 0.0, 0.0, False, (180, 1.0, 180)),
@@ -84,9 +84,11 @@ def test_shortest_turn(angle, turned):
         (0.0, 0.0, 90.0, False, (0, 0.0, 90)),  # on the goal: one turn
     ],
 )
-def test_legs(x, y, heading, backwards, wanted):
+def test_legs(x, y, heading, backwards, expected):
     first, way, last = legs(x, y, None if heading is None else radians(heading), backwards)
-    assert (first, way, last) == pytest.approx((radians(wanted[0]), wanted[1], radians(wanted[2])))
+    assert (first, way, last) == pytest.approx(
+        (radians(expected[0]), expected[1], radians(expected[2]))
+    )
 
 
 PLACE = st.floats(-3.0, 3.0)

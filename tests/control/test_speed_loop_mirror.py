@@ -21,10 +21,10 @@ def run(targets, speeds, settings):
     pitch, angle, now, tick = 2 * pi / SLOTS, 0.3, 0, LOOP_PERIOD
     last, count = 0, 0
     for target, speed in zip(targets, speeds, strict=True):
-        begun = now
-        since = begun + 5_000_000
+        frame_start = now
+        since = frame_start + 5_000_000
         steps, commanded = 0, False
-        while now < begun + FRAME:
+        while now < frame_start + FRAME:
             now += 100_000
             if not commanded and now >= since:
                 board.command(now, target)

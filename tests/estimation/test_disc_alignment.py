@@ -20,12 +20,12 @@ SPEED = 8.0  # rad/s
 
 def errors(disc: EncoderDisc, first: int) -> list[float]:
     """Errors (pitches, mean removed) of the edges seen forward (0) or backward (1)."""
-    places = [flank / PITCH - slot for slot, flank in enumerate(disc.edges[first::2])]
+    places = [edge / PITCH - slot for slot, edge in enumerate(disc.edges[first::2])]
     return [place - fmean(places) for place in places]
 
 
-def drive(seed: int, way: float, turned: float, known) -> tuple:
-    """Turn both wheels `way` (1 or -1) for a second, discs `turned` (rad) since they were measured.
+def drive(seed: int, direction: float, turned: float, known) -> tuple:
+    """Turn both wheels in `direction` (1 or -1) for a second, their discs rotated by `turned` (rad).
 
     `known`: the disc that the robot file states for a robot's side, from its true one.
     """
@@ -46,7 +46,7 @@ def drive(seed: int, way: float, turned: float, known) -> tuple:
     odometry.reset()
     for step in range(1, 41):
         now = step * 50 * MS
-        speed = way * SPEED * min(1.0, step / 6) * (step < 26)
+        speed = direction * SPEED * min(1.0, step / 6) * (step < 26)
         robot.command(now, Wheels(now, speed, speed))
         robot.advance(now)
         for port, message in robot.deliver():
@@ -88,8 +88,8 @@ def test_another_disc_is_rejected(seed):
 
     def mirrored(disc: EncoderDisc) -> EncoderDisc:
         turned = tuple(
-            2 * (place // 2 * PITCH + place % 2 * 0.5 * PITCH) - flank
-            for place, flank in enumerate(disc.edges)
+            2 * (place // 2 * PITCH + place % 2 * 0.5 * PITCH) - edge
+            for place, edge in enumerate(disc.edges)
         )
         return disc._replace(edges=turned)
 

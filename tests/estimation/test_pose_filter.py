@@ -67,11 +67,11 @@ def test_covariance_of_slip_agrees_with_a_sample_of_robots():
     covariance = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
     means = [sum(end[i] for end in ends) / robots for i in range(3)]
     pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
-    for (i, j), told in zip(pairs, covariance, strict=True):
+    for (i, j), entry in zip(pairs, covariance, strict=True):
         seen = sum((end[i] - means[i]) * (end[j] - means[j]) for end in ends) / robots
         scale = (covariance[pairs.index((i, i))] * covariance[pairs.index((j, j))]) ** 0.5
         # A covariance from 1500 robots is good to about 2.6 % of its scale; four times that.
-        assert seen == pytest.approx(told, abs=0.11 * scale)
+        assert seen == pytest.approx(entry, abs=0.11 * scale)
 
 
 FRAMES = [(0.01, 0.01)] * 40 + [(0.01, 0.014)] * 30 + [(0.01, 0.01)] * 40  # m: a bend of 55 deg

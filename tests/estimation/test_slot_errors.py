@@ -24,6 +24,6 @@ def test_odometry_starts_from_the_measured_open_share(share, error, sd):
     side = load_robot("book_2wd").robot.drive.left
     side.encoder.open_share = share
     disc = WheelOdometer(side, 0, 0, LinkTiming(0.0, 0.0, False)).filter.motion.disc
-    told = disc.edge_estimate(3, is_forward=False)
-    assert told.error == pytest.approx(error)
-    assert told.variance == pytest.approx(0.03**2 + sd**2)  # tolerance of a slot: 3 %
+    estimate = disc.edge_estimate(3, is_forward=False)
+    assert estimate.error == pytest.approx(error)
+    assert estimate.variance == pytest.approx(0.03**2 + sd**2)  # tolerance of a slot: 3 %

@@ -17,10 +17,10 @@ def arrivals(seed: int, frames: int, pace: float = 1.0):
 
 
 def errors(pairs):
-    times, told, out = TimestampFilter(0.008, 16.5), 0, []
+    times, sampled, out = TimestampFilter(0.008, 16.5), 0, []
     for true, stamp in pairs:
-        told = times.sampled(stamp, told)
-        out.append((told - true) / MS)
+        sampled = times.sampled(stamp, sampled)
+        out.append((sampled - true) / MS)
     return out
 
 
@@ -36,17 +36,17 @@ def test_a_board_that_is_one_percent_slower_is_tracked():
 
 def test_the_filter_restarts_after_a_pause():
     times = TimestampFilter(0.008, 16.5)
-    told = 0
+    sampled = 0
     for frame in range(1, 30):
-        told = times.sampled(frame * PERIOD, told)
+        sampled = times.sampled(frame * PERIOD, sampled)
     later = 30 * PERIOD + 700 * MS
-    assert times.sampled(later, told) == later
+    assert times.sampled(later, sampled) == later
 
 
 def test_sampling_times_are_monotonic_and_unchanged_without_jitter():
-    told = [0]
+    sampled = [0]
     times = TimestampFilter(0.008, 16.5)
     for _, stamp in arrivals(3, 400):
-        told.append(times.sampled(stamp, told[-1]))
-    assert told == sorted(told)
+        sampled.append(times.sampled(stamp, sampled[-1]))
+    assert sampled == sorted(sampled)
     assert TimestampFilter(0.0, 40.0).sampled(123, 100) == 123

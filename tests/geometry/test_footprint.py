@@ -19,7 +19,7 @@ OUTLINE = Footprint(0.1, 0.2, 0.1)
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "wanted"),
+    ("x", "y", "expected"),
     [
         (0.0, 0.0, 0.0),  # inside
         (0.1, 0.1, 0.0),  # its corner
@@ -29,8 +29,8 @@ OUTLINE = Footprint(0.1, 0.2, 0.1)
         (0.4, 0.5, 0.5),  # off a corner: 0.3 ahead and 0.4 aside
     ],
 )
-def test_clearance(x, y, wanted):
-    assert OUTLINE.clearance(x, y) == pytest.approx(wanted, abs=1e-12)
+def test_clearance(x, y, expected):
+    assert OUTLINE.clearance(x, y) == pytest.approx(expected, abs=1e-12)
 
 
 def test_reach_is_that_of_the_farthest_corner():
@@ -38,7 +38,7 @@ def test_reach_is_that_of_the_farthest_corner():
 
 
 @pytest.mark.parametrize(
-    ("linear", "angular", "seconds", "wanted"),
+    ("linear", "angular", "seconds", "expected"),
     [
         (0.5, 0.0, 2.0, (1.0, 0.0, 0.0)),
         (0.0, 1.0, 0.5, (0.0, 0.0, 0.5)),
@@ -48,8 +48,8 @@ def test_reach_is_that_of_the_farthest_corner():
         (-1.0, 1.0, pi / 2, (-1.0, -1.0, pi / 2)),
     ],
 )
-def test_constant_velocity_moves_along_an_arc(linear, angular, seconds, wanted):
-    assert arc_motion(linear, angular, seconds) == pytest.approx(wanted, abs=1e-12)
+def test_constant_velocity_moves_along_an_arc(linear, angular, seconds, expected):
+    assert arc_motion(linear, angular, seconds) == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_tracker_accumulates_arcs():
@@ -70,8 +70,8 @@ def test_frame_transforms_are_inverse(px, py, x, y, heading):
 
 def test_points_of_a_scan():
     # ahead 1 m; left too close, taken for 0.12 m; behind clear; right too far to matter
-    found = scan_points(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
-    assert found[0] == pytest.approx((1.0, 0.0), abs=1e-12)
-    assert found[1] == pytest.approx((0.0, 0.12), abs=1e-12)
-    assert len(found) == 2
+    points = scan_points(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
+    assert points[0] == pytest.approx((1.0, 0.0), abs=1e-12)
+    assert points[1] == pytest.approx((0.0, 0.12), abs=1e-12)
+    assert len(points) == 2
     assert scan_points(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0] == pytest.approx((1.0, 1.0))
