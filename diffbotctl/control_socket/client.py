@@ -33,21 +33,20 @@ def choose_engine(name: str | None) -> EngineAddress:
     if len(named) == 1:
         return named[0]
     names = ", ".join(engine.name for engine in running)
+    code = "E-NO-ENGINE"
     if not running:
         cause, fix = "no engine that you may access is running", "start one: diffbotctl run goal"
     elif name is None:
-        cause = f"several engines are running: {names}"
+        code, cause = "E-SEVERAL-ENGINES", f"several engines are running: {names}"
         fix = f"choose one: --engine {running[0].name}"
     elif named:
-        cause, fix = (
-            f"{len(named)} engines are called '{name}'",
-            "give them different names with --name",
-        )
+        code, cause = "E-SEVERAL-ENGINES", f"{len(named)} engines are called '{name}'"
+        fix = "give them different names with --name"
     else:
         near = closest_match(name, [engine.name for engine in running])
         cause = f"there is no engine '{name}'"
         fix = f"did you mean {near}?" if near else f"there is {names}"
-    raise UsageError(Problem("E-NO-ENGINE", "--engine", cause, fix))
+    raise UsageError(Problem(code, "--engine", cause, fix))
 
 
 class ControlClient:

@@ -24,7 +24,7 @@ class FlashError(RunError):
 class NoBoardError(FlashError):
     """No port looks like a board."""
 
-    code = "E-FLASH-NO-BOARD"
+    code = "E-NO-BOARD"
 
     def __init__(self) -> None:
         super().__init__(
@@ -50,7 +50,7 @@ class OnlyRadioError(NoBoardError):
 class SeveralBoardsError(FlashError):
     """More than one port looks like a board."""
 
-    code = "E-FLASH-SEVERAL"
+    code = "E-SEVERAL-BOARDS"
 
     def __init__(self, devices: list[str]) -> None:
         super().__init__(

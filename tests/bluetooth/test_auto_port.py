@@ -50,7 +50,7 @@ def test_of_two_modules_each_has_its_command(own_bus):
 def test_what_no_command_can_lead_over_is_not_named(own_bus, module, words):
     with bluez(module):
         code, said = diffbotctl(*words)
-    assert code == 1 and "E-FLASH-NO-BOARD" in said and ROBOT not in said
+    assert code == 1 and "E-NO-BOARD" in said and ROBOT not in said
 
 
 def test_without_the_service_there_is_nothing_to_name(own_bus):

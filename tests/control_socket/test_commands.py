@@ -89,7 +89,7 @@ def test_without_an_engine_and_with_several(tmp_path):
     assert code == 2 and "E-NO-ENGINE" in complaint
     with running(tmp_path, *FAR, name="first"), running(tmp_path, *FAR, name="second"):
         code, _, complaint = cli(tmp_path, "why")
-        assert code == 2 and "first, second" in complaint
+        assert code == 2 and "E-SEVERAL-ENGINES" in complaint and "first, second" in complaint
         code, _, complaint = cli(tmp_path, "why", "--engine", "secnd")
         assert code == 2 and "did you mean second" in complaint
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
