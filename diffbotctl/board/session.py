@@ -13,7 +13,8 @@ from typing import NamedTuple, Self
 
 from diffbotctl.drivers.serial_port import disconnected_error, open_port
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_host import DiffbotHost, HostState
+from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.links.diffbot_states import HostState
 from diffbotctl.messages import Text
 from diffbotctl.time import SECOND
 

@@ -1,13 +1,12 @@
 """Host side of the protocol `diffbot`: handshake, commands, stops, telemetry. Sans-IO.
 
 The handshake: find the board's baud rate (`BaudSearch`), ask for its hello, send it the robot's
-settings until it uses them. Then the link is up until frames stop arriving. `TRANSITIONS` has every
-change of state; `CommandSender` handles commands and stops.
+settings until it uses them. Then the link is up until frames stop arriving. `diffbot_states` has
+every change of state; `CommandSender` handles commands and stops.
 """
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
 from typing import assert_never
 
 from diffbotctl.links import diffbot_frames as frames
@@ -21,9 +20,10 @@ from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, RefusalCode, ResetCode
 from diffbotctl.links.diffbot_settings import FIRST_BAUD, BoardSettings, settings_name
+from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
 from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
-from diffbotctl.messages import Battery, Duty, Link, LinkState, Text, Wheels
+from diffbotctl.messages import Battery, Duty, Link, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 ASK_PERIOD = 250 * MILLISECOND
@@ -36,67 +36,6 @@ SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # bootloader. The firmware sends a hello when it starts.
 USB_QUIET_TIME = 1_500 * MILLISECOND
 SILENT = "the board has gone silent"
-
-
-class HostState(StrEnum):
-    """State of the link to one board."""
-
-    CLOSED = auto()  # no port
-    OPENING = auto()  # port open, no baud rate tried yet
-    SEARCHING = auto()  # a board with our firmware has not answered yet
-    SETTLING = auto()  # it has, but does not use the robot's settings
-    UP = auto()
-    STALE = auto()  # no frames for STALE_TIMEOUT
-
-
-class HostEvent(StrEnum):
-    """What changes the state."""
-
-    PORT_OPENED = auto()
-    PORT_CLOSED = auto()
-    SETTINGS_MATCH = auto()  # the board uses the robot's settings
-    SETTINGS_DIFFER = auto()  # it uses others, or none
-    SETTINGS_REJECTED = auto()  # it cannot use them, or not now
-    VERSION_DIFFERS = auto()  # it uses another version of the protocol
-    FRAME = auto()  # a state frame
-    SILENCE = auto()  # frames have been missing for the time that the state allows
-    TIMEOUT = auto()  # the search or the settling takes too long; it goes on
-
-
-_ANY_STATE = {
-    HostEvent.PORT_OPENED: HostState.OPENING,
-    HostEvent.PORT_CLOSED: HostState.CLOSED,
-}
-_OPEN = _ANY_STATE | {
-    HostEvent.SETTINGS_MATCH: HostState.UP,
-    HostEvent.SETTINGS_DIFFER: HostState.SETTLING,
-}
-_SEARCH = _OPEN | {
-    HostEvent.VERSION_DIFFERS: HostState.SEARCHING,
-    HostEvent.TIMEOUT: HostState.SEARCHING,
-}
-_ANSWERED = _OPEN | {
-    HostEvent.VERSION_DIFFERS: HostState.SETTLING,
-    HostEvent.SETTINGS_REJECTED: HostState.SETTLING,
-}
-TRANSITIONS: dict[HostState, dict[HostEvent, HostState]] = {
-    HostState.CLOSED: _ANY_STATE,
-    HostState.OPENING: _SEARCH,
-    HostState.SEARCHING: _SEARCH,
-    HostState.SETTLING: _ANSWERED
-    | {HostEvent.SILENCE: HostState.SEARCHING, HostEvent.TIMEOUT: HostState.SETTLING},
-    HostState.UP: _ANSWERED | {HostEvent.SILENCE: HostState.STALE},
-    HostState.STALE: _ANSWERED
-    | {HostEvent.FRAME: HostState.UP, HostEvent.SILENCE: HostState.SEARCHING},
-}
-LINK_STATES: dict[HostState, LinkState] = {
-    HostState.CLOSED: "lost",
-    HostState.OPENING: "opening",
-    HostState.SEARCHING: "negotiating",
-    HostState.SETTLING: "negotiating",
-    HostState.UP: "up",
-    HostState.STALE: "stale",
-}
 
 
 class DiffbotHost:

@@ -98,7 +98,7 @@ def test_analog_channels(field, other):
     ]
 
 
-def test_invalid_settings_are_refused_as_expected():
+def test_invalid_settings_are_refused():
     chance = Random(1)
     assert all(refusal != "none" for refusal, _ in verdicts([spoil(chance) for _ in range(2000)]))
 

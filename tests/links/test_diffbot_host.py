@@ -4,7 +4,8 @@ import pytest
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
-from diffbotctl.links.diffbot_host import LINK_STATES, TRANSITIONS, DiffbotHost, HostState
+from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostState
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.time import MILLISECOND
 
