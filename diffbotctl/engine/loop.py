@@ -92,8 +92,11 @@ class Engine:
         if self.ending is None:
             self.ending = (code, cause)
 
-    def run(self, until: int = NEVER) -> RunOutcome:
-        """Run until `end` is called or logical time reaches `until`, then stop the robot."""
+    def run(self, until: int = NEVER, limit_code: Callable[[], int] | None = None) -> RunOutcome:
+        """Run until `end` is called or logical time reaches `until`, then stop the robot.
+
+        `limit_code` gives the exit code of a run that `until` ended; without it, 0.
+        """
         gc.collect()
         gc.freeze()  # these objects live until the end; exclude them from garbage collection
         try:
@@ -109,7 +112,10 @@ class Engine:
             raise
         finally:
             gc.unfreeze()
-        self.end(0, f"{until / SECOND:g} s are over")
+        if self.ending is None:
+            self.end(
+                limit_code() if limit_code else 0, f"time limit of {until / SECOND:g} s reached"
+            )
         stopped = self._stop()
         assert self.ending is not None
         code, cause = self.ending

@@ -125,7 +125,8 @@ class Run:
     def go(self) -> RunResult:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
         duration = self.options.duration
-        ending = self.engine.run(NEVER if duration is None else round(duration * SECOND))
+        until = NEVER if duration is None else round(duration * SECOND)
+        ending = self.engine.run(until, self._limit_code)
         self._close_after(ending)
         outputs, (reached, goals) = self.outputs, self.operator.progress()
         return RunResult(
@@ -141,6 +142,11 @@ class Run:
             digest=outputs.digest.text() if outputs.digest else None,
             recording=outputs.recorder.lost if outputs.recorder else None,
         )
+
+    def _limit_code(self) -> int:
+        """Exit code at the time limit: 1 when a goal of the run was not reached."""
+        reached, goals = self.operator.progress()
+        return int(not self.options.stay and reached < goals)
 
     def _open_robot(self) -> PortRobot:
         """The robot at the port of the options. Raises RunError."""

@@ -164,3 +164,15 @@ def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
         assert b"Traceback" not in complaint, complaint.decode()
         codes.add(process.returncode)
     assert codes <= {0, 130}
+
+
+@pytest.mark.parametrize(
+    "words, code",
+    [
+        (["goal", "--for", "1s"], 1),  # the goal is more than a metre away
+        (["goal", "--goal", "0 0", "--for", "5s"], 0),  # it is there already
+        (["hello", "--for", "1s"], 0),  # it has no goals
+    ],
+)
+def test_a_time_limit_before_the_goal_exits_with_1(words, code):
+    assert run("run", *words, "--fast", "--quiet").returncode == code

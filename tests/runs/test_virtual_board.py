@@ -108,7 +108,9 @@ def test_a_link_that_stays_disconnected_is_a_failure(tmp_path):
         said, _ = driver.communicate()
         assert virtual.board.duty == STILL
     assert "final stop NOT CONFIRMED" in said
-    assert "ended 2 s are over, after 2.0 s" in said  # though nothing has come for long
+    assert (
+        "ended time limit of 2 s reached, after 2.0 s" in said
+    )  # though nothing has come for long
     assert driver.returncode == 1
 
 
