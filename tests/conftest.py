@@ -8,8 +8,12 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 os.chdir(Path(__file__).parent.parent)
+# A busy machine makes single examples slow, which says nothing about the program.
+settings.register_profile("no_deadline", deadline=None)
+settings.load_profile("no_deadline")
 # A background shell starts its jobs with SIGINT ignored, nohup with SIGHUP ignored. Programs that
 # the tests start would inherit that and not end on these signals.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -24,5 +28,7 @@ def pytest_collection_modifyitems(items):
     """One board at a time: an emulated one needs most of a core to keep up with real time."""
     for item in items:
         known = vars(getattr(item, "module", pytest)).values()
-        if any(getattr(each, "__module__", "") == "tests.virtual_board" for each in known):
+        if any(
+            getattr(each, "__module__", "") == "diffbotctl.testing.virtual_board" for each in known
+        ):
             item.add_marker(pytest.mark.xdist_group("board"))

@@ -80,9 +80,8 @@ class Wiring(NamedTuple):
 
     def repaired(self) -> Wiring:
         """With what only a hand can mend mended."""
-        motors = {"left": self.left, "right": self.right}
-        mended = {side: "plain" if way == "dead" else way for side, way in motors.items()}
-        return self._replace(left_encoder="plain", right_encoder="plain", **mended)
+        left, right = ("plain" if fault == "dead" else fault for fault in (self.left, self.right))
+        return self._replace(left=left, right=right, left_encoder="plain", right_encoder="plain")
 
 
 def drawn(chance: Random) -> Wiring:
@@ -100,11 +99,12 @@ def drawn(chance: Random) -> Wiring:
     luck = chance.random()
     side = chance.choice(SIDES)
     if luck < 0.12 and not crossed:
-        return made._replace(**{side: "dead"})
-    if luck < 0.24:
-        return made._replace(**{f"{side}_encoder": "dead"})
+        return made._replace(left="dead") if side == "left" else made._replace(right="dead")
     if luck < 0.36:
-        return made._replace(**{f"{side}_encoder": "floating"})
+        fault = "dead" if luck < 0.24 else "floating"
+        if side == "left":
+            return made._replace(left_encoder=fault)
+        return made._replace(right_encoder=fault)
     return made
 
 

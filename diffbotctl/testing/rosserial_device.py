@@ -173,7 +173,7 @@ class RosserialDevice:
             target = self.pwm[side] / 255 * RATED
             self.speed[side] += (target - self.speed[side]) * min(1.0, max(0.0, step) / LAG)
             self.counts[side] += self.speed[side] * max(0.0, step)
-        self.truth.append((now, *self.counts))
+        self.truth.append((now, self.counts[0], self.counts[1]))
 
     def _publish(self, now: int) -> None:
         values = {

@@ -37,6 +37,7 @@ def running(folder, *words, name="test"):
         line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
     try:
+        assert process.stdout is not None
         process.stdout.readline()  # the headline
         process.stdout.readline()  # the first live line: the socket is there
         yield process

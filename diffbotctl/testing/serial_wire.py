@@ -52,7 +52,8 @@ class SerialWire(BackgroundDevice):
         self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.board)
         self.lock = threading.Lock()
-        self.ends = self.decoder = None
+        self.ends: tuple[int, int] | None = None  # host side and device of the pseudo-terminal
+        self.decoder: FrameDecoder | None = None
         self.plug()
         self.begin()
 
@@ -73,7 +74,7 @@ class SerialWire(BackgroundDevice):
         """Cut it; the port vanishes, and whoever has it open is hung up on."""
         with self.lock:
             self.name.unlink()
-            for end in self.ends:
+            for end in self.ends or ():
                 os.close(end)
             self.ends = None
 
@@ -84,6 +85,7 @@ class SerialWire(BackgroundDevice):
 
     def host_rate(self):
         """The rate to which the host has set its port."""
+        assert self.ends is not None
         return RATES.get(termios.tcgetattr(self.ends[0])[4])
 
     def live(self):

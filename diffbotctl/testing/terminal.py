@@ -24,15 +24,15 @@ class AnsweringScreen(pyte.Screen):
     def write_process_input(self, data):
         self.answer(data.encode())
 
-    def set_mode(self, *modes, private=False):
-        if private:
+    def set_mode(self, *modes, **options):
+        if options.get("private"):
             self.modes.update(modes)
-        super().set_mode(*modes, private=private)
+        super().set_mode(*modes, **options)
 
-    def reset_mode(self, *modes, private=False):
-        if private:
+    def reset_mode(self, *modes, **options):
+        if options.get("private"):
             self.modes.difference_update(modes)
-        super().reset_mode(*modes, private=private)
+        super().reset_mode(*modes, **options)
 
 
 class Terminal:
@@ -40,6 +40,7 @@ class Terminal:
 
     def __init__(self, command, environment=None, columns=80, lines=24, **more):
         self.master, slave = os.openpty()
+        self.is_closed = False
         self._size(columns, lines)
         variables = {**(environment or os.environ), "TERM": "xterm-256color", **more}
         for name in ("TMUX", "STY", "NO_COLOR", "COLUMNS", "LINES"):
@@ -119,12 +120,12 @@ class Terminal:
         """Close the window."""
         os.close(self.slave)
         os.close(self.master)
-        self.master = self.slave = None
+        self.is_closed = True
 
     def close(self):
         self.process.kill()
         self.process.wait()
-        if self.master is not None:
+        if not self.is_closed:
             self.hang_up()
 
     def _size(self, columns, lines):

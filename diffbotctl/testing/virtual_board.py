@@ -24,8 +24,8 @@ def board(image=IMAGE, robot="book_2wd"):
     """A board with this program on it, in this robot; with None, nothing but its bootloader."""
     ends, end = os.pipe()
     with virtual_board(load_robot(str(robot)).robot, seed=3, image=image) as virtual:
-        virtual.seen = []  # what it tells of its wheels
-        pace = threading.Thread(target=virtual.serve, args=(ends, virtual.seen.append))
+        virtual.seen = []  # type: ignore[attr-defined]  # reports of its wheels
+        pace = threading.Thread(target=virtual.serve, args=(ends, virtual.seen.append))  # type: ignore[attr-defined]
         pace.start()
         try:
             yield virtual

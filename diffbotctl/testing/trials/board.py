@@ -79,10 +79,10 @@ def telemetry(seconds: int) -> Iterator[Row]:
         for number in range(seconds * 20):
             bench.send(RADIO, speed(number, 8, 8))
             bench.wait(50)
-        states = [h for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
+        states = [h.frame for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
         took = (bench.now - start) / 1e9
-        gaps = sum((b.frame.sequence - a.frame.sequence - 1) % 64 for a, b in pairwise(states))
-        dropped = sum(h.frame.dropped for h in states)
+        gaps = sum((b.sequence - a.sequence - 1) % 64 for a, b in pairwise(states))
+        dropped = sum(state.dropped for state in states)
         damaged = bench.decoders[RADIO].damaged
         status = [h.frame for h in bench.heard if isinstance(h.frame, frames.StatusFrame)]
     rate = len(states) / took

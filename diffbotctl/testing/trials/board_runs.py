@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.load import load
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
+from diffbotctl.emulator.process import PinTransition
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions, RunResult
@@ -21,7 +22,6 @@ from diffbotctl.testing.board_bench import (
     MS,
     RADIO,
     BoardBench,
-    PinTransition,
     speed,
 )
 from diffbotctl.testing.trials.row import Row
@@ -71,6 +71,7 @@ def _trip(chance: Random, within: tuple[float, float], seed: int) -> Trip:
     heading = chance.uniform(-pi, pi)
     goal = Goal(0, 1, distance * cos(bearing), distance * sin(bearing), heading)
     result, host = _drive(goal, seed)
+    assert result.truth is not None
     pose = result.truth.pose
     far = hypot(pose.x - goal.x, pose.y - goal.y) * 1000
     turned = abs(degrees((pose.heading - heading + pi) % (2 * pi) - pi))

@@ -15,7 +15,7 @@ from statistics import fmean, stdev
 
 from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
-from diffbotctl.calibrate.dead_reckoning import Geometry, end_error, mean_distance
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, end_error, mean_distance
 from diffbotctl.calibrate.geometry_fit import fit_geometry
 from diffbotctl.calibrate.log_reader import OptiodomSession, is_session, read_session
 from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
@@ -79,9 +79,7 @@ def _is_other_path(path: Path) -> bool:
     return any(part.lower().startswith(NOT_SQUARE) for part in path.parts)
 
 
-def _ends(
-    session: OptiodomSession, geometry: Geometry
-) -> tuple[list[umbmark.EndError], list[umbmark.EndError]]:
+def _ends(session: OptiodomSession, geometry: Geometry) -> tuple[list[EndError], list[EndError]]:
     ends = [end_error(drive, geometry) for drive in session.drives]
     half = len(ends) // 2
     return ends[:half], ends[half:]

@@ -85,6 +85,7 @@ def trial(seed: int, outage: str) -> Trial:
         drive = Drive(seed, when, options)
         result = drive.go()
         stops = silences(file) + expiries(drive.far.passed)
+    assert result.truth is not None
     pose, ways = result.truth.pose, (drive.far.up, drive.far.down)
     return Trial(
         outage,

@@ -95,6 +95,7 @@ def walk(world: World, seed: int, minutes: float) -> WanderRun:
 
     run.engine.idle = look
     result = run.go()
+    assert result.truth is not None
     return WanderRun(least, contacts, result.truth.travel, result.truth.turned)
 
 
