@@ -25,7 +25,7 @@ def errors(disc: EncoderDisc, first: int) -> list[float]:
 
 
 def drive(seed: int, direction: float, turned: float, known) -> tuple:
-    """Turn both wheels in `direction` (1 or -1) for a second, their discs rotated by `turned` (rad).
+    """Turn both wheels in `direction` (1 or -1) for 1 s, their discs rotated by `turned` (rad).
 
     `known`: the disc that the robot file states for a robot's side, from its true one.
     """
