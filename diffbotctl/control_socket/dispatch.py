@@ -12,7 +12,6 @@ from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest
 from diffbotctl.control_socket.handlers import commands, introspection
 from diffbotctl.control_socket.protocol import Fields, RefusalError, parse_line
 from diffbotctl.control_socket.requests import (
-    declared_fields,
     from_version_1,
     parse_hello,
     parse_request,
@@ -113,21 +112,3 @@ def _unknown_method(name: Any) -> RefusalError:
     near = closest_match(name, METHODS)
     fix = f"did you mean {near}?" if near else f"there are {', '.join(METHODS)}"
     return RefusalError("E-REQUEST", f"there is no method '{name[:40]}'", fix)
-
-
-def methods_table() -> str:
-    """The table of methods in docs/protocol.md."""
-    rows = ["| method | fields | what it does |", "|---|---|---|"]
-    for name, method in METHODS.items():
-        fields = ", ".join(
-            f"`{field}`" if declaration.is_required else f"[`{field}`]"
-            for field, declaration in declared_fields(method.request).items()
-        )
-        rows.append(f"| `{name}` | {fields} | {' '.join((method.request.__doc__ or '').split())} |")
-    rows += ["", "| field | of | type | what it is |", "|---|---|---|---|"]
-    for name, method in METHODS.items():
-        for field, declaration in declared_fields(method.request).items():
-            rows.append(
-                f"| `{field}` | `{name}` | {declaration.type_text} | {declaration.field.help} |"
-            )
-    return "\n".join(rows) + "\n"

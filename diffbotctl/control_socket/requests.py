@@ -228,13 +228,6 @@ class FieldDeclaration(NamedTuple):
     is_required: bool
     field: RequestField
 
-    @property
-    def type_text(self) -> str:
-        """Type, unit and bounds, for the documentation."""
-        text = ", ".join(self.choices) or TYPE_NAMES[self.kind]
-        limits = self.field.limits_text() if self.field.minimum > -inf else self.field.unit
-        return f"{text}, {limits}" if limits else text
-
 
 DECLARED: dict[type, dict[str, FieldDeclaration]] = {}  # by request class, filled on first use
 
@@ -257,7 +250,6 @@ def _declaration(hint: Any, field: RequestField, is_required: bool) -> FieldDecl
     return FieldDeclaration(kind, choices, type(None) in get_args(hint), is_required, field)
 
 
-TYPE_NAMES = {float: "number", bool: "boolean", dict: "object", str: "text", object: "any"}
 KINDS: dict[type, str] = {
     float: "a finite number",
     bool: "true or false",

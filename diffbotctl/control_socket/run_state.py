@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import nan
 from typing import Any, NamedTuple
 
+from diffbotctl import messages
 from diffbotctl.control_socket.connection import Client, Subscriptions
 from diffbotctl.control_socket.engine_channel import EngineLink, EngineUpdate
 from diffbotctl.control_socket.protocol import RefusalError
@@ -16,21 +17,7 @@ from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
 from diffbotctl.errors import closest_match
 from diffbotctl.graph import LOG, Graph
-from diffbotctl.messages import (
-    Battery,
-    Goal,
-    GoalState,
-    LogLine,
-    Message,
-    Odometry,
-    Path,
-    Range,
-    Scan,
-    Setting,
-    Stop,
-    Twist,
-    Wheels,
-)
+from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
 from diffbotctl.time import SECOND
 
 RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
@@ -160,23 +147,23 @@ class RunState:
 # The last part of a ROS name: the wire here, or the message class with the same content.
 ROS_TOPICS: dict[str, str | type] = {
     "cmd_vel": "operator.twist",
-    "odom": Odometry,
-    "pose": Odometry,  # turtlesim's
-    "scan": Scan,
-    "range": Range,
-    "sonar": Range,
+    "odom": messages.Odometry,
+    "pose": messages.Odometry,  # turtlesim's
+    "scan": messages.Scan,
+    "range": messages.Range,
+    "sonar": messages.Range,
     "goal": "operator.goal",
     "goal_pose": "operator.goal",
     "path": "operator.path",
-    "plan": Path,
+    "plan": messages.Path,
     "status": GoalState,
-    "battery_state": Battery,
-    "wheel_cmd": Wheels,
+    "battery_state": messages.Battery,
+    "wheel_cmd": messages.Wheels,
     "lwheel": "robot.encoders",
     "rwheel": "robot.encoders",
     "joint_states": "robot.encoders",
-    "twist": Twist,
-    "current_goal": Goal,
+    "twist": messages.Twist,
+    "current_goal": messages.Goal,
     "rosout": "log",
     "rosout_agg": "log",
 }

@@ -4,19 +4,43 @@ import json
 import re
 import shutil
 import subprocess
+from math import inf
 from pathlib import Path
 
 import pytest
 
-from diffbotctl.control_socket.dispatch import METHODS, methods_table
+from diffbotctl.control_socket.dispatch import METHODS
+from diffbotctl.control_socket.requests import declared_fields
 from diffbotctl.testing.running import PlainClient, running, stands
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 CARRIERS = {"nc": 'nc -N -U "$1"', "socat": 'socat - "UNIX-CONNECT:$1"'}
 
 
+TYPES = {float: "number", bool: "boolean", dict: "object", str: "text", object: "any"}
+
+
+def methods_table():
+    """The tables of methods and fields, from the declarations."""
+    methods = ["| method | fields | what it does |", "|---|---|---|"]
+    fields = ["| field | of | type | what it is |", "|---|---|---|---|"]
+    for method, (request, _) in ((name, vars(method).values()) for name, method in METHODS.items()):
+        declarations = declared_fields(request)
+        names = ", ".join(
+            f"`{name}`" if declaration.is_required else f"[`{name}`]"
+            for name, declaration in declarations.items()
+        )
+        methods.append(f"| `{method}` | {names} | {' '.join(request.__doc__.split())} |")
+        for name, (kind, choices, _, _, field) in declarations.items():
+            limits = field.limits_text() if field.minimum > -inf else field.unit
+            text = ", ".join(filter(None, [*choices] or [TYPES[kind], limits]))
+            fields.append(f"| `{name}` | `{method}` | {text} | {field.help} |")
+    return "\n".join([*methods, "", *fields]) + "\n"
+
+
 def test_the_tables_are_the_generated_ones():
-    assert methods_table() in PAGE, "copy the output of dispatch.methods_table() into the page"
+    table = methods_table()
+    assert table in PAGE, f"copy these tables into the page:\n{table}"
 
 
 def test_every_method_is_in_the_table():
