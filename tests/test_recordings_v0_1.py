@@ -1,9 +1,9 @@
 """Recordings made with version 0.1 are read and replayed bit for bit by this version.
 
 How each was made, and what it covers, is in data/recordings_v0_1/README.md. They are never made
-anew: what version 0.1 wrote stays as it is. Texts that a later version words differently are listed
-in data/recordings_v0_1/changed_texts.yaml and translated before the comparison; nothing else may
-differ.
+again: files written by version 0.1 stay as they are. Texts that a later version words differently
+are listed in data/recordings_v0_1/changed_texts.yaml and translated before the comparison; nothing
+else may differ.
 """
 
 import re
@@ -32,7 +32,7 @@ FOLDER = Path(__file__).parent / "data" / "recordings_v0_1"
 
 
 class Frozen(NamedTuple):
-    """What the replay of a recording came to in version 0.1."""
+    """Result of the replay of a recording in version 0.1."""
 
     compared: int
     """messages that `--check` compares with the recorded ones; 0 where it refuses"""
@@ -58,7 +58,8 @@ CHECKED = {
     "ease.mcap": Frozen(1089, "771f4be3b568ff5eca266d9b5209bf4ba736451133f1716ad3551ad1d281c85e"),
 }
 
-# A recovered recording has no end, and a flight nothing of the blocks: `--check` refuses both.
+# A recovered recording has no end, and a black box file no messages of blocks: `--check` refuses
+# both.
 UNCHECKED = {
     "hello.mcap": Frozen(0, "d9d4da6b2dd7ca1855881bbfe5c2424e75e7f9e968341cc0fae624feaa24ae39"),
     "flight.mcap": Frozen(0, "d57896ab4e686117a02f69baac09694fcc36aac9025273b119c3d5c7902cdfb0"),
@@ -213,7 +214,7 @@ def translated_messages(reader: RecordingReader) -> Iterator[RecordedMessage]:
 
 @pytest.fixture
 def in_present_words(monkeypatch):
-    """The inputs and the recorded outputs of a replay are translated, both alike."""
+    """Both the inputs and the recorded outputs of a replay are translated."""
     monkeypatch.setattr(RecordingReader, "messages", translated_messages)
 
 
@@ -231,7 +232,7 @@ def without_texts(item: RecordedMessage) -> RecordedMessage:
 
 
 @pytest.mark.parametrize("name", CHECKED)
-def test_every_message_is_made_anew_bit_for_bit(name, in_present_words):
+def test_every_message_is_computed_again_bit_for_bit(name, in_present_words):
     done = replay(FOLDER / name, check=True)
     assert done.difference is None and done.text_differences == 0
     assert done.compared == CHECKED[name].compared > 0
@@ -241,7 +242,9 @@ def test_every_message_is_made_anew_bit_for_bit(name, in_present_words):
 
 
 @pytest.mark.parametrize("name", UNCHECKED)
-def test_what_cannot_be_checked_is_replayed_to_its_end(name, in_present_words, tmp_path):
+def test_a_recording_that_cannot_be_checked_is_replayed_to_its_end(
+    name, in_present_words, tmp_path
+):
     run = read_run(FOLDER / name)
     done = replay_run(run, ReplayOptions(record=tmp_path / name))
     assert done.ending.code == 0 and done.ending.time > run.last
@@ -257,7 +260,7 @@ def test_what_cannot_be_checked_is_replayed_to_its_end(name, in_present_words, t
 
 @cache
 def recorded_texts() -> set[tuple[str, str]]:
-    """All texts that version 0.1 recorded, or made in the replay of a flight."""
+    """All texts that version 0.1 recorded, or computed in the replay of a black box file."""
     recorded = (
         texts_of(item.message) for name in ALL for item in RECORDED(RecordingReader(FOLDER / name))
     )
@@ -274,7 +277,7 @@ def test_each_changed_text_is_in_a_recording(row):
     )
 
 
-def test_a_flight_begins_in_the_state_that_was_saved():
+def test_a_black_box_file_begins_in_the_state_that_was_saved():
     run = read_run(FOLDER / "flight.mcap")
     assert run.is_black_box and run.begins == "state"
     assert run.state is not None and run.state[0] > 30 * SECOND

@@ -27,7 +27,7 @@ MS = 1_000_000
 
 
 class Desk:
-    """The hub's end of the channel, and the person at the engine's end."""
+    """The server's end of the channel, and the driver at the engine's end."""
 
     def __init__(self, goals=()):
         ours, self.hub = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -64,7 +64,7 @@ class Desk:
         return found
 
 
-def test_silence_of_whoever_drives_holds_the_robot_to_the_nanosecond():
+def test_the_robot_is_stopped_exactly_when_the_lease_ends():
     desk = Desk()
     desk.send(DriveRequest(0.2, 0.0))
     assert desk.idle(1000 * MS) == [""]
@@ -79,7 +79,7 @@ def test_silence_of_whoever_drives_holds_the_robot_to_the_nanosecond():
     assert desk.person.due() == NEVER
 
 
-def test_each_word_pushes_the_end_of_patience_on():
+def test_each_command_renews_the_lease():
     desk = Desk()
     for step in range(10):
         desk.send(DriveRequest(0.2, 0.0))
@@ -88,7 +88,7 @@ def test_each_word_pushes_the_end_of_patience_on():
     assert desk.person.due() == 9 * 200 * MS + DRIVE_TIMEOUT
 
 
-def test_a_driver_who_leaves_holds_the_robot_and_a_watcher_who_leaves_does_not():
+def test_the_robot_is_stopped_when_the_driving_client_disconnects_and_no_other():
     desk = Desk()
     desk.send(DriveRequest(0.2, 0.0), client=1)
     desk.send(ClientDisconnected(), client=2)
@@ -99,7 +99,7 @@ def test_a_driver_who_leaves_holds_the_robot_and_a_watcher_who_leaves_does_not()
     assert desk.instant(11)["operator.halt"].cause == "ann was driving and disconnected"
 
 
-def test_a_dead_hub_is_a_lost_operator_only_while_someone_drives():
+def test_a_dead_server_is_a_lost_operator_only_while_a_client_drives():
     watched, driven = Desk(), Desk()
     driven.send(DriveRequest(0.2, 0.0))
     driven.idle(0)
@@ -111,7 +111,7 @@ def test_a_dead_hub_is_a_lost_operator_only_while_someone_drives():
     assert driven.instant(11)["operator.halt"].code == "operator_lost"
 
 
-def test_a_goal_waits_for_resume_while_a_person_drives_and_after_they_are_lost():
+def test_a_goal_is_paused_until_resume_while_a_client_drives_and_after_it_is_lost():
     desk = Desk([Goal(0, 0, 1.0, 0.0)])
     assert desk.instant(1)["operator.goal"].number == 1
     desk.send(DriveRequest(0.2, 0.0))
@@ -125,7 +125,7 @@ def test_a_goal_waits_for_resume_while_a_person_drives_and_after_they_are_lost()
     assert found["operator.goal"].number == 1 and "operator.resume" in found
 
 
-def test_one_drives_and_the_other_is_told_unless_they_take_over():
+def test_another_client_is_refused_unless_it_takes_over():
     desk = Desk()
     desk.send(DriveRequest(0.2, 0.0), client=1)
     desk.send(DriveRequest(0.1, 0.0), client=2)
@@ -137,7 +137,7 @@ def test_one_drives_and_the_other_is_told_unless_they_take_over():
     assert desk.instant(11)["operator.twist"].linear == 0.1
 
 
-def test_of_many_velocities_in_one_idle_time_the_last_counts():
+def test_only_the_last_of_several_velocities_in_one_idle_time_counts():
     desk = Desk()
     for step in range(30):
         desk.send(DriveRequest(step / 100, 0.0))
@@ -145,7 +145,7 @@ def test_of_many_velocities_in_one_idle_time_the_last_counts():
     assert desk.instant(1)["operator.twist"].linear == 0.15
 
 
-def test_a_persons_goal_does_not_end_the_run():
+def test_the_goal_of_a_client_does_not_end_the_run():
     from diffbotctl.messages import GoalState
 
     desk = Desk([Goal(0, 0, 1.0, 0.0)])

@@ -1,4 +1,4 @@
-"""The terminal's commands on running engines, as a person types them."""
+"""Commands of the command line on running engines."""
 
 import os
 import signal
@@ -13,7 +13,7 @@ FAR = ("goal", "--stay", "--goal", "2 0")
 
 
 def children_of(pid):
-    """Process numbers of the children of `pid`, by what the kernel says of each."""
+    """Process numbers of the children of `pid`, by what the kernel reports."""
     listed = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     return [int(each) for each in listed]
 
@@ -71,7 +71,7 @@ PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
         ((LATCHED, GOAL), (None, GOAL), True, "released from operator_stop: the cat"),
         ((LATCHED, NO_GOAL), (None, GOAL), True, "the cat; goal 1 continues"),
         ((LATCHED, GOAL), (LATCHED, GOAL), False, "still stopped by operator_stop: the cat"),
-        # Behind the stop that was ended stands one that needs no consent.
+        # After the latched stop has ended, another stop is still in force.
         ((LATCHED, GOAL), (PASSING, GOAL), True, "now stopped by obstacle: a wall, which ends by"),
         ((PASSING, GOAL), (PASSING, GOAL), False, "obstacle: a wall; the stop ends by itself when"),
         ((None, GOAL), (None, GOAL), False, "no goal is under way"),  # no block follows goals
@@ -95,7 +95,7 @@ def test_without_an_engine_and_with_several(tmp_path):
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
         first, second = PlainClient(tmp_path, "first"), PlainClient(tmp_path, "second")
         assert second.request("status")["held"] and not first.request("status")["held"]
-        code, out, _ = cli(tmp_path, "stop")  # nobody in a hurry is asked which
+        code, out, _ = cli(tmp_path, "stop")  # it stops all, without a question
         assert code == 0 and "first: stopped" in out and first.request("status")["held"]
         code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
         assert code == 1 and "E-SOCKET" in complaint and "already running" in complaint
@@ -117,7 +117,7 @@ def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
         assert "ended" in out and process.wait(timeout=20) == 130
         rest = process.stdout.read()
         assert "final stop confirmed" in rest
-        # The last minutes are lost with a hub, and that is said.
+        # The black box is lost with the server process, and the run reports that.
         assert ("BLACK BOX STOPPED" in rest) == broken.startswith("hub")
     assert not list((tmp_path / "diffbotctl").glob("test.socket"))
 
@@ -125,7 +125,7 @@ def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
 def test_a_killed_engine_leaves_no_name_behind(tmp_path):
     with running(tmp_path, *FAR) as process:
         hub = hub_of(tmp_path, process.pid)
-        os.kill(hub, signal.SIGKILL)  # nobody clears up
+        os.kill(hub, signal.SIGKILL)  # it removes no file
         process.kill()
         process.wait()
     assert (tmp_path / "diffbotctl" / "test.socket").exists()

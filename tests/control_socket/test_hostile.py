@@ -1,4 +1,4 @@
-"""What no client may bring about: nonsense, floods, strangers. Others go on as if nothing was."""
+"""Invalid input, floods and foreign users: they are refused, and other clients are unaffected."""
 
 import json
 import os
@@ -84,7 +84,7 @@ def refusal_to(folder, data):
         (b'{"method": "subscribe", "topic": "nothing.here"}\n', "no topic"),
     ],
 )
-def test_nonsense_gets_a_clear_refusal(folder, data, words):
+def test_invalid_requests_are_refused_with_a_cause(folder, data, words):
     said = refusal_to(folder, data)
     assert said["ok"] is False and words in said["cause"], said
     assert said["error"] in ("E-PROTOCOL", "E-REQUEST")
@@ -100,7 +100,7 @@ def test_nonsense_gets_a_clear_refusal(folder, data, words):
         (b"\x16\x03\x01\x02\x00\n", "not JSON"),
     ],
 )
-def test_who_does_not_greet_properly_is_sent_away(folder, hello, words):
+def test_a_client_with_a_wrong_hello_is_disconnected(folder, hello, words):
     client = PlainClient(folder, hello=None)
     client.send(hello)
     assert words in client.read()["cause"]
@@ -143,7 +143,7 @@ def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
     client.close()
 
 
-def test_who_never_reads_loses_the_oldest_and_is_told(folder):
+def test_a_client_that_never_reads_loses_the_oldest_lines_and_gets_their_number(folder):
     deaf = PlainClient(folder)
     deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     for _ in range(3):
@@ -225,7 +225,7 @@ def as_nobody(path, *groups):
 
 
 @ROOT_ONLY
-def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_hub(folder):
+def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_server(folder):
     inside = folder / "diffbotctl"
     path = inside / "test.socket"
     ways_in = [inside, *list(inside.parents)[:-2]]  # below /tmp
@@ -236,7 +236,7 @@ def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_hub(folder
     try:
         assert as_nobody(path) == "refused: Permission denied\n"  # by the file's own mode
         path.chmod(0o666)
-        said = json.loads(as_nobody(path))  # and by the hub, who knows the caller's uid
+        said = json.loads(as_nobody(path))  # and by the server, which knows the uid
         assert said["error"] == "E-SOCKET" and "only the user" in said["cause"]
     finally:
         path.chmod(0o600)
@@ -262,7 +262,7 @@ def test_members_of_the_group_may_and_others_may_not(tmp_path):
 
 
 @ROOT_ONLY
-def test_a_group_that_does_not_exist_is_told(tmp_path):
+def test_a_group_that_does_not_exist_is_an_error(tmp_path):
     code, _, complaint = cli(tmp_path, "run", "goal", "--group", "no-such-group")
     assert code == 1 and "there is no group 'no-such-group'" in " ".join(complaint.split())
 

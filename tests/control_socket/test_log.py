@@ -1,4 +1,4 @@
-"""The log and the cost of blocks on a running engine: what is said, and who hears it."""
+"""The log and the processor load of blocks on a running engine."""
 
 import json
 import signal
@@ -80,7 +80,7 @@ def test_following_shows_an_event_as_it_happens(folder):
     process = follow(folder, "--block", "operator")
     try:
         read_until(process.stdout, lambda line: "goal 1 taken" in line["text"])
-        # What was said before is printed when the stream is on, so the next comes by it.
+        # Earlier lines are printed once the stream has begun, so the next line comes by the stream.
         assert PlainClient(folder).request("set_parameter", parameter="guard.margin", value="6 cm")[
             "ok"
         ]
@@ -98,7 +98,7 @@ def test_whoever_drives_is_named_when_they_come_and_go(folder):
     client.until(stands)
     said = until(
         lambda: [line["text"] for line in client.request("read_log", block="operator")["lines"]],
-        lambda said: said[-1].endswith("released control"),  # it may be a turn behind the answer
+        lambda said: said[-1].endswith("released control"),  # it may come after the reply
     )
     assert said[-2].startswith("plain (process ") and said[-2].endswith("is driving")
 

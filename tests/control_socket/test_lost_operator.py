@@ -93,7 +93,7 @@ def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
         )
         os.close(theirs)
         client.until(drives)
-        os.close(ours)  # the terminal is gone: the kernel hangs up
+        os.close(ours)  # the terminal closes: the kernel sends SIGHUP
         held = client.until(lambda status: status["held"])["held"]
         assert held["code"] == "operator_lost"
         driver.wait(timeout=20)

@@ -1,4 +1,4 @@
-"""A real run and its control socket: stop, resume, goto, and who may speak."""
+"""A real run and its control socket: stop, resume, goto, and access."""
 
 import json
 import os
@@ -42,7 +42,7 @@ def test_stop_holds_the_robot_until_resume(run):
     assert "operator_stop" in text and "a cat" in text and "diffbotctl resume" in text
     assert client.request("drive", linear=0.1)["error"] == "E-HELD"
     assert client.request("resume")["ok"]
-    assert client.until(moves)["held"] is None  # the goal goes on
+    assert client.until(moves)["held"] is None  # the goal continues
     client.request("stop")
     client.request("goto", x=0.0, y=0.0)
     client.request("resume")

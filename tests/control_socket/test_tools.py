@@ -1,4 +1,4 @@
-"""topic, param, call, drive, blocks and graph on a running engine, as a person types them."""
+"""topic, param, call, drive, blocks and graph on a running engine, on the command line."""
 
 import json
 from math import radians

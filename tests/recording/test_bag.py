@@ -19,7 +19,7 @@ def said(*words):
     return result.return_value, result.output
 
 
-def test_info_counts_what_is_there(goal):
+def test_info_counts_the_messages(goal):
     seen = recording_info(goal)
     messages = list(RecordingReader(goal).messages())
     assert seen.complete and seen.cut is None
@@ -126,7 +126,7 @@ def test_two_robots_differ_first_where_their_encoders_do(goal, other):
 
 @pytest.mark.parametrize("verb", ["info", "export", "diff"])
 @pytest.mark.parametrize("content", [None, b"", b"words"])
-def test_what_is_no_recording(tmp_path, verb, content):
+def test_a_file_that_is_not_a_recording(tmp_path, verb, content):
     path = tmp_path / "x.mcap"
     if content is not None:
         path.write_bytes(content)

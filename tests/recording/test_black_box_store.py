@@ -1,4 +1,4 @@
-"""The flight recorder in the hub: nothing that one of them suffers reaches the other."""
+"""The black box in the server process: a failure of one does not affect the other."""
 
 import os
 import pickle
@@ -10,7 +10,7 @@ import pytest
 from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders
 from diffbotctl.processes.child_process import LENGTH
-from diffbotctl.recording import black_box as engine_flight
+from diffbotctl.recording import black_box as black_box_module
 from diffbotctl.recording.black_box import StopEvent
 from diffbotctl.recording.black_box_store import AFTER_STOP, BlackBoxStore, RunMetadata
 from diffbotctl.recording.reader import recording_info
@@ -37,7 +37,7 @@ def packed(item):
 
 @pytest.fixture
 def keeper(tmp_path):
-    """A keeper, and the engine's end of its channel."""
+    """A store, and the engine's end of its channel."""
     ours, theirs = socket.socketpair()
     ours.settimeout(REPLY_TIMEOUT_S)
     yield BlackBoxStore(theirs, RunMetadata(tmp_path, "test", WIRES, ABOUT)), ours
@@ -45,18 +45,18 @@ def keeper(tmp_path):
     theirs.close()
 
 
-def test_a_disk_that_hangs_keeps_nobody_waiting(tmp_path, keeper):
-    """The writer opens a FIFO that nobody reads yet; the keeper goes on taking what comes."""
+def test_a_disk_that_hangs_delays_nothing(tmp_path, keeper):
+    """The writer opens a FIFO without a reader; the store continues to receive."""
     keeper, engine = keeper
     draft = tmp_path / "test-1.part"
     os.mkfifo(draft)
     engine.sendall(packed([instant(1)]) + packed(StopEvent(SECOND, "obstacle", "a wall")))
-    assert keeper.read() and keeper.files == 0  # how the robot comes to rest is waited for
+    assert keeper.read() and keeper.files == 0  # it also records how the robot comes to rest
     engine.sendall(packed([instant(2)]))
-    assert keeper.read() and keeper.files == 1  # a writer is under way, and hangs
+    assert keeper.read() and keeper.files == 1  # a writing process has started, and hangs
     engine.sendall(packed([instant(3)]))
     assert keeper.read() and keeper.ring.last == 3 * SECOND
-    assert not select.select([engine], [], [], 0)[0]  # nothing has been said of a file
+    assert not select.select([engine], [], [], 0)[0]  # no file was announced
     draft.read_bytes()  # now the disk has come back; a FIFO is no place for a whole file, though
     assert "could not be kept" in engine.recv(1 << 10).decode()
 
@@ -82,7 +82,7 @@ def test_what_is_written_when_the_engine_has_ended(tmp_path, keeper, capfd, item
     found = [recording_info(path).end["cause"] for path in tmp_path.glob("*.mcap")]
     assert found == ([] if cause is None else [cause])
     is_killed = cause == "the engine was killed"
-    assert bool(said) == (cause is not None and not is_killed)  # who was killed hears nothing
+    assert bool(said) == (cause is not None and not is_killed)  # a killed engine receives nothing
     assert ("diffbotctl replay" in capfd.readouterr().err) == is_killed
 
 
@@ -98,7 +98,7 @@ def test_several_stops_in_a_row_make_one_file(keeper):
 
 @pytest.fixture
 def hub(tmp_path, monkeypatch):
-    """A hub with a flight recorder and no engine but this test: both channels, what was told."""
+    """A server process with a black box; this test is the engine. Both channels, the texts."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     configuration = load("goal")
     assembly = assemble(configuration, real=False)
@@ -120,12 +120,12 @@ def hub(tmp_path, monkeypatch):
     station.end()
 
 
-def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
+def test_the_server_continues_when_the_black_box_fails(hub, tmp_path):
     flight, _, told = hub
     client = PlainClient(tmp_path)
     flight.sender.channel.settimeout(REPLY_TIMEOUT_S)
     flight.sender.channel.sendall(LENGTH.pack(7) + b"garbage")
-    flight.sender.channel.recv(1)  # its end: the hub has given the recorder up
+    flight.sender.channel.recv(1)  # its end: the server has given the black box up
     assert client.request("status")["ok"]
     assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
     flight.finish(DONE)
@@ -134,7 +134,7 @@ def test_a_flight_recorder_that_fails_leaves_the_hub_at_work(hub, tmp_path):
     ]
 
 
-def test_a_hub_that_fails_keeps_the_flight(hub, tmp_path):
+def test_the_black_box_continues_when_the_server_fails(hub, tmp_path):
     flight, station, told = hub
     client = PlainClient(tmp_path)
     station.channel.channel.send(b"garbage")
@@ -146,11 +146,11 @@ def test_a_hub_that_fails_keeps_the_flight(hub, tmp_path):
     assert told == [f"The whole run so far is in {path}; diffbotctl replay {path}"]
 
 
-def test_a_hub_that_takes_nothing_is_given_up_at_the_end(monkeypatch):
-    monkeypatch.setattr(engine_flight, "FINISH_TIMEOUT_S", 0.05)
+def test_a_server_that_reads_nothing_is_given_up_at_the_end(monkeypatch):
+    monkeypatch.setattr(black_box_module, "FINISH_TIMEOUT_S", 0.05)
     ours, theirs = socket.socketpair()
     told = []
-    flight = engine_flight.BlackBox(ours, 1, lambda: None, told.append, told.append)
+    flight = black_box_module.BlackBox(ours, 1, lambda: None, told.append, told.append)
     while not flight.sender.backlog:
         flight.sender.send(bytes(1 << 16))
     flight.finish(DONE)

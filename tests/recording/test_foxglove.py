@@ -58,7 +58,7 @@ def test_every_message_keeps_to_the_schema_in_the_file(views, name):
         validator.validate(message)
 
 
-def test_a_run_into_a_wall_is_told_in_the_log(views):
+def test_a_run_into_a_wall_is_in_the_log(views):
     lines = [message["message"] for kind, _, _, message in views if kind == "foxglove.Log"]
     assert any("obstacle" in line for line in lines)
     assert any("blocked" in line for line in lines)
@@ -100,7 +100,7 @@ def test_a_pose(heading, z, w):
 
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
-def test_what_is_not_finite_is_not_drawn(bad):
+def test_values_that_are_not_finite_are_left_out(bad):
     assert foxglove.pose_in_frame(EPOCH, odometry(bad, 0.0, 0.0)) is None
     assert foxglove.odometry_transform(EPOCH, odometry(0.0, 0.0, bad)) is None
     scan = json.loads(foxglove.laser_scan(EPOCH, Range(0, bad, "measured"), "front"))
@@ -133,14 +133,14 @@ def test_a_line_of_the_log(level, number):
     }
 
 
-def test_two_odometries_do_not_fight_over_one_transform():
+def test_only_one_of_two_odometries_makes_the_transform():
     wires = {"raw.odometry": Odometry, "odometry.odometry": Odometry}
     viewers = ViewerMessages(EPOCH, wires, {})
     made = list(viewers.messages((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
     assert [topic for topic, _ in made] == ["tf", "raw.odometry.pose", "odometry.odometry.pose"]
 
 
-def test_where_sensors_sit_is_said_again():
+def test_sensor_transforms_are_repeated():
     mount = {"range.range": SensorMount("front", 0.08, 0.0, 0.0)}
     viewers = ViewerMessages(EPOCH, {"range.range": Range}, mount)
     said = [list(viewers.messages((t * 1_000_000_000, None))) for t in range(11)]

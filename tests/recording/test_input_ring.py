@@ -11,7 +11,7 @@ from diffbotctl.recording.black_box_store import InputRing
 
 
 def filled(span, most, said):
-    """A ring that has heard `said`: a number is a batch of one instant, ("state", t) a state."""
+    """A ring with these items: a number is a batch of one instant, ("state", t) a state."""
     ring = InputRing(span, most, packet_size=1)  # each batch is a packet
     for each in said:
         if isinstance(each, tuple):
@@ -42,7 +42,7 @@ def filled(span, most, said):
         ([], None, [], True),
     ],
 )
-def test_what_is_kept_of_ten(said, begin, times, known):
+def test_the_ring_keeps_a_span_of_ten(said, begin, times, known):
     ring = filled(10, 1 << 20, said)
     assert [instant[0] for instant in ring.instants()] == times
     assert (ring.begin.time if ring.begin else None, ring.known) == (begin, known)
@@ -70,7 +70,7 @@ def test_its_size_is_bounded_and_its_times_rise(events, most):
 
 
 @given(st.lists(st.booleans(), max_size=300), st.integers(1, 500))
-def test_what_is_packed_comes_back_in_order(states, packet):
+def test_compressed_instants_come_back_in_order(states, packet):
     ring = InputRing(10_000, 1 << 20, packet)
     for time, state in enumerate(states):
         ring.add_batch(time, pickle.dumps([(time, "a"), (time, "b")]))

@@ -46,7 +46,7 @@ def measured(said, truth=None):
             [at(1, 0, 1), goal(2, 1, 2.0, 1.0), at(3, 1, 1.25), at(4, 2, 1)],
             {"cross_track_max": 0.25, "final_error": 0.0},
         ),
-        # A goal at the place where the robot stands has no line: the distance from it counts.
+        # A goal at the pose of the robot has no line: the distance from it counts.
         ([at(1, 0, 0), goal(2, 1, 0.0, 0.0), at(3, 0.3, 0.4)], {"cross_track_max": 0.5}),
         # What is driven after the goal was reached belongs to no goal, but to the path.
         (
@@ -105,7 +105,7 @@ def test_the_true_error_is_measured_from_the_last_goal():
     assert measured([], truth=(0.7, 0.6)).true_error is None
 
 
-def test_forgetting_keeps_what_is_known():
+def test_forget_keeps_the_pose_the_goal_and_the_stops():
     measure = MetricsAccumulator()
     for item in [goal(1, 1, 2.0, 0.0), at(2, 0, 0), at(3, 1, 0.5), stop(4, "obstacle")]:
         measure.take(*item)

@@ -104,7 +104,7 @@ def test_nothing_is_overwritten(goal, tmp_path):
 
 
 @pytest.mark.parametrize("data", [b"", b"no recording at all", WHOLE[:8], WHOLE[:40]])
-def test_what_is_no_recording_leaves_no_file(tmp_path, data):
+def test_no_file_is_left_when_the_source_is_not_a_recording(tmp_path, data):
     source = tmp_path / "bad.mcap"
     source.write_bytes(data)
     with pytest.raises(RunError, match="beginning of a recording"):
