@@ -1,1 +1,1 @@
-"""The Bluetooth module of a robot: found, paired, spoken to, measured, set to another rate."""
+"""Bluetooth modules: scanning, pairing, link measurement, baud rate."""

@@ -1,1 +1,1 @@
-"""Checks of the installation and of the ports."""
+"""Checks of the installation, the ports and the Bluetooth radio."""

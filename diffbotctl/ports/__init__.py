@@ -1,1 +1,1 @@
-"""The serial ports of this machine: what hangs on each, who may use it, what stands in the way."""
+"""Serial ports of this machine: enumeration, permissions, programs that use them, problems."""

@@ -101,11 +101,11 @@ def _locking_process(root: Path, device: str) -> int | None:
     """
     with suppress(OSError, ValueError, IndexError):
         status = (root / device[1:]).stat()
-        wanted = (os.major(status.st_dev), os.minor(status.st_dev), status.st_ino)
+        identity = (os.major(status.st_dev), os.minor(status.st_dev), status.st_ino)
         for line in (root / "proc/locks").read_text().splitlines():
             fields = line.split()
             major, minor, inode = fields[5].split(":")
-            if (int(major, 16), int(minor, 16), int(inode)) == wanted:
+            if (int(major, 16), int(minor, 16), int(inode)) == identity:
                 process = int(fields[4])
                 return None if process == os.getpid() else max(process, 0)
     return None

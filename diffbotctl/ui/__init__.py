@@ -1,1 +1,1 @@
-"""Screens: rich renderables made from what a run last said."""
+"""Screens and texts of runs, recordings and calibrations."""

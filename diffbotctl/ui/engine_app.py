@@ -86,7 +86,8 @@ class EngineApp(App[int]):
     def redraw(self) -> None:
         """Draw, unless the widgets are gone already: the last reply may come after them."""
         with suppress(NoMatches):
-            self.draw_run()
+            if self.screen_stack:
+                self.draw_run()
 
     # The connection.
 

@@ -21,7 +21,7 @@ def known(address, **what):
     return Module(address, found=True, **{"paired": True, **what})
 
 
-def test_a_paired_module_is_named_with_the_command_that_leads_over_it(own_bus):
+def test_a_paired_module_is_listed_with_its_command(own_bus):
     with bluez(known(ROBOT, answers=False), powered=False) as service:
         code, said = diffbotctl("run", "goal", "--port", "auto")
         assert not service.powered  # it only looks
@@ -29,7 +29,7 @@ def test_a_paired_module_is_named_with_the_command_that_leads_over_it(own_bus):
     assert f"`diffbotctl run goal --port bluetooth:{ROBOT}`" in flat(said)
 
 
-def test_of_two_modules_each_has_its_command(own_bus):
+def test_each_of_two_modules_is_listed_with_its_command(own_bus):
     with bluez(known(ROBOT), known(OTHER)):
         code, said = diffbotctl("blink")
     assert code == 1
@@ -47,13 +47,13 @@ def test_of_two_modules_each_has_its_command(own_bus):
         (known(ROBOT), ("flash", "firmware")),  # the bootloader does not listen on the radio
     ],
 )
-def test_what_no_command_can_lead_over_is_not_named(own_bus, module, words):
+def test_a_device_without_serial_port_is_not_listed(own_bus, module, words):
     with bluez(module):
         code, said = diffbotctl(*words)
     assert code == 1 and "E-NO-BOARD" in said and ROBOT not in said
 
 
-def test_without_the_service_there_is_nothing_to_name(own_bus):
+def test_without_the_service_nothing_is_listed(own_bus):
     assert paired_modules() == []
 
 

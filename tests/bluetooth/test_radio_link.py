@@ -33,14 +33,14 @@ def driving(link, name):
 
 
 def ended(driver):
-    """What it said until somebody pressed Ctrl-C."""
+    """The output until Ctrl-C."""
     driver.send_signal(signal.SIGINT)
     said, _ = driver.communicate(timeout=60)
     return flat(said)
 
 
 def travel(virtual):
-    """Metres that the middle of the axle has truly gone."""
+    """Actual distance of the middle of the axle, in m."""
     return virtual.board.plant.truth().travel
 
 
@@ -72,7 +72,7 @@ def test_it_drives_over_a_late_and_lossy_link(tmp_path):
 
 
 @pytest.mark.parametrize("how", ["away", "hung up"])
-def test_after_an_outage_nothing_moves_until_a_person_consents(tmp_path, how):
+def test_after_an_outage_nothing_moves_until_the_user_resumes(tmp_path, how):
     name = f"{how.replace(' ', '-')}{os.getpid()}"
     with (
         board() as virtual,

@@ -1,4 +1,4 @@
-"""Ports that are sockets: names, what goes through, how they fail, and coming back."""
+"""Ports that are sockets: names, data transfer, errors, and reconnection."""
 
 import errno
 import os
@@ -45,7 +45,7 @@ def test_addresses(text, wanted):
         f"{ADDRESS}\n/1",
     ],
 )
-def test_what_is_no_address(text):
+def test_invalid_addresses(text):
     with pytest.raises(UsageError) as error:
         parse_port(text)
     assert error.value.problems[0].code == "E-BLUETOOTH-ADDRESS"
@@ -67,7 +67,7 @@ def server(tmp_path):
         yield listening
 
 
-def test_bytes_go_both_ways_and_a_hang_up_is_told(server):
+def test_bytes_go_both_ways_and_a_hang_up_is_reported(server):
     port = open_port(f"socket:{server.getsockname()}", 9600)
     module_end, _ = server.accept()
     assert port.read() == b""
@@ -83,7 +83,7 @@ def test_bytes_go_both_ways_and_a_hang_up_is_told(server):
     port.close()
 
 
-def test_what_the_kernel_does_not_take_is_left(server):
+def test_bytes_that_the_kernel_does_not_accept_are_kept(server):
     port = open_port(f"socket:{server.getsockname()}", 9600)
     module_end, _ = server.accept()
     sent = 0
@@ -105,7 +105,7 @@ def test_closing_hangs_up_though_another_process_holds_the_socket(server):
     os.close(copy)
 
 
-def test_nobody_serves_the_socket(tmp_path):
+def test_a_socket_without_server(tmp_path):
     with pytest.raises(RunError) as error:
         open_port(f"socket:{tmp_path}/none", 9600)
     assert error.value.problems[0].code == "E-BLUETOOTH-CONNECT"
@@ -128,7 +128,7 @@ def test_each_refusal_has_its_fix(number, words):
     assert words in problem.fix
 
 
-def test_a_module_is_reached_or_the_reason_is_told():
+def test_a_module_is_reached_or_the_cause_is_reported():
     """On a machine without Bluetooth, or a Python without, or with no such module near."""
     with pytest.raises(RunError) as error:
         open_port("bluetooth:00:00:00:00:00:00", 9600)
@@ -157,7 +157,7 @@ def test_reopening_does_not_wait_and_loses_nothing():
         module_end.close()
 
 
-def test_a_call_that_is_refused_later_is_told_by_reading_and_writing():
+def test_a_call_that_is_refused_later_fails_at_reading_and_writing():
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))  # bound, but nobody listens: refused
         for use in (lambda port: port.read(), lambda port: port.write(b"x")):

@@ -1,4 +1,4 @@
-"""Who answers behind a port, on pseudo-terminals; each takes as long as a run would."""
+"""Which board answers on a port, on pseudo-terminals; each takes as long as in a run."""
 
 import pytest
 
@@ -6,5 +6,5 @@ from diffbotctl.testing.trials.port_answers import ANSWERS, is_right
 
 
 @pytest.mark.parametrize("answer", ANSWERS, ids=lambda each: each.name)
-def test_what_is_said(answer):
+def test_the_answer_is_identified(answer):
     assert is_right(answer)

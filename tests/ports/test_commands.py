@@ -1,4 +1,4 @@
-"""`ports` and `doctor` as processes, as the one who runs this and as a user without rights."""
+"""`ports` and `doctor` as processes, as the present user and as one without permissions."""
 
 import os
 import shlex
@@ -25,7 +25,7 @@ NOBODY = 65534
 
 
 def run(*words):
-    """(exit code, what was said, line breaks folded)."""
+    """Exit code, and the output with line breaks folded."""
     command = [sys.executable, "-c", MAIN, *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert "Traceback" not in done.stderr
@@ -92,7 +92,7 @@ def test_a_free_board_is_listed(machine):
     assert "free, and you may use it" in said
 
 
-def test_one_without_rights_is_told_which_group(machine):
+def test_without_permission_the_group_is_named(machine):
     # Mode 000 keeps out an owner who is not root; root becomes nobody, whose group owns nothing.
     device = machine.port("ttyUSB0", CH340, mode=0o060 if os.geteuid() == 0 else 0)
     code, said = run_without_rights("ports", device, "--root", machine.root)
@@ -102,14 +102,14 @@ def test_one_without_rights_is_told_which_group(machine):
     assert "free" not in said
 
 
-def test_one_with_rights_is_told_so(machine):
+def test_with_permission_the_port_is_free(machine):
     device = machine.port("ttyUSB0", CH340, mode=0o666)
     code, said = run_without_rights("ports", device, "--root", machine.root)
     assert code == 0
     assert "free, and you may use it" in said
 
 
-def test_the_real_port_refuses_whom_the_verdict_refuses():
+def test_a_real_port_refuses_a_user_without_permission():
     """A pseudo-terminal of this machine, and the very function with which a run opens ports."""
     master, slave = os.openpty()
     os.fchmod(slave, 0)
@@ -139,7 +139,7 @@ def test_what_fix_prints_are_whole_commands(machine):
 
 
 def doctor(machine, user=NOBODY, groups=frozenset()):
-    """Its findings about a machine, for a user."""
+    """The findings about a machine, for a user."""
     person = SystemUser("ana", user, groups)
     return list(doctor_findings(machine.root, person, survey_ports(machine.root, person)))
 
@@ -159,7 +159,7 @@ def test_doctor_names_the_group_to_join(machine):
     ]
 
 
-def test_doctor_knows_a_session_older_than_the_group(machine):
+def test_doctor_detects_a_session_older_than_the_group(machine):
     machine.group("dialout", "ana")
     assert about(doctor(machine), "groups")[0][0] == Verdict.BAD
     assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == Verdict.OK
@@ -174,7 +174,7 @@ def test_doctor_says_which_optional_packages_are_there(machine):
     assert fix == "sudo apt-get install gcc-avr"
 
 
-def test_doctor_calls_a_console_on_a_pi_no_hindrance(machine):
+def test_doctor_reports_a_console_on_a_pi_as_a_note(machine):
     machine.port("ttyAMA0", None)
     machine.write("proc/cmdline", "console=ttyAMA0,115200")
     found = doctor(machine, groups={os.getgid()})
@@ -217,7 +217,7 @@ def test_the_state_of_the_radio(machine, files, code):
     assert (trouble.code if trouble else None) == code
 
 
-def test_ask_tells_who_answers(tmp_path):
+def test_ask_reports_the_board(tmp_path):
     stock = BookBoardPort()
     port = tmp_path / "rfcomm0"
     port.symlink_to(stock.name)

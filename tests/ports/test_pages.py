@@ -1,4 +1,4 @@
-"""The commands that the pages on ports and Bluetooth show are there, and take what is shown."""
+"""The commands on the pages on ports and Bluetooth exist, and accept the arguments shown."""
 
 import re
 import shlex
@@ -25,7 +25,7 @@ SHOWN = sorted(
 
 @pytest.mark.parametrize("words", SHOWN)
 def test_a_shown_command_is_understood(words):
-    """Parsed as a person's words would be, down to the last option; not carried out."""
+    """Parsed completely, but not executed."""
     command, arguments = program, shlex.split(words)
     while isinstance(command, click.Group):
         context = click.Context(command)
@@ -38,7 +38,7 @@ def test_commands_are_shown():
 
 
 def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
-    """The example in ports.md, made again: for ana, who is in no group."""
+    """The example in ports.md, for the user ana, who is in no group."""
     import os
 
     from diffbotctl.cli.ports import _print_report

@@ -16,7 +16,7 @@ SIZES = [(80, 24), (120, 40), (200, 60)]
 
 @pytest.fixture
 def engine(tmp_path):
-    """A robot that drives nowhere until it is told."""
+    """A run whose robot waits for a command."""
     with running(tmp_path, "goal", "--stay", "--goal", "0.3 0") as process:
         client = PlainClient(tmp_path)
         client.until(lambda status: state(client) == "reached")
@@ -24,12 +24,12 @@ def engine(tmp_path):
 
 
 def state(client):
-    """How the goal is doing."""
+    """The state of the goal."""
     return client.request("snapshot")["messages"].get("follower.state", {}).get("state")
 
 
 def reached(client):
-    """The number of the goal that was reached last; the log shows those before it too."""
+    """The number of the goal that was reached last."""
     said = client.request("snapshot")["messages"].get("follower.state", {})
     return said["number"] if said.get("state") == "reached" else None
 
@@ -48,13 +48,13 @@ def moment(text):
 
 
 def scale(text):
-    """What the bar below the map says that it is long, in m."""
+    """The length of the scale bar, in m."""
     found = re.search(r"┤ ([\d.]+) m", text)
     return float(found[1]) if found else None
 
 
 def answer(terminal, text):
-    """Put `text` in place of what stands in the question's field."""
+    """Replace the content of the prompt with `text`."""
     terminal.type("\x15")  # ctrl-u empties it
     terminal.until(lambda screen: "(m) = " in screen and "0.0" not in screen.split("(m) =")[1])
     terminal.type(text)
@@ -63,7 +63,7 @@ def answer(terminal, text):
 
 
 def level_of(client, block):
-    """From which level on a block is heard."""
+    """The log level of a block."""
     return {row["block"]: row["level"] for row in client.request("list_blocks")["blocks"]}[block]
 
 
@@ -160,7 +160,7 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "must be" in text, "the refusal")
 
 
-def test_a_block_is_heard_from_another_level_on(engine, tmp_path):
+def test_the_log_level_of_a_block_is_set(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
         terminal.type("5")
@@ -206,20 +206,20 @@ def test_without_colour_or_utf_8_it_is_still_usable(engine, tmp_path, more, word
             robot_at(terminal, ">/^\\<v")
 
 
-@pytest.mark.parametrize("way", ["ctrl-c", "SIGTERM", "engine killed"])
-def test_every_way_out_restores_the_terminal(engine, tmp_path, way):
+@pytest.mark.parametrize("exit_path", ["ctrl-c", "SIGTERM", "engine killed"])
+def test_every_exit_path_restores_the_terminal(engine, tmp_path, exit_path):
     _, process = engine
     with dash(tmp_path) as terminal:
         before = termios.tcgetattr(terminal.slave)
         assert not before[3] & termios.ICANON
-        if way == "ctrl-c":
+        if exit_path == "ctrl-c":
             terminal.type("\x03")
-        elif way == "SIGTERM":
+        elif exit_path == "SIGTERM":
             terminal.process.send_signal(signal.SIGTERM)
         else:
             process.kill()
         code = terminal.ended()
-        assert code == {"ctrl-c": 0, "SIGTERM": 128 + 15, "engine killed": 0}[way]
+        assert code == {"ctrl-c": 0, "SIGTERM": 128 + 15, "engine killed": 0}[exit_path]
         after = termios.tcgetattr(terminal.slave)
         assert after[3] & termios.ICANON and after[3] & termios.ECHO and after[3] & termios.ISIG
         on = {mode >> 5 for mode in terminal.screen.modes}
@@ -265,7 +265,7 @@ def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
         assert "interrupted" in terminal.text
 
 
-def test_a_run_whose_own_dashboard_is_killed_goes_on_and_gives_the_terminal_back(tmp_path):
+def test_a_run_whose_own_dashboard_is_killed_continues_and_restores_the_terminal(tmp_path):
     line, environment = command(tmp_path, "run", "goal", "--dash", "--goal", "3 0")
     with Terminal(line, environment) as terminal:
         terminal.until(lambda text: "driving" in text, "the way")

@@ -1,4 +1,4 @@
-"""Who drives through a terminal and is lost: killed, frozen, cut off, behind a real ssh."""
+"""Operators whose terminal is lost while driving: killed, frozen, disconnected, over ssh."""
 
 import signal
 
@@ -29,7 +29,7 @@ def last_motion(path, start, end):
 @pytest.mark.parametrize("mode", ["hold", "latched"])
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP", "closed"])
 @pytest.mark.parametrize("way", ["here", "ssh"])
-def test_the_robot_stands_and_the_goal_waits(tmp_path, mode, how, way):
+def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
     path = tmp_path / "lost.mcap"
     words = ["teleop", "--mode", mode]
     with running(tmp_path, "goal", "--stay", "--goal", "3 0", "--record", str(path)) as process:

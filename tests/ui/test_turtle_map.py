@@ -1,4 +1,4 @@
-"""What stands where on the map of the simulated robots: frames, colours, the turtle's line."""
+"""The map of the simulated robots: frames, colours, the lines of the turtle."""
 
 from io import StringIO
 from math import inf, pi
@@ -41,7 +41,7 @@ def drawn(view, shown, width=60, height=40):
     return console.export_text(styles=True)
 
 
-def test_a_block_s_pose_goes_before_the_camera_s():
+def test_the_pose_of_a_block_has_priority_over_the_camera():
     camera, reckoned = pose(5, 5, time=9), pose(1, 1, time=3)
     assert newest_odometry(picture(robot__pose=camera, odometry__odometry=reckoned)) == reckoned
     assert newest_odometry(picture(robot__pose=camera)) == camera
@@ -67,7 +67,7 @@ def test_the_pen_draws_in_its_colour_only_while_down():
     assert not sheet.lines
 
 
-def test_a_run_without_a_canvas_has_no_sheet():
+def test_a_run_without_a_canvas_has_no_turtle_lines():
     sheet = TurtleTrail()
     sheet.update(picture(robot__pose=pose(1.0, 0.0)))
     assert sheet.canvas is None and sheet.last is None
@@ -102,12 +102,12 @@ def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
         ("turtle", (2.5 - 5.544, -1.0 - 5.544, 2.5 - 5.544, 2.0 - 5.544)),
     ],
 )
-def test_walls_stand_in_the_frame_of_the_pose(robot, wanted):
+def test_walls_are_in_the_frame_of_the_pose(robot, wanted):
     (wall,) = parse_scene(describe_scene(load("goal", robot), None, "sim")).walls
     assert wall == pytest.approx(wanted)
 
 
-def test_of_a_real_robot_s_world_nothing_is_drawn():
+def test_the_world_of_a_real_robot_is_not_drawn():
     said = describe_scene(load("goal"), None, "/dev/ttyUSB0")
     assert (said["walls"], said["rounds"], said["field"]) == ([], [], [])
 

@@ -79,7 +79,7 @@ def newer() -> Say:
 POLL_PERIOD_S = 0.02  # s between two answers
 ANSWERS = [
     Answer("silent board", "ttyUSB0", silent, "E-PORT-SILENT", "reset button"),
-    Answer("silent module", "rfcomm0", silent, "E-PORT-SILENT", "RX wired to the board's TX"),
+    Answer("silent module", "rfcomm0", silent, "E-PORT-SILENT", "wired to the board's TX"),
     Answer("garbage: wrong baud rate", "rfcomm0", noise, "E-BOARD-UNKNOWN", "baud rate"),
     Answer("bootloader, no program", "ttyACM0", blank, "E-BOARD-BLANK", "flash firmware"),
     Answer("the book's rosserial", "rfcomm0", book, "E-BOARD-ROSSERIAL", "book_2wd_stock"),

@@ -1,1 +1,1 @@
-"""The dashboard: what a run says, on one screen, and a person's hands on it."""
+"""The dashboard: a run on one screen, driven with keys and mouse."""

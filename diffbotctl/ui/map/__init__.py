@@ -1,1 +1,1 @@
-"""The map: viewport, layers, canvas, trails."""
+"""The map of a run in characters: canvas and camera, layers, trails."""

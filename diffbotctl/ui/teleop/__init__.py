@@ -1,1 +1,1 @@
-"""Driving by hand from a terminal."""
+"""Keyboard teleoperation from a terminal."""

@@ -45,13 +45,13 @@ def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
     assert found.is_serial
 
 
-def test_scan_of_nothing_says_what_to_look_at(own_bus):
+def test_a_scan_without_result_says_what_to_check(own_bus):
     with bluez():
         code, said = diffbotctl("bluetooth", "scan", "--for", 1)
     assert code == 1 and "Is it powered" in said
 
 
-def test_pair_with_the_number_of_an_hc05(own_bus):
+def test_pair_with_the_pin_of_an_hc05(own_bus):
     with bluez(Module(ROBOT)) as service:
         code, said = diffbotctl("bluetooth", "pair", ROBOT.lower())
         assert code == 0, said
@@ -62,7 +62,7 @@ def test_pair_with_the_number_of_an_hc05(own_bus):
         assert code == 0 and "paired already" in said
 
 
-def test_pair_with_another_number(own_bus):
+def test_pair_with_another_pin(own_bus):
     with bluez(Module(ROBOT, pin="0000")):
         code, said = diffbotctl("bluetooth", "pair", ROBOT)
         assert code == 1
@@ -79,7 +79,7 @@ def test_pair_again_forgets_first(own_bus):
         assert service.calls.index("RemoveDevice") < service.calls.index("Pair")
 
 
-def test_a_module_that_is_off_is_told_from_a_wrong_number(own_bus):
+def test_a_module_that_is_off_is_distinguished_from_a_wrong_pin(own_bus):
     # Known from before, but nobody answers its page.
     with bluez(Module(ROBOT, answers=False, found=True)):
         code, said = diffbotctl("bluetooth", "pair", ROBOT)
@@ -111,7 +111,7 @@ def test_a_radio_that_is_off_is_switched_on(own_bus):
         ({"refuses": {"StartDiscovery": ERROR + "NotReady"}}, "E-BLUETOOTH-BLOCKED"),
     ],
 )
-def test_what_can_be_wrong_with_the_radio(own_bus, how, code):
+def test_problems_of_the_radio(own_bus, how, code):
     with bluez(**how), pytest.raises(RunError) as error, BluezService() as service:
         list(service.scan(0.1))
     assert code_of(error) == code

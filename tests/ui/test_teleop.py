@@ -1,4 +1,4 @@
-"""Keys and the time in, velocities out; and what is said to the engine."""
+"""Keys and the time in, velocities out; and the requests to the engine."""
 
 import pytest
 
@@ -49,7 +49,7 @@ def test_each_key_drives_as_in_ros(keys, key, linear, angular):
 
 
 @pytest.mark.parametrize("key", ["k", "space"])
-def test_a_stop_key_lets_go(key):
+def test_a_stop_key_releases(key):
     keyboard = KeyboardVelocity(LIMITS)
     keyboard.press("i", 0.0)
     assert keyboard.press(key, 0.1)
@@ -67,7 +67,7 @@ def test_a_stop_key_lets_go(key):
         ("c", 1, SPEED_DOWN_FACTOR),
     ],
 )
-def test_speed_keys_change_what_a_press_means(key, speed, turn):
+def test_speed_keys_change_the_speed_of_a_press(key, speed, turn):
     keyboard = KeyboardVelocity(LIMITS)
     keyboard.press("i", 0.0)
     keyboard.press(key, 0.0)
@@ -93,7 +93,7 @@ def test_without_a_robot_speed_keys_change_nothing():
     assert (keyboard.speed, keyboard.turn_rate) == (0.0, 0.0)
 
 
-def test_a_held_key_counts_until_its_repeats_end():
+def test_a_held_key_is_valid_until_its_repeats_end():
     keyboard = KeyboardVelocity(LIMITS)
     for repeat in range(10):
         keyboard.press("i", repeat * 0.1)
@@ -103,7 +103,7 @@ def test_a_held_key_counts_until_its_repeats_end():
     assert not keyboard.has_gap
 
 
-def test_a_first_repeat_that_comes_late_is_told():
+def test_a_late_first_repeat_is_reported():
     keyboard = KeyboardVelocity(LIMITS)
     keyboard.press("i", 0.0)
     assert keyboard.velocity(KEY_HOLD_TIMEOUT_S + 0.1) is None
@@ -132,7 +132,7 @@ def test_latched_turtle_keys_add_steps_and_ten_up_and_ten_down_are_zero():
     assert keyboard.velocity(0.0) == pytest.approx((0.0, 0.4))
 
 
-def test_a_change_of_mode_or_keys_lets_go():
+def test_a_change_of_mode_or_keys_releases():
     keyboard = KeyboardVelocity(LIMITS)
     keyboard.press("i", 0.0)
     keyboard.configure(mode="latched")
@@ -148,7 +148,7 @@ def test_a_multiplexer_is_recognised(environment, name):
 
 
 class Line:
-    """Notes what is said, and asked of the terminal, at which time."""
+    """Records the requests, and counts the queries to the terminal."""
 
     def __init__(self, mode="hold", answers=True):
         self.now, self.said, self.questions = 0.0, [], 0
@@ -164,7 +164,7 @@ class Line:
         self.questions += 1
 
     def run(self, seconds, step=0.05):
-        """Beat for so long; the terminal answers at once while it `answers`."""
+        """Beat for `seconds`; the terminal answers at once while `answers`."""
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now += step
@@ -177,7 +177,7 @@ class Line:
         return [do for do, _ in self.said]
 
 
-def test_a_released_key_stands_at_once_and_lets_go_when_the_terminal_answers():
+def test_a_released_key_stops_at_once_and_releases_when_the_terminal_answers():
     line = Line()
     line.keyboard.press("i", line.now)
     line.run(0.8)
@@ -187,7 +187,7 @@ def test_a_released_key_stands_at_once_and_lets_go_when_the_terminal_answers():
 
 
 @pytest.mark.parametrize("mode", ["hold", "latched"])
-def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
+def test_a_terminal_that_does_not_answer_while_driving_is_lost(mode):
     line = Line(mode)
     line.keyboard.press("i", line.now)
     line.run(0.1)
@@ -199,7 +199,7 @@ def test_a_terminal_that_falls_silent_while_driving_is_lost(mode):
     assert line.verbs()[-1] == "operator_lost"
 
 
-def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
+def test_a_terminal_that_is_lost_with_the_key_released_is_reported():
     line = Line()
     line.keyboard.press("i", line.now)
     line.run(KEY_HOLD_TIMEOUT_S - 0.05)
@@ -208,7 +208,7 @@ def test_a_terminal_that_dies_with_the_key_is_lost_though_the_key_was_let_go():
     assert "release" not in line.verbs() and line.verbs()[-1] == "operator_lost"
 
 
-def test_without_answers_keys_drive_while_held_but_nothing_stays():
+def test_without_answers_keys_drive_only_while_held():
     held = Line(answers=False)
     held.run(FIRST_REPLY_TIMEOUT_S)
     held.keyboard.press("i", held.now)
@@ -221,7 +221,7 @@ def test_without_answers_keys_drive_while_held_but_nothing_stays():
     assert kept.deadman.is_unproven and not kept.said
 
 
-def test_a_pause_of_our_own_is_not_the_terminals_fault():
+def test_a_stalled_process_does_not_lose_the_terminal():
     line = Line("latched")
     line.keyboard.press("i", line.now)
     line.run(0.1)

@@ -1,4 +1,4 @@
-"""Figures of a link, worked out by hand, and measured on a link whose delays are known."""
+"""Statistics of a link, calculated by hand, and measured on a link of known delays."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def test_too_little_is_refused():
         link_figures(FRAMES, [], 0, 64)
 
 
-def test_clocks_that_drift_apart_are_no_jitter():
+def test_clock_drift_is_not_jitter():
     # 200 parts in a million, a bad crystal: 12 ms in the minute that this takes.
     heard = [Arrival(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
     assert max(frame_delays(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
@@ -49,7 +49,7 @@ def test_clocks_that_drift_apart_are_no_jitter():
 @pytest.mark.parametrize(
     ("part", "value"), [(0.5, 2.0), (0.95, 4.0), (0.75, 3.0), (0.01, 1.0), (1.0, 4.0)]
 )
-def test_share(part, value):
+def test_percentile(part, value):
     assert percentile([4.0, 1.0, 3.0, 2.0], part) == value
 
 
@@ -65,7 +65,7 @@ GOOD = LinkFigures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
         (9600, 36, 20),  # 24.0
     ],
 )
-def test_most_telemetry(baud, frame, most):
+def test_max_telemetry_rate(baud, frame, most):
     assert max_telemetry_rate(baud, frame) == most
 
 
@@ -82,7 +82,7 @@ def test_most_telemetry(baud, frame, most):
         (GOOD, 9600, 27, (60, 19200, 0.3)),
     ],
 )
-def test_proposals(figures, baud, frame, expected):
+def test_rate_advice(figures, baud, frame, expected):
     assert advise_rate(figures, baud, frame)[:3] == pytest.approx(expected)
 
 
@@ -116,6 +116,6 @@ def test_a_link_of_known_delays_is_measured(tmp_path):
     assert "%" in said and "jitter" in said and "silence" in said
 
 
-def test_a_bad_port_is_told_before_anything_is_measured():
+def test_a_bad_port_is_reported_before_the_measurement():
     code, said = diffbotctl("bluetooth", "test", "98:D3:31:FC:12", "--robot", "book_2wd")
     assert code == 2 and "E-BLUETOOTH-ADDRESS" in said

@@ -1,4 +1,4 @@
-"""Sentences are folded between words, and keep their place."""
+"""Sentences are folded between words and keep their indentation."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The map: which dot a place is, what is drawn where, in blocks and in letters."""
+"""The map: positions of dots, and what is drawn where, in blocks and in letters."""
 
 from math import pi, sqrt
 
@@ -25,7 +25,7 @@ def test_a_click_hits_the_character_that_was_clicked(column, row, scale):
 
 
 @given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=20))
-def test_all_that_must_be_seen_is_in_the_window(points):
+def test_all_points_are_in_the_window(points):
     camera = fit_camera(points, 60, 20)
     for point in points:
         column, row = camera.dot(point, 60, 20)
@@ -109,7 +109,7 @@ def test_everything_is_on_the_map_in_letters():
         (CERTAIN, (0.0, 0.0), 0.0),
     ],
 )
-def test_the_ellipse_holds_three_sigmas(covariance, axes, turn):
+def test_the_ellipse_has_three_sigmas(covariance, axes, turn):
     long, short, found = layers.covariance_ellipse(covariance)
     assert (long, short) == pytest.approx(axes)
     assert found == pytest.approx(turn)

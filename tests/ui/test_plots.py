@@ -1,14 +1,14 @@
-"""A curve in characters: points where they belong, axes with their numbers."""
+"""A curve in characters: positions of points, and the numbers of the axes."""
 
 from diffbotctl.ui.plot.plots import CURVE_HEIGHT, CURVE_LABEL_WIDTH, CURVE_WIDTH, render_curve
 
 
 def cells(text: str) -> list[str]:
-    """The picture's rows without the numbers on the left."""
+    """The rows of the plot without the numbers on the left."""
     return [line[CURVE_LABEL_WIDTH + 2 :] for line in text.split("\n")[:CURVE_HEIGHT]]
 
 
-def test_the_least_and_the_most_stand_in_the_corners():
+def test_minimum_and_maximum_are_in_the_corners():
     text = render_curve({"fit": [(4.0, 2.7), (30.0, 0.4)]}, "cm", "V").plain
     rows = cells(text)
     assert rows[0][0] == "." and rows[-1][CURVE_WIDTH - 1] == "."
@@ -22,6 +22,6 @@ def test_points_are_drawn_over_the_curve():
     assert sum(row.count(".") for row in rows) == 2
 
 
-def test_one_value_alone_is_no_division_by_zero():
+def test_a_single_value_does_not_divide_by_zero():
     assert "o" not in "".join(cells(render_curve({"fit": [(1.0, 1.0)]}, "", "").plain))
     assert render_curve({}, "", "").plain

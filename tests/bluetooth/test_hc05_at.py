@@ -19,7 +19,7 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 
 
 def talk(baud, answers):
-    """(what was said, how it ended) with these answers in order."""
+    """The commands sent, and the result, with these replies in order."""
     said, conversation = [], set_baud(baud)
     command = next(conversation)
     for answer in answers:
@@ -99,7 +99,7 @@ def test_lines(pieces, complete, lines):
     assert reader.lines == lines
 
 
-def test_the_whole_of_it(tmp_path):
+def test_the_command_changes_module_and_board(tmp_path):
     mine = tmp_path / "mine.yaml"
     before = (folder("robots") / "book_2wd.yaml").read_text()
     mine.write_text(before)
@@ -119,7 +119,7 @@ def test_the_whole_of_it(tmp_path):
         assert code == 0, said
 
 
-def test_a_robot_file_that_cannot_be_written_is_told_with_what_it_must_say(monkeypatch):
+def test_a_robot_file_that_cannot_be_written_is_reported_with_the_line(monkeypatch):
     monkeypatch.chdir(folder("robots").parent)  # where ./robots are the files that ship
     with board() as virtual, Hc05(virtual.radio) as module:
         code, said = diffbotctl(
@@ -142,7 +142,7 @@ def test_a_module_in_data_mode_leaves_the_firmware_on_the_board():
         assert code == 0, said
 
 
-def test_nobody_to_hold_the_button():
+def test_without_a_terminal_yes_is_required():
     code, said = diffbotctl(
         "bluetooth", "baud", 9600, "--port", "/dev/ttyACM9", "--robot", "book_2wd"
     )
