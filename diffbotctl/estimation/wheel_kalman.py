@@ -325,7 +325,7 @@ class WheelKalman:
         slot_row = [
             z - error for z, error in zip(disc.cross_covariance[0], error_slot_row, strict=True)
         ]
-        row = _minus(self._z_row(), error_row)
+        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
         fixed = disc.fixed_estimate(slot, is_forward)
         noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
         variance = row[0] - slot_row[index] + noise
@@ -440,12 +440,6 @@ class WheelKalman:
             lf - lc * f,
             ff - fc * f,
         )
-
-
-def _minus(one: MeasurementRow, other: MeasurementRow) -> MeasurementRow:
-    a, b, c, d, e, f = one
-    p, q, r, s, t, u = other
-    return (a - p, b - q, c - r, d - s, e - t, f - u)
 
 
 def normal_cdf(value: float) -> float:
