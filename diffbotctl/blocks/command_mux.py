@@ -35,7 +35,7 @@ class CommandMux(Block):
     def react(self, now: int, teleop: Twist | None, autonomous: Twist | None) -> Twist | None:
         was_driven, self.was_driven = self.was_driven, teleop is not None
         if was_driven != self.was_driven:
-            self.log.debug("the pipeline's own command counts" if was_driven else "a person drives")
+            self.log.debug("autonomous driving" if was_driven else "manual driving")
         if teleop is not None:
             return teleop._replace(time=now)
         if was_driven:

@@ -167,9 +167,9 @@ class GoalFollower(Block):
         if stop is not None and pursuit.blocked_for > self.patience:
             return "blocked", f"{stop.cause}, for {self.patience:g} s"
         if pursuit.elapsed > pursuit.time_limit:
-            return "given_up", f"not there after {pursuit.time_limit:.0f} s"
+            return "given_up", f"time limit of {pursuit.time_limit:.0f} s exceeded"
         if pursuit.idle_for > self.stuck_after:
-            return "stuck", f"no wheel turned for {self.stuck_after:g} s of driving"
+            return "stuck", f"no wheel has turned for {self.stuck_after:g} s"
         return None
 
     def _move(self, pursuit: Pursuit, now: int, odometry: Odometry, seconds: float) -> FollowerStep:
@@ -217,7 +217,7 @@ class GoalFollower(Block):
             return FollowerStep(pursuit, end="reached")
         pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
         if pursuit.attempts >= self.attempts:
-            cause = f"still {distance * 1000:.0f} mm away after {pursuit.attempts} tries"
+            cause = f"{distance * 1000:.0f} mm away after {pursuit.attempts} attempts"
             return FollowerStep(pursuit, end="given_up", cause=cause)
         return FollowerStep(self._begin(pursuit, odometry))
 

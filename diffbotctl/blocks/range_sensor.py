@@ -74,7 +74,7 @@ class RangeSensor(Block):
         self.last_volts = float("nan")
         self.volts_since = 0
         self.zero_readings = 0
-        self.last_resume: Resume | None = None  # the last one that was heard
+        self.last_resume: Resume | None = None
         self.last_state = ""
 
     def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:

@@ -152,7 +152,7 @@ def test_a_level_changes_while_running(tmp_path):
         assert client.request("release")["ok"]
         client.until(stands)
         lines = until(lambda: client.request("read_log", block="mux")["lines"], len)
-        assert (lines[0]["level"], lines[0]["text"]) == ("debug", "a person drives")
+        assert (lines[0]["level"], lines[0]["text"]) == ("debug", "manual driving")
         levels = {row["block"]: row["level"] for row in client.request("list_blocks")["blocks"]}
         assert levels.pop("mux") == "debug" and set(levels.values()) == {"info"}
         assert client.request("set_log_level", block="*", level="error")["ok"]
