@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from math import pi
+from math import isfinite, pi
 
 from diffbotctl.errors import closest_match
 
@@ -92,6 +92,20 @@ def quantity(text: str, unit: str) -> float:
         expected = KINDS.get(unit, "a plain number")
         raise UnitError(f"{written} is {KINDS[kind]}, but {expected} is required{_such_as(unit)}")
     return number * factor
+
+
+def parse_pose(text: str) -> tuple[float, float, float | None]:
+    """x and y (m) and the heading (rad), None without one, of `X Y [HEADING]`.
+
+    Spaces or commas separate them. Raises UnitError.
+    """
+    words = text.replace(",", " ").split()
+    if not 2 <= len(words) <= 3:
+        raise UnitError("give X Y [HEADING], such as '1.0 0.5 90deg'")
+    values = [quantity(word, unit) for word, unit in zip(words, ("m", "m", "rad"), strict=False)]
+    if not all(map(isfinite, values)):
+        raise UnitError(f"{text} is not possible here")
+    return values[0], values[1], values[2] if len(values) == 3 else None
 
 
 def example(unit: str) -> str:

@@ -13,7 +13,6 @@ import click
 from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
 from diffbotctl.cli.options import (
     FILE,
-    Quantity,
     for_option,
     force_option,
     json_option,
@@ -244,13 +243,10 @@ def _log_level(text: str, configuration: Configuration) -> tuple[str, str]:
 
 def _goal(text: str) -> Goal:
     from diffbotctl.messages import Goal
+    from diffbotctl.units import UnitError, parse_pose
 
-    parts = text.replace(",", " ").split()
-    if not 2 <= len(parts) <= 3:
-        raise click.UsageError(f"--goal '{text}': give X Y [HEADING], such as '1.0 0.5 90deg'")
     try:
-        x, y = (Quantity("m").convert(part, None, None) for part in parts[:2])
-        heading = Quantity("rad").convert(parts[2], None, None) if len(parts) == 3 else None
-    except click.BadParameter as error:
-        raise click.UsageError(f"--goal: {error.message}") from error
+        x, y, heading = parse_pose(text)
+    except UnitError as error:
+        raise click.UsageError(f"--goal '{text}': {error}") from error
     return Goal(0, 0, x, y, heading)

@@ -21,7 +21,7 @@ from diffbotctl.ui.dash.panels import PANELS, PanelName
 from diffbotctl.ui.dash.state import Request, RunView
 from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
-from diffbotctl.units import UnitError, quantity
+from diffbotctl.units import UnitError, parse_pose
 
 FACTS_WIDTH, FACTS_WIDTH_WIDE = 32, 44  # characters
 WIDE_MIN_WIDTH, WIDE_MIN_HEIGHT = 110, 36  # from here plots, blocks and log are below the map
@@ -255,14 +255,10 @@ class Dashboard(EngineApp):
         self.ask("plot (block.port.field ...):", " ".join(self.plotted), self._set_fields)
 
     def _set_goal(self, text: str | None) -> None:
-        parts = (text or "").replace(",", " ").split()
-        if not parts:
+        if not text or not text.strip():
             return
         try:
-            if not 2 <= len(parts) <= 3:
-                raise UnitError("give X Y [HEADING]")
-            x, y = (quantity(part, "m") for part in parts[:2])
-            heading = quantity(parts[2], "rad") if len(parts) == 3 else None
+            x, y, heading = parse_pose(text)
         except UnitError as error:
             self.status = f"{text}: {error}"
             return
