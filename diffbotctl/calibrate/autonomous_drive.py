@@ -114,7 +114,7 @@ class AutonomousDrive:
         finally:
             session.now = max(session.now, engine.last_instant)
         if outcome.stopped is False:
-            fix = "switch the motors' battery off before you look for the cause"
+            fix = "switch the motor battery off before you look for the cause"
             raise stopped_error("the board did not confirm that it has stopped", fix)
         if engine.failure is not None:
             raise engine.failure
@@ -134,7 +134,7 @@ class AutonomousDrive:
     def _on_pose(self, now: int, pose: Odometry) -> None:
         self.pose = pose
         if hypot(pose.x, pose.y) > self.reach:
-            self.engine.end(1, f"it went further than the {self.reach:.1f} m that were announced")
+            self.engine.end(1, f"it went further than the announced {self.reach:.1f} m")
 
 
 def _pipeline(robot: Robot, style: DriveStyle) -> tuple[list[Node], str]:

@@ -125,7 +125,7 @@ def cut_segments(drive: RecordedDrive, diameter: float, length: float) -> list[S
     than two poses are known.
     """
     if len(drive.rows) < 2:
-        raise ValueError(f"{drive.name}: a beginning and an end pose are needed")
+        raise ValueError(f"{drive.name}: a start pose and an end pose are needed")
     steps = np.abs(np.diff(drive.turns, axis=0)).mean(axis=1) * pi * diameter
     rolled = np.concatenate(([0.0], np.cumsum(steps)))[drive.rows]
     excess = float(rolled[-1] - rolled[0]) - length

@@ -64,8 +64,8 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
         return result
     if glitch > GLITCH_OPEN_TIME_RATIO_MAX * (pi / left.encoder.slots / left.motor.rated):
         result.faults.append(
-            f"the encoders' flanks chatter for {longest * 1000:.1f} ms, too long to be looked away "
-            "from at full speed: a capacitor of 100 nF from the signal to ground ends that"
+            f"the encoder edges bounce for {longest * 1000:.1f} ms, too long to be filtered at "
+            "full speed: connect 100 nF from the signal to ground"
         )
     else:
         result.report.append(
@@ -77,16 +77,16 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
 
 def _histogram(side: str, bounces: Sequence[float], edges: int) -> Iterator[str]:
     if not bounces:
-        yield f"{side} encoder: {edges} flanks, none of them chattered"
+        yield f"{side} encoder: {edges} edges, none of them bounced"
         return
-    yield f"{side} encoder: {len(bounces)} flanks chattered, {max(bounces) * 1000:.1f} ms at most"
+    yield f"{side} encoder: {len(bounces)} edges bounced, for at most {max(bounces) * 1000:.1f} ms"
     counts = [0] * (len(HISTOGRAM_BINS_S) + 1)
     for bounce in bounces:
         counts[bisect_right(HISTOGRAM_BINS_S, bounce)] += 1
     low = 0.0
     for high, count in zip((*HISTOGRAM_BINS_S, 0.0), counts, strict=True):
         if count:
-            name = f"{low * 1000:g} to {high * 1000:g} ms" if high else f"beyond {low * 1000:g} ms"
+            name = f"{low * 1000:g} to {high * 1000:g} ms" if high else f"over {low * 1000:g} ms"
             bar = "#" * max(1, HISTOGRAM_BAR_MAX * count // max(counts))
             yield f"  {name:<15} {count:>4} {bar}"
         low = high
@@ -110,12 +110,12 @@ def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
         duty, sd = fmean(kept), max(pstdev(kept) / sqrt(len(kept)), SLOT_DUTY_SD_MIN)
         if not SLOT_DUTY_MIN <= duty <= SLOT_DUTY_MAX:
             result.faults.append(
-                f"the {side} encoder's pin keeps one level for {max(duty, 1 - duty):.0%} of a "
-                "pitch: move the light barrier so that its beam meets the middle of the slots"
+                f"the {side} encoder has one level for {max(duty, 1 - duty):.0%} of a pitch: "
+                "move the light barrier so that its beam passes through the middle of the slots"
             )
             continue
         result.findings.append(Finding(f"drive.{side}.encoder.open_share", duty, sd))
-        result.report.append(f"{side} disc: open for {duty:.1%} of a pitch, from {len(duties)}")
+        result.report.append(f"{side} disc: open for {duty:.1%} of a pitch ({len(duties)} pitches)")
     return result
 
 
@@ -165,8 +165,8 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     numbers = set(slots.values())
     if len(numbers) > 1:
         result.faults.append(
-            f"the discs have {slots['left']} and {slots['right']} slots: the board can only count "
-            "with one number for both; fit two equal discs"
+            f"the discs have {slots['left']} and {slots['right']} slots, but the board supports "
+            "only one number for both: fit two equal discs"
         )
     elif numbers and not numbers & set(stated.values()):
         # A wheel that could not be counted has the same disc as the other.
@@ -184,16 +184,20 @@ def _count_side(
     per_turn = sum(good) / len(good) / turns
     for number, count in enumerate(counts, 1):
         if count not in good:
-            result.report.append(f"{side} roll {number} left out: {count} counts, not {middle:g}")
+            result.report.append(
+                f"{side} wheel, time {number} left out: {count} counts instead of {middle:g}"
+            )
     spread = (max(good) - min(good)) / turns
     slots = round(per_turn)
-    text = f"{side} disc: {per_turn:.2f} counts a turn from {len(good)} rolls, spread {spread:.2f}"
+    text = f"{side} disc: {per_turn:.2f} counts per turn, spread {spread:.2f}"
     is_single = len(good) < 2 and len(counts) > 1
     if is_single or abs(per_turn - slots) > SLOTS_TOLERANCE or slots < 1:
         result.faults.append(
-            f"{text}: no whole number of slots. Was it turned exactly {turns} times, forward, and "
-            "not too fast? If so the encoder loses edges, or bounces"
+            f"{text}: not a whole number. Was the wheel turned exactly {turns} times, forward, and "
+            "not too fast? If so, the encoder loses edges or bounces"
         )
         return None
-    result.report.append(f"{text}: {slots} slots" + ("" if slots == stated else f", not {stated}"))
+    result.report.append(
+        f"{text}: {slots} slots" + ("" if slots == stated else f" instead of {stated}")
+    )
     return slots

@@ -158,7 +158,7 @@ def _find_mistakes(
         if (log_ratios < RATIO_LOG_MAX).all():
             candidates.append(Candidate(score, swapped, ratio, geometry))
     if not candidates:
-        raise ValueError("no geometry near the stated one brings these drives to their ends")
+        raise ValueError("no geometry near the stated one explains the ends of these drives")
     chosen = min(candidates, key=lambda candidate: candidate.score)
     # An improvement within the accuracy of the measured ends does not prove a mistake.
     limit = max(MISTAKE_SCORE_RATIO_MIN * chosen.score, CHI2_MEDIANS[3])

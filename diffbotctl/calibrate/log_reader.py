@@ -66,7 +66,7 @@ def read_counts(path: Path, ticks: tuple[float, float]) -> CountLog:
     is_recording = path.suffix == ".mcap"
     table, poses = _read_recording(path) if is_recording else _read_csv(path)
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
-        cause = "needs two rows or more, times that rise, and a count in every row"
+        cause = "needs at least two rows, increasing times, and a count in every row"
         raise unusable_log(path, cause)
     turns = (table[:, 1:] - table[0, 1:]) / ticks
     tick = (1 / ticks[0], 1 / ticks[1])
@@ -79,7 +79,7 @@ def with_own_poses(counts: CountLog) -> RecordedDrive:
         rows = np.flatnonzero(np.isfinite(counts.poses).all(axis=1))
         if len(rows) >= 2:
             return counts.drive(rows, counts.poses[rows], MOTION_CAPTURE)
-    raise unusable_log(Path(counts.name), "tells no true poses; give --ends or --truth")
+    raise unusable_log(Path(counts.name), "contains no true poses; give --ends or --truth")
 
 
 def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
@@ -88,7 +88,7 @@ def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
     Raises UsageError if x or y is nan.
     """
     if not np.isfinite(end[:2]).all():
-        raise unusable_log(Path(counts.name), "its end pose lacks x or y")
+        raise unusable_log(Path(counts.name), "its end pose has no x or y")
     rows = np.array([0, len(counts.times) - 1])
     return counts.drive(rows, np.array([[0.0, 0.0, 0.0], end]), TAPE_MEASURE)
 
@@ -101,7 +101,7 @@ def with_truth(counts: CountLog, path: Path) -> RecordedDrive:
     times = truth[:, 0]
     truth = truth[(times >= 0) & (times <= counts.times[-1]) & np.isfinite(truth).all(axis=1)]
     if len(truth) < 2 or (np.diff(truth[:, 0]) <= 0).any():
-        raise unusable_log(path, "needs two poses or more, at rising times within the drive")
+        raise unusable_log(path, "needs at least two poses, at increasing times within the drive")
     times = np.union1d(counts.times, truth[:, 0])
     turns = [np.interp(times, counts.times, wheel) for wheel in counts.turns.T]
     joined = counts._replace(times=times, turns=np.stack(turns, axis=1))
@@ -116,8 +116,8 @@ def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path
     rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
     distance = hypot(end[0], end[1])
     if distance > END_DISTANCE_RATIO_MAX * rolled:
-        cause = f"has {counts.name} end {distance:.4g} m from its start, but its wheels rolled "
-        raise unusable_log(path, f"{cause}{rolled:.3g} m; x and y are in metres")
+        cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
+        raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
 
 
 def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
@@ -142,7 +142,7 @@ def fingerprint(paths: Sequence[Path]) -> str:
 
 def unusable_log(path: Path, cause: str) -> UsageError:
     """The error for an unusable file."""
-    fix = "`diffbotctl explain E-CALIBRATE-LOG` tells what the files look like"
+    fix = "`diffbotctl explain E-CALIBRATE-LOG` describes the files"
     return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
 
 
@@ -155,7 +155,7 @@ def _read_recording(path: Path) -> tuple[Floats, None]:
         raise unusable_log(path, f"cannot be read: {error.problems[0].cause}") from error
     frames = [message for message in messages if isinstance(message, Encoders)]
     if len({frame.boot for frame in frames}) > 1:
-        raise unusable_log(path, "the board restarted during this drive, and its counts with it")
+        raise unusable_log(path, "the board and its counts restarted during this drive")
     return np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames]), None
 
 
@@ -213,8 +213,10 @@ def read_session(folder: Path) -> OptiodomSession:
     """The session in `folder`. Raises UsageError for an incomplete one."""
     paths = sorted(folder.glob("*_run-*.csv"))
     if not paths:
-        cause = "holds no *_run-*.csv files"
-        raise UsageError(Problem("E-CALIBRATE-LOG", str(folder), cause, "name a session's folder"))
+        cause = "contains no *_run-*.csv files"
+        raise UsageError(
+            Problem("E-CALIBRATE-LOG", str(folder), cause, "give the folder of a session")
+        )
     values = _read_description(next(iter(folder.glob("*_metadata.csv")), folder / "metadata.csv"))
     ticks = values["ngear"][0] * values["encRes"][0]
     nominal = Geometry(values["Di"][0], values["Di"][-1], values["Li"][0])
@@ -251,7 +253,7 @@ def _read_description(path: Path) -> dict[str, list[float]]:
                 values.setdefault(name.strip(), []).append(float(cell))
     missing = [name for name in ("ngear", "encRes", "Li", "Di") if name not in values]
     if missing:
-        raise _unreadable_run(path, f"does not tell {', '.join(missing)}")
+        raise _unreadable_run(path, f"{', '.join(missing)} missing")
     return values
 
 

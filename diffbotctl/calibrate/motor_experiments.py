@@ -61,7 +61,7 @@ def measure_breakaway(session: RobotSession) -> Generator[Event, Any, dict[Motio
         low = dict.fromkeys(SIDES, BREAKAWAY_DUTY_MIN)
         high = dict.fromkeys(SIDES, BREAKAWAY_DUTY_MAX)
         for number in range(BISECTIONS):
-            yield StepProgress(f"what starts the wheels {direction}", number, BISECTIONS)
+            yield StepProgress(f"breakaway duty, {direction}", number, BISECTIONS)
             trial = {side: (low[side] + high[side]) / 2 for side in SIDES}
             before = session.latest_frame()
             session.run_for(Duty(0, sign * trial["left"], sign * trial["right"]), BREAKAWAY_TIME_S)
@@ -81,7 +81,7 @@ def measure_speeds(session: RobotSession) -> Generator[Event, Any, SpeedsByMotio
     speeds: SpeedsByMotion = {(side, direction): [] for direction in DIRECTIONS for side in SIDES}
     for direction, sign in DIRECTIONS.items():
         for number, level in enumerate(DUTY_LEVELS):
-            text = f"speed at {level:g} of full power, {direction}"
+            text = f"speed at {level:g} of full duty, {direction}"
             yield StepProgress(text, number, len(DUTY_LEVELS))
             duty = Duty(0, sign * level, sign * level)
             session.run_for(duty, SETTLING_TIME_S)
@@ -103,7 +103,7 @@ def record_steps(session: RobotSession) -> Generator[Event, Any, list[StepRespon
     before = session.run_for(Duty(0, staircase.low, staircase.low), staircase.plateau)
     steps = []
     for number in range(staircase.steps):
-        yield StepProgress("how late the wheels follow", number, staircase.steps)
+        yield StepProgress("step responses", number, staircase.steps)
         is_up = number % 2 == 0
         level = staircase.high if is_up else staircase.low
         sent = session.now * NS
@@ -135,7 +135,9 @@ def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
     robot = session.file.robot
     sides = drive_sides(robot)
     target = {side: 2 * CREEP_SPEED_M_S / sides[side].wheel.diameter for side in SIDES}
-    yield Message(f"The loops as found must start both wheels at {CREEP_SPEED_M_S * CM:g} cm/s.")
+    yield Message(
+        f"Test: the fitted loops must start both wheels at {CREEP_SPEED_M_S * CM:g} cm/s."
+    )
     command = wheel_command(robot, target["left"], target["right"])
     session.run_for(command, CREEP_TIME_S / 2)
     frames = session.run_for(command, CREEP_TIME_S / 2).encoders
@@ -145,9 +147,9 @@ def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
         speed = mean_speed(frames, side == "left", sides[side].encoder.slots)
         ratio = speed / target[side]
         if abs(ratio - 1.0) > CREEP_ERROR_RATIO_MAX:
-            speeds = f"{ratio * CREEP_SPEED_M_S * CM:.1f} cm/s came of {CREEP_SPEED_M_S * CM:g}"
+            speeds = f"{ratio * CREEP_SPEED_M_S * CM:.1f} instead of {CREEP_SPEED_M_S * CM:g} cm/s"
             faults.append(
-                f"the {side} wheel does not hold a creep: {speeds}. Is the gear dry, or the "
-                "battery low? Then this motor cannot drive slower than it breaks loose"
+                f"the {side} wheel does not hold a low speed: {speeds}. Does the gear need oil, "
+                "or is the battery low? This motor cannot run below its breakaway speed"
             )
     return faults

@@ -136,11 +136,11 @@ def fit_line(points: Sequence[tuple[float, float]]) -> SpeedDutyLine:
     turning = speed > 0.0
     duty, speed = duty[turning], speed[turning]
     if len(duty) < SPEED_POINTS_MIN:
-        raise ValueError("the wheel turned at fewer than three of the duties")
+        raise ValueError("it turned at fewer than three of the duties")
     matrix = np.stack([np.ones_like(speed), speed], axis=1)
     (static, slope), *_ = np.linalg.lstsq(matrix, duty, rcond=None)
     if slope <= 0.0:
-        raise ValueError("more duty did not turn it faster")
+        raise ValueError("its speed did not increase with the duty")
     residuals = duty - matrix @ (static, slope)
     variance = float(residuals @ residuals) / (len(duty) - 2)
     sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * variance)
@@ -163,7 +163,7 @@ def fit_lag(steps: Sequence[StepResponse], left: bool, slots: int) -> LagFit:
     count = len(steps)
     slow, fast, offset = solution[count], solution[count + 1], solution[count + 2]
     if fast <= slow:
-        raise ValueError("more duty did not turn it faster")
+        raise ValueError("its speed did not increase with the duty")
     delay = float(offset / (fast - slow))
     delay_sd = float(sd[count + 2] / (fast - slow))
     moving = (times > 0.0) & (times < SETTLED_LAGS * LAG_MAX_S)

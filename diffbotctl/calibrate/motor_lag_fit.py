@@ -99,7 +99,7 @@ def fit_common_lag(steps: Sequence[StepResponse], slots: int, jitter: float) -> 
         if abs(lag - previous) + abs(step[1]) < CONVERGENCE_TOLERANCE_S:
             break
     else:
-        raise ValueError("how late they follow could not be told from the steps")
+        raise ValueError("the lag could not be determined from the steps")
     covariance = np.linalg.inv(matrix.T @ matrix)
     edges = sum(len(wheel.edges.times) for wheel in wheels)
     variance = float((residuals[:edges] ** 2).sum()) / (edges - len(step))
@@ -123,7 +123,7 @@ def _initial_model(steps: Sequence[StepResponse], left: bool, slots: int) -> Lag
     early = [mask & (times < 0.0) for mask in masks]
     start = np.array([np.mean(lines[mask]) for mask in early if mask.any()])
     if len(start) < len(steps) or speeds[1] <= speeds[0]:
-        raise ValueError("more duty did not turn it faster")
+        raise ValueError("its speed did not increase with the duty")
     return LagModel(edges, start, np.zeros(len(steps)), speeds, np.zeros(slots))
 
 

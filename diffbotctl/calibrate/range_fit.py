@@ -100,7 +100,10 @@ def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
     b = _golden_section(lambda shift: _solve_linear(ordered, shift)[2], SHIFT_MIN_M, SHIFT_MAX_M)
     a, c, mean_square = _solve_linear(ordered, b)
     if not a > 0.0:
-        raise ValueError("the voltages do not fall as a Sharp sensor's do: is it the right pin?")
+        raise ValueError(
+            "the voltages do not fall with distance as those of a Sharp sensor: is it the right "
+            "pin?"
+        )
     return RangeFit(a, b, c, _standard_deviations(ordered, a, b, mean_square), ordered)
 
 
@@ -113,16 +116,15 @@ def _check_points(points: Sequence[RulerPoint]) -> None:
             continue
         readings = (
             f"{near.volts:.2f} V at {near.distance * 100:g} cm, "
-            f"and more, {far.volts:.2f} V, at {far.distance * 100:g} cm"
+            f"but {far.volts:.2f} V at {far.distance * 100:g} cm"
         )
         if near.distance <= FOLD_DISTANCE_M:
             raise ValueError(
-                f"{readings}: nearer than 3 cm the voltage folds back, so the object stood too "
-                "near; measure from the sensor's front, not from the robot's"
+                f"{readings}: below 3 cm the voltage falls again, so the card was too near; "
+                "measure from the front of the sensor, not of the robot"
             )
         raise ValueError(
-            f"{readings}: it must fall with distance; was one of the two not where it was said to "
-            "be?"
+            f"{readings}: it must fall with distance; was one of the two distances wrong?"
         )
 
 

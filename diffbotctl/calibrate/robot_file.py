@@ -57,7 +57,7 @@ def _open_section(text: str, top: dict[str, Any], line: str) -> str:
     """`text`, whose section is empty or missing, with `line` as its first entry."""
     matches = list(EMPTY_SECTION.finditer(text))
     if len(matches) > 1:
-        raise ValueError("the word `calibration:` stands at the beginning of several lines")
+        raise ValueError("several lines begin with `calibration:`")
     if matches:
         match = matches[0]
         # Spaces in the place of the braces keep a comment in its column.
@@ -97,13 +97,13 @@ def writable_copy(path: Path) -> tuple[Path, bool]:
     try:
         if copy.exists():
             if copy.samefile(path):
-                cause = "this is the folder of diffbotctl itself, whose files stay as they are"
+                cause = "this folder belongs to diffbotctl itself, and its files are not changed"
                 raise _write_error(path, cause, "change to a folder of your own")
             return copy, False
         copy.parent.mkdir(exist_ok=True)
         shutil.copyfile(path, copy)
     except OSError as error:
-        raise _write_error(copy, f"cannot copy it there: {error.strerror}", "") from error
+        raise _write_error(copy, f"cannot be written: {error.strerror}", "") from error
     return copy, True
 
 
@@ -160,15 +160,15 @@ def write_change(change: FileChange) -> Path:
     if change.after == change.before:
         return path
     if path.read_bytes() != change.before:
-        cause = "it was changed by somebody else meanwhile"
-        fix = "do it again, or write the entries by hand"
+        cause = "the file was changed meanwhile"
+        fix = "run the step again, or write the entries by hand"
         raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))
     backup = _backup_path(path, change.after)
     try:
         _write_atomic(backup, change.before, path)
         _write_atomic(path, change.after, path)
     except OSError as error:
-        cause = f"cannot write there: {error.strerror}"
+        cause = f"cannot be written: {error.strerror}"
         raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, "")) from error
     return backup
 
@@ -192,10 +192,10 @@ def _no_backup(path: Path) -> Problem:
     backups = path.resolve().parent.glob(f"{path.name}{BACKUP_INFIX}*")
     names = ", ".join(sorted(backup.name for backup in backups))
     if names:
-        cause = f"it was changed since the last calibration; {names} is kept beside it"
-        fix = "compare them, and copy what you want back"
+        cause = f"the file was changed since the last calibration; backup: {names}"
+        fix = "compare the files, and copy what you want to restore"
     else:
-        cause, fix = "no calibration was written into it", "calibrate first"
+        cause, fix = "no calibration was written into this file", "calibrate first"
     return Problem("E-CALIBRATE-UNDO", str(path), cause, fix)
 
 

@@ -195,8 +195,8 @@ def refuse_unwritable(folder: Path) -> None:
 
 
 def _unwritable(folder: Path, error: OSError) -> RunError:
-    cause = f"cannot write there: {error.strerror}"
-    fix = "go to a folder of yours, on a disk that has room"
+    cause = f"cannot be written: {error.strerror}"
+    fix = "change to a folder of your own, on a disk with free space"
     return RunError(Problem("E-CALIBRATE-WRITE", str(folder), cause, fix))
 
 

@@ -32,7 +32,7 @@ NOISE_TEST_TIME_S = 1.0  # after a stop
 NOISE_COUNTS_MIN = 5  # in that time; a wheel that coasts gives fewer
 CAPTURE_TIME_S = 0.3  # the board starts to capture, or sends the remaining edges
 TURN_LIMIT_MARGIN = 1  # count; the edge at which a wheel stood
-KEY_STOP_FIX = "the robot was stopped; run the step again when you like"
+KEY_STOP_FIX = "the robot was stopped; run the step again when you are ready"
 
 WheelCommand = Duty | Wheels
 DriverFactory = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
@@ -63,8 +63,10 @@ class TurnLimit:
         sides = (robot.drive.left, robot.drive.right)
         for side, count, start in zip(sides, counts, self._start, strict=True):
             if abs(count - start) > self.turns * side.encoder.slots + TURN_LIMIT_MARGIN:
-                cause = f"a wheel turned more than the {self.turns:g} turns that were announced"
-                raise stopped_error(cause, "noise on its encoder, or a wrong count of slots?")
+                cause = f"a wheel turned more than the announced {self.turns:g} turns"
+                raise stopped_error(
+                    cause, "is there noise on its encoder, or is the number of slots wrong?"
+                )
 
 
 class StopKey(Protocol):
@@ -222,7 +224,7 @@ class RobotSession:
         received, begin, last_edge, counts = Received([]), self.now, self.now, None
         while not self._stands(begin, last_edge):
             if self.now - begin > STOP_TIMEOUT_NS:
-                fix = "switch the motors' battery off before you look for the cause"
+                fix = "switch the motor battery off before you look for the cause"
                 raise stopped_error("the board did not confirm that it has stopped", fix)
             self._collect(received, self.now + COMMAND_PERIOD_NS, moving=False)
             frame = self.encoders
@@ -281,8 +283,8 @@ class RobotSession:
         begin = self.now
         while self.encoders is None or self.frame_time <= begin or self._link_fault():
             if self.now - begin > CONNECT_TIMEOUT_NS:
-                cause = self._link_fault() or "no frames came"
-                fix = "is it switched on, and does `diffbotctl blink` work?"
+                cause = self._link_fault() or "no frames arrived"
+                fix = "is the board switched on, and does `diffbotctl blink` work?"
                 raise stopped_error(f"the board was not ready within 20 s: {cause}", fix)
             self._receive(self.now + FRAME_TIMEOUT_NS)
 
@@ -304,7 +306,7 @@ class RobotSession:
         received.deliveries.extend(deliveries)
         for _, message in deliveries:
             if isinstance(message, Stop) and message.code:
-                fix = f"`diffbotctl explain {message.code}` tells more"
+                fix = f"see `diffbotctl explain {message.code}`"
                 raise stopped_error(f"the board stopped the motors: {message.cause}", fix)
             if isinstance(message, Link) and message.state == "lost":
                 raise stopped_error("the link to the board was lost", "")

@@ -66,12 +66,12 @@ class SimulatedTools:
         quantities = TOOL_QUANTITIES.get(instrument)
         if quantities is None:
             tools = join_words(TOOL_QUANTITIES)
-            raise AnswerError(f"there is no instrument '{instrument}': {tools}")
+            raise AnswerError(f"there is no instrument '{instrument}'; use {tools}")
         quantity = question.quantity
         if quantity not in quantities:
             suitable = [tool for tool, measured in TOOL_QUANTITIES.items() if quantity in measured]
-            hint = f"; take the {suitable[0]}" if suitable else "; type it"
-            raise AnswerError(f"no {instrument} can read this{hint}")
+            hint = f"; use the {suitable[0]}" if suitable else "; write the answer"
+            raise AnswerError(f"the {instrument} cannot measure this{hint}")
         if quantity == "wheel":
             return question.parse(self._wheel_motion())
         value = self._value(quantity) + self._rng.gauss(0.0, noise)

@@ -92,13 +92,14 @@ def _check_motor(wiring: DetectedWiring, pulse: MotorPulse, other: MotorPulse) -
     wiring.backward[output] = seen.is_backward
     if seen is WheelMotion.NONE and (other.seen.wheel or other.seen is WheelMotion.NONE):
         wiring.faults.append(
-            f"{output} motor dead: nothing turned when the pins stated for the {output} motor "
-            "were driven: look at its two wires at motor and driver, the jumper on the driver's "
-            "enable pin, and the wires from the board to enable, in1 and in2"
+            f"{output} motor dead: no wheel turned when the pins of the {output} motor were "
+            "driven: check its two wires at motor and driver, the jumper on the enable pin of "
+            "the driver, and the wires from the board to enable, in1 and in2"
         )
     elif seen is not WheelMotion.NONE and seen.wheel is None:
         wiring.faults.append(
-            f"both motors hang on the {output} output of the driver: give each its own"
+            f"both motors are connected to the {output} output of the driver: connect each to "
+            "its own"
         )
 
 
@@ -116,18 +117,18 @@ def _check_encoder(
         wiring.input[wheel] = inputs[0]
     elif len(inputs) == 2:
         wiring.faults.append(
-            f"both encoders answer when only the {wheel} wheel turns: their wires touch"
+            f"both encoders count when only the {wheel} wheel turns: their wires touch"
         )
     elif noisy:
         socket = wheel if wheel in noisy else OTHER_SIDE[wheel]
         wiring.faults.append(
             f"{wheel} encoder floating: its input ({socket}) counts while nothing turns: the "
-            "signal wire is off or broken, or the sensor has no ground"
+            "signal wire is disconnected or broken, or the sensor has no ground"
         )
     else:
         wiring.faults.append(
-            f"{wheel} encoder dead: the wheel turns and nothing is counted: look at the sensor's "
-            "supply and signal wire, and whether the disc runs in its slot"
+            f"{wheel} encoder dead: the wheel turns and nothing is counted: check the supply "
+            "and the signal wire of the sensor, and whether the disc runs in its slot"
         )
 
 
@@ -136,17 +137,15 @@ def _report_swaps(wiring: DetectedWiring) -> None:
     if wheels == OTHER_SIDE:
         wiring.corrections.append("motors swapped: the left output turns the right wheel")
     elif wheels["left"] is not None and wheels["left"] == wheels["right"]:
-        wiring.faults.append(
-            f"both outputs turn the {wheels['left']} wheel: look at the motor wires"
-        )
+        wiring.faults.append(f"both outputs turn the {wheels['left']} wheel: check the motor wires")
     if _has_swapped_encoders(wiring):
         wiring.corrections.append(
-            "encoders swapped: each is plugged in where the other one is stated"
+            "encoders swapped: each is connected to the pin stated for the other"
         )
     for output, wheel in wheels.items():
         if wheel and wiring.backward[output]:
             wiring.corrections.append(
-                f"{wheel} motor reversed: it turned backward when told forward"
+                f"{wheel} motor reversed: it turned backward when driven forward"
             )
 
 

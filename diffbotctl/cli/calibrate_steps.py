@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from diffbotctl.prompts.question import Prompter
     from diffbotctl.ui.calibration_screen import CalibrationScreen
 
-INTERRUPTED = "\nInterrupted: the robot stands, and nothing of this step was written."
+INTERRUPTED = "\nInterrupted: the robot is stopped, and no result of this step was written."
 FOLDER = Path("recordings")
 
 
@@ -96,12 +96,12 @@ def _run_step(
         click.echo(fold_text(line, hang=2))
     done = save_result(step, outcome, session, FOLDER)
     for file in done.files:
-        click.echo(f"kept: {file}")
+        click.echo(f"saved: {file}")
     if outcome.findings and not options.dry_run:
         keep(session.file.file, outcome.findings, done.origin, options.yes)
     if outcome.faults:
         # The next steps would measure these faults.
-        fix = f"mend it, then run `diffbotctl calibrate {step.name}` again"
+        fix = f"correct this, then run `diffbotctl calibrate {step.name}` again"
         raise RunError(
             Problem("E-CALIBRATE-ROBOT", step.name, fault, fix) for fault in outcome.faults
         )
@@ -146,7 +146,7 @@ def _open_robot(options: CalibrateOptions) -> Iterator[tuple[RobotSession, Promp
         raise
     finally:
         if not session.stop_confirmed and is_real:
-            click.echo("The stop was NOT CONFIRMED: switch the motors' battery off.", err=True)
+            click.echo("The stop was NOT CONFIRMED: switch the motor battery off.", err=True)
         elif was_interrupted:
             click.echo(INTERRUPTED, err=True)
 
@@ -160,7 +160,7 @@ def _prompter(
     if options.answers is not None:
         return AnswersFile(options.answers, tools)
     if keyboard is None:
-        raise click.UsageError("Nobody is there to answer: give --answers FILE.")
+        raise click.UsageError("There is no terminal: give --answers FILE.")
     return TerminalPrompter(keyboard, options.yes)
 
 

@@ -35,23 +35,23 @@ MEASURED = {
     "geometry": "drive.track",
 }
 NO_BOARD = """\
-No board is plugged in. Connect a Mega 2560 with its USB cable, and start again:
-the path goes on here. If one is plugged in, `diffbotctl ports` says why it is
-not seen; `diffbotctl wiring` draws what else is connected to it.
-Without a board, type `diffbotctl emulate` in another terminal: it makes one to
-try all this on, and says which ports to give here:
+No board is connected. Connect a Mega 2560 with its USB cable and run
+`diffbotctl start` again: it continues here. If a board is connected,
+`diffbotctl ports` reports why it is not found; `diffbotctl wiring` draws its
+connections. Without a board, run `diffbotctl emulate` in another terminal: it
+emulates one, and prints the port to give here:
     diffbotctl start --port PORT"""
 STOCK = """\
-{robot} says link: {{protocol: rosserial}}:
-the board keeps the book's firmware. It drives as it is:
+{robot} states link: {{protocol: rosserial}}:
+the board keeps the firmware of the book, and can drive with it:
     diffbotctl run goal --robot {robot} --port {drive_port}
-This path is for ours, which stops by itself when the host falls silent. Say
-link: {{protocol: diffbot}} in the file, and start again."""
+This guide is for the diffbotctl firmware, which stops by itself when the host is
+silent. Set link: {{protocol: diffbot}} in the file, and start again."""
 END = """\
-That is the whole path. From here:
-    diffbotctl calibrate show        what was measured, and what was not
+The setup is complete. Next:
+    diffbotctl calibrate show        what is calibrated, and what is not
     diffbotctl run square --robot {robot} --port {drive_port}
-    diffbotctl why                   whenever it stands and you wonder"""
+    diffbotctl why                   why the robot stopped"""
 
 
 class SetupGuide:
@@ -165,7 +165,9 @@ class SetupGuide:
                 self._run_pipeline("distance", self.drive_port)
             case ChapterKey.GOAL:
                 self.prompter.confirm(FLOOR)
-                _print("  Put it back to where it started from, if you like it to end up there.")
+                _print(
+                    "  Put the robot back to its start if you want it to stop at the same place."
+                )
                 self._run_pipeline("goal", self.drive_port)
             case _:
                 assert_never(key)
@@ -181,16 +183,16 @@ class SetupGuide:
         if self.robot is None and lookup.is_shipped(path):
             path = Path("robots") / f"{NEW_ROBOT}.yaml"
             if lookup.is_shipped(path):
-                cause = "this is the folder of diffbotctl itself, whose files stay as they are"
+                cause = "this folder belongs to diffbotctl itself, and its files are not changed"
                 fix = "change to a folder of your own: mkdir ~/robot; cd ~/robot; diffbotctl start"
                 raise UsageError(Problem("E-FILE-WRITE", str(path), cause, fix))
             if not path.exists():
-                _print("  It is the book's kit; change what differs on yours.")
+                _print("  It describes the kit of the book; change what differs on your robot.")
                 new.write("robot", NEW_ROBOT)
         self.progress.notes["robot"] = str(writable_copy(path)[0])
         for warning in load_robot(self.robot).warnings:
             click.echo(warning.render())
-        _print(f"  Its wires, as picture and table: diffbotctl wiring {self.robot}")
+        _print(f"  Wiring diagram and table: diffbotctl wiring {self.robot}")
 
     def _find_board(self) -> None:
         from diffbotctl.cli.choose_port import choose_port
@@ -212,16 +214,16 @@ class SetupGuide:
         if robot.link.protocol != "diffbot":
             raise StopGuide(self._format(STOCK))
         if is_diffbot(self.port, robot):
-            _print("  It runs our firmware already: nothing to write.")
+            _print("  The board already has the diffbotctl firmware.")
             return
-        _print("  It does not run our firmware. What is on it now will be written over.")
+        _print("  The board has another firmware, which will be overwritten.")
         self.prompter.confirm(LIFTED)
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
         _run_command(flash.flash, *words)
 
     def _identify_wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":
-            _print("  Its file says that this was seen before.")
+            _print("  The robot file states that the directions are proven.")
             return
         self.prompter.confirm(LIFTED)
         self._calibrate("encoders", rolls=0)
@@ -230,12 +232,12 @@ class SetupGuide:
         calibration = self._file().robot.calibration
         missing = [step for step, field in MEASURED.items() if field not in calibration]
         if not missing:
-            _print("  Its file says that all of it was measured before.")
+            _print("  The robot file contains all results already.")
             return
         answer = self.prompter.ask(MEASURE)
         for step in missing:
             if answer == "later" or (answer == "motors" and step != "motors"):
-                _print(f"  Later, then: diffbotctl calibrate {step}")
+                _print(f"  Do this later: diffbotctl calibrate {step}")
                 continue
             self.prompter.confirm(LIFTED if step == "motors" else FLOOR)
             self._calibrate(step)
@@ -261,7 +263,9 @@ class SetupGuide:
         words += [] if self.robot is None else ["--robot", self.robot]
         words += [] if is_watched else ["--fast", "--quiet"]
         if _run_command(run.command, *words):
-            raise click.ClickException("it did not get there; start again when that is mended")
+            raise click.ClickException(
+                "the goal was not reached; correct the cause and start again"
+            )
 
 
 class GuidePrompter:
@@ -274,7 +278,7 @@ class GuidePrompter:
     def confirm(self, question: Question) -> None:
         """Ask once in a visit. Raises StopGuide if the answer is not yes."""
         if question.name not in self._confirmed and self.ask(question) != "yes":
-            raise StopGuide("Then do that first; `diffbotctl start` goes on here.")
+            raise StopGuide("Do that first; `diffbotctl start` continues here.")
         self._confirmed.add(question.name)
 
     def ask(self, question: Question) -> str:
@@ -290,7 +294,7 @@ class GuidePrompter:
         else:
             fix = f"give --answers FILE with a line such as {question.name}: {question.choices[0]}"
             raise UsageError(
-                Problem(ANSWER_CODE, question.name, "nobody is there to be asked", fix)
+                Problem(ANSWER_CODE, question.name, "there is no terminal to ask at", fix)
             )
         return str(answer)
 

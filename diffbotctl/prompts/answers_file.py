@@ -66,7 +66,7 @@ class AnswersFile:
     def act(self, action: ManualAction) -> None:
         """Do it with the simulated tools. Raises an error if they cannot."""
         if self.tools is None or (action.roll is None and action.place is None):
-            raise self._problem(action.name, f"needs a hand: {action.text}")
+            raise self._problem(action.name, f"needs a person: {action.text}")
         if action.roll is not None:
             self.tools.roll(*action.roll)
         if action.place is not None:
@@ -78,7 +78,7 @@ class AnswersFile:
         if name is None:
             if question.default is not None:
                 return question.default
-            raise self._problem(question.name, "is not answered there")
+            raise self._problem(question.name, "is not answered in this file")
         entry = self.answers[name]
         try:
             if isinstance(entry, Mapping):
@@ -97,7 +97,7 @@ class AnswersFile:
             return entry
         number = self._used.get(name, 0)
         if number >= len(entry):
-            raise AnswerError(f"it was asked {number + 1} times and has {number} answers")
+            raise AnswerError(f"it was asked {number + 1} times, but has {number} answers")
         self._used[name] = number + 1
         return entry[number]
 
@@ -105,7 +105,7 @@ class AnswersFile:
         if set(entry) - {"measure", "noise"} or not isinstance(entry.get("measure"), str):
             raise AnswerError("a measured answer looks like {measure: tape, noise: 1 mm}")
         if self.tools is None:
-            raise AnswerError("a real robot's truth can only be measured by you")
+            raise AnswerError("only a simulated robot can be measured automatically")
         try:
             noise = quantity(str(entry.get("noise", 0)), question.unit) if question.unit else 0.0
         except UnitError as error:
@@ -113,7 +113,7 @@ class AnswersFile:
         return self.tools.read(entry["measure"], question, noise)
 
     def _problem(self, name: str, cause: str) -> UserError:
-        fix = "mend the answers file, or leave --answers out and answer yourself"
+        fix = "correct the answers file, or leave out --answers and answer yourself"
         return self.error(Problem(self.code, str(self.path), f"{name}: {cause}", fix))
 
 
@@ -127,6 +127,6 @@ def _read(path: Path, code: str) -> dict[str, Any]:
     else:
         if isinstance(entries, dict) and all(isinstance(name, str) for name in entries):
             return entries
-        cause = "is no list of questions and answers"
-    fix = "write one a line, such as `distance.reading: [998 mm, 1002 mm]` or `lifted: yes`"
+        cause = "is not a mapping of questions to answers"
+    fix = "write one per line, such as `distance.reading: [998 mm, 1002 mm]` or `lifted: yes`"
     raise UsageError(Problem(code, str(path), cause, fix))

@@ -80,10 +80,10 @@ class Question:
         """The answer as a number in SI or a choice. Raises AnswerError with the reason."""
         if answer is None or (isinstance(answer, str) and not answer.strip()):
             if self.default is None:
-                raise AnswerError(f"an answer is needed: {self.expected}")
+                raise AnswerError(f"an answer is required: {self.expected}")
             return self.default
         if isinstance(answer, bool) or not isinstance(answer, str | int | float):
-            raise AnswerError(f"{answer!r} is no answer: {self.expected}")
+            raise AnswerError(f"{answer!r} is not an answer: {self.expected}")
         return self._parse_choice(str(answer)) if self.choices else self._parse_number(str(answer))
 
     @property
@@ -102,7 +102,7 @@ class Question:
             return candidates[0]
         near = closest_match(word, self.choices)
         hint = f"; did you mean {near}?" if near else ""
-        raise AnswerError(f"'{answer}' is none of {self.expected}{hint}")
+        raise AnswerError(f"'{answer}' is not valid; answer {self.expected}{hint}")
 
     def _parse_number(self, answer: str) -> float:
         text = answer.strip()
@@ -115,7 +115,7 @@ class Question:
             except UnitError as error:
                 raise AnswerError(str(error)) from None
         if not isfinite(value):
-            raise AnswerError(f"{text} is not a number that a rule can show")
+            raise AnswerError(f"{text} is not a finite number")
         if not self.minimum <= value <= self.maximum:
             limits = f"{self._format(self.minimum)} and {self._format(self.maximum)}"
             reason = f": {self.limit_reason}" if self.limit_reason else ""

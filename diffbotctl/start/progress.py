@@ -49,8 +49,8 @@ class GuideProgress:
         except OSError as error:
             with suppress(OSError):
                 temporary.unlink()
-            cause = f"how far you have come cannot be kept there: {error.strerror}"
-            fix = "make room or give rights there, or set XDG_STATE_HOME to another folder"
+            cause = f"the progress cannot be saved: {error.strerror}"
+            fix = "free disk space, change the permissions, or set XDG_STATE_HOME to another folder"
             raise RunError(Problem("E-FILE-WRITE", str(self.path), cause, fix)) from error
 
 

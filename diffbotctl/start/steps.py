@@ -42,38 +42,38 @@ CHAPTERS = (
     Chapter(
         ChapterKey.SIMULATED,
         "A simulated robot",
-        "a robot like the book's, with its motors, encoders and wall, drives to a goal",
-        "diffbotctl works here: a simulated robot reached its goal",
+        "a simulated robot, like the one of the book, drives to a goal",
+        "diffbotctl works: a simulated robot reached its goal",
     ),
     Chapter(
         ChapterKey.ROBOT,
-        "Your robot's file",
-        "a file of your own says what is wired where; every command reads it",
-        "{robot} describes your robot, and has no mistake that shows without it",
+        "Your robot file",
+        "your robot file states how the robot is wired; every command reads it",
+        "{robot} describes your robot, and its checks pass",
     ),
     Chapter(
         ChapterKey.BOARD,
         "The board",
-        "the Mega 2560 is looked for on the USB ports",
+        "the Mega 2560 is searched on the USB ports",
         "the board is on {port}",
     ),
     Chapter(
         ChapterKey.FIRMWARE,
         "The firmware",
-        "the firmware is written onto the board, unless it is there already; about 5 s",
-        "the board runs our firmware and has the settings of {robot}",
+        "the firmware is flashed, unless the board has it already; about 5 s",
+        "the board runs the diffbotctl firmware with the settings of {robot}",
     ),
     Chapter(
         ChapterKey.WHEELS,
-        "Which wheel is which",
-        "each motor gets short pulses, the wheels lifted, and you say what turned",
-        "motors and encoders are what {robot} says, and both wheels turn the right way",
+        "Wheels and encoders",
+        "each motor gets short pulses with the wheels off the ground; you report what turned",
+        "the wiring matches {robot}, and both wheels turn in the right direction",
     ),
     Chapter(
         ChapterKey.MEASURE,
-        "What motors and wheels really are",
-        "the motors by themselves (2 minutes), the wheels with a tape (half an hour); it may wait",
-        "`diffbotctl calibrate show` lists what was measured, and what was not",
+        "Calibration of motors and wheels",
+        "motors (2 minutes), wheels with a tape (half an hour); you can do this later",
+        "`diffbotctl calibrate show` lists what is calibrated and what is not",
     ),
     Chapter(
         ChapterKey.METRE,
@@ -84,7 +84,7 @@ CHAPTERS = (
     Chapter(
         ChapterKey.GOAL,
         "The first goal",
-        "the robot drives to a place 1 m ahead and 0.5 m to its left, and stops at walls",
+        "the robot drives to a point 1 m ahead and 0.5 m to the left, and stops at walls",
         "the robot reached a goal",
     ),
 )
@@ -98,18 +98,17 @@ def headline(key: ChapterKey) -> str:
 
 LIFTED = Question(
     "lifted",
-    "Are the wheels in the air, so that they can turn without moving the robot?",
+    "Are the wheels off the ground?",
     choices=("yes", "no"),
 )
 MEASURE = Question(
     "measure",
-    "Measure now: all, which needs a tape and half an hour; the motors alone, which needs two "
-    "minutes and nothing; or later?",
+    "Calibrate now: all (half an hour, with a tape), only the motors (2 minutes), or later?",
     choices=("all", "motors", "later"),
 )
 FLOOR = Question(
     "floor",
-    "Does it stand on the floor, with 1.5 m free ahead and 1 m to its left, and can you reach it?",
+    "Is the robot on the floor within your reach, with 1.5 m free ahead and 1 m to the left?",
     choices=("yes", "no"),
 )
 QUESTIONS = (LIFTED, MEASURE, FLOOR)
@@ -125,6 +124,6 @@ def read_answers(path: Path) -> AnswersFile:
     for name in answers.answers:
         if name not in names and name.partition(".")[0] not in STEPS:
             near = closest_match(name, names) or join_words(names, "or")
-            cause, fix = f"'{name}' is never asked", f"did you mean {near}?"
+            cause, fix = f"there is no question '{name}'", f"did you mean {near}?"
             raise UsageError(Problem(ANSWER_CODE, str(path), cause, fix))
     return answers

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.prompts.question import Answer, ManualAction, MarkFloor, MotionNotice, Question
 
-ANY_KEY = "Any key stops it. Press Enter to begin"
+ANY_KEY = "Any key stops the robot. Press Enter to start"
 ANSWER_ATTEMPTS_MAX = 5
 
 
@@ -32,7 +32,9 @@ class TerminalPrompter:
             return
         typed = self._type(f"{ANY_KEY}, or type no")
         if typed.strip().lower() in ("n", "no", "q", "quit"):
-            raise RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", "you did not want it", ""))
+            raise RunError(
+                Problem("E-CALIBRATE-STOPPED", "calibrate", "the motion was refused", "")
+            )
 
     def mark_floor(self, mark: MarkFloor) -> None:
         """Wait until it is marked."""
@@ -58,8 +60,8 @@ class TerminalPrompter:
                 return question.parse(self._type(text, default))
             except AnswerError as error:
                 reason = str(error)
-                click.echo(fold_text(f"No: {reason}", hang=2))
-        fix = "measure first, then run this step again"
+                click.echo(fold_text(f"Invalid: {reason}", hang=2))
+        fix = "measure, then run this step again"
         raise RunError(Problem("E-CALIBRATE-ANSWER", question.name, reason, fix))
 
     def _type(self, text: str, default: str = "") -> str:

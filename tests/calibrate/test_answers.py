@@ -42,7 +42,7 @@ def file(tmp_path):
 def test_a_list_holds_one_answer_a_repeat(file):
     made = file("distance.reading: [998 mm, 1.003 m, 1001]")
     assert [made.answer(READING) for _ in range(3)] == pytest.approx([0.998, 1.003, 1.001])
-    with pytest.raises(RunError, match="asked 4 times and has 3 answers"):
+    with pytest.raises(RunError, match="asked 4 times, but has 3 answers"):
         made.answer(READING)
 
 
@@ -69,10 +69,10 @@ def test_a_hand_turns_a_wheel(file):
 @pytest.mark.parametrize(
     "text, instruments, words",
     [
-        ("{}", None, "distance.reading: is not answered there"),
+        ("{}", None, "distance.reading: is not answered in this file"),
         ("distance.reading: 12 kg", None, "kg is a mass"),
         ("distance.reading: 12 mm", None, "not between 500 mm and 2000 mm"),
-        ("distance.reading: {measure: tape}", None, "only be measured by you"),
+        ("distance.reading: {measure: tape}", None, "only a simulated robot can be measured"),
         ("distance.reading: {with: tape}", Fixed(1), "measure: tape, noise: 1 mm"),
         ("distance.reading: {measure: tape, noise: 1 deg}", Fixed(1), "noise: deg is an angle"),
     ],
@@ -84,7 +84,7 @@ def test_what_cannot_answer_says_why(file, text, instruments, words):
 
 
 def test_a_hand_is_missing_for_a_real_robot(file):
-    with pytest.raises(RunError, match="needs a hand"):
+    with pytest.raises(RunError, match="needs a person"):
         file("{}").act(ManualAction("encoders.left_turns", "turn it", ("left", 10.0)))
 
 

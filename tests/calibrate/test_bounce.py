@@ -57,7 +57,7 @@ def test_a_glitch_time_that_covers_the_chatter(milliseconds, glitch):
 def test_chatter_as_long_as_a_slot_needs_a_capacitor():
     edges = [RawEdge((40 * number + late) * MS, 0, 0) for number in range(30) for late in (0, 3, 6)]
     found = encoder_fit.measure_glitch(edges, ROBOT)
-    assert found.findings == [] and "capacitor" in found.faults[0]
+    assert found.findings == [] and "100 nF" in found.faults[0]
 
 
 def test_few_flanks_tell_nothing():

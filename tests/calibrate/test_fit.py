@@ -139,5 +139,5 @@ def test_too_little_to_fit():
     with pytest.raises(ValueError, match="no drives"):
         fit_geometry([], STATED)
     one = drive("one", wander(1), TRUE)
-    with pytest.raises(ValueError, match="beginning and an end"):
+    with pytest.raises(ValueError, match="start pose and an end"):
         cut_segments(replace(one, rows=one.rows[:1], poses=one.poses[:1]), STATED.mean, 1.0)

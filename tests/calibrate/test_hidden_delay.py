@@ -58,5 +58,5 @@ def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
 def test_wheels_that_stand_tell_nothing():
     frames = [Encoders(60 * MS * number, 5, 5, None, None) for number in range(40)]
     steps = [motor_fit.StepResponse(frames, 1.0, up) for up in (True, False)] * 2
-    with pytest.raises(ValueError, match="did not turn it faster"):
+    with pytest.raises(ValueError, match="did not increase with the duty"):
         fit_common_lag(steps, 20, 0.012)

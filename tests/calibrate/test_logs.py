@@ -65,8 +65,8 @@ def test_ends_by_hand(tmp_path):
     ("text", "said"),
     [
         ("time,right\n0,0\n1,1\n", "does not name left"),
-        ("time,right,left\n0,0,0\n", "two rows or more"),
-        ("time,right,left\n0,0,0\n0,1,1\n", "times that rise"),
+        ("time,right,left\n0,0,0\n", "at least two rows"),
+        ("time,right,left\n0,0,0\n0,1,1\n", "increasing times"),
         ("time,right,left\n0,0,0\n1,,1\n", "a count in every row"),
         ("time,right,left\n0,0,0\n1,x,1\n", "'x' is not a number"),
         ("", "does not name time, right and left"),
@@ -82,7 +82,7 @@ def test_no_poses_and_half_an_end(tmp_path):
     counts = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 20))
     with pytest.raises(UsageError, match="--ends or --truth"):
         with_own_poses(counts)
-    with pytest.raises(UsageError, match="lacks x or y"):
+    with pytest.raises(UsageError, match="has no x or y"):
         with_end(counts, (nan, 0, 0))
     with pytest.raises(UsageError, match="cannot be read"):
         read_counts(tmp_path / "none.csv", (20, 20))

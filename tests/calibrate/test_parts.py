@@ -68,14 +68,14 @@ def test_a_card_in_the_fold_is_named(robot):
     placed = {**ANSWERS, "range.distance": ["7 cm", "4 cm", "10 cm", "16 cm", "25 cm", "30 cm"]}
     done = calibrate("range", placed)
     assert isinstance(done.exception, RunError)
-    assert "folds back" in str(done.exception.problems[0].cause)
+    assert "falls again" in str(done.exception.problems[0].cause)
     assert "curve" not in robot.read_text()
 
 
 def test_a_distance_that_no_rule_shows_is_refused(robot):
     done = calibrate("range", {"range.distance": "4 m"})
     assert isinstance(done.exception, RunError)
-    assert "is it centimetres?" in done.exception.problems[0].cause
+    assert "is the unit cm?" in done.exception.problems[0].cause
 
 
 def test_the_meter_tells_the_divider(robot):
@@ -106,8 +106,8 @@ def test_without_a_pin_there_is_nothing_to_calibrate(robot):
 @pytest.mark.parametrize(
     "told, meter, word",
     [
-        ([0.1, 0.1], 7.6, "nothing arrives"),  # 0.03 V at the pin
-        ([15.0, 15.0], 20.0, "sees 5 V or more"),  # 5 V at the pin: the converter's end
+        ([0.1, 0.1], 7.6, "is it connected"),  # 0.03 V at the pin
+        ([15.0, 15.0], 20.0, "5 V or more"),  # 5 V at the pin: the converter's end
     ],
 )
 def test_a_divider_that_cannot_be_is_refused(told, meter, word):

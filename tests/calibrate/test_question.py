@@ -13,7 +13,7 @@ READING = Question(
     default_unit="mm",
     minimum=0.65,
     maximum=1.35,
-    limit_reason="is it millimetres?",
+    limit_reason="is the unit mm?",
 )
 FACING = Question("geometry.facing", "How far round?", "rad", "deg", -pi, pi)
 WHICH = Question("encoders.wheel", "Which?", choices=("none", "left forward", "left backward"))
@@ -41,16 +41,16 @@ def test_an_answer_is_read(question, typed, value):
 @pytest.mark.parametrize(
     "question, typed, words",
     [
-        (READING, "-998", "not between 650 mm and 1350 mm: is it millimetres?"),
+        (READING, "-998", "not between 650 mm and 1350 mm: is the unit mm?"),
         (READING, "0.998", "not between"),  # metres, taken for millimetres
         (READING, "a metre", "not a number with a unit"),
         (READING, "998 kg", "kg is a mass, but a length is required"),
         (READING, "998 mn", "'mn' is not a known unit"),
-        (READING, "nan", "not a number that a rule can show"),
-        (READING, "", "an answer is needed: a number in mm"),
-        (READING, True, "no answer"),
+        (READING, "nan", "not a finite number"),
+        (READING, "", "an answer is required: a number in mm"),
+        (READING, True, "is not an answer"),
         (FACING, "181", "not between -180 deg and 180 deg"),
-        (WHICH, "left", "none of none, left forward or left backward"),  # which way?
+        (WHICH, "left", "not valid; answer none, left forward or left backward"),  # which way?
         (WHICH, "lft forward", "did you mean left forward?"),
     ],
 )

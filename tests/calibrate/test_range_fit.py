@@ -98,7 +98,7 @@ def test_deviations_are_those_of_many_fits():
         (exact(distances=(0.04, 0.07, 0.10)), "4 different"),
         # 2 cm instead of 4: 2.22 V there is less than 2.72 V, but still more than at 7 cm; 1 cm
         # instead of 4 is 1.85 V, more than 1.765 V; contact is 0.03 V
-        ([RulerPoint(0.04, 0.03, 0.0, 1), *exact()[1:]], "folds back"),
+        ([RulerPoint(0.04, 0.03, 0.0, 1), *exact()[1:]], "falls again"),
         # 16 and 25 cm exchanged
         ([*exact()[:3], RulerPoint(0.16, 0.525, 0, 1), RulerPoint(0.25, 0.813, 0, 1)], "must fall"),
         ([RulerPoint(each, 1.0, 0.0, 1) for each in RULER_DISTANCES_M], "do not fall"),

@@ -14,13 +14,13 @@ from diffbotctl.testing.terminal import Terminal
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 
 TYPED = (
-    ("no wheel turns more than", ""),
-    ("the left motor's pins are driven", ""),
+    ("turns of each wheel", ""),
+    ("The left motor is driven now", ""),
     ("Which wheel turned", "left forward"),
-    ("the right motor's pins are driven", ""),
+    ("The right motor is driven now", ""),
     ("Which wheel turned", "right forward"),
     ("both at once", ""),
-    ("both motors are driven forward now", ""),
+    ("Both motors are driven forward now", ""),
     ("Which wheels turned", "both forward"),
     ("Write this?", "y"),
 )
@@ -53,7 +53,7 @@ def test_wires_are_proven_over_the_radio(robot):
             "--yes",
         )
         assert code == 0, said
-        assert "SIMULATED" not in said and "as the robot file states" in said
+        assert "SIMULATED" not in said and "match the robot file" in said
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
     # What whoever has no robot before their eyes is asked for.
@@ -87,10 +87,10 @@ def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
 def test_who_interrupts_is_told_that_the_robot_stands(robot):
     words = board.command("calibrate", "distance", "--robot", robot, "--port", "sim")
     with Terminal(words) as terminal:
-        terminal.until(lambda text: "Any key stops it" in text)
+        terminal.until(lambda text: "Any key stops the robot" in text)
         terminal.type("\x03")
         assert terminal.ended() == 130
-        assert "Interrupted: the robot stands" in terminal.text
+        assert "Interrupted: the robot is stopped" in terminal.text
 
 
 def test_a_killed_calibration_leaves_a_board_that_stops_by_itself(robot):

@@ -26,9 +26,9 @@ ROBOT = load_robot("book_2wd").robot  # 20 slots
         # the right encoder is dead, and its disc is taken to be like the other
         ({"left": [240, 240, 240]}, {"left": 24, "right": 24}, ""),
         ({"left": [240, 240, 240], "right": [200, 200, 200]}, {}, "24 and 20 slots"),
-        ({"left": [205, 206, 205]}, {}, "no whole number of slots"),  # 20.5 a turn
-        ({"left": [160, 200, 240]}, {}, "no whole number of slots"),  # no two agree
-        ({"left": [0, 0, 0]}, {}, "no whole number of slots"),
+        ({"left": [205, 206, 205]}, {}, "not a whole number"),  # 20.5 a turn
+        ({"left": [160, 200, 240]}, {}, "not a whole number"),  # no two agree
+        ({"left": [0, 0, 0]}, {}, "not a whole number"),
         ({}, {}, ""),
     ],
 )
@@ -42,7 +42,7 @@ def test_slots_from_ten_turns_by_hand(rolls, findings, fault):
 
 def test_a_stray_roll_is_named():
     report = encoder_fit.count_slots({"left": [240, 241, 264]}, 10, ROBOT).report
-    assert "left roll 3 left out: 264 counts, not 241" in report
+    assert "left wheel, time 3 left out: 264 counts instead of 241" in report
 
 
 def test_a_mean_leaves_out_a_stray_reading():
@@ -69,7 +69,7 @@ def test_a_line_through_exact_points_is_found_again():
     "duties, speeds, words",
     [
         ([0.3, 0.5, 0.9], [0.0, 0.0, 5.0], "fewer than three"),
-        ([0.3, 0.5, 0.9], [9.0, 5.0, 2.0], "did not turn it faster"),
+        ([0.3, 0.5, 0.9], [9.0, 5.0, 2.0], "did not increase with the duty"),
     ],
 )
 def test_a_wheel_that_does_not_follow_is_refused(duties, speeds, words):

@@ -71,7 +71,7 @@ def test_what_settings_can_mend(left, right, mended):
             ("none", 0, 0),
             ("both forward", 4, 4),
             QUIET,
-            ["both motors hang on the right output of the driver"],
+            ["both motors are connected to the right output of the driver"],
             [],
         ),
         (
@@ -85,7 +85,7 @@ def test_what_settings_can_mend(left, right, mended):
             ("left forward", 4, 4),
             ("right forward", 0, 4),
             QUIET,
-            ["both encoders answer when only the left wheel turns"],
+            ["both encoders count when only the left wheel turns"],
             [],
         ),
     ],

@@ -79,7 +79,7 @@ def test_a_dry_run_writes_nothing_and_steps_are_skipped(robot):
     words = ("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--dry-run", "--yes")
     done = calibrate(*words, "--skip", "motors", "--skip", "distance", "--skip", "geometry")
     assert done.exit_code == 0, done.output
-    assert "as the robot file states" in done.output and robot.read_bytes() == before
+    assert "match the robot file" in done.output and robot.read_bytes() == before
 
 
 def test_exchanged_directions_are_named(robot):
@@ -106,8 +106,8 @@ def test_exchanged_directions_are_named(robot):
         "--dry-run",
     )
     assert done.exit_code == 0, done.output
-    assert "clockwise and counter-clockwise had been exchanged" in done.output
-    found = float(re.search(r"Eb, track found over before: ([\d.]+)", done.output)[1])
+    assert "seem to be swapped" in done.output
+    found = float(re.search(r"E_b, track now over before: ([\d.]+)", done.output)[1])
     assert found == pytest.approx(1.03, abs=0.005)  # alpha = 94 / 2000 rad of a quarter turn
 
 
@@ -162,7 +162,7 @@ def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
     person = Terminal(
         "distance", "--robot", robot, "--port", "sim", "--repeats", 1, "--metres", 0.3, "--dry-run"
     )
-    person.wait_for("Press Enter to begin")
+    person.wait_for("Press Enter to start")
     person.type("")
     person.wait_for("Press Enter when you are ready")
     person.type("")
@@ -182,7 +182,7 @@ def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
 
 def test_whoever_says_no_moves_nothing(robot):
     person = Terminal("motors", "--robot", robot, "--port", "sim", "--dry-run")
-    person.wait_for("Press Enter to begin")
+    person.wait_for("Press Enter to start")
     person.type("no")
     person.wait_for("you did not want it")
     assert person.close() == 1

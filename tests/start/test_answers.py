@@ -27,12 +27,12 @@ def test_words_stay_words_and_lists_answer_in_turn(answers):
 @pytest.mark.parametrize(
     ("text", "name", "words"),
     [
-        ("lifted: yes\n", "floor", "floor: is not answered there"),
-        ("lifted: maybe\n", "lifted", "none of yes or no"),
-        ("measure: [later]\n", "measure", "asked 2 times and has 1 answers"),
+        ("lifted: yes\n", "floor", "floor: is not answered in this file"),
+        ("lifted: maybe\n", "lifted", "not valid; answer yes or no"),
+        ("measure: [later]\n", "measure", "asked 2 times, but has 1 answers"),
         ("liftet: yes\n", "lifted", "did you mean lifted?"),
-        ("wheels.left: yes\n", "lifted", "never asked"),
-        ("- lifted\n", "lifted", "no list of questions"),
+        ("wheels.left: yes\n", "lifted", "there is no question"),
+        ("- lifted\n", "lifted", "is not a mapping of questions"),
         ("{", "lifted", "cannot be read"),
     ],
 )

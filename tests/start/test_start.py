@@ -69,8 +69,8 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     code, said = person.types("start")
     assert code == 0, said
     assert "SIMULATED" in said and "1 of 1 reached" in said
-    assert "next: the Mega 2560 is looked for" in said
-    assert "No board is plugged in" in said
+    assert "next: the Mega 2560 is searched" in said
+    assert "No board is connected" in said
     assert max(map(len, said.splitlines())) <= 80
     assert person.done() == ["simulated", "robot"]
     code, said = person.types("start", "--status")
@@ -86,7 +86,11 @@ def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
         code, said = person.types("start", *ports, answers=ALL)
         assert code == 0, said
         assert said.count("1 of 1 reached") == 3  # simulated, metre, goal
-        assert said.count("Are the wheels in the air") == said.count("Does it stand on") == 1
+        assert (
+            said.count("Are the wheels off the ground?")
+            == said.count("Is the robot on the floor")
+            == 1
+        )
         assert "written and verified" in said
         truth = virtual.board.plant.truth()
         assert truth.left_speed == truth.right_speed == 0.0
@@ -104,15 +108,15 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
         words = ("start", "--port", virtual.usb, "--radio", virtual.radio)
         code, said = person.types(*words, answers="lifted: no\n")
         assert code == 0, said
-        assert "It runs our firmware already" in said
-        assert "`diffbotctl start` goes on here" in said
+        assert "already has the diffbotctl firmware" in said
+        assert "`diffbotctl start` continues here" in said
         assert person.done() == ["simulated", "robot", "board", "firmware"]
         code, said = person.types(*words)
-        assert code == 2 and "nobody is there to be asked" in said
+        assert code == 2 and "there is no terminal to ask at" in said
         code, said = person.types(*words, answers=ALL)
         assert code == 0, said
         assert person.done()[-1] == "goal"
-        assert "5 of 8  Which wheel" in said and "2 of 8  Your robot's file\n" not in said
+        assert "5 of 8  Wheels and" in said and "2 of 8  Your robot file\n" not in said
 
 
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
@@ -142,17 +146,17 @@ def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
         line = shlex.join([*command("start"), "--port", str(virtual.usb)])
         shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]
         with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
-            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.until(lambda text: "Are the wheels off the ground?" in text)
             terminal.type("\x03")
             assert terminal.ended() == 130
             assert "Left here. `diffbotctl start` goes on from this point." in terminal.text
         assert person.done()[-1] == "firmware"
         with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
-            terminal.until(lambda text: "Are the wheels in the air" in text)
+            terminal.until(lambda text: "Are the wheels off the ground?" in text)
             terminal.type("perhaps\n")  # is asked again
-            terminal.until(lambda text: "No: 'perhaps' is none of" in text)
+            terminal.until(lambda text: "Invalid: 'perhaps' is none of" in text)
             terminal.type("y\n")  # as much of a word as tells it from the others
-            terminal.until(lambda text: "Press Enter to begin" in text)
+            terminal.until(lambda text: "Press Enter to start" in text)
             terminal.type("no\n")  # to what would move
             assert terminal.ended() == 1
         assert person.done()[-1] == "firmware"

@@ -27,12 +27,12 @@ UNKNOWN = "unknown"
 
 METER_QUESTION = Question(
     "battery.volts",
-    "What does the meter say?",
+    "Voltage on the meter?",
     unit="V",
     default_unit="V",
     minimum=BATTERY_MIN_V,
     maximum=BATTERY_MAX_V,
-    limit_reason="no battery of such a robot is there; measure at its terminals, robot switched on",
+    limit_reason="measure at the terminals of the battery, with the robot switched on",
     quantity="battery",
 )
 
@@ -63,7 +63,7 @@ class BatteryStep:
 
     seconds: float = LISTEN_TIME_S
     name: str = "battery"
-    title: str = "the battery's divider, by a meter, and its low limit"
+    title: str = "the battery divider, with a meter, and the low limit"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
@@ -75,30 +75,30 @@ class BatteryStep:
         battery = session.file.robot.battery
         if battery.pin is None:
             lines.append(
-                "the board does not measure its battery: lead it through a divider to a free "
-                "analog pin, and write `battery: {pin: A1, divider: 3}`"
+                "the board does not measure its battery: connect it through a divider to a free "
+                "analog pin, and add `battery: {pin: A1, divider: 3}`"
             )
         else:
-            yield Message("Nothing moves. Hold a meter to the battery's terminals.")
+            yield Message("Nothing moves. Connect a meter to the terminals of the battery.")
             readings = self._readings(session)
             volts = float((yield METER_QUESTION))
             findings.append(divider_finding(readings, volts, battery.divider or 1.0))
             lines.append(
-                f"divider {findings[0].value:.4g}: {volts:.2f} V by the meter, "
-                f"{fmean(readings):.2f} V by the board until now"
+                f"divider {findings[0].value:.4g}: the meter shows {volts:.2f} V, the board "
+                f"reported {fmean(readings):.2f} V"
             )
         low = yield from _low_limit(volts)
         if low is not None:
             findings.append(low)
-            lines.append(f"below {low.value:.3g} V under load it counts as low")
+            lines.append(f"low limit: {low.value:.3g} V under load")
         return Outcome("battery", findings, lines, volts=volts)
 
     def _readings(self, session: RobotSession) -> list[float]:
         """The voltages (V) that the board reports, with the present divider."""
         messages = session.listen(self.seconds).of(Battery)
         if not messages:
-            cause = f"the board said nothing of its battery in {self.seconds:g} s"
-            fix = "is `battery.pin` the pin, and does the firmware know of it? Flash it anew"
+            cause = f"the board did not report its battery in {self.seconds:g} s"
+            fix = "is `battery.pin` correct? Then flash the firmware again"
             raise RunError(Problem("E-CALIBRATE-ROBOT", "battery", cause, fix))
         return [message.volts for message in messages]
 
@@ -112,13 +112,12 @@ def divider_finding(readings: Sequence[float], meter: float, divider: float) -> 
     pin = fmean(readings) / divider
     if not PIN_MIN_V <= pin <= PIN_MAX_V:
         reason = (
-            "nothing arrives: is it connected?"
+            "is it connected?"
             if pin < UNCONNECTED_PIN_V
-            else "it sees 5 V or more: its resistors are too small or exchanged, and the pin may "
-            "already be damaged"
+            else "5 V or more: the resistors are wrong or exchanged, and the pin may be damaged"
         )
         cause = f"{pin:.2f} V at the pin while the battery has {meter:.2f} V; {reason}"
-        raise RunError(Problem("E-CALIBRATE-ROBOT", "battery.pin", cause, "look at the divider"))
+        raise RunError(Problem("E-CALIBRATE-ROBOT", "battery.pin", cause, "check the divider"))
     count = len(readings)
     pin_sd = stdev(readings) / divider / count**0.5 if count > 1 else 0.0
     ratio = meter / pin
@@ -129,7 +128,7 @@ def divider_finding(readings: Sequence[float], meter: float, divider: float) -> 
 def _low_limit(volts: float | None) -> Generator[Event, Any, Finding | None]:
     kind = yield Question(
         "battery.chemistry",
-        "What kind of cells are they? Enter: you do not know",
+        "Chemistry of the cells? Press Enter if you do not know",
         choices=(*CHEMISTRIES, UNKNOWN),
         default=UNKNOWN,
     )
@@ -139,12 +138,12 @@ def _low_limit(volts: float | None) -> Generator[Event, Any, Finding | None]:
     minimum, maximum = (1, CELLS_MAX) if volts is None else cell_range(volts, cell)
     question = Question(
         "battery.cells",
-        "How many cells in a row?",
+        "Number of cells in series?",
         unit="1",
         minimum=minimum,
         maximum=maximum,
         limit_reason=f"{kind} cells have {cell.low:g} to {cell.full:g} V each"
-        + ("" if volts is None else f", and the meter said {volts:.2f} V"),
+        + ("" if volts is None else f", and the meter shows {volts:.2f} V"),
     )
     cells = round(float((yield question)))
     return Finding("battery.low", cells * cell.low)

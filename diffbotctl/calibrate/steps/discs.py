@@ -27,7 +27,7 @@ from diffbotctl.runs.build_graph import build_block
 
 SPEED_WANDER_RATIO = 0.35  # of the noise that odometry assumes for the speeds on a floor
 SLOT_SD_MAX_PITCHES = 0.015  # half of the usual cutting error; above, a disc is not learned
-NO_EDGE_TIMES = "the board does not tell when edges came: set `board: {edge_times: true}`"
+NO_EDGE_TIMES = "the board does not report edge times: set `board: {edge_times: true}`"
 RATED_SPEED_RATIO = 0.75  # of the slower motor; at lower speeds the motor ripple is larger
 STEADY_TIME_S = 10.0  # in each direction
 RAMP = ((0.3, 0.4), (0.3, 0.7))  # s, ratio of the speed
@@ -72,7 +72,8 @@ class LearningWheel(WheelOdometer):
         forward, sd = _about_mean(disc, range(disc.slots))
         if sd > SLOT_SD_MAX_PITCHES:
             raise ValueError(
-                f"places are known to {sd:.1%} of a pitch only; let the wheel turn a few times more"
+                f"positions are known to {sd:.1%} of a pitch only; let the wheel turn a few "
+                "more times"
             )
         backward, backward_sd = _about_mean(disc, range(disc.slots, 2 * disc.slots))
         if backward_sd > SLOT_SD_MAX_PITCHES:
@@ -105,7 +106,7 @@ def learn_discs(
         boot = frame.boot
         odometry.react(frame.time, frame)
     if odometry.wheels is None:
-        raise ValueError("the board told no counts")
+        raise ValueError("the board reported no counts")
     discs = []
     for side, wheel in zip(SIDES, odometry.wheels, strict=True):
         assert isinstance(wheel, LearningWheel)
@@ -133,20 +134,20 @@ class DiscStep:
 
     seconds: float = STEADY_TIME_S
     name: str = "discs"
-    title: str = "where the slots of both discs lie"
+    title: str = "the slot positions of both encoder discs"
     lifted: bool = True
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn both wheels forward, then backward; learn the discs from the edge times."""
         robot = session.file.robot
         if robot.link.protocol == "rosserial" or not robot.board.edge_times:
-            raise _error(NO_EDGE_TIMES, "then run it again")
+            raise _error(NO_EDGE_TIMES, "then run this step again")
         session.connect()
         speed = turning_speed(robot)
         turns = TURNS_MARGIN * (self.seconds + 1.0) * speed / (2 * pi)
         yield MotionNotice(
-            f"Wheels off the ground. Both turn forward and then backward, for {self.seconds:g} s "
-            f"each, at {speed / (2 * pi):.1f} turns a second.",
+            f"The wheels must be off the ground. Both turn forward and then backward, for "
+            f"{self.seconds:g} s each, at {speed / (2 * pi):.1f} turns per second.",
             turns=turns,
         )
         frames, volts = [session.latest_frame()], None
@@ -193,8 +194,8 @@ def _report(discs: dict[str, LearnedDisc]) -> Iterator[str]:
         errors = disc.forward
         spread = sqrt(sum(error * error for error in errors) / len(errors))
         large = sum(abs(error) > REPORTED_ERROR_MIN_PITCHES for error in errors)
-        named = f"; {large} of them by more than {REPORTED_ERROR_MIN_PITCHES:.0%}" if large else ""
+        named = f"; {large} of them more than {REPORTED_ERROR_MIN_PITCHES:.0%}" if large else ""
         yield (
-            f"{side} disc: {len(errors)} slots lie {spread:.1%} of a pitch from their even places"
-            f"{named}; known to {disc.sd:.1%}"
+            f"{side} disc: the {len(errors)} slots are {spread:.1%} of a pitch off{named}; "
+            f"uncertainty {disc.sd:.1%}"
         )

@@ -27,7 +27,7 @@ class DistanceStep:
     metres: float = 1.0
     repeats: int = REPEATS
     name: str = "distance"
-    title: str = "the size of the wheels, by the tape"
+    title: str = "the wheel diameters, with a tape"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
@@ -35,19 +35,19 @@ class DistanceStep:
         session.connect()
         reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
-            f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and never "
-            f"further than {reach:.2f} m: clear so much floor before it.",
+            f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and at most "
+            f"{reach:.2f} m: clear the floor in front of it.",
             reach=reach,
         )
         scales = []
         for number in range(self.repeats):
-            yield StepProgress("metre by metre", number, self.repeats)
-            yield MarkFloor("Put the robot at the start and mark the floor beside both tyres.")
+            yield StepProgress("straight drives", number, self.repeats)
+            yield MarkFloor("Put the robot at the start. Mark the floor beside both tyres.")
             end = drive_to(session, [(self.metres, 0.0, None)], reach)
             odometry = hypot(end.x, end.y)
             tape = float((yield self._question(number)))
             scales.append(tape / odometry)
-            yield Message(f"the wheels told {odometry * MM:.0f} mm, the tape {tape * MM:.0f} mm")
+            yield Message(f"odometry: {odometry * MM:.0f} mm, tape: {tape * MM:.0f} mm")
         scale = robust_mean(scales, TAPE_SD_RATIO)
         return Outcome(
             "distance", _findings(session.file.robot, scale), self._report(scale, scales)
@@ -56,24 +56,23 @@ class DistanceStep:
     def _question(self, number: int) -> Question:
         return Question(
             "distance.reading",
-            f"Drive {number + 1} of {self.repeats}: how far did it go, from mark to tyre, by the "
-            "tape?",
+            f"Drive {number + 1} of {self.repeats}: distance from the mark to the tyre?",
             unit="m",
             default_unit="mm",
             minimum=self.metres * (1 - READING_ERROR_RATIO_MAX),
             maximum=self.metres * (1 + READING_ERROR_RATIO_MAX),
-            limit_reason="no tyre is so far off its stated size; is it millimetres?",
+            limit_reason="the wheel diameter cannot be that wrong; is the unit mm?",
             quantity="distance",
         )
 
     def _report(self, scale: RobustMean, scales: list[float]) -> list[str]:
         lines = [
-            f"drive {number + 1} left out: {scales[number]:.4f} times, unlike the others"
+            f"drive {number + 1} left out: scale {scales[number]:.4f} differs from the others"
             for number in scale.outliers
         ]
         lines.append(
-            f"the robot goes {scale.value:.4f} times as far as it believed, +- "
-            f"{scale.half_width:.4f} (95 %), spread of one drive "
+            f"the robot goes {scale.value:.4f} times as far as odometry says, +- "
+            f"{scale.half_width:.4f} (95 %); standard deviation of one drive "
             f"{scale.spread * self.metres * MM:.1f} mm"
         )
         return lines

@@ -42,7 +42,7 @@ class EncoderStep:
     turns: int = TURNS_PER_ROLL
     rolls: int = ROLLS_PER_WHEEL
     name: str = "encoders"
-    title: str = "which wire is which, which way is forward, how many slots"
+    title: str = "wiring, directions and slots of motors and encoders"
     lifted: bool = True
 
     def run(self, session: RobotSession) -> StepRun:
@@ -55,7 +55,9 @@ class EncoderStep:
             pulses[output] = yield from _pulse(session, output)
         wiring = detect_wiring(pulses, noise)
         for correction in wiring.corrections:
-            yield Message(f"found: {correction}. Settings make up for it, the wires may stay.")
+            yield Message(
+                f"Found: {correction}. The robot file corrects this; leave the wires as they are."
+            )
         if session.is_noisy:
             # The board takes settings only at standstill, which it cannot detect now.
             slots = yield from self._count_slots(session, wiring.input)
@@ -79,7 +81,7 @@ class EncoderStep:
                 parts.append(encoder_fit.measure_slot_duty(edges, robot))
         report = [*wiring.corrections]
         if not wiring.corrections and not wiring.faults:
-            report.append("wires, directions and encoders are as the robot file states")
+            report.append("wiring, directions and encoders match the robot file")
         faults = [*wiring.faults]
         for part in parts:
             findings += part.findings
@@ -98,7 +100,7 @@ class EncoderStep:
                 continue
             rolls[side] = []
             for number in range(self.rolls):
-                yield StepProgress(f"{side} wheel by hand", number, self.rolls)
+                yield StepProgress(f"{side} wheel, by hand", number, self.rolls)
                 rolls[side].append((yield from self._roll(session, side, encoder)))
         return encoder_fit.count_slots(rolls, self.turns, session.file.robot)
 
@@ -107,8 +109,8 @@ class EncoderStep:
         before = _counts(session)
         turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
         text = (
-            f"Turn the {side} wheel by hand, forward, through exactly {turns}, "
-            "no faster than a turn a second; a mark on the tyre helps."
+            f"Turn the {side} wheel forward by hand, exactly {turns}, at most one turn per second. "
+            "A mark on the tyre helps."
         )
         yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
         session.listen(ROLL_LISTEN_TIME_S)
@@ -122,7 +124,7 @@ def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
     turns = (WEAK_DUTY + STRONG_DUTY) * RATED_SPEED_RATIO_MAX * rated * PULSE_TIME_S / (2 * pi)
     text = (
         "The wheels must be off the ground. Each motor gets short pulses, "
-        f"{motors}: no wheel turns more than {turns:.1f} turns."
+        f"{motors}: at most {turns:.1f} turns of each wheel."
     )
     # The pulses are short enough to need no limit; the counts are still unknown.
     return MotionNotice(text, turns, watched=False)
@@ -132,13 +134,15 @@ def _pulse(session: RobotSession, output: str) -> Generator[Event, Any, MotorPul
     """Pulse one motor; with a stronger pulse if nothing moved."""
     seen, counts = WheelMotion.NONE, dict.fromkeys(SIDES, 0)
     for duty in (WEAK_DUTY, STRONG_DUTY):
-        yield MarkFloor(f"Look at both wheels: the {output} motor's pins are driven now.")
+        yield MarkFloor(f"Look at both wheels. The {output} motor is driven now.")
         before = _counts(session)
         pulse = Duty(0, duty, 0.0) if output == "left" else Duty(0, 0.0, duty)
         session.run_for(pulse, PULSE_TIME_S)
         session.stop_and_wait()
         counts = {side: abs(count - before[side]) for side, count in _counts(session).items()}
-        seen = yield from _ask_motion("encoders.wheel", "Which wheel turned, and which way?")
+        seen = yield from _ask_motion(
+            "encoders.wheel", "Which wheel turned, and in which direction?"
+        )
         if seen is not WheelMotion.NONE:
             break
     return MotorPulse(output, seen, counts)
@@ -148,14 +152,14 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
     """Drive both motors forward with the findings applied; only a person can see the result."""
     session.connect()
     yield _motion_notice(session, "both at once and forward")
-    yield MarkFloor("Look at both wheels: both motors are driven forward now.")
+    yield MarkFloor("Look at both wheels. Both motors are driven forward now.")
     session.run_for(Duty(0, WEAK_DUTY, WEAK_DUTY), PULSE_TIME_S)
     session.stop_and_wait()
-    seen = yield from _ask_motion("encoders.proof", "Which wheels turned, and which way?")
+    seen = yield from _ask_motion("encoders.proof", "Which wheels turned, and in which direction?")
     if seen is WheelMotion.BOTH_FORWARD:
         return [Finding("drive.polarity", "calibrated")]
-    cause = f"both motors were driven forward, and what turned was: {seen}"
-    fix = "was a wheel taken for the other, or its front for its back? Run this step again"
+    cause = f"both motors were driven forward, but the answer was: {seen}"
+    fix = "was the left wheel mistaken for the right, or forward for backward? Run this step again"
     raise RunError(Problem("E-CALIBRATE-ROBOT", "encoders", cause, fix))
 
 

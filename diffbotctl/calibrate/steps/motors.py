@@ -64,7 +64,7 @@ class MotorStep:
     """The step."""
 
     name: str = "motors"
-    title: str = "dead band, speed, lag; sets the speed loops"
+    title: str = "dead band, speed and lag of the motors; sets the speed loops"
     lifted: bool = True
 
     def run(self, session: RobotSession) -> StepRun:
@@ -92,9 +92,9 @@ def _motion_notice(robot: Robot) -> MotionNotice:
     turns = RATED_SPEED_RATIO_MAX * rated * duty_seconds / (2 * pi)
     duration = "two and a half minutes" if is_duty_board(robot) else "a minute and a half"
     return MotionNotice(
-        "The wheels must be off the ground. Both motors are driven together, forward and backward, "
-        f"slowly at first, then up to 0.9 of full power: about {duration}, at most "
-        f"{turns:.0f} turns one way.",
+        "The wheels must be off the ground. Both motors run together, forward and backward, "
+        f"slowly at first, then up to 0.9 of full duty, for about {duration}: at most "
+        f"{turns:.0f} turns in each direction.",
         turns,
     )
 
@@ -116,7 +116,7 @@ def _fit_lags(robot: Robot, steps: list[StepResponse]) -> dict[str, LagFit]:
 
 
 def _unusable_wheel(side: str, error: ValueError) -> RunError:
-    fix = "run `diffbotctl calibrate encoders`, which finds dead motors and encoders"
+    fix = "run `diffbotctl calibrate encoders`, which detects dead motors and encoders"
     return RunError(Problem("E-CALIBRATE-ROBOT", "motors", f"the {side} wheel: {error}", fix))
 
 
@@ -183,14 +183,16 @@ def _direction_faults(motors: dict[str, MotorFit]) -> list[str]:
         if abs(forward - backward) > DIRECTION_DIFFERENCE_MAX * (forward + backward) / 2:
             faults.append(
                 f"the {side} motor turns at {forward:.1f} rad/s forward and {backward:.1f} rad/s "
-                "backward with full power: a gear that rubs, or a driver output that is failing"
+                "backward at full duty: the gear rubs, or an output of the driver is failing"
             )
     return faults
 
 
 def _report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
     """The table of both motors, and the lowest speed at which both wheels start."""
-    lines = [f"{'':<15} {'starts':>7} {'keeps':>7} {'full power':>12} {'lag':>8} {'dead time':>10}"]
+    lines = [
+        f"{'':<15} {'starts':>7} {'runs on':>7} {'full duty':>12} {'lag':>8} {'dead time':>10}"
+    ]
     for side, motor in motors.items():
         for direction, line in motor.lines.items():
             lines.append(
@@ -204,5 +206,5 @@ def _report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
     )
     radius = max(robot.drive.left.wheel.diameter, robot.drive.right.wheel.diameter) / 2
     speed *= radius * CM
-    lines.append(f"slowest speed at which both wheels start by themselves: {speed:.1f} cm/s")
+    lines.append(f"lowest speed at which both wheels start: {speed:.1f} cm/s")
     return lines

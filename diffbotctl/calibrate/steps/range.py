@@ -42,7 +42,7 @@ class RangeStep:
     sensor: str = ""
     seconds: float = LISTEN_TIME_S
     name: str = "range"
-    title: str = "the distance sensor's curve, by the rule"
+    title: str = "the curve of the distance sensor, with a ruler"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
@@ -50,12 +50,13 @@ class RangeStep:
         sensor = self._sensor(session.file.robot)
         session.connect()
         yield Message(
-            f"Nothing moves. Lay a rule from the front of the sensor '{sensor}', straight ahead, "
-            "and put a white card of at least 15 cm across it, upright, at each distance in turn."
+            "Nothing moves. Lay a ruler straight ahead from the front of the sensor "
+            f"'{sensor}'. Put a white card, at least 15 cm wide, upright across it at each "
+            "distance."
         )
         points: list[RulerPoint] = []
         for number, distance in enumerate(RULER_DISTANCES_M):
-            yield StepProgress("distance by distance", number, len(RULER_DISTANCES_M))
+            yield StepProgress("distances", number, len(RULER_DISTANCES_M))
             points.append((yield from self._measure(session, sensor, distance)))
         try:
             fit = fit_curve(points)
@@ -75,10 +76,10 @@ class RangeStep:
         if self.sensor in names or (not self.sensor and len(names) == 1):
             return self.sensor or names[0]
         if not names:
-            cause, fix = "the robot file has no distance sensor", "write it under `sensors:`"
+            cause, fix = "the robot file has no distance sensor", "add it under `sensors:`"
         else:
             cause = f"there is no sensor '{self.sensor}'" if self.sensor else "which sensor?"
-            fix = f"say --sensor with one of {join_words(names, 'or')}"
+            fix = f"give --sensor {join_words(names, 'or')}"
         raise RunError(Problem("E-CALIBRATE-RANGE", "sensors", cause, fix))
 
     def _measure(
@@ -99,14 +100,14 @@ class RangeStep:
                 noise = f"noise {point.noise * MV:.0f} mV"
                 yield Message(f"{true * CM:.4g} cm: {point.volts:.3f} V, {noise}")
                 return point
-            yield Message("the voltage wandered off: hold the card still. Measured again")
-        raise _sensor_error(sensor, f"the voltage at {text} does not stand still")
+            yield Message("The voltage changed: hold the card still. Measuring again.")
+        raise _sensor_error(sensor, f"the voltage at {text} is not steady")
 
 
 def _steady_point(sensor: str, true: float, readings: list[float]) -> RulerPoint | None:
     """The mean of the readings; None if the card moved meanwhile. Raises RunError."""
     if len(readings) < READINGS_MIN:
-        raise _sensor_error(sensor, f"the board sent {len(readings)} readings only")
+        raise _sensor_error(sensor, f"the board sent only {len(readings)} readings")
     half = len(readings) // 2
     first, second = readings[:half], readings[half:]
     point = RulerPoint(true, fmean(readings), stdev(readings), len(readings))
@@ -118,7 +119,7 @@ def _steady_point(sensor: str, true: float, readings: list[float]) -> RulerPoint
 
 
 def _sensor_error(sensor: str, cause: str) -> RunError:
-    fix = "look at its three wires and at the rule, then run `diffbotctl calibrate range` again"
+    fix = "check its three wires and the ruler, then run `diffbotctl calibrate range` again"
     return RunError(Problem("E-CALIBRATE-RANGE", f"sensors.{sensor}", cause, fix))
 
 
@@ -142,9 +143,9 @@ def _points_table(fit: RangeFit) -> str:
 def _report(sensor: str, fit: RangeFit) -> list[str]:
     """A table of the points, the curve, and advice."""
     bad = fit.bad_points()
-    lines = ["  rule      volts   noise     told    error"]
+    lines = ["  ruler     volts   noise    curve    error"]
     for point in fit.points:
-        mark = "  more than asked" if point in bad else ""
+        mark = "  beyond the limit" if point in bad else ""
         lines.append(
             f"{point.distance * CM:5.1f} cm {point.volts:7.3f} V {point.noise * MV:4.0f} mV "
             f"{fit.distance(point) * CM:5.1f} cm {fit.error(point) * MM:+6.1f} mm{mark}"
@@ -152,32 +153,32 @@ def _report(sensor: str, fit: RangeFit) -> list[str]:
     sign = "-" if fit.c < 0 else "+"
     lines += [
         f"{sensor}: volts = {fit.a:.4f} / (distance + {fit.b:.4f}) {sign} {abs(fit.c):.3f}; "
-        f"one reading scatters by {fit.noise * MV:.0f} mV",
-        "Nearer than 3 cm its voltage falls again, and 2 cm reads like 5 cm. Mount it 4 cm behind "
-        "the robot's front, where nothing can come so near.",
+        f"noise of one reading {fit.noise * MV:.0f} mV",
+        "Below 3 cm its voltage falls again, and 2 cm looks like 5 cm. Mount it at least 4 cm "
+        "behind the front of the robot, so that no object can be nearer.",
     ]
     if bad:
         is_folded = bad[0].distance <= RULER_DISTANCES_M[0] + 0.01 and fit.error(bad[0]) > 0.0
         places = join_words([f"{point.distance * CM:g} cm" for point in bad], "and")
         suspect = (
-            "the nearest one may have stood in the fold, closer than 3 cm"
+            "the nearest card may have been closer than 3 cm"
             if is_folded
-            else "the rule, the card, or a shiny floor between them"
+            else "the ruler, the card, or a shiny floor"
         )
         limit = f"{error_limit(0.1) * MM:.0f} mm or 2 %"
-        lines.append(f"Told worse than {limit}: {places}; suspect {suspect}.")
+        lines.append(f"Error above {limit} at {places}: check {suspect}.")
     return lines
 
 
 def _question(distance: str) -> Question:
     return Question(
         "range.distance",
-        f"How far from the sensor's front does the card stand? Enter: {distance}",
+        f"Distance from the front of the sensor to the card? Press Enter for {distance}",
         unit="m",
         default_unit="cm",
         minimum=DISTANCE_MIN_M,
         maximum=DISTANCE_MAX_M,
-        limit_reason="the sensor measures from 4 to 30 cm; is it centimetres?",
+        limit_reason="the sensor measures from 4 to 30 cm; is the unit cm?",
         quantity="gap",
         default=distance,
     )
@@ -190,5 +191,5 @@ def _curve_plot(sensor: str, fit: RangeFit) -> CurvePlot:
     curve = [(distance * CM, volts_at(distance, fit.a, fit.b, fit.c)) for distance in distances]
     points = [(point.distance * CM, point.volts) for point in fit.points]
     return CurvePlot(
-        f"{sensor}: the curve and its points", {"fit": curve, "by the rule": points}, "cm", "V"
+        f"{sensor}: the curve and its points", {"fit": curve, "ruler": points}, "cm", "V"
     )

@@ -34,15 +34,15 @@ class SpinStep:
     turns: int = TURNS_PER_SPIN
     repeats: int = 2
     name: str = "geometry"
-    title: str = "the track, by turning on the spot"
+    title: str = "the track, from turns on the spot"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn and have the final heading measured, in alternating directions."""
         session.connect()
         yield MotionNotice(
-            f"The robot turns on the spot, {self.turns} times round and back again, "
-            f"{self.repeats} times. It stays within {REACH_M:g} m of where it stands.",
+            f"The robot turns on the spot: {self.turns} turns to the left and {self.turns} to the "
+            f"right, {self.repeats} times. It stays within {REACH_M:g} m of its position.",
             reach=REACH_M,
         )
         ratios = []
@@ -52,7 +52,7 @@ class SpinStep:
         ratio = robust_mean(ratios, TRACK_SD_RATIO)
         track = session.file.robot.drive.track
         line = (
-            f"track: {track * MM:.3f} mm before, {track * ratio.value * MM:.3f} mm found, "
+            f"track: {track * MM:.3f} mm before, {track * ratio.value * MM:.3f} mm now, "
             f"+- {track * ratio.half_width * MM:.3f} mm (95 %)"
         )
         return Outcome("spin", [Finding(TRACK, track * ratio.value, track * ratio.sd)], [line])

@@ -32,17 +32,17 @@ ReadMode = Literal["places", "headings", "both"]
 
 FACING = Question(
     "geometry.facing",
-    "How far is it turned from how it stood at the start, counter-clockwise?",
+    "By how much is its heading turned from the start? Clockwise is negative.",
     unit="rad",
     default_unit="deg",
     minimum=-pi,
     maximum=pi,
-    limit_reason="more than half a turn is less the other way round",
+    limit_reason="give an angle of at most half a turn",
     quantity="facing",
 )
 SWAPPED = (
-    "These ends look as if clockwise and counter-clockwise had been exchanged: read the other way "
-    "round, both of UMBmark's rules agree; as they are, they contradict each other."
+    "Clockwise and counter-clockwise ends seem to be swapped: the two UMBmark rules agree if "
+    "they are exchanged, and contradict each other if they are not."
 )
 
 
@@ -58,7 +58,7 @@ class SquaresStep:
     rounds: int = 1
     read: ReadMode = "places"
     name: str = "geometry"
-    title: str = "track and wheel ratio, by squares driven both ways round"
+    title: str = "track and wheel ratio, from squares in both directions"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
@@ -74,7 +74,7 @@ class SquaresStep:
             try:
                 result = umbmark.fit_umbmark(squares, used, weight=1 / number)
             except ValueError as error:
-                fix = "was every end read from the start mark, with its sign, in millimetres?"
+                fix = "was every end measured from the start mark, with its sign, in millimetres?"
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
             findings = _findings(session.file.robot, result, side)
@@ -92,8 +92,8 @@ class SquaresStep:
         reach = side * REACH_RATIO
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
-            f"times counter-clockwise, and never further than {reach:.2f} m from its start. It "
-            "begins along the first side; clockwise the square lies on its right.",
+            f"times counter-clockwise, and stays within {reach:.2f} m of its start. It starts "
+            "along the first side; a clockwise square is on its right.",
             reach=reach,
         )
         ends: dict[str, list[EndError]] = {CLOCKWISE: [], COUNTER: []}
@@ -103,7 +103,7 @@ class SquaresStep:
                 yield StepProgress(f"squares {direction}", number, self.runs)
                 yield MarkFloor(
                     f"Square {number + 1} of {self.runs}, {direction}: put the robot at the start, "
-                    "looking along the first side; mark the floor beside both tyres."
+                    "with its front along the first side. Mark the floor beside both tyres."
                 )
                 odometry = drive_to(session, waypoints, reach)
                 errors.append((yield from self._end_error(side, odometry)))
@@ -112,7 +112,7 @@ class SquaresStep:
             yield Message(SWAPPED)
             answer = yield Question(
                 "geometry.swapped",
-                "Take them the other way round?",
+                "Exchange them?",
                 choices=("yes", "no"),
                 default="yes",
             )
@@ -172,8 +172,8 @@ def _known_sd(robot: Robot, field: str) -> float:
 
 
 POSITION_QUESTIONS = {
-    "forward": "How far in front of the start mark did it end? Behind it is less than 0.",
-    "left": "How far to the left of the start mark did it end? To the right is less than 0.",
+    "forward": "How far in front of the start mark did it stop? Behind is negative.",
+    "left": "How far to the left of the start mark did it stop? Right is negative.",
 }
 
 
@@ -185,7 +185,7 @@ def _position_question(direction: Literal["forward", "left"], side: float) -> Qu
         default_unit="mm",
         minimum=-side,
         maximum=side,
-        limit_reason="that is further off than the square is long",
+        limit_reason="the error cannot be larger than the square",
         quantity=direction,
     )
 
@@ -197,26 +197,27 @@ def _end_plot(squares: SquareErrors) -> ScatterPlot:
         centres = [umbmark.mean_end(errors) for errors in ends.values()]
         points = {name: [(end.x, end.y) for end in errors] for name, errors in ends.items()}
         points["centres"] = [(centre.x, centre.y) for centre in centres]
-    return ScatterPlot(f"where squares of {squares.side:g} m ended, less odometry, mm", points)
+    return ScatterPlot(
+        f"end errors of squares of {squares.side:g} m (measured minus odometry), mm", points
+    )
 
 
 def _report(side: float, used: Geometry, result: UmbmarkResult) -> list[str]:
     new, sd = result.geometry, result.sd
     lines = [
-        f"{'':<22} {'before':>12} {'found':>12} {'+- (95 %)':>11}",
+        f"{'':<22} {'before':>12} {'now':>12} {'+- (95 %)':>11}",
         f"{'right wheel diameter':<22} {used.right * MM:>9.3f} mm {new.right * MM:>9.3f} mm",
         f"{'left wheel diameter':<22} {used.left * MM:>9.3f} mm {new.left * MM:>9.3f} mm",
         f"{'track':<22} {used.track * MM:>9.3f} mm {new.track * MM:>9.3f} mm "
         f"{2 * new.track * sd.alpha / (pi / 2) * MM:>8.3f} mm",
-        f"{'Ed, right over left':<22} {used.ratio:>12.5f} {new.ratio:>12.5f} "
+        f"{'E_d, right over left':<22} {used.ratio:>12.5f} {new.ratio:>12.5f} "
         f"{2 * new.track / side * sd.beta:>11.5f}",
-        f"Eb, track found over before: {new.track / used.track:.5f}",
-        f"each quarter turn missed {degrees(result.angles.alpha):+.2f} deg, each side of {side:g} "
-        f"m gained {degrees(result.angles.beta):+.2f} deg",
+        f"E_b, track now over before: {new.track / used.track:.5f}",
+        f"heading error: {degrees(result.angles.alpha):+.2f} deg per quarter turn, "
+        f"{degrees(result.angles.beta):+.2f} deg per side of {side:g} m",
     ]
     if not isnan(result.before):
         lines.append(
-            f"E_max,syst: {result.before * MM:.1f} mm before, {result.after * MM:.1f} mm predicted "
-            "from now on"
+            f"E_max,syst: {result.before * MM:.1f} mm before, {result.after * MM:.1f} mm predicted"
         )
     return lines

@@ -34,7 +34,7 @@ class StraightStep:
     metres: float = 1.0
     repeats: int = REPEATS
     name: str = "geometry"
-    title: str = "the wheels' ratio, by straight runs both ways"
+    title: str = "the ratio of the wheel diameters, from straight runs in both directions"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
@@ -43,7 +43,7 @@ class StraightStep:
         reach = self.metres * (1 + REACH_MARGIN_RATIO)
         yield MotionNotice(
             f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
-            f"{self.repeats} times from each end, and never further than {reach:.2f} m.",
+            f"{self.repeats} times from each end, and at most {reach:.2f} m.",
             reach=reach,
         )
         offsets: dict[str, list[float]] = {"one": [], "other": []}
@@ -52,7 +52,7 @@ class StraightStep:
                 yield StepProgress("along the string", len(readings), 2 * self.repeats)
                 yield MarkFloor(
                     f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
-                    "string, its middle above it, looking along it."
+                    "string, with its middle above it and its front along it."
                 )
                 readings.append((yield from self._offset(session, reach)))
         there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
@@ -65,12 +65,12 @@ class StraightStep:
         pose = drive_to(session, [(self.metres, 0.0, None)], reach)
         answer = yield Question(
             "geometry.left",
-            "How far to the left of the string did it end? To the right is less than 0.",
+            "How far to the left of the string did it stop? Right is negative.",
             unit="m",
             default_unit="mm",
             minimum=-self.metres / 2,
             maximum=self.metres / 2,
-            limit_reason="no robot leaves a string so far",
+            limit_reason="the robot cannot be that far from the string",
             quantity="left",
         )
         return float(answer) - pose.y
@@ -85,9 +85,9 @@ class StraightStep:
             Finding(LEFT_DIAMETER, fitted.left, fitted.left * ratio_sd / 2),
         ]
         lines = [
-            f"it ends {offset * MM:+.1f} mm beside the string after {self.metres:g} m, "
+            f"it stops {offset * MM:+.1f} mm to the left of the string after {self.metres:g} m, "
             f"+- {2 * sd * MM:.1f} mm",
-            f"Ed, right over left: {used.ratio:.5f} before, {fitted.ratio:.5f} found, "
+            f"E_d, right over left: {used.ratio:.5f} before, {fitted.ratio:.5f} now, "
             f"+- {2 * ratio_sd:.5f} (95 %)",
         ]
         return Outcome("straight", findings, lines)
