@@ -7,6 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import Writer
+
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.recording.reader import open_recording
 
@@ -33,9 +37,6 @@ class _DamagedFile:
         self.cut: str | None = None
 
     def records(self, file: Any) -> Iterator[Any]:
-        from mcap.records import Chunk  # heavy
-        from mcap.stream_reader import StreamReader, breakup_chunk
-
         reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX_BYTES)
         records = iter(reader.records)
         while True:
@@ -61,8 +62,6 @@ class _Copy:
     """Writes records to a new file, with new identifiers."""
 
     def __init__(self, file: Any) -> None:
-        from mcap.writer import Writer  # heavy
-
         self.writer: Any = Writer(file)
         self.writer.start(library="diffbotctl")
         self.schemas: dict[int, int] = {0: 0}  # 0 means no schema
@@ -71,8 +70,6 @@ class _Copy:
         self.is_recording = False
 
     def add(self, record: Any) -> None:
-        from mcap.records import Attachment, Channel, Message, Metadata, Schema  # heavy
-
         match record:
             case Schema() if record.id not in self.schemas:
                 self.schemas[record.id] = self.writer.register_schema(

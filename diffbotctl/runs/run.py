@@ -153,14 +153,14 @@ class Run:
         configuration, options = self.configuration, self.options
         if configuration.robot is None:
             return PortRobot()
-        # Imported late: a run on a real port needs neither plant nor emulator.
         if options.port == "sim":
+            # Imported late: a run on a real port needs neither plant nor emulator.
             from diffbotctl.drivers.simulated_robot import simulated_robot_driver
 
             simulated = simulated_robot_driver(configuration, options.seed)
             return PortRobot(simulated, simulated.robot)
-        # Imported late, for the same reason.
         if options.port == "emulated":
+            # Imported late: a run on a real port needs neither plant nor emulator.
             from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 
             emulated = emulated_robot_driver(configuration, options.seed)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.prompts.question import AnswerError
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
@@ -26,8 +28,6 @@ class TerminalPrompter:
 
     def confirm_motion(self, notice: MotionNotice) -> None:
         """Wait for Enter. Raises RunError if the person refuses."""
-        from diffbotctl.errors import Problem, RunError
-
         if self.agreed:
             return
         typed = self._type(f"{ANY_KEY}, or type no")
@@ -49,9 +49,6 @@ class TerminalPrompter:
 
         Raises RunError after too many invalid answers.
         """
-        from diffbotctl.errors import Problem, RunError
-        from diffbotctl.prompts.question import AnswerError
-
         reason = ""
         text = fold_text(f"{question.text} ({question.expected})", hang=2)
         default = "" if question.default is None else str(question.default)
