@@ -141,29 +141,35 @@ def test_the_robot_is_accepted_as_argument_and_as_option():
     assert run("frames", "book_2wd", "--robot", "book_2wd").returncode == 2
 
 
+# Writes `ready` when the program imports its first module, just after it has set its handler.
+INTERRUPTED = """
+import os, runpy, sys
+sys.path[:0] = {path!r}
+def report(event, arguments):
+    if event == "import" and arguments[0] == "diffbotctl.cli.main":
+        os.write(1, b"ready")
+sys.addaudithook(report)
+sys.argv = ["diffbotctl", *{words!r}]
+runpy.run_module("diffbotctl", run_name="__main__")
+"""
+
+
 @pytest.mark.parametrize("words", [["--help"], ["run", "goal", "--fast", "--quiet"]])
 def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
-    """From the first line of ours on; before it, Python itself has not started."""
     rng = random.Random(5)
-    start = (
-        "import os, runpy, sys\n"
-        "os.write(1, b'ready')\n"
-        f"sys.argv = ['diffbotctl', *{words!r}]\n"
-        "runpy.run_module('diffbotctl', run_name='__main__')"
-    )
-    codes = set()
     for _ in range(12):
         process = subprocess.Popen(
-            [sys.executable, "-S", "-c", f"import sys; sys.path[:0] = {sys.path!r}\n{start}"],
+            [sys.executable, "-S", "-c", INTERRUPTED.format(path=sys.path, words=words)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         assert os.read(process.stdout.fileno(), 5) == b"ready"
-        time.sleep(0.02 + rng.uniform(0, 0.4))
+        time.sleep(rng.uniform(0, 0.4))
         process.send_signal(signal.SIGINT)
         _, complaint = process.communicate(timeout=60)
         assert b"Traceback" not in complaint, complaint.decode()
-        codes.add(process.returncode)
-    assert codes <= {0, 130}
+        # 0: it had ended before. -SIGINT: in the last moments Python has removed all handlers; a shell
+        # reports 130 for it.
+        assert process.returncode in (0, 130, -signal.SIGINT)
 
 
 @pytest.mark.parametrize(
