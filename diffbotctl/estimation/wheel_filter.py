@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
+from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, KnownSlotErrors
-from diffbotctl.estimation.wheel_kalman import Priors, WheelKalman
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 
 HYPOTHESES_MAX = 6
 LOG_RATIO_MAX = (

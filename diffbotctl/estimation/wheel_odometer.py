@@ -8,9 +8,9 @@ from typing import NamedTuple, Protocol
 
 from diffbotctl.control.speed_loop import MotorSettings, SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_hypothesis import WheelFrame
+from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
-from diffbotctl.estimation.wheel_kalman import Priors
 
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 

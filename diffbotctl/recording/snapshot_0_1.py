@@ -27,7 +27,7 @@ CLASSES = {
     ("blocks.slot_places", "Told"): ("estimation.slot_errors", "SlotEstimate"),
     ("blocks.transition", "Transition"): ("estimation.slot_errors", "Transition"),
     ("blocks.wheel_filter", "WheelFilter"): ("estimation.wheel_filter", "WheelFilter"),
-    ("blocks.wheel_motion", "Spread"): ("estimation.wheel_kalman", "Priors"),
+    ("blocks.wheel_motion", "Spread"): ("estimation.priors", "Priors"),
     ("blocks.wheel_motion", "WheelMotion"): ("estimation.wheel_kalman", "WheelKalman"),
     ("blocks.wheel_track", "WheelTrack"): ("estimation.edge_hypothesis", "EdgeHypothesis"),
     **{

@@ -1,0 +1,39 @@
+"""What is known of motor, disc and link of a wheel before it moves."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import NamedTuple
+
+
+class Priors(NamedTuple):
+    """Prior knowledge of motor, disc and link: standard deviations measured on kits of this kind.
+
+    Speeds in rad/s until `in_pitches`.
+    """
+
+    lag: float = 0.10  # s; mean
+    lag_ratio: float = 0.27  # of the logarithm of the lag
+    gain: float = 0.065
+    offset: float = 0.22  # rad/s
+    friction: float = 1.16  # rad/s; value: speed lost to the dead band of a typical motor
+    creep: float = 0.094  # rad/s; value: without drive, friction stops a slower wheel
+    model_noise: float = 0.28  # rad/s per square root of a second; noise of the speed
+    offset_drift: float = 0.016  # rad/s per square root of a second; random walk of the offset
+    slot: float = 0.03  # pitches; position of an edge
+    open_share: float = 0.05  # pitches; of the open share of a pitch
+    open_share_error: float = 0.0  # pitches; value: open share minus 0.5
+    frame_time: float = 0.0  # s; of a frame's time
+    command_time: float = 0.0  # s; of the time at which a command takes effect
+    has_edge_times: bool = False  # whether the board reports edge times
+
+    def in_pitches(self, slots: int) -> Priors:
+        """A copy with all speeds in pitches/s of a disc with `slots` slots."""
+        scale = slots / (2.0 * pi)
+        return self._replace(
+            offset=self.offset * scale,
+            friction=self.friction * scale,
+            creep=self.creep * scale,
+            model_noise=self.model_noise * scale,
+            offset_drift=self.offset_drift * scale,
+        )
