@@ -1,7 +1,4 @@
-"""What a calibration found, how sure it is, and where it comes from.
-
-What was calibrated of a robot, how long ago, and what was not.
-"""
+"""Findings of a calibration, their uncertainty and provenance, and the entries of a robot."""
 
 from __future__ import annotations
 
@@ -44,15 +41,15 @@ class PartResult(NamedTuple):
 
 
 class Provenance(NamedTuple):
-    """What findings have in common that were made together."""
+    """Common properties of the findings of one step."""
 
     method: str
     date: str
     """UTC, such as 2026-05-01T09:30Z"""
     volts: float | None
-    """of the battery; None when nobody measured it"""
+    """of the battery; None if it was not measured"""
     recording: str | None
-    """hash of the recording that they were found from"""
+    """hash of the recording"""
 
 
 def formatted_value(finding: Finding, origin: Provenance) -> str:
@@ -96,7 +93,7 @@ MINUTE, HOUR, DAY = 60, 3600, 86_400  # s
 
 
 class CalibrationEntry(NamedTuple):
-    """One entry as a person reads it."""
+    """One entry, as text."""
 
     field: str
     value: str
@@ -108,12 +105,12 @@ class CalibrationEntry(NamedTuple):
 
 
 def format_date(now: datetime) -> str:
-    """The time as entries carry it, in UTC."""
+    """The date format of entries, in UTC."""
     return now.astimezone(UTC).strftime(DATE_FORMAT)
 
 
 def calibration_entries(file: RobotFile, now: datetime) -> list[CalibrationEntry]:
-    """Every entry of the robot's `calibration:`, in its order."""
+    """All entries of the robot's section `calibration:`, in order."""
     return [
         CalibrationEntry(
             field,
@@ -129,14 +126,14 @@ def calibration_entries(file: RobotFile, now: datetime) -> list[CalibrationEntry
 
 
 def missing_entries(file: RobotFile) -> dict[str, str]:
-    """What was never calibrated though most pipelines rely on it -> the command that finds it."""
+    """Fields that were never calibrated, and the command that calibrates each."""
     return {
         path: by for path, by in found_by(file.robot).items() if path not in file.robot.calibration
     }
 
 
 def format_age(date: str | None, now: datetime) -> str:
-    """How long before `now` (aware) that was, in the largest unit that fits."""
+    """The age at `now` (with time zone), in the largest unit that fits."""
     try:
         then = datetime.strptime(date or "", DATE_FORMAT).replace(tzinfo=UTC)
     except ValueError:

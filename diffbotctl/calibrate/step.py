@@ -1,14 +1,14 @@
-"""One step of the calibration: it asks, moves the robot, and comes to findings.
+"""One step of the calibration: it asks questions, moves the robot, and returns findings.
 
-A step is a generator. It yields what is to be drawn, asked or done, and is sent the answer of what
-it asked; so the same step serves a person at a terminal, an answers file and a test. Whoever runs
-it (runner.py) draws the events, asks the questions and writes down the findings.
+A step is a generator. It yields what to show, ask or do, and receives the answers; so the same step
+serves a person at a terminal, an answers file and a test. The runner (runner.py) shows the events,
+asks the questions and writes the findings.
 
     def run(self, session):
         yield MotionNotice("turns each wheel for half a second", turns=2.0)
         frames = session.run_for(Duty(0, 0.5, 0.0), 0.5)
-        reading = yield Question("distance.reading", "What does the tape say?", "m", "mm")
-        return Outcome("distance", [Finding(...)], ["what a person should know of it"])
+        reading = yield Question("distance.reading", "Distance on the tape?", "m", "mm")
+        return Outcome("distance", [Finding(...)], ["a line for the report"])
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 class Message(NamedTuple):
-    """A line for the person who waits."""
+    """A line of text for the person."""
 
     text: str
 
 
 class StepProgress(NamedTuple):
-    """How far the step is."""
+    """Progress of the step: `done` of `total`."""
 
     what: str
     done: float
@@ -39,18 +39,18 @@ class StepProgress(NamedTuple):
 
 
 class ScatterPlot(NamedTuple):
-    """Points for the terminal by their kind, m, x to the right and y upwards."""
+    """Points for the terminal by group, in m, x to the right and y up."""
 
     title: str
     points: dict[str, list[tuple[float, float]]]
 
 
 class CurvePlot(NamedTuple):
-    """A curve and points of it for the terminal, x to the right and y upwards."""
+    """A curve and its points for the terminal, x to the right and y up."""
 
     title: str
     points: dict[str, list[tuple[float, float]]]
-    """by their kind, drawn one over the other"""
+    """by group"""
     x_unit: str
     y_unit: str
 
@@ -70,28 +70,28 @@ StepRun = Generator[Event, Any, "Outcome"]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a step came to."""
+    """The result of a step."""
 
     method: str
     findings: Sequence[Finding]
     report: Sequence[str] = ()
-    """lines for a person, in order"""
+    """lines of text, in order"""
     faults: Sequence[str] = ()
-    """what is wrong with the robot, in words of wires and screws; not what was found and mended"""
+    """faults of the robot that settings cannot correct"""
     pictures: dict[str, str] = field(default_factory=dict)
-    """SVG texts by the end of their file's name"""
+    """contents of files by the end of the file name, such as an SVG"""
     volts: float | None = None
-    """of the battery, when it was measured"""
+    """of the battery, if it was measured"""
 
 
 class Step(Protocol):
-    """One step of the chain, by the name that its command has."""
+    """One step. `name` is the name of its command."""
 
     name: str
     title: str
-    """what it finds, in a few words"""
+    """what it measures, in a few words"""
     lifted: bool
     """whether the wheels must be off the ground"""
 
     def run(self, session: RobotSession) -> StepRun:
-        """Do it. Raises RunError when it cannot be done, or was stopped."""
+        """Run the step. Raises RunError if it fails or is stopped."""

@@ -3,16 +3,15 @@
 Source: Borenstein & Feng, "Measurement and correction of systematic odometry errors in mobile
 robots", IEEE Trans. Robotics and Automation 12(6), 1996, 869-880; headings after Jung & Chung,
 Int. J. Advanced Robotic Systems 8(6), 2011. Frame: the start pose, first side along +x, x forward,
-y left, heading counter-clockwise. An error is what is true minus what odometry says.
+y left, heading counter-clockwise. An error is the true value minus that of odometry.
 
-Two angles carry it: alpha is what a quarter turn misses (rad, above 0 when the true track is larger
-than the one in use), beta is the heading gained along a side (rad, above 0 when the right wheel is
-larger than in use). To first order they move the end of a square with side L by
+Two angles describe it: alpha is the missing part of a quarter turn (rad, positive if the true track
+is larger than the one in use), beta is the heading change along a side (rad, positive if the right
+wheel is larger than in use). To first order they move the end of a square with side L by
     clockwise          (-2 L alpha - 2 L beta, -2 L alpha - 2 L beta)
     counter-clockwise  (-2 L alpha + 2 L beta, +2 L alpha - 2 L beta)
-so they are told apart only by driving both ways.
-
-From ten squares' end errors to a geometry: both rules of UMBmark, weighed by their scatter.
+so only both directions together separate them. The position and the heading rule are combined with
+the inverse of their variances.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ def ends_look_swapped(side: float, clockwise: EndError, counter: EndError) -> bo
 
 
 def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometry:
-    """The geometry that would have driven the square right; mean diameter kept.
+    """The geometry with which the square would have closed; the mean diameter is kept.
 
     `geometry` is what odometry used during the runs. The ratio found multiplies the one in use: a
     second round that began again from equal wheels would undo the first. Raises ValueError when the
