@@ -1,4 +1,4 @@
-"""The reference page, made from the declarations: `python -m diffbotctl.reference.pages`."""
+"""Generates docs/reference.md from the declarations: `python -m diffbotctl.reference.pages`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def page() -> str:
 
 
 def section(owner: type, path: str) -> Iterator[str]:
-    """The table of one section of a file, and after it those of the sections within."""
+    """The table of a section of a file, followed by those of its subsections."""
     first = (owner.__doc__ or "").split("\n")[0]
     yield f"### `{path or owner.__name__.lower()}`\n\n{first}"
     yield table(declared(owner).values())
@@ -38,7 +38,7 @@ def section(owner: type, path: str) -> Iterator[str]:
 
 
 def inside(kind: Any) -> type | None:
-    """The Section that a setting is, or is a list or map of."""
+    """The Section class of a setting, or of the items of a list or mapping."""
     for one in (kind, *get_args(kind)):
         if isinstance(one, type) and issubclass(one, Section):
             return one
@@ -57,7 +57,7 @@ def table(settings: Any) -> str:
 
 
 def kind_of(setting: Declaration) -> str:
-    """Type and unit in a few words."""
+    """Type and unit."""
     names = {float: "number", int: "whole number", str: "text", bool: "true or false"}
     if inside(setting.kind) is not None:
         return "section"
@@ -66,7 +66,7 @@ def kind_of(setting: Declaration) -> str:
 
 
 def default_of(setting: Declaration) -> str:
-    """The default as a person writes it."""
+    """The default as it is written in a file."""
     value = setting.default
     if setting.is_required:
         return "must be given"
@@ -87,7 +87,7 @@ def bounds_of(setting: Declaration) -> str:
 
 
 def blocks() -> Iterator[str]:
-    """Each built-in block: its words, ports and parameters."""
+    """Each built-in block: description, ports and parameters."""
     for name in sorted(registry.BLOCKS):
         kind: Any = registry.block(name)
         words = (kind.__doc__ or "").split("\n    blocks:")[0].split("\n")
@@ -110,10 +110,10 @@ def blocks() -> Iterator[str]:
 
 
 def how(port: In) -> str:
-    """How an input behaves."""
+    """Notes on an input: sampled, freshness, optional."""
     words = []
     if not port.trigger:
-        words.append("only looked at")
+        words.append("sampled")
     if port.fresh_for is not None:
         words.append(f"absent when older than `{port.fresh_for}`")
     if port.optional:
@@ -133,7 +133,7 @@ def kinds() -> Iterator[str]:
 
 
 def codes() -> Iterator[str]:
-    """Every code with its title; `diffbotctl explain CODE` says more."""
+    """All codes with their titles; `diffbotctl explain CODE` prints the texts."""
     lines = [f"| `{code}` | {entry.title} |" for code, entry in code_texts().items()]
     yield "\n".join(["| code | what it means |", "|---|---|", *lines])
 
