@@ -167,7 +167,7 @@ def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
         process.send_signal(signal.SIGINT)
         _, complaint = process.communicate(timeout=60)
         assert b"Traceback" not in complaint, complaint.decode()
-        # 0: it had ended before. -SIGINT: in the last moments Python has removed all handlers; a shell
+        # 0: it had ended before. -SIGINT: at its end Python has removed all handlers; a shell
         # reports 130 for it.
         assert process.returncode in (0, 130, -signal.SIGINT)
 
