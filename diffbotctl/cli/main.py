@@ -247,10 +247,19 @@ def _exit_code(arguments: list[str], debug: bool) -> int:
     except BrokenPipeError:
         return 1  # the reader of the output has ended
     except Exception as error:
+        if _is_interrupt(error):
+            return INTERRUPTED
         if debug:
             raise
         print_error(_unexpected(error))
         return 1
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an interrupt caused it: Python 3.11 wraps what `__set_name__` raises."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def print_error(error: UserError) -> None:

@@ -167,8 +167,8 @@ def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
         process.send_signal(signal.SIGINT)
         _, complaint = process.communicate(timeout=60)
         assert b"Traceback" not in complaint, complaint.decode()
-        # 0: it had ended before. -SIGINT: at its end Python has removed all handlers; a shell
-        # reports 130 for it.
+        # 0: it had ended before. -SIGINT: at the very end Python has removed all handlers; a shell
+        # reports 130 for that.
         assert process.returncode in (0, 130, -signal.SIGINT)
 
 
