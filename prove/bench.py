@@ -61,10 +61,9 @@ def overhead() -> Iterator[Row]:
     graph, blocks = five_steps()
     calls = direct(blocks)
     with tempfile.TemporaryDirectory() as folder:
-        about = {"epoch": "0"}
-        path = Path(folder) / "bench.mcap"
-        channel, _ = writer.start_recorder(path, graph.kinds, len(graph.sources), about)
-        recorder = Recorder(channel, waits=False, tell=print)
+        header = writer.RecordingHeader(graph.kinds, len(graph.sources), {"epoch": "0"})
+        channel, _ = writer.start_recorder(Path(folder) / "bench.mcap", header)
+        recorder = Recorder(channel, waits=False, on_loss=print)
         left: list[Any] = []
         compiled = graph.compile({"gate.wheels": lambda now, m: left.append(m)}, recorder.record)
         engine_times, direct_times = alternate(graph, compiled, calls, recorder)

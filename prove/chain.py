@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from diffbotctl.calibrate import autonomous_drive, umbmark
 from diffbotctl.calibrate.autonomous_drive import DEFAULT_STYLE, DriveStyle
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
 from diffbotctl.calibrate.runner import open_session
-from diffbotctl.calibrate.steps.squares import corners, wrap_angle
+from diffbotctl.calibrate.steps.squares import corners
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
 from diffbotctl.testing.calibration_robots import Chained, Wiring, chained, drawn
@@ -280,7 +280,7 @@ def _true(found: Chained, places: list[autonomous_drive.Waypoint]) -> tuple[floa
     begun = found.truths.truth.pose
     autonomous_drive.drive_to(found.session, places, 3.0, DEFAULT_STYLE)
     found.truths._mark = found.truths._mark._replace(pose=begun)
-    return found.truths._value("left"), found.truths._value("turned")
+    return found.truths._value("left"), found.truths._value("facing")
 
 
 def _toured_before(seed: int, folder: Path) -> float:
