@@ -138,6 +138,9 @@ class LazyGroup(click.Group):
         if name not in COMMANDS:
             return None
         module = import_module(f"diffbotctl.cli.{COMMANDS[name].module}")
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            # From here on commands clean up on KeyboardInterrupt.
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         command: click.Command = getattr(module, name, None) or module.command
         if COMPLETING in os.environ:
             from diffbotctl.cli.completion import teach
@@ -228,9 +231,6 @@ def main() -> None:
 def _exit_code(arguments: list[str], debug: bool) -> int:
     from diffbotctl.errors import UserError
 
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        # From here on KeyboardInterrupt is caught; commands clean up on it.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         code = program.main(arguments, prog_name="diffbotctl", standalone_mode=False)
         return code if isinstance(code, int) else 0

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
     from diffbotctl.runs.run import Run
+    from diffbotctl.runs.signals import Signals
 
 
 @click.command()
@@ -91,11 +92,6 @@ def command(
     Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 130
     interrupted.
     """
-    from diffbotctl.config.load import load
-    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
-    from diffbotctl.recording.black_box_store import black_box_folder
-    from diffbotctl.runs.options import RunOptions
-    from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
 
     if record is not None:
@@ -104,6 +100,13 @@ def command(
         from diffbotctl.cli.choose_port import choose_port
 
         port = choose_port(radio=True)
+    signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
+    from diffbotctl.config.load import load
+    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+    from diffbotctl.recording.black_box_store import black_box_folder
+    from diffbotctl.runs.options import RunOptions
+    from diffbotctl.runs.run import Run
+
     run_goals = tuple(_goal(text) for text in goals)
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
     for warning in configuration.warnings:
@@ -131,10 +134,10 @@ def command(
     if not as_json:
         _print_header(configuration, port, seed)
     if dash:
-        return _run_with_dashboard(configuration, options)
+        return _run_with_dashboard(configuration, options, signals)
     stderr = NonBlockingStderr()
     show = None if quiet or as_json else screen(configuration, port)
-    run = Run(configuration, options, show, stderr.say, Signals())
+    run = Run(configuration, options, show, stderr.say, signals)
     return _finish(run, stderr, as_json)
 
 
@@ -144,15 +147,14 @@ def _socket(name: str | None, group: str | None) -> SocketOptions:
     return SocketOptions(name, group)
 
 
-def _run_with_dashboard(configuration: Configuration, options: RunOptions) -> int:
+def _run_with_dashboard(configuration: Configuration, options: RunOptions, signals: Signals) -> int:
     """The run with the dashboard as its screen; messages are printed when it is closed."""
     from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, show
     from diffbotctl.runs.run import Run
-    from diffbotctl.runs.signals import Signals
 
     check_terminal(options.socket is not None)
     terminal = SavedTerminal()
-    run = Run(configuration, options, show, terminal.words.append, Signals(), terminal.give_back)
+    run = Run(configuration, options, show, terminal.words.append, signals, terminal.give_back)
     code = _finish(run, NonBlockingStderr(), as_json=False)
     for text in terminal.words:
         click.echo(text, err=True)
