@@ -157,7 +157,7 @@ def _unnamed(planted: set[str], found: Chained) -> tuple[str, ...]:
     """Faults that were not named, and names of faults that were not there."""
     said = found.named()
     missing = [fault for fault in planted if not any(fault in line for line in said)]
-    words = ("swapped", "reversed", "dead", "floating", ", not ")
+    words = ("swapped", "reversed", "dead", "floating", " slots instead of ")
     false = [
         line
         for line in said

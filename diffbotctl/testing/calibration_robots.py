@@ -75,7 +75,7 @@ class Wiring(NamedTuple):
         if self.slots != 20 and any(
             cells[side] == "plain" and motors[side] != "dead" for side in SIDES
         ):
-            found.add(f"{self.slots} slots, not 20")
+            found.add(f"{self.slots} slots instead of 20")
         return found
 
     def repaired(self) -> Wiring:
