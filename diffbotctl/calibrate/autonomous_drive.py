@@ -17,7 +17,7 @@ from diffbotctl.blocks.speed_limiter import SpeedLimiter
 from diffbotctl.calibrate.session import RobotSession, stopped_error
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.goal_queue import Operator
-from diffbotctl.drivers.robot_link import is_duty_board
+from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.loop import Engine
 from diffbotctl.graph import Graph, Node, Sink
 from diffbotctl.messages import Goal, Odometry

@@ -9,7 +9,7 @@ from diffbotctl.calibrate.motor_fit import NS, StepResponse, mean_speed
 from diffbotctl.calibrate.session import Received, RobotSession, drive_sides
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.robot import SIDES, Robot
-from diffbotctl.drivers.robot_link import is_duty_board, wheel_command
+from diffbotctl.drivers.robot_ports import is_duty_board, wheel_command
 from diffbotctl.messages import Duty
 
 DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # above every usual dead band, below full duty

@@ -17,7 +17,8 @@ from diffbotctl.calibrate.session import DriverFactory, RobotSession, StopKey
 from diffbotctl.calibrate.wiring_detection import WheelMotion
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import SIDES
-from diffbotctl.drivers.robot_link import board_settings, is_duty_board
+from diffbotctl.drivers.robot_link import board_settings
+from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 from diffbotctl.emulator.emulated_robot import EmulatedBoard, EmulatedRobotDriver, emulated_board
 from diffbotctl.engine.clock import VirtualClock

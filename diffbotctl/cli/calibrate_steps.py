@@ -124,7 +124,7 @@ def _open_robot(options: CalibrateOptions) -> Iterator[tuple[RobotSession, Promp
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
-    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
     from diffbotctl.prompts.keyboard import Keyboard
 
     port = choose_port(radio=True) if options.port == "auto" else options.port

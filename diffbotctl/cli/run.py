@@ -102,7 +102,7 @@ def command(
         port = choose_port(radio=True)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
     from diffbotctl.config.load import load
-    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
     from diffbotctl.recording.black_box_store import black_box_folder
     from diffbotctl.runs.options import RunOptions
     from diffbotctl.runs.run import Run
@@ -198,7 +198,7 @@ def _result_record(result: RunResult, code: int) -> dict[str, Any]:
 
 
 def _print_header(configuration: Configuration, port: str, seed: int) -> None:
-    from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
     from diffbotctl.ui.text import fold_text
 
     kind = (

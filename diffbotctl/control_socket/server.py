@@ -9,6 +9,7 @@ import os
 import select
 import socket
 import time
+from traceback import format_exc
 
 from diffbotctl.control_socket.connection import Client, peer_of
 from diffbotctl.control_socket.dispatch import AccessLog, Dispatcher
@@ -102,8 +103,6 @@ class Server:
         try:
             is_running = store.read()
         except Exception:
-            from traceback import format_exc  # only after a failure
-
             self.log({"event": "black box failed", "traceback": format_exc()})
             store.give_up()
             is_running = False

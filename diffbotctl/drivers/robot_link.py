@@ -6,40 +6,17 @@ from dataclasses import replace
 from math import pi
 
 from diffbotctl.config.robot import Robot, SideSection
-from diffbotctl.control.speed_loop import limit_duty, speed_gains
+from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.drivers.board_ports import is_usb
 from diffbotctl.errors import ConfigurationError, Problem
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
 from diffbotctl.links.rosserial_host import RosserialHost
-from diffbotctl.messages import Duty, Wheels
 from diffbotctl.time import SECOND
 
-# Ports without a real robot, each with how screens mark it
-VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 FIRMWARE_BOARD = "mega2560"
 FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
 TICK_BYTES, BITS_PER_BYTE = 16, 10  # what is sent of a pair of ticks after the counts were taken
-
-
-def is_duty_board(robot: Robot) -> bool:
-    """True for a board that has no wheel-speed loop of its own and takes a duty."""
-    return robot.link.protocol == "rosserial"
-
-
-def wheel_command(robot: Robot, left: float, right: float) -> Wheels | Duty:
-    """The command for wheel speeds in rad/s, as the board takes them.
-
-    A board without speed loops gets the feed-forward's duty; nothing corrects it.
-    """
-    if not is_duty_board(robot):
-        return Wheels(0, left, right)
-    left_motor, right_motor = robot.drive.left.motor, robot.drive.right.motor
-    return Duty(
-        0,
-        limit_duty(speed_gains(left_motor).duty(left), left),
-        limit_duty(speed_gains(right_motor).duty(right), right),
-    )
 
 
 def diffbot_host(robot: Robot, device: str) -> DiffbotHost:

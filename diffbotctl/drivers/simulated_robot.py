@@ -6,7 +6,7 @@ from math import cos, sin
 
 from diffbotctl.block import action
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.drivers.robot_link import is_duty_board
+from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Duty, Encoders, Link, Wheels
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot

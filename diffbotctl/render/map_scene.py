@@ -14,7 +14,7 @@ from diffbotctl.block import outputs
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
 from diffbotctl.model.laser_scanners import LASER_SCANNERS

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
-from diffbotctl.drivers.robot_link import VIRTUAL_PORTS
+from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Goal, Message
 from diffbotctl.messages import Path as Waypoints

@@ -13,7 +13,7 @@ from diffbotctl.block import Block, In, inputs, outputs, robot_fields
 from diffbotctl.config import node_ports, registry
 from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.robot_link import is_duty_board
+from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook

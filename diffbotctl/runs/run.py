@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.goal_queue import Operator
-from diffbotctl.drivers.robot_link import VIRTUAL_PORTS, is_duty_board
-from diffbotctl.drivers.serial_robot import open_serial_robot
+from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_duty_board
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.live_changes import LiveChanges
@@ -165,6 +164,9 @@ class Run:
 
             emulated = emulated_robot_driver(configuration, options.seed)
             return PortRobot(emulated, emulated.robot)
+        # Imported late: a simulated run needs no protocol; it would start 10 ms later.
+        from diffbotctl.drivers.serial_robot import open_serial_robot
+
         return PortRobot(open_serial_robot(configuration.robot, options.port, self.tell))
 
     def _control_client(self) -> ControlClientDriver | None:

@@ -4,7 +4,7 @@ import pytest
 
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
-from diffbotctl.drivers.robot_link import wheel_command
+from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.prompts.answers_file import AnswersFile
 

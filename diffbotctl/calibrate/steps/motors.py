@@ -33,7 +33,7 @@ from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession, drive_sides
 from diffbotctl.calibrate.step import Outcome, StepRun
 from diffbotctl.config.robot import SIDES, Robot
-from diffbotctl.drivers.robot_link import is_duty_board
+from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.prompts.question import MotionNotice
 

@@ -14,7 +14,7 @@ from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.squares import FACING
 from diffbotctl.config.robot import Robot
-from diffbotctl.drivers.robot_link import wheel_command
+from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import MarkFloor, MotionNotice
 from diffbotctl.runs.build_graph import build_block

@@ -1,0 +1,33 @@
+"""What the ports and the board of a robot take, without importing any protocol.
+
+Simulated runs import this module; the protocols of real boards are in robot_link.
+"""
+
+from __future__ import annotations
+
+from diffbotctl.config.robot import Robot
+from diffbotctl.control.speed_loop import limit_duty, speed_gains
+from diffbotctl.messages import Duty, Wheels
+
+# Ports without a real robot, each with how screens mark it
+VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
+
+
+def is_duty_board(robot: Robot) -> bool:
+    """True for a board that has no wheel-speed loop of its own and takes a duty."""
+    return robot.link.protocol == "rosserial"
+
+
+def wheel_command(robot: Robot, left: float, right: float) -> Wheels | Duty:
+    """The command for wheel speeds in rad/s, as the board takes them.
+
+    A board without speed loops gets the feed-forward's duty; nothing corrects it.
+    """
+    if not is_duty_board(robot):
+        return Wheels(0, left, right)
+    left_motor, right_motor = robot.drive.left.motor, robot.drive.right.motor
+    return Duty(
+        0,
+        limit_duty(speed_gains(left_motor).duty(left), left),
+        limit_duty(speed_gains(right_motor).duty(right), right),
+    )
