@@ -1,4 +1,4 @@
-"""Every table in turn, each figure beside its target: `python -m prove --seed N`."""
+"""Run every section and print each figure beside its target: `python -m prove --seed N`."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from prove import chain, faults, firmware, first_goal, model, motion, operator, 
 
 
 def main() -> int:
-    """Print all rows; exit 1 when one is missed."""
+    """Print all rows. Returns the exit code: 1 when a row is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
-    parser.add_argument("--emulated", type=int, default=5, help="of them, on emulated boards")
+    parser.add_argument("--emulated", type=int, default=5, help="further ones, on emulated boards")
     parser.add_argument("--starts", type=int, default=100)
-    parser.add_argument("--board", type=float, default=1.0, help="share of the board's trials")
-    parser.add_argument("--wander", type=int, default=50, help="seeds, of 30 minutes each")
+    parser.add_argument("--board", type=float, default=1.0, help="fraction of the board trials")
+    parser.add_argument("--wander", type=int, default=50, help="seeds, 30 minutes each")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
     options = parser.parse_args()
     state = tempfile.TemporaryDirectory()
-    os.environ["XDG_STATE_HOME"] = state.name  # the user's own flights stay
-    tables = (
+    os.environ["XDG_STATE_HOME"] = state.name  # keep the user's own black-box files
+    sections = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
         rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
@@ -46,7 +46,7 @@ def main() -> int:
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
         calibration.range_rows(options.seed),
     )
-    missed = printed(joined.from_iterable(tables))
+    missed = printed(joined.from_iterable(sections))
     state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0

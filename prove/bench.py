@@ -1,4 +1,4 @@
-"""The timing rows: overhead, start-up, memory, speed of simulation. Ratios within one run."""
+"""Timing rows: overhead of the engine, start-up, memory, speed of simulation, latency."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from math import inf
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -24,28 +23,28 @@ from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
-TICKS = 8000  # a side
-PERIOD = 0.001  # s
-CHAIN = ["world.walls=[]"]
+TICKS = 8000  # for each of the two variants
+PERIOD_S = 0.001
+OPEN_FLOOR = ["world.walls=[]"]
 
 
-def quantile(values: list[float], part: float) -> float:
-    """The value below which `part` of the values lie."""
+def quantile(values: list[float], fraction: float) -> float:
+    """The value below which `fraction` of the values lie."""
     ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+    return ordered[min(len(ordered) - 1, int(fraction * len(ordered)))]
 
 
 def five_steps() -> tuple[Any, list[Block]]:
-    """The graph of five steps (odometry to kinematics), and the same blocks once more."""
+    """A graph of five blocks (odometry to kinematics), and a second instance of these blocks."""
     setup = load(str(Path(__file__).parent / "five_steps.yaml"))
     graph = assemble(setup, real=False).graph
     names = ["odometry", "follower", "mux", "limiter", "kinematics"]
-    again = assemble(setup, real=False).graph
-    return graph, [again.block(name) for name in names]
+    second_graph = assemble(setup, real=False).graph
+    return graph, [second_graph.block(name) for name in names]
 
 
 def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
-    """The same maths as five direct calls."""
+    """The same computation as five direct calls."""
     odometry, follower, mux, limiter, kinematics = (block.react for block in blocks)
 
     def step(now: int, encoders: Any, goal: Any) -> Any:
@@ -57,15 +56,16 @@ def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
 
 
 def overhead() -> Iterator[Row]:
-    """Engine against direct calls, alternating at 1 kHz, recording on."""
+    """Engine and direct calls, alternating at 1 kHz, with a recording."""
     graph, blocks = five_steps()
     calls = direct(blocks)
     with tempfile.TemporaryDirectory() as folder:
         header = writer.RecordingHeader(graph.kinds, len(graph.sources), {"epoch": "0"})
         channel, _ = writer.start_recorder(Path(folder) / "bench.mcap", header)
         recorder = Recorder(channel, waits=False, on_loss=print)
-        left: list[Any] = []
-        compiled = graph.compile({"gate.wheels": lambda now, m: left.append(m)}, recorder.record)
+        commands: list[Any] = []
+        sinks = {"gate.wheels": lambda now, command: commands.append(command)}
+        compiled = graph.compile(sinks, recorder.record)
         engine_times, direct_times = alternate(graph, compiled, calls, recorder)
         recorder.close({})
     extra = (median(engine_times) - median(direct_times)) * 1e6
@@ -82,9 +82,9 @@ def overhead() -> Iterator[Row]:
 def alternate(
     graph: Any, compiled: Any, calls: Callable[..., Any], recorder: Recorder
 ) -> tuple[list[float], list[float]]:
-    """Times of both sides, tick by tick, from the encoders' message to the wheels'."""
-    place = graph.sources.index("robot.encoders")
-    goal_place = graph.sources.index("operator.goal")
+    """Seconds from the Encoders message to the wheel command, per tick: engine, direct calls."""
+    encoders_index = graph.sources.index("robot.encoders")
+    goal_index = graph.sources.index("operator.goal")
     goal = Goal(0, 1, 1.0e6, 0.5, None)
     times: tuple[list[float], list[float]] = ([], [])
     clock = time.perf_counter
@@ -92,31 +92,32 @@ def alternate(
         now = (tick + 1) * 1_000_000
         count = tick // 10
         values: list[Any] = [None] * len(graph.sources)
-        values[place] = Encoders(now, count, count, now - 500, now - 700, 9.0, 9.0)
-        values[goal_place] = goal if tick == 0 else None
-        first, second = (0, 1) if tick % 2 else (1, 0)
-        for side in (first, second):
-            while clock() % PERIOD > PERIOD / 20:
+        values[encoders_index] = Encoders(now, count, count, now - 500, now - 700, 9.0, 9.0)
+        values[goal_index] = goal if tick == 0 else None
+        for variant in (0, 1) if tick % 2 else (1, 0):
+            while clock() % PERIOD_S > PERIOD_S / 20:
                 pass
             began = clock()
-            if side == 0:
+            if variant == 0:
                 compiled.instant(now, *values)
                 times[0].append(clock() - began)
                 recorder.drain()
             else:
-                calls(now, values[place], goal)
+                calls(now, values[encoders_index], goal)
                 times[1].append(clock() - began)
     return times
 
 
 def command(*words: str) -> list[str]:
-    """The program as a command line."""
+    """The command line of diffbotctl."""
     return [sys.executable, "-m", "diffbotctl", *words]
 
 
 def installed() -> dict[str, str]:
-    """The environment in which a checkout starts as what pip installs: with its bytecode beside it,
-    which every first start of a program writes unless it is forbidden to."""
+    """An environment in which a checkout has cached bytecode, as an installed package has.
+
+    The first start writes it.
+    """
     environment = {**os.environ, "PYTHONPYCACHEPREFIX": BYTECODE.name}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     return environment
@@ -126,48 +127,53 @@ BYTECODE = tempfile.TemporaryDirectory()
 
 
 def start_up() -> Iterator[Row]:
-    """`--help`, and `run` in simulation until the first command that turns a wheel leaves."""
-    first_command(fresh=True)  # which writes the bytecode
+    """`--help`, and `run` in simulation up to the first command that turns a wheel."""
+    first_command(fresh=True)  # writes the bytecode
     times = []
     for _ in range(15):
         began = time.perf_counter()
         subprocess.run(command("--help"), stdout=subprocess.DEVNULL, check=True, env=installed())
         times.append(time.perf_counter() - began)
     yield milliseconds("diffbotctl --help", times, 100)
-    known, fresh = ([first_command(new) for _ in range(15)] for new in (False, True))
-    yield milliseconds("run to first command, files checked before", known, 120)
+    cached, fresh = ([first_command(new) for _ in range(15)] for new in (False, True))
+    yield milliseconds("run to first command, files checked before", cached, 120)
     yield milliseconds("run to first command, files never checked", fresh, 250)
 
 
-def milliseconds(what: str, times: list[float], most: int) -> Row:
-    """A row for the median of some times."""
+def milliseconds(what: str, times: list[float], limit: int) -> Row:
+    """A row for the median of `times` (s); `limit` is in ms."""
     figure = median(times) * 1000
-    return Row(what, f"{figure:.0f} ms", f"<= {most} ms", figure <= most)
+    return Row(what, f"{figure:.0f} ms", f"<= {limit} ms", figure <= limit)
 
 
 def first_command(fresh: bool) -> float:
-    """Seconds from the start of the process to the first command. Unpaced: the simulated board's
-    first frame, 51 ms of virtual time, costs no waiting; what is measured is the start."""
+    """Seconds from the start of the process to the first command.
+
+    The run is not paced, so the first frame of the simulated board, after 51 ms of virtual time,
+    does not add a wait.
+    """
     environment = installed()
     words = [sys.executable, "-m", "prove.first_command", str(time.monotonic())]
     with tempfile.TemporaryDirectory() as folder:
         if fresh:
             environment["XDG_CACHE_HOME"] = folder
-        out = subprocess.run(
+        output = subprocess.run(
             [*words, "run", "goal", "--fast", "--quiet"],
             env=environment,
             text=True,
             stdout=subprocess.PIPE,
             check=True,
         ).stdout
-    return float(out.split("FIRST ")[1])
+    return float(output.split("FIRST ")[1])
 
 
 def memory() -> Iterator[Row]:
-    """Memory of a headless run that does not record: PSS counts a page that several processes share
-    in parts, so that it falls when other programs in Python run; private is what nobody shares."""
+    """Memory of a headless run without a recording: PSS, and private memory in parentheses.
+
+    PSS divides a shared page among its processes, so it is lower while other Python programs run.
+    """
     subprocess.run(
-        command("run", "goal", "--goal", "0 0", "--quiet"),  # it is there: only compiles what runs
+        command("run", "goal", "--goal", "0 0", "--quiet"),  # ends at once; writes the bytecode
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env=installed(),
@@ -180,13 +186,13 @@ def memory() -> Iterator[Row]:
         env=installed(),
     )
     try:
-        time.sleep(2.0)  # well into the drive: what a run needs has been imported
+        time.sleep(2.0)  # now it drives, and everything that a run needs is imported
         pss = private = 0
         for pid in [process.pid, *children(process.pid)]:
             text = Path(f"/proc/{pid}/smaps_rollup").read_text()
-            facts = {line.split(":")[0]: line.split() for line in text.splitlines()[1:]}
-            pss += int(facts["Pss"][1])
-            private += int(facts["Private_Clean"][1]) + int(facts["Private_Dirty"][1])
+            fields = {line.split(":")[0]: line.split() for line in text.splitlines()[1:]}
+            pss += int(fields["Pss"][1])
+            private += int(fields["Private_Clean"][1]) + int(fields["Private_Dirty"][1])
     finally:
         process.terminate()
         process.wait()
@@ -206,21 +212,21 @@ def children(pid: int) -> list[int]:
 
 def simulated_speed() -> Iterator[Row]:
     """Simulated seconds per second of the whole goal pipeline, unrecorded and recorded."""
-    setup = load("goal", None, CHAIN)
+    setup = load("goal", None, OPEN_FLOOR)
     goals = tuple(Goal(0, 0, x, 0.0, None) for x in (2.0, 0.0) * 4)
     for what, target, recorded in (
         ("unrecorded", 400, False),
         ("every message recorded", 200, True),
     ):
-        best = []
+        ratios = []
         for seed in range(5):
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "speed.mcap" if recorded else None
                 run = Run(setup, RunOptions(goals=goals, seed=seed, fast=True, record=path))
                 began = time.perf_counter()
                 result = run.go()
-                best.append(result.ending.time / 1e9 / (time.perf_counter() - began))
-        figure = median(best) if best else inf
+                ratios.append(result.ending.time / 1e9 / (time.perf_counter() - began))
+        figure = median(ratios)
         yield Row(
             f"simulation over real time, {what}",
             f"x{figure:.0f}",
@@ -231,8 +237,8 @@ def simulated_speed() -> Iterator[Row]:
 
 def main() -> int:
     """Print the rows."""
-    parts = (overhead, start_up, memory, simulated_speed, wire.rows)
-    missed = printed(row for part in parts for row in part())
+    sections = (overhead, start_up, memory, simulated_speed, wire.rows)
+    missed = printed(row for section in sections for row in section())
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

@@ -1,4 +1,4 @@
-"""A block that raises after a given time: what a user's own mistake does."""
+"""A block that raises an exception after a given time, as a user's own block with a bug does."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from diffbotctl.params import Param
 
 
 class Breaks(Block):
-    """Pass the twist on, and raise when the run is `after` seconds old."""
+    """Pass the twist on; raise ZeroDivisionError after `after` seconds of the run."""
 
-    after = Param(float, default=3.0, unit="s", above=0.0, help="When it raises.")
+    after = Param(float, default=3.0, unit="s", above=0.0, help="Time at which it raises.")
     wanted = In(Twist)
     twist = Out(Twist)
 

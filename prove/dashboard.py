@@ -1,4 +1,4 @@
-"""What the dashboard costs while a robot drives, and whoever is lost behind a terminal."""
+"""Load and start of the dashboard while a robot drives; teleop drivers whose terminal is lost."""
 
 from __future__ import annotations
 
@@ -18,69 +18,69 @@ from diffbotctl.testing.trials.row import Row, printed
 from prove.screen import Drain
 
 SIZE = (120, 40)
-CORE = 15.0  # % of a core
-FIRST = 0.8  # s to the first picture
+LOAD_MAX_PERCENT = 15.0  # of a core
+FIRST_SCREEN_MAX_S = 0.8
 STARTS = 5
-WATCHED = 15.0  # s
-LIMIT = 0.5  # s from the loss to the wheels commanded to zero
-LATEST = 0.5  # s of driving before something happens
-TICKS = os.sysconf("SC_CLK_TCK")
+LOAD_TIME_S = 15.0  # over which the load is measured
+STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
+DRIVE_TIME_MAX_S = 0.5  # before the loss
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 FAR = ("goal", "--stay", "--goal", "9 0", "--goal", "-9 0")
 
 
 def rows(seed: int, trials: int) -> Iterator[Row]:
-    """All rows; `trials` of each loss."""
+    """All rows; `trials` of each way to lose the driver."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(folder, *FAR):
             yield from costs(folder)
-            chance = Random(seed)
-            for way in ("here", "ssh"):
+            rng = Random(seed)
+            for place in ("here", "ssh"):
                 for mode in ("hold", "latched"):
-                    for how in ("SIGKILL", "SIGSTOP", "closed"):
-                        yield lost(folder, way, mode, how, trials, chance)
+                    for loss in ("SIGKILL", "SIGSTOP", "closed"):
+                        yield lost(folder, place, mode, loss, trials, rng)
 
 
 def costs(folder: Path) -> Iterator[Row]:
-    """Processor and start, with map, facts, plots, blocks and log on the screen."""
+    """CPU time and start, with map, values, plots, blocks and log on the screen."""
     client = PlainClient(folder)
     client.until(moves)
     words, environment = command(folder, "dash", "--hz", "10")
-    firsts = []
+    start_times = []
     for _ in range(STARTS):
         drain = Drain(*SIZE, words, environment)
-        firsts.append(drain.until(b"SIMULATED", 20.0))
+        start_times.append(drain.until(b"SIMULATED", 20.0))
         drain.close()
     drain = Drain(*SIZE, words, environment)
-    drain.until(b"kinematics", 20.0)  # the block table: every panel has something
-    before, began = spent(drain.process.pid), time.perf_counter()
-    drain.for_so_long(WATCHED)
-    share = 100 * (spent(drain.process.pid) - before) / (time.perf_counter() - began)
+    drain.until(b"kinematics", 20.0)  # a row of the block table: now every panel has content
+    before, began = cpu_time(drain.process.pid), time.perf_counter()
+    drain.read_for(LOAD_TIME_S)
+    load = 100 * (cpu_time(drain.process.pid) - before) / (time.perf_counter() - began)
     driving = moves(client.request("status"))
     drain.close()
     client.close()
     yield Row(
         "dashboard, 10 Hz, 120x40, robot driving",
-        f"{share:.1f} % of a core",
-        f"<= {CORE:g} %",
-        driving and share <= CORE,
+        f"{load:.1f} % of a core",
+        f"<= {LOAD_MAX_PERCENT:g} %",
+        driving and load <= LOAD_MAX_PERCENT,
     )
     yield Row(
-        f"dashboard, first picture (median of {STARTS})",
-        f"{median(firsts):.2f} s",
-        f"<= {FIRST:g} s",
-        median(firsts) <= FIRST,
+        f"dashboard, first screen (median of {STARTS})",
+        f"{median(start_times):.2f} s",
+        f"<= {FIRST_SCREEN_MAX_S:g} s",
+        median(start_times) <= FIRST_SCREEN_MAX_S,
     )
 
 
-def spent(pid: int) -> float:
-    """Seconds of processor that a process has used."""
+def cpu_time(pid: int) -> float:
+    """CPU time in s that a process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
+    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
-def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Random) -> Row:
-    """Drive by `teleop` and lose the person; the robot stands, the cause says who."""
+def lost(folder: Path, place: str, mode: str, loss: str, trials: int, rng: Random) -> Row:
+    """Drive by `teleop` and lose the driver: the robot stops, and the cause names the driver."""
     times, good = [], 0
     words, environment = command(folder, "teleop", "--mode", mode)
     client = PlainClient(folder)
@@ -88,13 +88,13 @@ def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Rando
         client.until(moves)
         with (
             ssh_server(folder, "teleop", "--mode", mode) as ssh,
-            Terminal(ssh if way == "ssh" else words, environment) as terminal,
+            Terminal(ssh if place == "ssh" else words, environment) as terminal,
         ):
-            terminal.until(lambda text: "pose" in text, "the first picture")
+            terminal.until(lambda text: "pose" in text, "the first screen")
             drive(terminal, client, mode)
-            hold(terminal, mode, chance.uniform(0.0, LATEST))
+            hold(terminal, mode, rng.uniform(0.0, DRIVE_TIME_MAX_S))
             began = time.monotonic()
-            lose(terminal, how)
+            lose(terminal, loss)
             client.until(stands)
             times.append(time.monotonic() - began)
             status = client.until(lambda status: status["held"])
@@ -103,22 +103,22 @@ def lost(folder: Path, way: str, mode: str, how: str, trials: int, chance: Rando
                 status["held"]["code"] == "operator_lost"
                 and named
                 and status["operator.goal"]["number"] == 0
-                and times[-1] <= LIMIT
+                and times[-1] <= STOP_TIME_MAX_S
             )
             terminal.process.send_signal(signal.SIGCONT)
         (folder / "port").unlink()
         client.request("resume")
     client.close()
     return Row(
-        f"teleop, {mode}, {way}: {how}",
+        f"teleop, {mode}, {place}: {loss}",
         f"{good} of {trials}, {max(times) * 1e3:.0f} ms",
-        f"all, {LIMIT * 1e3:.0f} ms",
+        f"all, {STOP_TIME_MAX_S * 1e3:.0f} ms",
         good == trials,
     )
 
 
 def hold(terminal: Terminal, mode: str, seconds: float) -> None:
-    """Go on driving for so long."""
+    """Continue to drive for `seconds`."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if mode == "hold":

@@ -23,22 +23,22 @@ PROGRAM = (
     "registry.BLOCKS['breaks'] = 'prove.breaks:Breaks'\n"
     "from diffbotctl.cli.main import main; main()"
 )
-ZEROS = 4  # commands at the end of the wire that must be zero: the stop, repeated for both wheels
-AT_ONCE = 6  # trials in parallel: each waits most of the time
-PATIENCE = 5.0  # s for a recorder whose engine was killed to end by itself
-LATEST = 4.0  # s of driving before something happens
+ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
+PARALLEL_TRIALS = 6  # each waits most of the time
+RECORDER_TIMEOUT_S = 5.0  # for a recorder whose engine was killed to finish its file
+DRIVE_TIME_MAX_S = 4.0  # before the fault
 
 
 class Trial:
-    """One run of the product against one board."""
+    """One run of diffbotctl with one board."""
 
-    def __init__(self, chance: Random, folder: Path) -> None:
-        self.chance, self.folder = chance, folder
+    def __init__(self, rng: Random, folder: Path) -> None:
+        self.rng, self.folder = rng, folder
         self.port = BookBoardPort(BookBoard(distance=25.0))
-        self.out = ""
+        self.output = ""
 
     def words(self, pipeline: str, *more: str) -> list[str]:
-        """The product's command line."""
+        """The command line of diffbotctl."""
         return [
             sys.executable,
             "-c",
@@ -59,7 +59,7 @@ class Trial:
         ]
 
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
-        """Start it and wait until the wheels turn, and then for a random time."""
+        """Start it, wait until the wheels turn, and then for a random time."""
         if terminal is None:
             process = subprocess.Popen(
                 words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -73,20 +73,22 @@ class Trial:
                 text=True,
             )
         self.port.wait_for(lambda board: board.speed["left"] > 3, 30)
-        until = self.port.board.now + self.chance.uniform(0.0, LATEST)
+        until = self.port.board.now + self.rng.uniform(0.0, DRIVE_TIME_MAX_S)
         self.port.wait_for(lambda board: board.now > until, 30)
         return process
 
     def ended_in_zeros(self) -> bool:
-        """True when the last commands on the wire were zero, and the motors are off."""
+        """Whether the last commands on the wire were zero and the motors are off."""
         last = [value for _, _, value in self.port.board.commands[-ZEROS:]]
         return last == [0] * ZEROS and self.port.board.pwm == {"left": 0, "right": 0}
 
-    def kept(self) -> bool:
-        """True when the recording can be read. An orphaned recorder may still be writing its last
-        second: it is given time."""
+    def has_recording(self) -> bool:
+        """Whether the recording can be read.
+
+        A recorder without an engine may still be writing its last second, so this waits for it.
+        """
         path = self.folder / "run.mcap"
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + RECORDER_TIMEOUT_S
         while time.monotonic() < deadline:
             if any(True for _ in RecordingReader(path).messages()):
                 return True
@@ -95,64 +97,72 @@ class Trial:
 
 
 def by_signal(number: int, cause: str) -> Callable[[Trial], bool]:
-    """The host is asked to end."""
+    """The engine gets a signal."""
 
-    def trial(what: Trial) -> bool:
-        process = what.start(what.words("goal"))
+    def end_by_signal(trial: Trial) -> bool:
+        process = trial.start(trial.words("goal"))
         process.send_signal(number)
-        out = process.communicate(timeout=30)[0]
-        return what.ended_in_zeros() and cause in out and process.returncode == 130 and what.kept()
+        output = process.communicate(timeout=30)[0]
+        return (
+            trial.ended_in_zeros()
+            and cause in output
+            and process.returncode == 130
+            and trial.has_recording()
+        )
 
-    return trial
+    return end_by_signal
 
 
-def killed(what: Trial) -> bool:
-    """The host dies without a word; the guardian speaks for it."""
-    process = what.start(what.words("goal"))
+def killed(trial: Trial) -> bool:
+    """The engine is killed; the guardian process stops the robot."""
+    process = trial.start(trial.words("goal"))
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    what.port.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 5)
-    at = what.port.board.now
-    what.port.wait_for(lambda board: board.now > at + 0.3, 5)
-    return what.ended_in_zeros() and what.kept()
+    trial.port.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 5)
+    at = trial.port.board.now
+    trial.port.wait_for(lambda board: board.now > at + 0.3, 5)
+    return trial.ended_in_zeros() and trial.has_recording()
 
 
-def raises(what: Trial) -> bool:
+def raises(trial: Trial) -> bool:
     """A block raises."""
-    after = what.chance.uniform(2.5, 2.5 + LATEST)
+    after = trial.rng.uniform(2.5, 2.5 + DRIVE_TIME_MAX_S)
     broken = str(Path(__file__).parent / "broken.yaml")
-    words = what.words(broken, "--set", f"breaks.after={after:.3f} s")
+    words = trial.words(broken, "--set", f"breaks.after={after:.3f} s")
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    out = process.communicate(timeout=60)[0]
+    output = process.communicate(timeout=60)[0]
     return (
-        what.ended_in_zeros() and "block breaks" in out and process.returncode == 1 and what.kept()
+        trial.ended_in_zeros()
+        and "block breaks" in output
+        and process.returncode == 1
+        and trial.has_recording()
     )
 
 
-def terminal_closed(what: Trial) -> bool:
-    """The window with the live view is closed."""
+def terminal_closed(trial: Trial) -> bool:
+    """The terminal with the live view is closed."""
     master, slave = os.openpty()
-    process = what.start(what.words("goal"), terminal=slave)
+    process = trial.start(trial.words("goal"), terminal=slave)
     os.close(slave)
     os.close(master)
     process.wait(timeout=30)
-    return what.ended_in_zeros() and what.kept()
+    return trial.ended_in_zeros() and trial.has_recording()
 
 
-def link_pulled(what: Trial) -> bool:
-    """The line is dead for a while and comes back: a stop first, and nothing else."""
-    process = what.start(what.words("goal"))
-    with what.port.changed:
-        what.port.cut = True
-        before, at = len(what.port.board.commands), what.port.board.now
-    away = what.chance.uniform(1.5, 4.0)
-    what.port.wait_for(lambda board: board.now > at + away, 20)
-    what.port.cut = False
-    what.port.wait_for(lambda board: len(board.commands) > before + 20, 20)
-    later = {value for _, _, value in what.port.board.commands[before:]}
+def link_pulled(trial: Trial) -> bool:
+    """The line is interrupted for a while: afterwards the board gets nothing but zero commands."""
+    process = trial.start(trial.words("goal"))
+    with trial.port.changed:
+        trial.port.cut = True
+        before, at = len(trial.port.board.commands), trial.port.board.now
+    interruption = trial.rng.uniform(1.5, 4.0)
+    trial.port.wait_for(lambda board: board.now > at + interruption, 20)
+    trial.port.cut = False
+    trial.port.wait_for(lambda board: len(board.commands) > before + 20, 20)
+    later = {value for _, _, value in trial.port.board.commands[before:]}
     process.terminate()
-    out = process.communicate(timeout=30)[0]
-    return later == {0} and "telemetry_stale" in out and what.ended_in_zeros()
+    output = process.communicate(timeout=30)[0]
+    return later == {0} and "telemetry_stale" in output and trial.ended_in_zeros()
 
 
 FAULTS: dict[str, Callable[[Trial], bool]] = {
@@ -165,8 +175,8 @@ FAULTS: dict[str, Callable[[Trial], bool]] = {
 }
 
 
-def one(fault: Callable[[Trial], bool], seed: int) -> bool:
-    """One trial of a fault; False also when the trial itself could not be carried through."""
+def run_trial(fault: Callable[[Trial], bool], seed: int) -> bool:
+    """Whether one trial of a fault succeeds; False also when the trial could not be completed."""
     with tempfile.TemporaryDirectory() as folder:
         trial = Trial(Random(seed), Path(folder))
         try:
@@ -178,12 +188,12 @@ def one(fault: Callable[[Trial], bool], seed: int) -> bool:
 
 
 def rows(seed: int, trials: int) -> Iterator[Row]:
-    """One row a fault."""
+    """One row for each fault."""
     for name, fault in FAULTS.items():
-        chance = Random(f"{seed} {name}")
-        seeds = [chance.getrandbits(32) for _ in range(trials)]
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            good = sum(pool.map(lambda number, fault=fault: one(fault, number), seeds))
+        rng = Random(f"{seed} {name}")
+        seeds = [rng.getrandbits(32) for _ in range(trials)]
+        with ThreadPoolExecutor(PARALLEL_TRIALS) as pool:
+            good = sum(pool.map(lambda number, fault=fault: run_trial(fault, number), seeds))
         yield Row(
             f"{name}: stop last on the wire, cause shown",
             f"{good} of {trials}",

@@ -1,4 +1,4 @@
-"""The command line, except that it ends at the first wheel command and prints when that was."""
+"""diffbotctl, except that it ends at the first command that turns a wheel and prints its time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 
 def main() -> None:
     """`python -m prove.first_command START WORDS...`: START is the monotonic time of the start."""
-    began = float(sys.argv.pop(1))
+    start = float(sys.argv.pop(1))
     from diffbotctl.cli import main as cli
     from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 
-    def leave(self: SimulatedRobotDriver, now: int, wanted: Any) -> None:
-        if wanted.left or wanted.right:
-            os.write(1, f"FIRST {time.monotonic() - began:.4f}\n".encode())
+    def end_when_moving(self: SimulatedRobotDriver, now: int, command: Any) -> None:
+        if command.left or command.right:
+            os.write(1, f"FIRST {time.monotonic() - start:.4f}\n".encode())
             os._exit(0)
 
-    SimulatedRobotDriver.command = leave  # type: ignore[method-assign]
+    SimulatedRobotDriver.command = end_when_moving  # type: ignore[method-assign]
     cli.main()
 
 

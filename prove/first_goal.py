@@ -1,7 +1,7 @@
-"""From a fresh clone to the first goal: simulated, and on an emulated board through `start`.
+"""Time from a fresh clone to the first goal: simulated, and on an emulated board by `start`.
 
-What Debian brings (python3-venv, and for the emulator gcc, libsimavr-dev and arduino-core-avr) is
-there already; the rest, the virtual environment and the emulator's build too, is in the figure.
+The Debian packages (python3-venv; for the emulator gcc, libsimavr-dev and arduino-core-avr) are
+installed already. The time includes the virtual environment and the build of the emulator.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from diffbotctl.start.steps import QUESTIONS
 from diffbotctl.testing.trials.row import Row, printed
 
 ROOT = Path(__file__).parent.parent
-TARGET = 120.0  # s on two cores
-EACH_TIME = ("floor", "measure")  # what no file knows
-LONGEST = 600.0  # s after which something hangs
+TIME_MAX_S = 120.0  # on two cores
+NECESSARY = ("floor", "measure")  # questions whose answers no file contains
+COMMAND_TIMEOUT_S = 600.0
 ANSWERS = """\
 lifted: yes
 encoders.wheel: [left forward, right forward]
@@ -33,7 +33,7 @@ floor: yes
 
 
 class Newcomer:
-    """Somebody with a fresh clone and an empty folder, whom no earlier visit left anything."""
+    """A user with a fresh clone, an empty folder, and no state or cache of an earlier run."""
 
     def __init__(self, place: Path) -> None:
         self.clone, self.folder = place / "clone", place / "robot"
@@ -43,9 +43,9 @@ class Newcomer:
         self.environment = os.environ | homes
         self.environment.pop("PYTHONPATH", None)
 
-    def types(self, *words: str | Path, at: Path | None = None) -> str:
-        """What a command said, failed or not: the figures tell."""
-        done = subprocess.run(
+    def run(self, *words: str | Path, at: Path | None = None) -> str:
+        """The output of a command, whether it fails or not; a failure shows in the figures."""
+        completed = subprocess.run(
             [str(word) for word in words],
             cwd=at or self.folder,
             env=self.environment,
@@ -53,18 +53,18 @@ class Newcomer:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=LONGEST,
+            timeout=COMMAND_TIMEOUT_S,
         )
-        return done.stdout
+        return completed.stdout
 
     @property
     def program(self) -> Path:
-        """The clone's own diffbotctl."""
+        """diffbotctl of the clone."""
         return self.clone / ".venv/bin/diffbotctl"
 
     @contextmanager
     def blank_board(self) -> Iterator[list[str]]:
-        """An emulated board with nothing on it; the words that name its ports."""
+        """An emulated board without a program; the command-line options that name its ports."""
         words = [str(self.program), "emulate", "my_robot", "--blank"]
         board = subprocess.Popen(
             words, cwd=self.folder, env=self.environment, stdout=subprocess.PIPE, text=True
@@ -77,37 +77,36 @@ class Newcomer:
             yield ["--port", ports["USB"], "--radio", ports["radio"]]
         finally:
             board.send_signal(signal.SIGINT)
-            board.wait(LONGEST)
+            board.wait(COMMAND_TIMEOUT_S)
 
 
 def rows() -> Iterator[Row]:
-    """To the simulated goal, on to the board's, and once more when the files know it all."""
+    """First the simulated goal, then the one of the board, then `start` again with all files."""
     with TemporaryDirectory(prefix="diffbot-newcomer-") as place:
         newcomer = Newcomer(Path(place))
-        begun = time.monotonic()
-        newcomer.types("git", "clone", "-q", "--no-local", ROOT, newcomer.clone)
-        newcomer.types("make", ".venv/installed", at=newcomer.clone)
-        said = newcomer.types(newcomer.program, "start")
-        yield _row("fresh clone to the first simulated goal", begun, said, 1)
+        start = time.monotonic()
+        newcomer.run("git", "clone", "-q", "--no-local", ROOT, newcomer.clone)
+        newcomer.run("make", ".venv/installed", at=newcomer.clone)
+        output = newcomer.run(newcomer.program, "start")
+        yield _row("fresh clone to the first simulated goal", start, output, 1)
         with newcomer.blank_board() as ports:
             words = (newcomer.program, "start", *ports, "--answers", "answers.yaml")
-            said = newcomer.types(*words)
-            yield _row("and to an emulated board's, through start", begun, said, 2)
-            again = newcomer.types(*words, "--again")
-        needless = [name for name in asked(again) if name not in EACH_TIME]
-        figure = f"{len(needless)} of {len(asked(again))} asked, of {len(asked(said))} at first"
-        target = "0 needless: only floor and measure are no file's"
+            output = newcomer.run(*words)
+            yield _row("and to an emulated board's, through start", start, output, 2)
+            again = newcomer.run(*words, "--again")
+        first_questions, questions = asked(output), asked(again)
+        unnecessary = [name for name in questions if name not in NECESSARY]
         yield Row(
             "questions that the files answer already",
-            figure,
-            target,
-            not needless and bool(asked(said)),
+            f"{len(unnecessary)} of {len(questions)} asked, of {len(first_questions)} at first",
+            "0: no file contains floor and measure",
+            not unnecessary and bool(first_questions),
         )
 
 
-def asked(said: str) -> list[str]:
-    """The names of the questions in what `start` said, however it was folded."""
-    words = " ".join(said.split())
+def asked(output: str) -> list[str]:
+    """The names of the questions in the output of `start`, whatever its line breaks."""
+    words = " ".join(output.split())
     return [
         question.name
         for question in QUESTIONS
@@ -115,11 +114,11 @@ def asked(said: str) -> list[str]:
     ]
 
 
-def _row(what: str, begun: float, said: str, goals: int) -> Row:
-    seconds = time.monotonic() - begun
-    reached = said.count("1 of 1 reached")
-    met = seconds <= TARGET and reached == goals
-    return Row(what, f"{seconds:.0f} s, {reached} reached", f"<= {TARGET:.0f} s, {goals}", met)
+def _row(what: str, start: float, output: str, goals: int) -> Row:
+    seconds = time.monotonic() - start
+    reached = output.count("1 of 1 reached")
+    met = seconds <= TIME_MAX_S and reached == goals
+    return Row(what, f"{seconds:.0f} s, {reached} reached", f"<= {TIME_MAX_S:.0f} s, {goals}", met)
 
 
 if __name__ == "__main__":

@@ -59,12 +59,12 @@ def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
 def fill(flight: BlackBox, assembly: Assembly) -> None:
     """Hand the recorder what hardly compresses until its ring is full; then a stop."""
     place = assembly.graph.sources.index("robot.encoders")
-    chance, now, size = Random(1), 0, 0
+    rng, now, size = Random(1), 0, 0
     flight.sender.channel.setblocking(True)
 
     def instant() -> tuple[Any, ...]:
         values: list[Any] = [None] * len(assembly.graph.sources)
-        drawn = [chance.getrandbits(40) for _ in range(4)]
+        drawn = [rng.getrandbits(40) for _ in range(4)]
         values[place] = Encoders(now, drawn[0], drawn[1], drawn[2], drawn[3], 9.0, 9.0)
         return (now, *values)
 

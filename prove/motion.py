@@ -118,11 +118,11 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
     )
 
 
-def goals_within(nearest: float, farthest: float, chance: Random) -> Goal:
+def goals_within(nearest: float, farthest: float, rng: Random) -> Goal:
     """A goal at a random place between two distances, with a random heading."""
-    away = (nearest**2 + chance.random() * (farthest**2 - nearest**2)) ** 0.5
-    bearing = chance.uniform(-pi, pi)
-    return Goal(0, 0, away * cos(bearing), away * sin(bearing), chance.uniform(-pi, pi))
+    away = (nearest**2 + rng.random() * (farthest**2 - nearest**2)) ** 0.5
+    bearing = rng.uniform(-pi, pi)
+    return Goal(0, 0, away * cos(bearing), away * sin(bearing), rng.uniform(-pi, pi))
 
 
 def share(values: list[float], part: float) -> float:
@@ -134,12 +134,11 @@ def share(values: list[float], part: float) -> float:
 def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
     """The rows on motion, one after the other."""
     for kind in kinds:
-        chance = Random(f"{seed} {kind}")
+        rng = Random(f"{seed} {kind}")
         setup = configuration(kind)
         stock = kind == "stock"
         trips = [
-            trip(setup, goals_within(0.05, 2.0, chance), chance.getrandbits(32))
-            for _ in range(robots)
+            trip(setup, goals_within(0.05, 2.0, rng), rng.getrandbits(32)) for _ in range(robots)
         ]
         near, tolerance = (0.02, 3.0) if stock else (0.01, 2.0)
         good = sum(
@@ -158,10 +157,9 @@ def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
         )
         yield from truth_rows(kind, trips)
         yield from ratio_row(kind, trips)
-        chance = Random(f"{seed} {kind} metre")
+        rng = Random(f"{seed} {kind} metre")
         middle = [
-            trip(setup, goals_within(0.8, 1.2, chance), chance.getrandbits(32))
-            for _ in range(robots)
+            trip(setup, goals_within(0.8, 1.2, rng), rng.getrandbits(32)) for _ in range(robots)
         ]
         typical = median(t.true_error for t in middle) * 1000
         target = {"edges": 10, "counts": 12, "stock": 20}[kind]
@@ -224,11 +222,10 @@ def ratio_row(kind: str, trips: list[Trip]) -> Iterator[Row]:
 
 def straight(kind: str, seed: int, robots: int, method: str) -> Row:
     """True lateral deviation after a straight metre."""
-    chance = Random(f"{seed} {kind} straight")
+    rng = Random(f"{seed} {kind} straight")
     setup = configuration(kind, f"odometry.method={method}")
     aside = [
-        trip(setup, Goal(0, 0, 1.0, 0.0, None), chance.getrandbits(32)).y * 1000
-        for _ in range(robots)
+        trip(setup, Goal(0, 0, 1.0, 0.0, None), rng.getrandbits(32)).y * 1000 for _ in range(robots)
     ]
     spread = pstdev(aside)
     if method == "count":

@@ -50,18 +50,18 @@ LOSSES: dict[str, Loss] = {"killed": kill, "frozen": freeze, "its terminal close
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
     """All rows. `trials` of each loss, `lines` of nonsense."""
-    chance = Random(seed)
+    rng = Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(folder, *RUN):
             for what, lose in LOSSES.items():
-                yield lost(folder, what, lose, trials, chance)
+                yield lost(folder, what, lose, trials, rng)
             yield watchers(folder, trials)
-            yield nonsense(folder, lines, chance)
+            yield nonsense(folder, lines, rng)
             yield stranger(folder)
 
 
-def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Row:
+def lost(folder: Path, what: str, lose: Loss, trials: int, rng: Random) -> Row:
     """Drive, lose the driver at a random time, and see the wheels stand and the goal wait."""
     times, good = [], 0
     for _ in range(trials):
@@ -69,7 +69,7 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, chance: Random) -> Ro
         client.until(moves)
         driver, terminal = drive(folder)
         client.until(is_driven)
-        time.sleep(chance.uniform(0.0, LATEST))
+        time.sleep(rng.uniform(0.0, LATEST))
         began = time.monotonic()
         lose(driver, terminal)
         client.until(stands)
@@ -144,7 +144,7 @@ def is_undisturbed(client: PlainClient, since: int) -> bool:
     return status["held"] is None and status["operator.goal"]["number"] != 0 and calm
 
 
-def nonsense(folder: Path, lines: int, chance: Random) -> Row:
+def nonsense(folder: Path, lines: int, rng: Random) -> Row:
     """Lines drawn from what goes wrong in practice; none may be obeyed, others are served."""
     quiet, refused = PlainClient(folder), 0
     quiet.request("stop")
@@ -153,7 +153,7 @@ def nonsense(folder: Path, lines: int, chance: Random) -> Row:
     for _ in range(lines):
         client = PlainClient(folder)
         try:
-            client.send(drawn(chance) + b"\n")
+            client.send(drawn(rng) + b"\n")
             said = client.read()
         except (BrokenPipeError, ConnectionResetError):
             said = client.read()
@@ -171,21 +171,21 @@ def nonsense(folder: Path, lines: int, chance: Random) -> Row:
     )
 
 
-def drawn(chance: Random) -> bytes:
+def drawn(rng: Random) -> bytes:
     """A wrong line: binary, half a line, a wrong type, a number that no robot can follow."""
     whole = {"method": "drive", "linear": 0.1, "angular": 0.0}
-    wrong = chance.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
-    field = chance.choice(["linear", "angular"])
-    return chance.choice(
+    wrong = rng.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
+    field = rng.choice(["linear", "angular"])
+    return rng.choice(
         [
-            chance.randbytes(chance.randrange(1, 400)).replace(b"\n", b""),
-            json.dumps(whole)[: chance.randrange(1, 20)].encode(),
+            rng.randbytes(rng.randrange(1, 400)).replace(b"\n", b""),
+            json.dumps(whole)[: rng.randrange(1, 20)].encode(),
             f'{{"method": "drive", "{field}": {wrong}}}'.encode(),
             f'{{"method": "goto", "x": {wrong}, "y": 0}}'.encode(),
-            json.dumps({**whole, "method": chance.choice(["", "drve", None, 3, []])}).encode(),
-            json.dumps({**whole, chance.choice(["v", "Linear", "x"]): 1}).encode(),
-            b"[" * chance.randrange(1, 60000),
-            b"x" * chance.randrange(65537, 200000),
+            json.dumps({**whole, "method": rng.choice(["", "drve", None, 3, []])}).encode(),
+            json.dumps({**whole, rng.choice(["v", "Linear", "x"]): 1}).encode(),
+            b"[" * rng.randrange(1, 60000),
+            b"x" * rng.randrange(65537, 200000),
         ]
     )
 

@@ -155,9 +155,9 @@ def children(pid: int) -> list[int]:
     return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-def killed(folder: Path, chance: Random, trials: int) -> Iterator[Row]:
+def killed(folder: Path, rng: Random, trials: int) -> Iterator[Row]:
     """What SIGKILL of engine and recorder costs, and what `recover` brings back."""
-    waits = [(folder / f"{n}.mcap", chance.uniform(EARLIEST, LATEST)) for n in range(trials)]
+    waits = [(folder / f"{n}.mcap", rng.uniform(EARLIEST, LATEST)) for n in range(trials)]
     with ThreadPoolExecutor(AT_ONCE) as pool:
         cuts = list(pool.map(lambda each: Cut(*each), waits))
     worst = max(cut.lost for cut in cuts)

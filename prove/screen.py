@@ -1,4 +1,4 @@
-"""A terminal nobody looks at: `python -m prove.screen COLUMNS LINES COMMAND...` reads it away."""
+"""A terminal whose output is discarded: `python -m prove.screen COLUMNS LINES COMMAND...`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ESCAPES = re.compile(rb"\x1b\[[0-9;?<>=]*[A-Za-z]")
 
 
 class Drain:
-    """Runs a command on a pseudo-terminal and answers where the cursor is; forgets the rest."""
+    """Runs a command on a pseudo-terminal, answers queries of the cursor, discards the output."""
 
     def __init__(self, columns: int, lines: int, words: list[str], environment: dict[str, str]):
         self.master, slave = os.openpty()
         ioctl(self.master, TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
-        left_out = ("TMUX", "STY", "COLUMNS", "LINES")
-        kept = {name: value for name, value in environment.items() if name not in left_out}
+        removed = ("TMUX", "STY", "COLUMNS", "LINES")
+        kept = {name: value for name, value in environment.items() if name not in removed}
         self.process = subprocess.Popen(
             words,
             env={**kept, "TERM": "xterm-256color"},
@@ -36,7 +36,7 @@ class Drain:
         os.close(slave)
 
     def read(self, seconds: float) -> bytes:
-        """What it drew within so long, at most one piece of it."""
+        """The first piece of output within `seconds`; empty when there is none."""
         if not select([self.master], [], [], seconds)[0]:
             return b""
         try:
@@ -47,20 +47,21 @@ class Drain:
             os.write(self.master, b"\x1b[1;1R" * data.count(QUESTION))
         return data
 
-    def until(self, words: bytes, patience: float) -> float:
-        """Seconds until `words` stand on the screen."""
-        began, seen = time.perf_counter(), b""
-        while words not in ESCAPES.sub(b"", seen):
-            seen += self.read(0.01)
-            if time.perf_counter() - began > patience:
-                raise TimeoutError(f"{words!r} never came: {ESCAPES.sub(b'', seen)[-500:]!r}")
+    def until(self, text: bytes, timeout: float) -> float:
+        """Seconds until `text` is on the screen. Raises TimeoutError after `timeout` seconds."""
+        began, output = time.perf_counter(), b""
+        while text not in ESCAPES.sub(b"", output):
+            output += self.read(0.01)
+            if time.perf_counter() - began > timeout:
+                shown = ESCAPES.sub(b"", output)[-500:]
+                raise TimeoutError(f"{text!r} did not appear; the end of the output: {shown!r}")
         return time.perf_counter() - began
 
-    def for_so_long(self, seconds: float) -> None:
-        """Read and forget."""
+    def read_for(self, seconds: float) -> None:
+        """Read and discard the output for `seconds`."""
         end = time.perf_counter() + seconds
-        while (left := end - time.perf_counter()) > 0:
-            self.read(left)
+        while (remaining := end - time.perf_counter()) > 0:
+            self.read(remaining)
 
     def close(self) -> None:
         """End the command."""

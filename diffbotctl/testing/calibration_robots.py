@@ -84,20 +84,20 @@ class Wiring(NamedTuple):
         return self._replace(left=left, right=right, left_encoder="plain", right_encoder="plain")
 
 
-def drawn(chance: Random) -> Wiring:
+def drawn(rng: Random) -> Wiring:
     """Faults at random: each robot has some, a third of them one that only a hand can mend."""
-    crossed = chance.random() < 0.35
+    crossed = rng.random() < 0.35
     motors = (
-        ["swapped", "swapped"] if crossed else [chance.choice(["plain", "reversed"]) for _ in SIDES]
+        ["swapped", "swapped"] if crossed else [rng.choice(["plain", "reversed"]) for _ in SIDES]
     )
     made = Wiring(
         left=motors[0],
         right=motors[1],
-        encoders="swapped" if chance.random() < 0.35 else "plain",
-        slots=chance.choice(DISCS) if chance.random() < 0.25 else 20,
+        encoders="swapped" if rng.random() < 0.35 else "plain",
+        slots=rng.choice(DISCS) if rng.random() < 0.25 else 20,
     )
-    luck = chance.random()
-    side = chance.choice(SIDES)
+    luck = rng.random()
+    side = rng.choice(SIDES)
     if luck < 0.12 and not crossed:
         return made._replace(left="dead") if side == "left" else made._replace(right="dead")
     if luck < 0.36:
@@ -187,10 +187,10 @@ class Chained(NamedTuple):
         self.outcomes[name] = run_step(make_step(name), self.session, self.prompter, SilentScreen())
         self.session.recording.clear()
 
-    def switch_off_and_on(self, chance: Random) -> None:
+    def switch_off_and_on(self, rng: Random) -> None:
         """The board starts anew, with both discs somewhere else under their light barriers."""
         for side in SIDES:
-            self.truths.roll(side, chance.uniform(1.0, 2.0))
+            self.truths.roll(side, rng.uniform(1.0, 2.0))
         self.session.try_findings([])
         self.session.connect()
 

@@ -35,8 +35,8 @@ class DeliveredFrame(NamedTuple):
 class RadioDirection:
     """One direction: what is on its way, in order."""
 
-    def __init__(self, chance, delay, loss):
-        self.chance, self.delay, self.loss = chance, delay, loss
+    def __init__(self, rng, delay, loss):
+        self.rng, self.delay, self.loss = rng, delay, loss
         self.part = b""
         self.queue = []  # (due, number, frame)
         self.last = 0.0
@@ -46,12 +46,12 @@ class RadioDirection:
         """Bytes have come; `full`: nothing more fits while the radio is away."""
         *whole, self.part = (self.part + data).split(END)
         if whole:
-            due = max(self.last, now + self.chance.uniform(*self.delay))
+            due = max(self.last, now + self.rng.uniform(*self.delay))
         for frame in whole:
             if not frame:
                 continue
             self.count += 1
-            if full(self.size) or self.chance.random() < self.loss:
+            if full(self.size) or self.rng.random() < self.loss:
                 self.lost += 1
                 continue
             self.last = due
@@ -72,7 +72,7 @@ class RadioModule(BackgroundDevice):
     """`device` is its name for --port. Listens until closed."""
 
     def __init__(self, port, path, seed=1, delay=(0.010, 0.050), loss=0.01):
-        chance = Random(seed)
+        rng = Random(seed)
         self.device = f"socket:{path}"
         self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.board)
@@ -81,7 +81,7 @@ class RadioModule(BackgroundDevice):
         self.server.listen(1)
         self.server.setblocking(False)
         self.host = None
-        self.up, self.down = (RadioDirection(chance, delay, loss) for _ in range(2))
+        self.up, self.down = (RadioDirection(rng, delay, loss) for _ in range(2))
         self.away_until = 0.0
         self.refusing = False
         self.passed = []

@@ -29,8 +29,8 @@ class RemoteBoard(EmulatedRobotDriver):
         self, board: EmulatedBoard, host: DiffbotHost, seed: int, outage: tuple[str, float, float]
     ) -> None:
         super().__init__(board, host)
-        chance = Random(seed)
-        self.up, self.down = (RadioDirection(chance, DELAY, LOSS) for _ in range(2))
+        rng = Random(seed)
+        self.up, self.down = (RadioDirection(rng, DELAY, LOSS) for _ in range(2))
         self.kind, self.after, self.long = outage
         self.begins = self.ends = float("inf")  # s, of the outage
         self.broken = False

@@ -45,15 +45,15 @@ SUBSCRIBERS = (("set_left_speed", "Int32"), ("set_right_speed", "Int32"), ("rese
 class Noise:
     """Flips each bit of a stream with one probability."""
 
-    def __init__(self, rate: float, chance: Random) -> None:
-        self.rate, self.chance = rate, chance
+    def __init__(self, rate: float, rng: Random) -> None:
+        self.rate, self.rng = rate, rng
         self.gap = self._draw()
 
     def _draw(self) -> int:
         """Clean bits up to the next flip."""
         if self.rate <= 0.0:
             return 1 << 62
-        return int(log(1.0 - self.chance.random()) / log(1.0 - self.rate))
+        return int(log(1.0 - self.rng.random()) / log(1.0 - self.rate))
 
     def through(self, byte: int) -> int:
         """The byte as it arrives."""
@@ -88,8 +88,8 @@ class RosserialDevice:
         publishers: tuple[tuple[str, str], ...] = PUBLISHERS,
         subscribers: tuple[tuple[str, str], ...] = SUBSCRIBERS,
     ) -> None:
-        chance = Random(seed)
-        self.up, self.down = Noise(flips_up, chance), Noise(flips_down, chance)
+        rng = Random(seed)
+        self.up, self.down = Noise(flips_up, rng), Noise(flips_down, rng)
         self.byte_time = BYTE_BITS * SECOND // baud
         self.straddle = straddle
         self.publishers, self.subscribers = publishers, subscribers

@@ -46,7 +46,7 @@ def image() -> Iterator[Row]:
 
 def latency(seed: int, count: int) -> Iterator[Row]:
     """From the first bit of a command on the wire to the change of the PWM, at 9600 baud."""
-    chance = Random(seed)
+    rng = Random(seed)
     taken = []
     with BoardBench() as bench:
         bench.ready()
@@ -54,8 +54,8 @@ def latency(seed: int, count: int) -> Iterator[Row]:
         for number in range(count):
             bench.changes.clear()
             start = bench.now
-            bench.send(RADIO, speed(number, chance.uniform(1, 9), chance.uniform(1, 9)))
-            bench.run(start + round(chance.uniform(30, 50) * MS))
+            bench.send(RADIO, speed(number, rng.uniform(1, 9), rng.uniform(1, 9)))
+            bench.run(start + round(rng.uniform(30, 50) * MS))
             taken.append(bench.changes[0].time - start)
     middle = median(taken) / MS
     yield Row("command on the wire to PWM, median", f"{middle:.1f} ms", "<= 12 ms", middle <= 12)
@@ -149,7 +149,7 @@ def _in_pieces(bench: BoardBench, seconds: float) -> int:
 
 def bounce(seed: int, seconds: int) -> Iterator[Row]:
     """A hundred edges a second; both flanks bounce for up to 1.5 ms, the glitch time is 2 ms."""
-    chance = Random(seed)
+    rng = Random(seed)
     with BoardBench() as bench:
         bench.ready()
         before = bench.state()
@@ -157,8 +157,8 @@ def bounce(seed: int, seconds: int) -> Iterator[Row]:
         for index in range(count):
             rise = bench.now + MS + index * 10 * MS
             for pin in ENCODERS:
-                bench.pins += _bouncing(chance, rise, pin, 1)
-                bench.pins += _bouncing(chance, rise + 5 * MS, pin, 0)
+                bench.pins += _bouncing(rng, rise, pin, 1)
+                bench.pins += _bouncing(rng, rise + 5 * MS, pin, 0)
         bench.pins.sort()
         _in_pieces(bench, seconds + 0.2)
         after = bench.state()
@@ -171,8 +171,8 @@ def bounce(seed: int, seconds: int) -> Iterator[Row]:
     )
 
 
-def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[PinTransition]:
-    times = sorted(chance.randrange(1_500_000) for _ in range(2 * chance.randrange(6)))
+def _bouncing(rng: Random, at: int, pin: int, level: int) -> list[PinTransition]:
+    times = sorted(rng.randrange(1_500_000) for _ in range(2 * rng.randrange(6)))
     flips = [PinTransition(at, pin, level)]
     flips += [
         PinTransition(at + time, pin, level ^ (index + 1) % 2) for index, time in enumerate(times)
@@ -182,13 +182,13 @@ def _bouncing(chance: Random, at: int, pin: int, level: int) -> list[PinTransiti
 
 def refused_settings(seed: int, count: int) -> Iterator[Row]:
     """Settings with one field spoilt at random: refused with a code, and the old ones kept."""
-    chance = Random(seed)
+    rng = Random(seed)
     wrong = kept = refused = 0
     with BoardBench() as bench:
         bench.ready()
         mark = BOOK.mark()
         for _ in range(count):
-            bad = spoil(chance)
+            bad = spoil(rng)
             answer = bench.configure(bad)
             refused += answer.refusal != 0
             wrong += answer.refusal == 0
@@ -205,7 +205,7 @@ MISSING = {*range(70, 255)}
 USED = {5, 6, 7, 2, 8, 9, 10, 3}
 
 
-def spoil(chance: Random) -> frames.SettingsFrame:
+def spoil(rng: Random) -> frames.SettingsFrame:
     """The book robot's settings, one field of them unusable."""
     good = BOOK.frame()
     mandatory = {
@@ -247,13 +247,13 @@ def spoil(chance: Random) -> frames.SettingsFrame:
         "integral",
     ):
         choices[field] = [frames.GAIN_MAXIMUM + 1, 32_768, 65_535]
-    field = chance.choice(sorted(choices))
-    return good._replace(**{field: chance.choice(choices[field])})
+    field = rng.choice(sorted(choices))
+    return good._replace(**{field: rng.choice(choices[field])})
 
 
 def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
     """Power fails while settings are written, at every byte; that byte is left at random."""
-    chance = Random(seed)
+    rng = Random(seed)
     new = replace(BOOK, slots=21)
     shots: list[tuple[bytes, bytes]] = []
     with BoardBench() as bench:
@@ -272,7 +272,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
     cuts = [shots[index % len(shots)] for index in range(max(count, len(shots)))]
     for old, written in cuts:
         place = next(i for i in range(len(old)) if old[i] != written[i])
-        torn = old[:place] + bytes([chance.randrange(256)]) + old[place + 1 :]
+        torn = old[:place] + bytes([rng.randrange(256)]) + old[place + 1 :]
         with BoardBench(eeprom=torn) as bench:
             bench.wait(30)
             valid += bench.ask().settings in marks
@@ -286,7 +286,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
 
 def restarts(seed: int, count: int) -> Iterator[Row]:
     """Reset line, brown-out and a hung program while driving."""
-    chance = Random(seed)
+    rng = Random(seed)
     worst = still = told = 0
     for number in range(count):
         kind = ("line", "brownout", "watchdog")[number % 3]
@@ -296,10 +296,10 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
             boot = bench.state().boot
             bench.claim()
             bench.turn(2)
-            for step in range(chance.randrange(4, 12)):
-                bench.send(RADIO, speed(step, chance.uniform(2, 9), -chance.uniform(2, 9)))
+            for step in range(rng.randrange(4, 12)):
+                bench.send(RADIO, speed(step, rng.uniform(2, 9), -rng.uniform(2, 9)))
                 bench.wait(50)
-            bench.wait(chance.uniform(0, 50))
+            bench.wait(rng.uniform(0, 50))
             assert bench.duty[0] > 0 > bench.duty[1], "it must be driving before the restart"
             start = bench.now
             bench.changes.clear()
@@ -332,7 +332,7 @@ CUTS = ("killed", "half frame", "garbage", "half frames", "second host", "replay
 
 def deadman(seed: int, count: int) -> Iterator[Row]:
     """The owner falls silent at a random state and speed, and an intruder goes on."""
-    chance = Random(seed)
+    rng = Random(seed)
     worst = late = moved = trials = 0
     bench = None
     for number in range(count):
@@ -340,7 +340,7 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
             bench = BoardBench()
             bench.ready(RADIO)
         kind = CUTS[number % len(CUTS)]
-        silence, again = _trial(bench, chance, kind)
+        silence, again = _trial(bench, rng, kind)
         worst, late = max(worst, silence), late + (silence > DEADMAN_TARGET)
         moved += again
         trials += 1
@@ -360,24 +360,24 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
     )
 
 
-def _trial(bench: BoardBench, chance: Random, kind: str) -> tuple[int, bool]:
+def _trial(bench: BoardBench, rng: Random, kind: str) -> tuple[int, bool]:
     """One cut: ns from the last valid command to PWM 0, and whether anything moved after that."""
-    owner = chance.choice((RADIO, USB))
+    owner = rng.choice((RADIO, USB))
     bench.wait(600)
-    bench.claim(owner, chance.randrange(16))
+    bench.claim(owner, rng.randrange(16))
     bench.turn(3.0, rate=50)
     numbers = iter(range(10_000))
     last = bench.now
-    for _ in range(chance.randrange(2, 12)):
-        left, right = (chance.choice((-1, 1)) * chance.uniform(0.8, 9) for _ in range(2))
+    for _ in range(rng.randrange(2, 12)):
+        left, right = (rng.choice((-1, 1)) * rng.uniform(0.8, 9) for _ in range(2))
         frame = speed(next(numbers), left, right)
         last = bench.now + wire_ns(owner, COMMAND_BYTES)
         bench.send(owner, frame)
-        bench.wait(chance.uniform(25, 60))
+        bench.wait(rng.uniform(25, 60))
     assert bench.duty != [0.0, 0.0], "the robot must be moving before the cut"
     bench.changes.clear()
     for _ in range(16):
-        _intrude(bench, chance, kind, owner, numbers, frame)
+        _intrude(bench, rng, kind, owner, numbers, frame)
         bench.wait(50)
     stopped = [change.time for change in bench.changes]
     end = max(stopped, default=bench.now)
@@ -388,7 +388,7 @@ def _trial(bench: BoardBench, chance: Random, kind: str) -> tuple[int, bool]:
 
 def _intrude(
     bench: BoardBench,
-    chance: Random,
+    rng: Random,
     kind: str,
     owner: int,
     numbers: Iterator[int],
@@ -396,13 +396,13 @@ def _intrude(
 ) -> None:
     foreign = 1 - owner
     if kind == "half frame":
-        if not bench.heard or chance.random() < 0.1:
-            bench.send(owner, encode(last)[: chance.randrange(1, 9)])
+        if not bench.heard or rng.random() < 0.1:
+            bench.send(owner, encode(last)[: rng.randrange(1, 9)])
     elif kind == "garbage":
-        bench.send(owner, chance.randbytes(chance.randrange(40)))
-        bench.send(foreign, chance.randbytes(chance.randrange(40)))
+        bench.send(owner, rng.randbytes(rng.randrange(40)))
+        bench.send(foreign, rng.randbytes(rng.randrange(40)))
     elif kind == "half frames":
-        bench.send(owner, encode(last)[: chance.randrange(1, 9)] + b"\0")
+        bench.send(owner, encode(last)[: rng.randrange(1, 9)] + b"\0")
     elif kind == "second host":
         bench.send(foreign, speed(next(numbers), 6, 6), frames.AskFrame(frames.VERSION))
     elif kind == "replay":

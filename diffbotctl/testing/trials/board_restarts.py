@@ -112,9 +112,9 @@ class StruckRun(Run):
 
 def rows(seed: int, count: int) -> Iterator[Row]:
     """Reset line, brown-out and a hung program in turn, at a random moment of the way."""
-    chance = Random(seed)
+    rng = Random(seed)
     kinds = list(MISHAPS)
-    seen = [one(kinds[n % len(kinds)], chance, seed * 1000 + n) for n in range(count)]
+    seen = [one(kinds[n % len(kinds)], rng, seed * 1000 + n) for n in range(count)]
     for name, each in (
         ("stop until `resume`", lambda s: s.stopped),
         ("reason shown", lambda s: s.told),
@@ -131,10 +131,10 @@ def rows(seed: int, count: int) -> Iterator[Row]:
     )
 
 
-def one(kind: str, chance: Random, seed: int) -> Seen:
+def one(kind: str, rng: Random, seed: int) -> Seen:
     """One run."""
-    at = round(chance.uniform(1.5, 4.0) * 1000) * MS
-    goal = Goal(0, 1, 1.5, chance.uniform(-0.5, 0.5), chance.uniform(-pi, pi))
+    at = round(rng.uniform(1.5, 4.0) * 1000) * MS
+    goal = Goal(0, 1, 1.5, rng.uniform(-0.5, 0.5), rng.uniform(-pi, pi))
     run = StruckRun(kind, at, goal, seed)
     result = run.go()
     return Seen(

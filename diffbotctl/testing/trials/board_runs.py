@@ -45,9 +45,9 @@ def goals(seed: int, count: int) -> Iterator[Row]:
 
     The median is judged where the main job judges it, for goals 0.8 to 1.2 m away.
     """
-    chance = Random(seed)
-    near = [_trip(chance, (0.8, 1.2), seed * 1000 + number) for number in range(count)]
-    trips = near + [_trip(chance, (0.3, 2.0), seed * 2000 + number) for number in range(count)]
+    rng = Random(seed)
+    near = [_trip(rng, (0.8, 1.2), seed * 1000 + number) for number in range(count)]
+    trips = near + [_trip(rng, (0.3, 2.0), seed * 2000 + number) for number in range(count)]
     reached = sum(trip.reached for trip in trips)
     middle = median(trip.far for trip in near)
     far, turned = max(trip.far for trip in trips), max(trip.turned for trip in trips)
@@ -66,9 +66,9 @@ def goals(seed: int, count: int) -> Iterator[Row]:
     yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 40 Hz", round(rate, 2) >= 40)
 
 
-def _trip(chance: Random, within: tuple[float, float], seed: int) -> Trip:
-    distance, bearing = chance.uniform(*within), chance.uniform(-pi, pi)
-    heading = chance.uniform(-pi, pi)
+def _trip(rng: Random, within: tuple[float, float], seed: int) -> Trip:
+    distance, bearing = rng.uniform(*within), rng.uniform(-pi, pi)
+    heading = rng.uniform(-pi, pi)
     goal = Goal(0, 1, distance * cos(bearing), distance * sin(bearing), heading)
     result, host = _drive(goal, seed)
     assert result.truth is not None
@@ -102,10 +102,10 @@ def same_twice(seed: int) -> Iterator[Row]:
 
 def agreement(seed: int, count: int) -> Iterator[Row]:
     """Equal edges and commands to the binary and to the plant's model of its speed loop."""
-    chance = Random(seed)
+    rng = Random(seed)
     differences: list[float] = []
     for _ in range(count):
-        differences += _compare(chance)
+        differences += _compare(rng)
     differences.sort()
     middle, high = median(differences), differences[int(0.99 * len(differences))]
     yield Row(
@@ -117,10 +117,10 @@ def agreement(seed: int, count: int) -> Iterator[Row]:
     yield Row("the same, 99 of 100", f"{high:.4f}", f"<= {3 * QUANTUM:.4f}", high <= 3 * QUANTUM)
 
 
-def _compare(chance: Random) -> list[float]:
+def _compare(rng: Random) -> list[float]:
     """One wheel, commands and edges at random; differences of duty, sampled away from changes."""
     side = replace(BOOK.left, start=0.10, gain=0.086)
-    settings = replace(BOOK, left=side, proportional=0.01, integral=chance.uniform(0.01, 0.05))
+    settings = replace(BOOK, left=side, proportional=0.01, integral=rng.uniform(0.01, 0.05))
     gains = SpeedGains(0.10, 0.086, 0.01, settings.integral)
     model = WheelSpeedLoop(gains, settings.slots)
     differences = []
@@ -133,8 +133,8 @@ def _compare(chance: Random) -> list[float]:
             if step == 0:
                 bench.claim()
             if step % 10 == 0:
-                target = chance.choice((-1, 1)) * chance.uniform(1, 9)
-                rate = abs(target) * settings.slots / (2 * pi) * chance.uniform(0.8, 1.2)
+                target = rng.choice((-1, 1)) * rng.uniform(1, 9)
+                rate = abs(target) * settings.slots / (2 * pi) * rng.uniform(0.8, 1.2)
             bench.send(RADIO, speed(step, target, target))
             start = bench.now
             quantised = round(target * 256) / 256

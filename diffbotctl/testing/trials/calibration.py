@@ -112,12 +112,12 @@ NEAR_MOST, FAR_MOST = 3.0, 2.0  # mm to 20 cm, % beyond
 def range_rows(seed: int) -> Iterator[Row]:
     """A distance sensor's curve through six ruler points, judged on all points of the data sheet
     from 4 to 30 cm: exact, on parts with an offset, and with noise averaged as the step does."""
-    chance = Random(f"{seed} range")
-    offsets = [chance.uniform(-OFFSET, OFFSET) for _ in range(PARTS)]
-    noisy = [_range_errors(offset, NOISE, chance) for offset in offsets]
+    rng = Random(f"{seed} range")
+    offsets = [rng.uniform(-OFFSET, OFFSET) for _ in range(PARTS)]
+    noisy = [_range_errors(offset, NOISE, rng) for offset in offsets]
     for what, errors in (
-        ("exact", [_range_errors(0.0, 0.0, chance)]),
-        ("parts off by 0.15 V, exact", [_range_errors(s * OFFSET, 0.0, chance) for s in (-1, 1)]),
+        ("exact", [_range_errors(0.0, 0.0, rng)]),
+        ("parts off by 0.15 V, exact", [_range_errors(s * OFFSET, 0.0, rng) for s in (-1, 1)]),
         (f"{PARTS} parts, 10 mV of noise", noisy),
     ):
         near, far = (max(each[place] for each in errors) for place in (0, 1))
@@ -126,13 +126,13 @@ def range_rows(seed: int) -> Iterator[Row]:
         yield Row(f"range fit, {what}", figure, target, near <= NEAR_MOST and far <= FAR_MOST)
 
 
-def _range_errors(offset: float, noise: float, chance: Random) -> tuple[float, float]:
+def _range_errors(offset: float, noise: float, rng: Random) -> tuple[float, float]:
     """The largest errors, in mm to 20 cm and in % beyond."""
     sheet = {place: volts + offset for place, volts in CURVE if 0.04 <= place <= 0.30}
     readings = round(LISTEN_TIME_S * TELEMETRY)
     points = []
     for place in RULER_DISTANCES_M:
-        heard = [sheet[place] + chance.gauss(0.0, noise) for _ in range(readings)]
+        heard = [sheet[place] + rng.gauss(0.0, noise) for _ in range(readings)]
         points.append(RulerPoint(place, fmean(heard), stdev(heard), readings))
     found = fit_curve(points)
     wrong = {

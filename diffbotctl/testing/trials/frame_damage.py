@@ -28,14 +28,14 @@ def to_board(seed: int, count: int) -> Iterator[Row]:
 
 def to_host(seed: int, count: int) -> Iterator[Row]:
     """State frames through the host's codec."""
-    chance = Random(seed)
+    rng = Random(seed)
     decoder = FrameDecoder()
     wrong = lost = 0
     for number in range(count):
         if number % 1000 == 0:
-            frame = state(chance)
+            frame = state(rng)
             whole = encode(frame)
-        got = decoder.feed(damage(chance, whole) + whole + whole)
+        got = decoder.feed(damage(rng, whole) + whole + whole)
         wrong += sum(each != frame for each in got)
         lost += not got or got[-1] != frame
     yield Row(
@@ -44,31 +44,31 @@ def to_host(seed: int, count: int) -> Iterator[Row]:
     yield Row("not resynchronised within one frame", str(lost), "0", lost == 0)
 
 
-def damage(chance: Random, wire: bytes) -> bytes:
+def damage(rng: Random, wire: bytes) -> bytes:
     """Flip at least one bit of `wire`."""
     bits = 8 * len(wire)
-    rate = LEAST * (MOST / LEAST) ** chance.random()
+    rate = LEAST * (MOST / LEAST) ** rng.random()
     value = int.from_bytes(wire, "little")
-    first = chance.randrange(bits)
+    first = rng.randrange(bits)
     value ^= 1 << first
     scale = log1p(-rate)
-    at = log(1.0 - chance.random()) / scale
+    at = log(1.0 - rng.random()) / scale
     while at < bits:
         if int(at) != first:
             value ^= 1 << int(at)
-        at += 1 + log(1.0 - chance.random()) / scale
+        at += 1 + log(1.0 - rng.random()) / scale
     return value.to_bytes(len(wire), "little")
 
 
-def state(chance: Random) -> frames.StateFrame:
+def state(rng: Random) -> frames.StateFrame:
     """A state frame with random content."""
     bits = [4, 6, 1, 0, 3, 12, 16, 16, 16, 12, 4, 16, 16]
-    return frames.StateFrame(*(chance.getrandbits(width) if width else 0 for width in bits))
+    return frames.StateFrame(*(rng.getrandbits(width) if width else 0 for width in bits))
 
 
 def through_binary(seed: int, count: int) -> Iterator[Row]:
     """Damaged commands to the running board: the motors only ever do what was truly commanded."""
-    chance = Random(seed)
+    rng = Random(seed)
     wrong = lost = 0
     with BoardBench() as bench:
         bench.ready()
@@ -78,10 +78,10 @@ def through_binary(seed: int, count: int) -> Iterator[Row]:
                 bench.claim()
                 bench.turn(10)
             before = wanted
-            wanted = speed(3 * number, chance.uniform(1, 9), chance.uniform(1, 9))
+            wanted = speed(3 * number, rng.uniform(1, 9), rng.uniform(1, 9))
             second, third = (wanted._replace(sequence=(3 * number + n) & 0xF) for n in (1, 2))
             bench.changes.clear()
-            bench.send(RADIO, damage(chance, encode(wanted)), second, third)
+            bench.send(RADIO, damage(rng, encode(wanted)), second, third)
             bench.wait(90)
             lost += bench.state().command != third.sequence
             allowed = (wanted,) if number % 100 == 0 else (before, wanted)

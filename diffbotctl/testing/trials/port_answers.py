@@ -41,8 +41,8 @@ def silent() -> Say:
 
 def noise() -> Say:
     """A module at another rate: bytes without sense, some at every look."""
-    chance = Random(3)
-    return lambda _: chance.randbytes(12)
+    rng = Random(3)
+    return lambda _: rng.randbytes(12)
 
 
 def blank() -> Say:

@@ -76,9 +76,9 @@ class Drive(Run):
 
 def trial(seed: int, outage: str) -> Trial:
     """One drive; `outage`: away (the connection stays), hung up (it breaks), or none."""
-    chance = Random(seed)
-    goal = Goal(0, 1, chance.uniform(0.7, 1.1), chance.uniform(-0.3, 0.3), None)
-    when = (outage, chance.uniform(0.0, LATEST), OUTAGE)
+    rng = Random(seed)
+    goal = Goal(0, 1, rng.uniform(0.7, 1.1), rng.uniform(-0.3, 0.3), None)
+    when = (outage, rng.uniform(0.0, LATEST), OUTAGE)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.mcap"
         options = RunOptions("emulated", (goal,), seed, fast=True, duration=LONGEST, record=file)

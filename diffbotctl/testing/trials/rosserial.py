@@ -76,8 +76,8 @@ def ticks_read(replayed: Replayed) -> int:
 
 def drive_by(seed: int) -> Callable[[int], Duty]:
     """A new random pair of duties each second."""
-    chance = Random(seed)
-    pairs = [(chance.uniform(-1, 1), chance.uniform(-1, 1)) for _ in range(61)]
+    rng = Random(seed)
+    pairs = [(rng.uniform(-1, 1), rng.uniform(-1, 1)) for _ in range(61)]
     return lambda now: Duty(now, *pairs[min(60, now // SECOND)])
 
 

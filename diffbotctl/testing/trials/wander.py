@@ -39,9 +39,9 @@ class WanderRun(NamedTuple):
     turned: float
 
 
-def world_of(chance: Random) -> World:
+def world_of(rng: Random) -> World:
     """A closed room with pillars and partitions, the robot's start free."""
-    wide, deep = (0.5 * chance.uniform(*ROOM) for _ in range(2))
+    wide, deep = (0.5 * rng.uniform(*ROOM) for _ in range(2))
     walls = [
         Wall(-wide, -deep, wide, -deep),
         Wall(wide, -deep, wide, deep),
@@ -49,14 +49,14 @@ def world_of(chance: Random) -> World:
         Wall(-wide, deep, -wide, -deep),
     ]
     rounds: list[Pillar] = []
-    while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and chance.random() < 0.85):
-        x, y, radius = chance.uniform(-wide, wide), chance.uniform(-deep, deep), 0.0
-        radius = chance.uniform(*PILLAR)
+    while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and rng.random() < 0.85):
+        x, y, radius = rng.uniform(-wide, wide), rng.uniform(-deep, deep), 0.0
+        radius = rng.uniform(*PILLAR)
         if hypot(x, y) - radius > START_ROOM:
             rounds.append(Pillar(x, y, radius))
-    for _ in range(chance.randint(*PARTITIONS)):
-        x, y = chance.uniform(-wide, wide), chance.uniform(-deep, deep)
-        length, bearing = chance.uniform(*PARTITION), chance.uniform(-pi, pi)
+    for _ in range(rng.randint(*PARTITIONS)):
+        x, y = rng.uniform(-wide, wide), rng.uniform(-deep, deep)
+        length, bearing = rng.uniform(*PARTITION), rng.uniform(-pi, pi)
         wall = Wall(x, y, x + length * cos(bearing), y + length * sin(bearing))
         if to_segment((0.0, 0.0), wall) > START_ROOM:
             walls.append(wall)
@@ -102,9 +102,9 @@ def walk(world: World, seed: int, minutes: float) -> WanderRun:
 def walks(seed: int, seeds: int, minutes: float) -> Iterator[WanderRun]:
     """Every robot in its three worlds."""
     for robot in range(seeds):
-        chance = Random(f"{seed} wander {robot}")
+        rng = Random(f"{seed} wander {robot}")
         for _ in range(WORLDS):
-            yield walk(world_of(chance), chance.getrandbits(32), minutes)
+            yield walk(world_of(rng), rng.getrandbits(32), minutes)
 
 
 def rows(seed: int, seeds: int, minutes: float = MINUTES) -> Iterator[Row]:
