@@ -1,4 +1,4 @@
-"""The operator's rows: `python -m prove.operator --seed N`."""
+"""Rows on operators, dashboards and clients: `python -m prove.operator --seed N`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from prove import dashboard, operator_load, operator_people
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
-    """`trials` of each loss of an operator, `lines` of nonsense; then the loads."""
+    """`trials` of each way to lose a driver, `lines` invalid requests; then the loads."""
     return chain(
         operator_people.rows(seed, trials, lines),
         dashboard.rows(seed, max(trials // 4, 1)),
@@ -20,7 +20,7 @@ def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
 
 
 def main() -> int:
-    """Print the rows; exit 1 when one is missed."""
+    """Print the rows. Returns the exit code: 1 when a row is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--trials", type=int, default=20)

@@ -1,4 +1,4 @@
-"""Wire to wire while people watch: each load in turn with none, again and again in one run."""
+"""Latency from wire to wire while clients are connected: loads and no load by turns in one run."""
 
 from __future__ import annotations
 
@@ -18,34 +18,36 @@ from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
 RATE = 50.0  # ticks a second, as the book's robot
-SEGMENT = 3.0  # s of one load before the next one
-ROUNDS = 4  # times each load has its turn
-SETTLING = 4.0  # s for a load's processes to be up; ten of them share two cores
-MORE = 0.20  # of the median without load
-TAIL = 3.0  # ms, 99th percentile under any load
-GROWTH = 8.0  # MB by which the hub may grow
+SEGMENT_TIME_S = 3.0  # of one load before the next one
+ROUNDS = 4  # segments of each load
+SETTLING_TIME_S = 4.0  # until the processes of a load have started; ten of them share two cores
+MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
+P99_MAX_MS = 3.0  # under any load
+HUB_GROWTH_MAX_MB = 8.0
 ECHO = "from diffbotctl.cli.main import main; main()"
-DEAF = """
+NEVER_READS = """
 import socket, sys, time
-made = socket.socket(socket.AF_UNIX); made.connect(sys.argv[1])
-made.sendall(b'{"hello": 2}\\n{"method": "subscribe", "topic": "*"}\\n')
+client = socket.socket(socket.AF_UNIX); client.connect(sys.argv[1])
+client.sendall(b'{"hello": 2}\\n{"method": "subscribe", "topic": "*"}\\n')
 time.sleep(3600)
 """
-KNOCK = """
+CONNECTS = """
 import socket, sys, time
 due = time.perf_counter()
 while True:
-    made = socket.socket(socket.AF_UNIX); made.connect(sys.argv[1]); made.close()
+    client = socket.socket(socket.AF_UNIX); client.connect(sys.argv[1]); client.close()
     due += 0.001
     time.sleep(max(due - time.perf_counter(), 0))
 """
 
 
 class Load:
-    """Processes that bother the hub while it is entered."""
+    """Context manager: `count` client processes of the hub."""
 
-    def __init__(self, name: str, words: list[str], many: int, environment: dict[str, str]) -> None:
-        self.name, self.words, self.many, self.environment = name, words, many, environment
+    def __init__(
+        self, name: str, words: list[str], count: int, environment: dict[str, str]
+    ) -> None:
+        self.name, self.words, self.count, self.environment = name, words, count, environment
         self.times: list[float] = []
         self.processes: list[subprocess.Popen[bytes]] = []
 
@@ -57,7 +59,7 @@ class Load:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
             )
-            for _ in range(self.many)
+            for _ in range(self.count)
         ]
 
     def __exit__(self, *_: object) -> None:
@@ -68,7 +70,7 @@ class Load:
 
 
 class Ticks:
-    """The board's end of the line: ticks in, and how long until the wheels are told."""
+    """The board's end of the line: sends ticks and measures the time to the wheel commands."""
 
     def __init__(self, port: int) -> None:
         self.port = port
@@ -77,7 +79,7 @@ class Ticks:
         self.places = [0.0, 0.0]
 
     def send(self, seconds: float) -> list[float]:
-        """Seconds from each right tick's last byte to the pair of commands that answers it."""
+        """Seconds from the last byte of each right tick to the pair of commands that answers it."""
         times: list[float] = []
         due = time.perf_counter()
         end = due + seconds
@@ -98,7 +100,7 @@ class Ticks:
 
 
 def rows() -> Iterator[Row]:
-    """One row a load, and one for the hub's memory."""
+    """One row for each load, and one for the memory of the hub."""
     master, slave = os.openpty()
     tty.setraw(slave)
     with tempfile.TemporaryDirectory() as folder:
@@ -139,13 +141,13 @@ def rows() -> Iterator[Row]:
                 ),
                 Load(
                     "a client that never reads",
-                    [sys.executable, "-c", DEAF, socket],
+                    [sys.executable, "-c", NEVER_READS, socket],
                     1,
                     environment,
                 ),
                 Load(
                     "one that connects 1,000 times a second",
-                    [sys.executable, "-c", KNOCK, socket],
+                    [sys.executable, "-c", CONNECTS, socket],
                     1,
                     environment,
                 ),
@@ -156,40 +158,40 @@ def rows() -> Iterator[Row]:
             process.wait()
             os.close(master)
             os.close(slave)
-    yield from judged(loads)
-    grown = after - before
+    yield from load_rows(loads)
+    growth = after - before
     yield Row(
-        "memory of the hub after all that",
-        f"{before:.1f} + {grown:.1f} MB",
-        f"grows <= {GROWTH:g} MB",
-        grown <= GROWTH,
+        "memory of the hub after these loads",
+        f"{before:.1f} + {growth:.1f} MB",
+        f"grows <= {HUB_GROWTH_MAX_MB:g} MB",
+        growth <= HUB_GROWTH_MAX_MB,
     )
 
 
 def run(ticks: Ticks, loads: list[Load], pid: int) -> tuple[float, float]:
-    """Let each load have its turns; the hub's memory in MB before and after."""
-    ticks.send(SETTLING)
+    """Measure under each load by turns. Returns the hub's memory in MB before and after."""
+    ticks.send(SETTLING_TIME_S)
     hub = max(children(pid), key=listening)
     before = memory(hub)
     for _ in range(ROUNDS):
         for load in loads:
             with load:
-                ticks.send(SETTLING)
-                load.times += ticks.send(SEGMENT)
+                ticks.send(SETTLING_TIME_S)
+                load.times += ticks.send(SEGMENT_TIME_S)
     return before, memory(hub)
 
 
-def judged(loads: list[Load]) -> Iterator[Row]:
-    """Each load's latency beside that without one."""
-    usual = median(loads[0].times) * 1e3
+def load_rows(loads: list[Load]) -> Iterator[Row]:
+    """The latency under each load beside that without load."""
+    median_max = median(loads[0].times) * 1e3 * (1 + MEDIAN_INCREASE_MAX)
     for load in loads:
         times = sorted(load.times)
-        half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+        middle, p99 = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
         yield Row(
             f"wire to wire, {load.name} (n={len(times)})",
-            f"{half:.2f}, p99 {tail:.2f} ms",
-            f"<= {usual * (1 + MORE):.2f}, p99 <= {TAIL:g} ms",
-            half <= usual * (1 + MORE) and tail <= TAIL,
+            f"{middle:.2f}, p99 {p99:.2f} ms",
+            f"<= {median_max:.2f}, p99 <= {P99_MAX_MS:g} ms",
+            middle <= median_max and p99 <= P99_MAX_MS,
         )
 
 
@@ -199,10 +201,10 @@ def children(pid: int) -> list[int]:
 
 
 def listening(pid: int) -> int:
-    """How many sockets a process holds that listen at a path: one for the hub, none for others."""
+    """Number of listening control sockets of a process: one for the hub, none for others."""
     inodes = {os.readlink(file) for file in Path(f"/proc/{pid}/fd").iterdir()}
-    known = [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:]]
-    return sum(f"socket:[{line[6]}]" in inodes for line in known if line[-1].endswith(".socket"))
+    table = [line.split() for line in Path("/proc/net/unix").read_text().splitlines()[1:]]
+    return sum(f"socket:[{line[6]}]" in inodes for line in table if line[-1].endswith(".socket"))
 
 
 def memory(pid: int) -> float:

@@ -1,4 +1,4 @@
-"""Drivers who are lost, watchers who go, nonsense, strangers: against a paced simulation."""
+"""Lost drivers, lost watchers, invalid requests, other users: on a paced simulation."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from typing import Any
 from diffbotctl.testing.running import PlainClient, command, moves, running, stands
 from diffbotctl.testing.trials.row import Row
 
-LIMIT = 0.5  # s from the loss to the wheels commanded to zero
-LATEST = 1.0  # s of driving before something happens
+STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
+DRIVE_TIME_MAX_S = 1.0  # before the loss
 RUN = ("goal", "--stay", "--goal", "9 0")
 KNOCK = """
 import os, socket, sys
@@ -36,7 +36,7 @@ def kill(process: subprocess.Popen[bytes], terminal: int) -> None:
 
 
 def freeze(process: subprocess.Popen[bytes], terminal: int) -> None:
-    """SIGSTOP: it holds its connection and says no more."""
+    """SIGSTOP: it keeps its connection open and sends nothing more."""
     process.send_signal(signal.SIGSTOP)
 
 
@@ -49,7 +49,7 @@ LOSSES: dict[str, Loss] = {"killed": kill, "frozen": freeze, "its terminal close
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
-    """All rows. `trials` of each loss, `lines` of nonsense."""
+    """All rows: `trials` of each way to lose the driver, `lines` invalid requests."""
     rng = Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -62,14 +62,14 @@ def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
 
 
 def lost(folder: Path, what: str, lose: Loss, trials: int, rng: Random) -> Row:
-    """Drive, lose the driver at a random time, and see the wheels stand and the goal wait."""
+    """Drive and lose the driver at a random time: the wheels stop, and the goal waits."""
     times, good = [], 0
     for _ in range(trials):
         client = PlainClient(folder)
         client.until(moves)
         driver, terminal = drive(folder)
         client.until(is_driven)
-        time.sleep(rng.uniform(0.0, LATEST))
+        time.sleep(rng.uniform(0.0, DRIVE_TIME_MAX_S))
         began = time.monotonic()
         lose(driver, terminal)
         client.until(stands)
@@ -80,7 +80,7 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, rng: Random) -> Row:
             status["held"]["code"] == "operator_lost"
             and named
             and status["operator.goal"]["number"] == 0
-            and times[-1] <= LIMIT
+            and times[-1] <= STOP_TIME_MAX_S
         )
         driver.kill()
         driver.wait()
@@ -89,30 +89,30 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, rng: Random) -> Row:
     return Row(
         f"driver {what}: zero within, cause names it, goal waits",
         f"{good} of {trials}, {max(times) * 1e3:.0f} ms",
-        f"all, {LIMIT * 1e3:.0f} ms",
+        f"all, {STOP_TIME_MAX_S * 1e3:.0f} ms",
         good == trials,
     )
 
 
 def is_driven(status: dict[str, Any]) -> bool:
-    """The goal is withdrawn, and the wheels follow the one who drives, backwards."""
+    """Whether the goal is cancelled and the wheels follow the driver, backwards."""
     wheels = status["gate.wheels"]
     return status["operator.goal"]["number"] == 0 and wheels["left"] < 0 and wheels["right"] < 0
 
 
 def drive(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
-    """`diffbotctl drive` backwards, on a terminal of its own; the terminal's other end."""
+    """Start `diffbotctl drive` backwards on its own terminal; returns it and the master end."""
     words, environment = command(folder, "drive", "--v", "-0.15", "--for", "60s")
-    ours, theirs = pty.openpty()
+    master, slave = pty.openpty()
     process = subprocess.Popen(
-        ["setsid", "--ctty", *words], env=environment, stdin=theirs, stdout=theirs, stderr=theirs
+        ["setsid", "--ctty", *words], env=environment, stdin=slave, stdout=slave, stderr=slave
     )
-    os.close(theirs)
-    return process, ours
+    os.close(slave)
+    return process, master
 
 
 def watchers(folder: Path, trials: int) -> Row:
-    """Watchers killed and frozen while a goal is under way."""
+    """Kill and freeze watchers while the robot drives to a goal."""
     words, environment = command(folder, "topic", "echo", "*", "--json")
     client, good = PlainClient(folder), 0
     for trial in range(trials):
@@ -122,7 +122,7 @@ def watchers(folder: Path, trials: int) -> Row:
         watcher.stdout.readline()
         watcher.send_signal(signal.SIGKILL if trial % 2 else signal.SIGSTOP)
         began = client.request("status")["time"]
-        client.until(lambda status, began=began: status["time"] > began + LIMIT * 1e9)
+        client.until(lambda status, began=began: status["time"] > began + STOP_TIME_MAX_S * 1e9)
         good += is_undisturbed(client, began)
         watcher.kill()
         watcher.communicate()
@@ -134,18 +134,19 @@ def watchers(folder: Path, trials: int) -> Row:
 
 
 def is_undisturbed(client: PlainClient, since: int) -> bool:
-    """Nothing holds the robot, the goal is in force, and since then nobody spoke of either.
+    """Whether there is no stop, the goal is in force, and the log since then mentions neither.
 
-    That the wheels turn at one moment says less: between a turn and a drive they stand.
+    Turning wheels would not prove it: between a turn and a drive they stand.
     """
     status = client.request("status")
-    said = [line for line in client.request("read_log")["lines"] if line["time"] > since]
-    calm = all(line["level"] == "info" and line["source"] == "follower" for line in said)
-    return status["held"] is None and status["operator.goal"]["number"] != 0 and calm
+    lines = [line for line in client.request("read_log")["lines"] if line["time"] > since]
+    only_follower = all(line["level"] == "info" and line["source"] == "follower" for line in lines)
+    has_goal = bool(status["operator.goal"]["number"] != 0)
+    return status["held"] is None and has_goal and only_follower
 
 
 def nonsense(folder: Path, lines: int, rng: Random) -> Row:
-    """Lines drawn from what goes wrong in practice; none may be obeyed, others are served."""
+    """Random invalid requests: all are refused, none moves the robot, other clients are served."""
     quiet, refused = PlainClient(folder), 0
     quiet.request("stop")
     goal = quiet.until(stands)["operator.goal"]["number"]
@@ -154,17 +155,17 @@ def nonsense(folder: Path, lines: int, rng: Random) -> Row:
         client = PlainClient(folder)
         try:
             client.send(drawn(rng) + b"\n")
-            said = client.read()
+            reply = client.read()
         except (BrokenPipeError, ConnectionResetError):
-            said = client.read()
-        refused += said is not None and said["ok"] is False and bool(said["cause"])
+            reply = client.read()
+        refused += reply is not None and reply["ok"] is False and bool(reply["cause"])
         client.close()
-    still = quiet.request("status")
-    unmoved = stands(still) and still["operator.goal"]["number"] == goal
+    status = quiet.request("status")
+    unmoved = stands(status) and status["operator.goal"]["number"] == goal
     quiet.request("resume")
     quiet.close()
     return Row(
-        "nonsense: refused in words, nothing moves, others served",
+        "invalid requests: refused with a cause, nothing moves, others served",
         f"{refused} of {lines}",
         "all",
         refused == lines and unmoved,
@@ -172,7 +173,7 @@ def nonsense(folder: Path, lines: int, rng: Random) -> Row:
 
 
 def drawn(rng: Random) -> bytes:
-    """A wrong line: binary, half a line, a wrong type, a number that no robot can follow."""
+    """An invalid line: binary, half a line, a wrong type, a number out of range."""
     whole = {"method": "drive", "linear": 0.1, "angular": 0.0}
     wrong = rng.choice(["1e308", "-1e308", "1e999", "NaN", "Infinity", '"0.1"', "[]", "true"])
     field = rng.choice(["linear", "angular"])
@@ -191,18 +192,18 @@ def drawn(rng: Random) -> bytes:
 
 
 def stranger(folder: Path) -> Row:
-    """Another user, without the group."""
+    """Another user, who is not in the group."""
     path = folder / "diffbotctl" / "test.socket"
-    folder.chmod(0o755)  # so that it is our own folder that refuses
+    folder.chmod(0o755)  # so that only diffbotctl's folder refuses access
     try:
         code = subprocess.run([sys.executable, "-c", KNOCK, str(path)], check=False).returncode
-        (folder / "diffbotctl").chmod(0o755)  # and then the socket itself
+        (folder / "diffbotctl").chmod(0o755)  # so that only the socket refuses access
         second = subprocess.run([sys.executable, "-c", KNOCK, str(path)], check=False).returncode
     finally:
         (folder / "diffbotctl").chmod(0o700)
     good = (code == 7) + (second == 7)
     return Row(
-        "another user (uid nobody): by the folder, by the socket",
+        "another user (nobody): refused by the folder, by the socket",
         f"{good} of 2 refused",
         "2 of 2",
         good == 2 and os.getuid() == 0,

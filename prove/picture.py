@@ -1,4 +1,4 @@
-"""The pictures in README and docs: the dashboard on a real run of the simulated robot, as SVG."""
+"""Make the dashboard pictures (SVG) of README and docs from a run of the simulated robot."""
 
 from __future__ import annotations
 
@@ -8,21 +8,23 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from time import monotonic, sleep
 
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient, choose_engine
+from diffbotctl.errors import UserError
 from diffbotctl.ui.dash.app import Dashboard
 from diffbotctl.ui.engine_app import ScreenOptions
 
 SIZES = {"docs/dash.svg": (80, 24), "docs/dash_wide.svg": (160, 50)}
 PIPELINE = Path(__file__).parent / "data" / "picture.yaml"
-TRAVELLED = 1.0  # m to the goal when the picture is taken
-PATIENCE = 60.0  # s
+GOAL_DISTANCE_M = 1.0  # when the picture is taken
+TIMEOUT_S = 60.0
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
 def draw(path: Path, size: tuple[int, int]) -> str:
-    """Drive the pictured run, attach a dashboard of `size`, and write its screen to `path`."""
+    """Start the run, attach a dashboard of `size` (columns, lines), write its screen to `path`."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
         words = ["run", str(PIPELINE), "--name", "picture", "--quiet", "--stay"]
@@ -36,17 +38,13 @@ def draw(path: Path, size: tuple[int, int]) -> str:
 
 
 def _engine() -> EngineAddress:
-    """The engine as soon as it answers."""
-    from time import monotonic, sleep
-
-    from diffbotctl.errors import UserError
-
-    deadline = monotonic() + PATIENCE
+    """Wait until the engine answers; returns its address."""
+    deadline = monotonic() + TIMEOUT_S
     while True:
         try:
-            found = choose_engine("picture")
-            ControlClient(found, "picture").close()
-            return found
+            address = choose_engine("picture")
+            ControlClient(address, "picture").close()
+            return address
         except UserError:
             if monotonic() > deadline:
                 raise
@@ -55,7 +53,7 @@ def _engine() -> EngineAddress:
 
 async def _picture(engine: EngineAddress, path: Path, size: tuple[int, int]) -> None:
     dashboard = Dashboard(engine, "picture", ScreenOptions(), [])
-    async with dashboard.run_test(size=size) as pilot, asyncio.timeout(PATIENCE):
+    async with dashboard.run_test(size=size) as pilot, asyncio.timeout(TIMEOUT_S):
         while not _is_near(dashboard):
             await pilot.pause(0.1)
         await pilot.pause(0.1)
@@ -64,10 +62,9 @@ async def _picture(engine: EngineAddress, path: Path, size: tuple[int, int]) -> 
 
 def _is_near(dashboard: Dashboard) -> bool:
     state = dashboard.run_view.snapshot.messages.get("follower.state")
-    known = bool(dashboard.run_view.blocks) and dashboard.run_view.held is None
-    return (
-        known and getattr(state, "number", 0) == 2 and getattr(state, "distance", 9.0) < TRAVELLED
-    )
+    is_driving = bool(dashboard.run_view.blocks) and dashboard.run_view.held is None
+    is_near = getattr(state, "distance", 9.0) < GOAL_DISTANCE_M
+    return is_driving and getattr(state, "number", 0) == 2 and is_near
 
 
 if __name__ == "__main__":

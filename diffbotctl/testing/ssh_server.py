@@ -61,7 +61,7 @@ async def _type(client, master):
     while True:
         try:
             data = await client.stdin.read(1 << 16)
-        except asyncssh.Error:
+        except (asyncssh.Error, ConnectionError):
             return
         if not data:
             return
