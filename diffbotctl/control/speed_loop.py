@@ -68,12 +68,16 @@ def speed_gains(motor: MotorSettings) -> SpeedGains:
 def limit_duty(duty: float, target: float) -> float:
     """`duty` limited to 0 to 1 in the direction of `target`; 0 for target 0."""
     power = duty if target > 0.0 else -duty
-    return copysign(min(power, 1.0), target) if target and power > 0.0 else 0.0
+    if not (target and power > 0.0):
+        return 0.0
+    return duty if power <= 1.0 else copysign(1.0, target)
 
 
 def limit_integral(integral: float, limit: float = INTEGRAL_MAX) -> float:
     """`integral` (duty) limited to +-`limit`."""
-    return min(max(integral, -limit), limit)
+    if -limit <= integral <= limit:  # nearly always; comparisons are faster than min and max
+        return integral
+    return copysign(limit, integral)
 
 
 class SpeedLoop:
