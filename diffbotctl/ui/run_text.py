@@ -29,7 +29,7 @@ M = TypeVar("M", bound=Message)
 ROBOT_WIRES = "robot."  # prefix of the wires of the robot's driver
 BOARD_TEXT_WIRE = "robot.text"  # texts of the board are in the log
 LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
-NAME_WIDTH = 17  # columns of the names in the summary
+NAME_WIDTH = 16  # columns of the names in the summary
 
 
 def newest_message(snapshot: RunSnapshot, kind: type[M]) -> M | None:
