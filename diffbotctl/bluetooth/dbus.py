@@ -40,7 +40,7 @@ class Bus:
     def __init__(self, answer: DBusReply) -> None:
         """Raises RunError when there is no bus, or no library for it."""
         self._answer = answer
-        self._connection = _connection()
+        self._jeepney, self._connection = _open_connection()
 
     def close(self) -> None:
         """Disconnect; the service removes what was registered."""
@@ -59,24 +59,23 @@ class Bus:
 
         Raises BusError, with the name `timeout` when no answer came within `timeout` seconds.
         """
-        # An optional dependency, needed for Bluetooth only.
-        from jeepney import DBusAddress, HeaderFields, MessageType, new_method_call
-
-        address = DBusAddress(path, SERVICE, interface)
+        address = self._jeepney.DBusAddress(path, SERVICE, interface)
         serial = next(self._connection.outgoing_serial)
-        self._send(new_method_call(address, method, signature or None, arguments), serial)
+        self._send(
+            self._jeepney.new_method_call(address, method, signature or None, arguments), serial
+        )
         deadline = time.monotonic() + timeout
         while (remaining := deadline - time.monotonic()) > 0:
             message = self._receive(remaining)
             if message is None:
                 break
             kind, fields = message.header.message_type, message.header.fields
-            if kind is MessageType.method_call:
+            if kind is self._jeepney.MessageType.method_call:
                 self._reply(message)
-            elif fields.get(HeaderFields.reply_serial) == serial:
-                if kind is MessageType.error:
+            elif fields.get(self._jeepney.HeaderFields.reply_serial) == serial:
+                if kind is self._jeepney.MessageType.error:
                     text = str(message.body[0]) if message.body else ""
-                    raise BusError(fields[HeaderFields.error_name], text)
+                    raise BusError(fields[self._jeepney.HeaderFields.error_name], text)
                 return tuple(message.body)
         raise BusError("timeout", f"no answer to {method}")
 
@@ -113,28 +112,31 @@ class Bus:
 
     def _reply(self, message: Any) -> None:
         """Answer a call of the service."""
-        # An optional dependency, needed for Bluetooth only.
-        from jeepney import HeaderFields, new_error, new_method_return
-
-        call = DBusCall(message.header.fields[HeaderFields.member], tuple(message.body))
+        call = DBusCall(
+            message.header.fields[self._jeepney.HeaderFields.member], tuple(message.body)
+        )
         try:
             signature, values = self._answer(call)
         except BusError as error:
-            self._send(new_error(message, error.name))
+            self._send(self._jeepney.new_error(message, error.name))
             return
-        self._send(new_method_return(message, signature or None, values))
+        self._send(self._jeepney.new_method_return(message, signature or None, values))
 
 
-def _connection() -> Any:
+def _open_connection() -> tuple[Any, Any]:
+    """The library, and its connection to the system bus."""
     try:
         # An optional dependency, needed for Bluetooth only.
-        from jeepney.io.blocking import open_dbus_connection
+        import jeepney.io.blocking
     except ImportError as error:
         cause = "the package jeepney is not installed"
         fix = "pip install 'diffbotctl[bluetooth]', or pip install jeepney"
         raise RunError(Problem("E-BLUETOOTH-LIBRARY", PLACE, cause, fix)) from error
     try:
-        return open_dbus_connection(bus="SYSTEM", auth_timeout=CONNECT_TIMEOUT_S)
+        connection = jeepney.io.blocking.open_dbus_connection(
+            bus="SYSTEM", auth_timeout=CONNECT_TIMEOUT_S
+        )
+        return jeepney, connection
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise _no_bus("it cannot be reached") from error
 

@@ -29,6 +29,7 @@ from diffbotctl.calibrate.dead_reckoning import (
 )
 from diffbotctl.errors import Problem, RunError, UsageError, join_words
 from diffbotctl.messages import Encoders
+from diffbotctl.recording.reader import RecordingReader
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
@@ -147,8 +148,6 @@ def unusable_log(path: Path, cause: str) -> UsageError:
 
 
 def _read_recording(path: Path) -> tuple[Floats, None]:
-    from diffbotctl.recording.reader import RecordingReader  # loads the MCAP library
-
     try:
         messages = [item.message for item in RecordingReader(path).messages() if item.from_driver]
     except RunError as error:

@@ -14,6 +14,7 @@ import socket
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
+from grp import getgrnam
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -164,8 +165,6 @@ def _make_folder(folder: Path, group: str | None) -> None:
 
 
 def _share(path: Path, group: str, mode: int) -> None:
-    from grp import getgrnam  # only for --group
-
     os.chown(path, -1, getgrnam(group).gr_gid)
     path.chmod(mode)
 

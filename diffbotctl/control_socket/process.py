@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from traceback import format_exc
 from typing import TYPE_CHECKING, Any
 
 from diffbotctl.control_socket.address import remove_socket
@@ -79,8 +80,6 @@ def _serve(server: Server, path: Path, log: AccessLog) -> int:
     try:
         server.run()
     except Exception:
-        from traceback import format_exc  # only after a failure
-
         log({"event": "failed", "traceback": format_exc()})
         return 1  # the file beside the socket stays: `stop` needs it to find the engine
     remove_socket(path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable
+from hashlib import sha256
 from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,8 +23,6 @@ class RunDigest:
     """
 
     def __init__(self, wires: dict[str, type]) -> None:
-        from hashlib import sha256  # heavy: it loads OpenSSL
-
         self.encoders = [(wire.encode(), message_encoder(kind)) for wire, kind in wires.items()]
         self.hash = sha256()
         self.messages = 0

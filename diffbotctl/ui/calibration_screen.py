@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from diffbotctl.calibrate.step import CurvePlot
+from diffbotctl.ui.plot.plots import render_curve, render_scatter
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
@@ -46,10 +48,6 @@ class CalibrationScreen:
 
     def draw(self, plot: ScatterPlot | CurvePlot) -> None:
         """Draw points around the origin, or along a curve, each kind with its own sign."""
-        # Imported late: most calibrations draw nothing.
-        from diffbotctl.calibrate.step import CurvePlot
-        from diffbotctl.ui.plot.plots import render_curve, render_scatter
-
         self.rest()
         self.console.print(plot.title, markup=False)
         if isinstance(plot, CurvePlot):
