@@ -1,4 +1,4 @@
-# Every target does its own set-up: a virtual environment in .venv, and what it needs in it.
+# Every target first creates a virtual environment in .venv with the packages that it needs.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,11 +7,24 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
-# Robots with planted faults that are calibrated, and how many of them on emulated boards.
+# Number of calibrated robots with planted faults, and of further ones on emulated boards.
 FAULTY ?= 30
 EMULATED ?= 5
 WANDER ?= 50
-# Folders of the OptiOdom data set, which does not ship.
+# Hostile files of each kind, and simulated hours over which the memory is measured.
+HOSTILE ?= 200
+HOURS ?= 24
+# Programs that fail, of each kind.
+FAILURES ?= 50
+# Goals of each row of both plants, and runs of the matrix; in full: 3264 and more.
+GOALS ?= 50
+MATRIX ?= 272
+# Sets of drives for `calibrate from-log`, and robots whose calibrated values are compared.
+DRIVES ?= 200
+CALIBRATED ?= 100
+# A commit with whose simulation speed `make bench` compares the present one.
+AGAINST ?=
+# Folders of the OptiOdom data set, which is not part of this repository.
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
@@ -20,7 +33,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
-# The compiler and the emulator's library, from Debian: the tests run the real firmware binary.
+# Debian packages: compiler and emulator library. The tests run the real firmware binary.
 DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
   netcat-openbsd openssh-client socat dbus-daemon
 
@@ -33,18 +46,21 @@ test: packages $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
-	$(BIN)/python -m pytest -n 3 --dist loadgroup  # more than cores: many tests wait for a board in real time
+	$(BIN)/python -m pytest -n 3 --dist loadgroup  # more processes than cores: many tests wait for a board in real time
 
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --optiodom $(OPTIODOM)
+	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
+	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --drives $(DRIVES) --calibrated $(CALIBRATED) \
+	  --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench
+	$(if $(AGAINST),$(BIN)/python -m prove.bench --against $(AGAINST))
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV) 2>/dev/null || { \
-	  echo "installing python3-venv, which Debian keeps apart"; \
+	  echo "installing python3-venv"; \
 	  $(SUDO) apt-get update -qq && $(SUDO) apt-get install -y -qq python3-venv && \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 
@@ -54,7 +70,7 @@ $(VENV)/installed: setup.cfg | $(VENV)/bin/python
 
 $(VENV)/tested: setup.cfg | $(VENV)/bin/python
 	$(BIN)/python -m pip install -q -e '.[test]'
-	rm -rf .mypy_cache  # it remembers packages that were missing
+	rm -rf .mypy_cache  # mypy caches that a package was missing
 	touch $@ $(VENV)/installed
 
 clean:

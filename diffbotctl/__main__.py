@@ -2,6 +2,7 @@
 
 # `signal` imports `enum`, which takes 10 ms in which an interrupt would print a traceback.
 import _signal as signal
+import gc
 import os
 
 
@@ -12,6 +13,9 @@ def exit_interrupted(_number: int, _frame: object) -> None:
 
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, exit_interrupted)
+
+# The default of 700 would collect 100 times while modules are imported, which drops nothing.
+gc.set_threshold(10_000)
 
 from diffbotctl.cli.main import main as run_program  # noqa: E402 - the handler comes first
 

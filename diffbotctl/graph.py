@@ -43,10 +43,8 @@ with a timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, both rec
         return instant, due, timers
 """
 
-from __future__ import annotations
-
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 
@@ -82,13 +80,19 @@ class Graph:
 
     `sources` maps each wire on which drivers deliver to its message class. `wires` lists all wires:
     the sources, then the outputs of the blocks in topological order. With a `book`, the lines that
-    blocks log are on the last wire, `log`.
+    blocks log are on the last wire, `log`. `lifetimes`: ns after which a message of a source is no
+    longer valid, as if each input of that wire declared such a `fresh_for`.
     """
 
     def __init__(
-        self, nodes: Sequence[Node], sources: dict[str, type], book: Logbook | None = None
+        self,
+        nodes: Sequence[Node],
+        sources: dict[str, type],
+        book: Logbook | None = None,
+        lifetimes: Mapping[str, int] | None = None,
     ) -> None:
         self.nodes = in_order(nodes)
+        self.lifetimes = dict(lifetimes or {})
         self.sources = list(sources)
         self.kinds: dict[str, type] = dict(sources)
         for node in self.nodes:
@@ -110,7 +114,7 @@ class Graph:
         sinks: dict[str, Sink],
         record: Callable[[tuple[Any, ...]], object] | None,
         listeners: dict[str, Sink] | None = None,
-    ) -> Compiled:
+    ) -> "Compiled":
         """Compile the graph.
 
         `sinks` are called with (now, message) at the end of an instant for each new message on
@@ -185,9 +189,19 @@ class Compiled(NamedTuple):
     nodes: dict[str, str]
     former_names: dict[str, str]
 
+    def reaction(self, node: str) -> Callable[..., Any]:
+        """What is called for this node."""
+        react: Callable[..., Any] = self.names[f"react_{self.nodes[node]}"]
+        return react
+
     def swap(self, node: str, react: Callable[..., Any]) -> None:
         """Call `react` for this node from the next instant on."""
         self.names[f"react_{self.nodes[node]}"] = react
+
+    def replace(self, node: str, before: Callable[..., Any], react: Callable[..., Any]) -> None:
+        """As `swap`, if `before` is what is called now."""
+        if self.reaction(node) is before:
+            self.swap(node, react)
 
     def state(self) -> dict[str, Any]:
         """The state of wires and timers between two instants, by the names in `source`."""
@@ -376,12 +390,14 @@ class _Writer:
             return _Input([], [], "None")
         wire = node.wires[port]
         conditions = [f"{self._new(wire)} is not None"] if declaration.trigger else []
-        if declaration.fresh_for is None:
+        lifetimes = [self.graph.lifetimes[wire]] if wire in self.graph.lifetimes else []
+        if declaration.fresh_for is not None:
+            lifetimes.append(nanoseconds(node.block, declaration.fresh_for))
+        if not lifetimes:
             former_name = f"v{self.graph.wires.index(wire)}"
             held = self._variable(f"held_{self.wires[wire]}", "None", former_name)
             return _Input([], conditions, held)
-        lifetime = nanoseconds(node.block, declaration.fresh_for)
-        return self._fresh_input(name, self._new(wire), lifetime, conditions, former_key)
+        return self._fresh_input(name, self._new(wire), min(lifetimes), conditions, former_key)
 
     def _timer(self, name: str, period: int, former_key: str) -> _Input:
         next_time = self._variable(f"next_{name}", str(period), f"q{former_key}")

@@ -6,17 +6,24 @@ integer nanoseconds at which its content was true. Each field is declared here w
 sentence; schemas, recordings and reference pages are derived from these declarations.
 """
 
-from __future__ import annotations
-
-from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
+# No postponed annotations: NamedTuple would compile each of them again at every start, 2 ms.
+from math import inf
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 
 class Field(NamedTuple):
-    """Description of a message field: its SI unit ("" if it has none) and one sentence."""
+    """Description of a message field: its SI unit ("" if it has none) and one sentence.
+
+    `minimum`, `maximum`: bounds (inclusive) of a number, or of each number of a tuple.
+    """
 
     unit: str
     help: str
+    minimum: float = -inf
+    maximum: float = inf
 
+
+UNDESCRIBED = Field("", "")  # of a field that is declared by its type alone
 
 CommandKind = Literal["wheels", "duty"]
 RangeState = Literal["clear", "measured", "too_close", "fault"]
@@ -25,11 +32,11 @@ GoalEnd = Literal["reached", "reached_unsure", "blocked", "stuck", "given_up", "
 """How a goal ends.
 
 - reached: within both tolerances.
-- reached_unsure: within the tolerances of a pose that is known less well; not used yet.
+- reached_unsure: within the tolerances, but the pose is known less well than they ask for.
 - blocked: a stop held the robot for longer than it waits.
 - stuck: no wheel turned while it should have driven.
 - given_up: not reached within the attempts or the time.
-- cancelled: withdrawn; not used yet.
+- cancelled: the operator has replaced it by another goal.
 """
 GOAL_EXIT_CODES: dict[GoalPhase | GoalEnd, int] = {
     "reached": 0,
@@ -60,6 +67,14 @@ StopCode = Literal[
     "board_restart",
     "command_stale",
     "gate_limit",
+    "host_frozen",
+    "block_overrun",
+    "wheel_runaway",
+    "wheel_fault",
+    "battery_low",
+    "stop_button",
+    "overruled",
+    "input_stale",
 ]
 
 Time = Annotated[int, Field("ns", "Logical time at which the content was true.")]
@@ -130,6 +145,17 @@ class Odometry(NamedTuple):
         tuple[float, float, float, float, float, float],
         Field("m, rad", "Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."),
     ]
+    warning: Annotated[
+        str, Field("", "Why the pose is less accurate than usual; empty when it is not.")
+    ] = ""
+    geometry_sd: Annotated[
+        float,
+        Field(
+            "m",
+            "Part of the position's standard deviation, in its worst direction, that comes from "
+            "how well track and wheel diameters are known.",
+        ),
+    ] = 0.0
 
 
 class Twist(NamedTuple):
@@ -303,18 +329,27 @@ Message = (
     | Call
 )
 
+# Messages whose numbers are finite; others use `nan` or `inf` for a fault or a clear view.
+FINITE = (Twist, Wheels, Duty, Odometry, Goal, Battery)
 BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 
 
 def fields(kind: type) -> dict[str, tuple[Any, Field]]:
     """The fields of a message class: plain type and declaration of each.
 
-    Raises TypeError, naming the field, if one is not declared with `Annotated[type, Field(...)]`.
+    A field that is declared without `Annotated[type, Field(...)]` has neither unit nor help.
     """
     declared: dict[str, tuple[Any, Field]] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        notes = [note for note in get_args(hint)[1:] if isinstance(note, Field)]
-        if not notes:
-            raise TypeError(f"{kind.__name__}.{name} is not declared with a Field")
-        declared[name] = (get_args(hint)[0], notes[0])
+        notes: list[Any] = []
+        if get_origin(hint) is Annotated:
+            hint, *notes = get_args(hint)
+        if any(map(_has_notes, get_args(hint))):
+            hint = get_type_hints(kind)[name]  # without the notes, also within tuples and unions
+        field = next((note for note in notes if isinstance(note, Field)), UNDESCRIBED)
+        declared[name] = (hint, field)
     return declared
+
+
+def _has_notes(hint: Any) -> bool:
+    return get_origin(hint) is Annotated or any(map(_has_notes, get_args(hint)))

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
+from diffbotctl.units import magnitude_max
+
 T = TypeVar("T")
 
 
@@ -25,7 +27,7 @@ class Required:
 REQUIRED = Required()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Declaration:
     """One declared setting: a class attribute of its Section or Block.
 
@@ -68,6 +70,9 @@ class Declaration:
             if not BOUNDS[bound].holds(value, limit):
                 because = f": {self.reason}" if self.reason else ""
                 return f"must be {self._phrase(bound, limit)}{because}"
+        limit = magnitude_max(self.unit)
+        if isinstance(value, int | float) and not abs(value) <= limit:
+            return f"must not be beyond {with_unit(limit, self.unit)}"
         return None
 
     def _phrase(self, bound: str, limit: float) -> str:

@@ -59,9 +59,46 @@ KINDS = {
     "1": "a ratio",
 }
 
+# Largest coordinate and heading of a goal: a larger one is a typing error.
+POSE_MAX = {"m": 1000.0, "rad": 20 * pi}
+
+# Largest magnitude that a setting of a kind may have where its declaration gives no tighter bound.
+# A larger one is a typing error, and would overflow in calculations.
+MAGNITUDE_MAX = {
+    "m": 10e3,
+    "rad": POSE_MAX["rad"],
+    "s": 1e6,
+    "Hz": 1e6,
+    "m/s": 100.0,
+    "rad/s": 10e3,
+    "m/s2": 1e3,
+    "rad/s2": 1e6,
+    "V": 1e3,
+    "kg": 1e4,
+    "1": 1e6,
+    "": 1e9,
+}
+
+
+def magnitude_max(unit: str) -> float:
+    """The largest magnitude of a quantity in SI `unit`."""
+    return MAGNITUDE_MAX.get(unit, MAGNITUDE_MAX[""])
+
+
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # decimal comma
+_FRACTION = re.compile(r"\s*([-+]?\d+)\s*/\s*(\d+)\s*(\S*)\s*\Z")
+# Characters that look right and are not accepted -> their name, and what to write.
+_LOOKALIKES = {
+    "\N{MINUS SIGN}": ("the minus sign U+2212", "-"),
+    "\N{EN DASH}": ("an en dash", "-"),
+    "\N{EM DASH}": ("an em dash", "-"),
+    "\N{DEGREE SIGN}": ("the degree sign", " deg"),
+    "\N{MICRO SIGN}": ("the micro sign", "u"),
+    "\N{GREEK SMALL LETTER MU}": ("the Greek letter mu", "u"),
+    "^": ("a caret", ""),
+}
 
 
 class UnitError(ValueError):
@@ -71,19 +108,15 @@ class UnitError(ValueError):
 def quantity(text: str, unit: str) -> float:
     """The number in SI `unit` that `text` stands for.
 
-    A number without a unit is in SI. Raises UnitError if `text` is not a number, or if its unit is
-    unknown or of another kind.
+    A number without a unit is in SI; an angle other than 0 needs its unit. Raises UnitError if
+    `text` is not a number, or if its unit is unknown or of another kind.
     """
     match = _QUANTITY.match(text)
     if match is None:
-        if _COMMA.match(text):
-            raise UnitError(
-                f"'{text}' has a decimal comma: write a point, {text.strip().replace(',', '.')}"
-            )
-        raise UnitError(f"'{text}' is not a number with a unit, such as {example(unit)}")
+        raise UnitError(_not_a_quantity(text, unit))
     number, written = float(match[1]), match[2]
     if written is None:
-        return number
+        return plain_number(number, unit)
     written = written.replace("²", "2")
     if written not in UNITS:
         raise UnitError(f"'{written}' is not a known unit{_nearest(written, unit)}")
@@ -92,6 +125,34 @@ def quantity(text: str, unit: str) -> float:
         expected = KINDS.get(unit, "a plain number")
         raise UnitError(f"{written} is {KINDS[kind]}, but {expected} is required{_such_as(unit)}")
     return number * factor
+
+
+def plain_number(number: float, unit: str) -> float:
+    """A number without a unit, in SI `unit`. Raises UnitError for an angle other than 0.
+
+    Most people mean degrees when they write 90, and radians when they write 1.57.
+    """
+    if unit == "rad" and number != 0.0:
+        other = f", or {number:g} rad for {number * 180 / pi:g} degrees" if isfinite(number) else ""
+        raise UnitError(f"the angle {number:g} has no unit: write {number:g} deg{other}")
+    return number
+
+
+def _not_a_quantity(text: str, unit: str) -> str:
+    """Why `text` is not a number with a unit, and how to write it."""
+    if _COMMA.match(text):
+        return f"'{text}' has a decimal comma: write a point, {text.strip().replace(',', '.')}"
+    if (fraction := _FRACTION.match(text)) and int(fraction[2]):
+        number = f"{int(fraction[1]) / int(fraction[2]):g}"
+        return f"'{text}' is a fraction: write {f'{number} {fraction[3]}'.rstrip()}"
+    names = [name for character, (name, _) in _LOOKALIKES.items() if character in text]
+    corrected = text
+    for character, (_, replacement) in _LOOKALIKES.items():
+        corrected = corrected.replace(character, replacement)
+    corrected = " ".join(corrected.split())
+    if names and _QUANTITY.match(corrected):
+        return f"'{text}' contains {' and '.join(names)}: write {corrected}"
+    return f"'{text}' is not a number with a unit, such as {example(unit)}"
 
 
 def parse_pose(text: str) -> tuple[float, float, float | None]:
@@ -103,8 +164,10 @@ def parse_pose(text: str) -> tuple[float, float, float | None]:
     if not 2 <= len(words) <= 3:
         raise UnitError("give X Y [HEADING], such as '1.0 0.5 90deg'")
     values = [quantity(word, unit) for word, unit in zip(words, ("m", "m", "rad"), strict=False)]
-    if not all(map(isfinite, values)):
-        raise UnitError(f"{text} is not possible here")
+    for word, value, unit in zip(words, values, ("m", "m", "rad"), strict=False):
+        if not abs(value) <= POSE_MAX[unit]:
+            limit = "1000 m" if unit == "m" else "10 turns"
+            raise UnitError(f"{word} is too far: at most {limit} is possible")
     return values[0], values[1], values[2] if len(values) == 3 else None
 
 

@@ -1,7 +1,7 @@
 #include "analog.h"
 
-#include <avr/io.h>
-#include <util/atomic.h>
+#include "atomic.h"
+#include "board.h"
 
 #define READINGS 16
 #define SCALE 4 /* from the sum of sixteen 10-bit readings to the 12 bits of a frame */
@@ -23,14 +23,12 @@ static void start(uint8_t input)
     if (channel == PIN_NONE)
         return;
     current = input;
-    ADMUX = (uint8_t)(1 << REFS0 | (channel & 7));
-    ADCSRB = channel > 7 ? 1 << MUX5 : 0;
-    ADCSRA = 1 << ADEN | 1 << ADSC | 1 << ADIE | 7; /* 125 kHz: 104 us per conversion */
+    board_convert(channel);
 }
 
 void analog_configure(const settings_t *settings)
 {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    ATOMIC
     {
         inputs[0].channel = settings->range;
         inputs[1].channel = settings->battery;
@@ -53,7 +51,7 @@ void analog_convert(void)
 void analog_converted(void)
 {
     uint8_t input = current;
-    inputs[input].sum += ADC;
+    inputs[input].sum += board_converted();
     if (++inputs[input].readings == READINGS) {
         inputs[input].mean = inputs[input].sum / SCALE;
         inputs[input].sum = 0;
@@ -66,6 +64,6 @@ void analog_converted(void)
 uint16_t analog_mean(uint8_t input)
 {
     uint16_t value;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) value = inputs[input].mean;
+    ATOMIC value = inputs[input].mean;
     return value;
 }

@@ -1,4 +1,7 @@
-/* Functions of each pin of a board. A board is a table (board_<name>.c); no other module knows pins. */
+/* The hardware layer: all that touches a register of the microcontroller. No other module does.
+
+   board_<name>.c has the pins and timers of one board; avr_pins.c, avr.c and interrupts.c have what all
+   AVR boards share. */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -6,6 +9,15 @@
 #include <stdint.h>
 
 #include "progmem.h"
+#include "ticks.h"
+
+/* Serial links: with one, USB cable and radio module share it and its rate is a setting; with two, USB
+   is the first, at a fixed rate. */
+#ifdef __AVR_ATmega328P__
+#define LINKS 1
+#else
+#define LINKS 2
+#endif
 
 /* Values in pin_t: no PWM output or interrupt; pin of a serial link, which has neither. */
 #define BOARD_NOTHING 15
@@ -21,7 +33,7 @@ typedef struct {
 enum { LEVEL, DIRECTION, OUTPUT };
 
 typedef struct {
-    bit_t bit;
+    bit_t bit;         /* mask 0: only an analog input */
     uint8_t pwm;       /* number of the PWM output, or BOARD_NOTHING */
     uint8_t interrupt; /* number of the external interrupt, BOARD_LINK or BOARD_NOTHING */
 } pin_t;
@@ -53,7 +65,58 @@ void board_pwm(uint8_t number, pwm_t *output);
 /* Starts the timers of the PWM outputs (8-bit, fast, 977 Hz). */
 void board_start_timers(void);
 
+/* Disables external interrupt `number`, or all; the first from an interrupt. */
+void board_mute(uint8_t number);
+void board_mute_all(void);
+
 /* Enables external interrupt `number` for an EDGE_... of the protocol. */
 void board_sense(uint8_t number, uint8_t sense);
+
+/* Starts the clock of 4 us per tick; only differences of its times have a meaning. */
+void board_start_clock(void);
+
+/* Present time. May be called with interrupts on or off. */
+ticks_t board_now(void);
+
+/* Its low 16 bits; with interrupts off. */
+uint16_t board_now_low(void);
+
+/* The two alarms call clock_millisecond and clock_sample when the low bits of the clock are those of a time, as
+   many as the timer has: an alarm can come a round of the timer too early, and comes a round too late
+   when its time has passed as it is set. So both look at the clock themselves. */
+enum { ALARM_MILLISECOND, ALARM_SAMPLE };
+void board_alarm(uint8_t alarm, uint16_t time);
+
+/* Serial links. Sending on: link_empty is called whenever a byte can be written. */
+void board_start_link(uint8_t link, uint8_t baud);
+void board_set_baud(uint8_t link, uint8_t baud); /* BAUD_... of the protocol */
+uint8_t board_received(uint8_t link);
+void board_send(uint8_t link, uint8_t byte);
+void board_sending(uint8_t link, bool on);
+
+/* Analog converter: starts a conversion of a channel, about 104 us long; its result (10 bits). */
+void board_convert(uint8_t channel);
+uint16_t board_converted(void);
+
+/* Memory that keeps its content without power. Writing a byte goes on in the background. */
+void board_store_read(uint16_t address, void *to, uint8_t size);
+bool board_store_ready(void);
+void board_store_write(uint16_t address, uint8_t byte);
+
+/* Cause of the reset that the chip tells: a RESET_... of the protocol; RESET_UNKNOWN when the
+   bootloader has cleared it. */
+uint8_t board_reset_cause(void);
+
+/* The watchdog: resets the chip 250 ms after the last call of board_feed. */
+void board_start_watchdog(void);
+void board_feed(void);
+
+/* Fills the free stack with a pattern; bytes of it that were never used. */
+void board_paint_stack(void);
+uint16_t board_free_stack(void);
+
+/* Enables interrupts; waits for the next one. */
+void board_start_interrupts(void);
+void board_sleep(void);
 
 #endif

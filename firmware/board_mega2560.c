@@ -1,33 +1,22 @@
 /* Arduino Mega 2560. Timer 1 is the clock, so pins 11 and 12 have no PWM; 13 has that of timer 0. */
-#include "board.h"
-
-#ifdef __AVR__
-#include <avr/io.h>
-#include <util/atomic.h>
-#endif
-
+#include "avr_pins.h"
 #include "protocol.h"
 
 const uint8_t board_code = BOARD_MEGA2560;
 const uint8_t board_analogs = 16;
 const uint8_t board_first_analog = 54;
 
-/* One word per pin: port, bit, number of the PWM output, number of the interrupt. */
-enum { A, B, C, D, E, F, G, H, J, K, L };
-#define PIN(port, bit, pwm, interrupt) (port | bit << 4 | (pwm) << 8 | interrupt << 12)
-#define PLAIN(port, bit) PIN(port, bit, BOARD_NOTHING, BOARD_NOTHING)
-#define LINK(port, bit) PIN(port, bit, BOARD_NOTHING, BOARD_LINK)
-#define PWM(port, bit, output) PIN(port, bit, output, BOARD_NOTHING)
-#define EDGE(port, bit, number) PIN(port, bit, BOARD_NOTHING, number)
-#define BOTH(port, bit, output, number) PIN(port, bit, output, number)
-/* Number of a PWM output: OCnA, OCnB or OCnC of a timer, in the order of `controls`. */
+/* OCnA, OCnB or OCnC of a timer, in the order of `avr_timers`. */
 #define OC0(channel) (channel)
 #define OC2(channel) (3 + channel)
 #define OC3(channel) (6 + channel)
 #define OC4(channel) (9 + channel)
 #define OC5(channel) (12 + channel)
 
-static const uint16_t pins[] PROGMEM = {
+const uint16_t avr_timers[] PROGMEM = {0x44, 0xB0, 0x90, 0xA0, 0x120};
+const uint8_t avr_first_wide = OC3(A);
+
+const uint16_t avr_pins[] PROGMEM = {
     /* 0 */ LINK(E, 0), LINK(E, 1), BOTH(E, 4, OC3(B), 4), BOTH(E, 5, OC3(C), 5),
     /* 4 */ PWM(G, 5, OC0(B)), PWM(E, 3, OC3(A)), PWM(H, 3, OC4(A)), PWM(H, 4, OC4(B)),
     /* 8 */ PWM(H, 5, OC4(C)), PWM(H, 6, OC2(B)), PWM(B, 4, OC2(A)), PLAIN(B, 5),
@@ -47,76 +36,15 @@ static const uint16_t pins[] PROGMEM = {
     /* 64 */ PLAIN(K, 2), PLAIN(K, 3), PLAIN(K, 4), PLAIN(K, 5),
     /* 68 */ PLAIN(K, 6), PLAIN(K, 7),
 };
-
-static uint8_t mask(uint8_t bit)
-{
-    uint8_t mask = 1;
-    while (bit--)
-        mask = (uint8_t)(mask << 1);
-    return mask;
-}
-
-/* Data address of PINx: A to G are consecutive, H to L start at 0x100. */
-static uint16_t address(uint8_t port)
-{
-    return (port < H ? 0x20 : 0x100 - 3 * H) + 3 * port;
-}
-
-bool board_pin(uint8_t number, pin_t *pin)
-{
-    if (number >= sizeof pins / sizeof *pins)
-        return false;
-    uint16_t word = pgm_read_word(&pins[number]);
-    uint8_t abilities = (uint8_t)(word >> 8);
-    pin->bit.at = (register_t *)(uintptr_t)address(word & 0xF);
-    pin->bit.mask = mask((uint8_t)word >> 4);
-    pin->pwm = abilities & 0xF;
-    pin->interrupt = abilities >> 4;
-    return true;
-}
+const uint8_t avr_pin_count = sizeof avr_pins / sizeof *avr_pins;
 
 #ifdef __AVR__
-void board_write(const bit_t *bit, uint8_t offset, bool high)
-{
-    register_t *at = bit->at + offset;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        uint8_t value = *at | bit->mask;
-        if (!high)
-            value ^= bit->mask;
-        *at = value;
-    }
-}
+#include <avr/interrupt.h>
+#include <avr/io.h>
 
-bool board_read(const bit_t *bit)
-{
-    return *bit->at & bit->mask;
-}
+#include "atomic.h"
 
-bool board_input(uint8_t number, bit_t *bit)
-{
-    pin_t pin;
-    if (!board_pin(number, &pin))
-        return false;
-    *bit = pin.bit;
-    board_write(bit, DIRECTION, false);
-    board_write(bit, OUTPUT, true);
-    return true;
-}
-
-/* OCRnx stand behind TCCRnA: from 3 on in steps of 1 for 8-bit timers, from 8 on in steps of 2 for
-   16-bit ones. */
-void board_pwm(uint8_t number, pwm_t *output)
-{
-    static const uint16_t controls[] PROGMEM = {0x44, 0xB0, 0x90, 0xA0, 0x120};
-    const uint16_t *control = controls;
-    bool wide = number >= OC3(A);
-    for (; number > C; number -= 3)
-        control++;
-    output->connect.at = (register_t *)(uintptr_t)pgm_read_word(control);
-    output->connect.mask = mask((uint8_t)(7 - 2 * number));
-    output->compare = output->connect.at + (wide ? 8 + 2 * number : 3 + number);
-}
+static volatile uint16_t overflows;
 
 void board_start_timers(void)
 {
@@ -128,19 +56,42 @@ void board_start_timers(void)
     TCCR3B = TCCR4B = TCCR5B = 1 << WGM32 | 1 << CS31 | 1 << CS30;
 }
 
-_Static_assert(EDGE_BOTH == 1 && EDGE_FALLING == 2 && EDGE_RISING == 3, "bits ISCn of the data sheet");
-
-void board_sense(uint8_t number, uint8_t sense)
+void board_start_clock(void)
 {
-    register_t *control = number < 4 ? &EICRA : &EICRB;
-    uint8_t bit = mask(number), field = 3;
-    for (number &= 3; number != 0; number--) {
-        sense = (uint8_t)(sense << 2);
-        field = (uint8_t)(field << 2);
+    TCCR1A = 0;
+    TCCR1B = 1 << CS11 | 1 << CS10;
+    TIMSK1 = 1 << TOIE1 | 1 << OCIE1A | 1 << OCIE1B;
+}
+
+ticks_t board_now(void)
+{
+    uint16_t high;
+    uint16_t low;
+    ATOMIC
+    {
+        low = TCNT1;
+        high = overflows;
+        if ((TIFR1 & 1 << TOV1) && low < 0x8000)
+            high++; /* the overflow interrupt is pending */
     }
-    EIMSK &= (uint8_t)~bit;
-    *control = (uint8_t)((*control & ~field) | sense);
-    EIFR = bit;
-    EIMSK |= bit;
+    return (ticks_t)high << 16 | low;
+}
+
+uint16_t board_now_low(void)
+{
+    return TCNT1;
+}
+
+void board_alarm(uint8_t alarm, uint16_t time)
+{
+    if (alarm == ALARM_MILLISECOND)
+        OCR1A = time;
+    else
+        OCR1B = time;
+}
+
+ISR(TIMER1_OVF_vect)
+{
+    overflows++;
 }
 #endif

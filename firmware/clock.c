@@ -1,53 +1,41 @@
 #include "clock.h"
 
-#include <avr/io.h>
-#include <util/atomic.h>
-
+#include "board.h"
 #include "status.h"
 
 #define MS_PER_MINUTE 60000U
 
-static volatile uint8_t overflows;
-static volatile uint8_t elapsed;
+static volatile uint8_t elapsed; /* ms */
+static uint16_t last_millisecond, last_sample; /* nominal times, low 16 bits */
 static uint16_t milliseconds;
 
 void clock_start(void)
 {
-    TCCR1A = 0;
-    TCCR1B = 1 << CS11 | 1 << CS10;
-    OCR1A = TICKS_PER_MS;
-    OCR1B = CLOCK_SAMPLE_TICKS;
-    TIMSK1 = 1 << TOIE1 | 1 << OCIE1A | 1 << OCIE1B;
+    board_alarm(ALARM_MILLISECOND, last_millisecond + TICKS_PER_MS);
+    board_alarm(ALARM_SAMPLE, last_sample + CLOCK_SAMPLE_TICKS);
+    board_start_clock();
 }
 
-void clock_overflow(void)
-{
-    overflows++;
-}
-
+/* An alarm time that has passed when it is set would come only after a whole round of the timer. So
+   both functions count from the clock itself, however late they are, and check again after setting. */
 void clock_millisecond(void)
 {
-    OCR1A += TICKS_PER_MS;
-    elapsed++;
-}
-
-void clock_sample(void)
-{
-    OCR1B += CLOCK_SAMPLE_TICKS;
-}
-
-ticks_t clock_now(void)
-{
-    uint8_t high;
-    uint16_t low;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        low = TCNT1;
-        high = overflows;
-        if ((TIFR1 & 1 << TOV1) && low < 0x8000)
-            high++; /* the overflow interrupt is pending */
+    while ((uint16_t)(board_now_low() - last_millisecond) >= TICKS_PER_MS) {
+        last_millisecond += TICKS_PER_MS;
+        elapsed++;
+        board_alarm(ALARM_MILLISECOND, last_millisecond + TICKS_PER_MS);
     }
-    return (ticks_t)high << 16 | low;
+}
+
+bool clock_sample(void)
+{
+    bool due = false;
+    while ((uint16_t)(board_now_low() - last_sample) >= CLOCK_SAMPLE_TICKS) {
+        last_sample += CLOCK_SAMPLE_TICKS;
+        board_alarm(ALARM_SAMPLE, last_sample + CLOCK_SAMPLE_TICKS);
+        due = true;
+    }
+    return due;
 }
 
 bool clock_tick(void)

@@ -1,20 +1,15 @@
-/* Board time: timer 1 at 4 us per tick. Only differences have a meaning. */
+/* Periods of the board's clock. */
 #ifndef CLOCK_H
 #define CLOCK_H
 
-#include <stdint.h>
+#include <stdbool.h>
 
-#include "ticks.h"
-
+/* Starts the clock and its alarms. */
 void clock_start(void);
 
-/* From the timer's interrupts. */
-void clock_overflow(void);
+/* From the alarms of the clock. clock_sample: true when a sample is due. */
 void clock_millisecond(void);
-void clock_sample(void);
-
-/* Present time. May be called with interrupts on or off. */
-ticks_t clock_now(void);
+bool clock_sample(void);
 
 /* True once per millisecond. */
 bool clock_tick(void);

@@ -65,10 +65,10 @@ static bool unstuff(uint8_t *bytes, uint8_t size)
 
 static bool whole(uint8_t *bytes, uint8_t size)
 {
-    if (!unstuff(bytes, size))
+    if (size <= CHECK_BYTES + 1 || !unstuff(bytes, size))
         return false;
     uint8_t payload = payload_size(bytes[1] & 0xF);
-    return payload != 0 && size == payload + CHECK_BYTES + 1 && codec_check(bytes + 1, size - 1) == 0;
+    return size >= payload + CHECK_BYTES + 1 && codec_check(bytes + 1, size - 1) == 0;
 }
 
 uint8_t codec_receive(codec_t *codec, uint8_t byte)
@@ -84,5 +84,13 @@ uint8_t codec_receive(codec_t *codec, uint8_t byte)
         return CODEC_MORE; /* consecutive delimiters are an idle line */
     if (used == WIRE_LONGEST)
         return CODEC_DAMAGED;
-    return whole(codec->bytes, used) ? CODEC_FRAME : CODEC_DAMAGED;
+    if (!whole(codec->bytes, used))
+        return CODEC_DAMAGED;
+    codec->size = (uint8_t)(used - CHECK_BYTES - 1);
+    return CODEC_FRAME;
+}
+
+uint8_t codec_size(const codec_t *codec)
+{
+    return codec->size;
 }

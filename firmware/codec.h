@@ -7,12 +7,16 @@
 #include "protocol.h"
 
 /* COBS adds one byte to up to 254; the delimiter is one more. */
-#define WIRE_LONGEST (PAYLOAD_LONGEST + CHECK_BYTES + 2)
+#define WIRE_BYTES(payload) ((payload) + CHECK_BYTES + 2)
+/* Room for frames that are longer than the types known here. */
+#define WIRE_LONGEST WIRE_BYTES(RECEIVE_MOST)
+_Static_assert(PAYLOAD_LONGEST <= RECEIVE_MOST, "every frame fits");
 
 /* Receive state of one link: bytes of the frame so far. */
 typedef struct {
     uint8_t bytes[WIRE_LONGEST];
     uint8_t used; /* WIRE_LONGEST: frame too long, skip to the delimiter */
+    uint8_t size; /* payload of the last frame */
 } codec_t;
 
 uint32_t codec_check(const void *payload, uint8_t size);
@@ -25,8 +29,11 @@ uint8_t codec_encode(const void *payload, uint8_t size, uint8_t *wire);
 
 enum { CODEC_MORE, CODEC_FRAME, CODEC_DAMAGED };
 
-/* Takes one byte. After CODEC_FRAME the payload starts at the second of `bytes` and has the length of
-   its type; it is valid until the next call. */
+/* Takes one byte. After CODEC_FRAME the payload starts at the second of `bytes` and has at least the length
+   of its type, and codec_size bytes; it is valid until the next call. */
 uint8_t codec_receive(codec_t *codec, uint8_t byte);
+
+/* Length of the payload of the frame just received. */
+uint8_t codec_size(const codec_t *codec);
 
 #endif

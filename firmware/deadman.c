@@ -15,6 +15,12 @@ bool deadman_allows(const deadman_t *deadman, uint8_t link)
     return deadman->owner == NO_OWNER || deadman->owner == link;
 }
 
+/* True in a mode that only deadman_clear ends. */
+static bool is_held(const deadman_t *deadman)
+{
+    return deadman->mode == MODE_FAULT || deadman->mode == MODE_BATTERY;
+}
+
 void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t now)
 {
     bool allowed = deadman_allows(deadman, link);
@@ -24,7 +30,7 @@ void deadman_stop(deadman_t *deadman, uint8_t link, uint8_t sequence, ticks_t no
         deadman->owner = link;
         deadman->commanded = now;
     }
-    if (deadman->mode == MODE_UNSET || deadman->mode == MODE_FAULT || deadman->pressed)
+    if (deadman->mode == MODE_UNSET || is_held(deadman) || deadman->pressed)
         return;
     deadman->mode = allowed ? MODE_STOPPED : MODE_OVERRULED;
 }
@@ -54,20 +60,20 @@ void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now)
         deadman->mode = MODE_EXPIRED;
 }
 
-void deadman_fault(deadman_t *deadman)
+void deadman_hold(deadman_t *deadman, uint8_t mode)
 {
-    deadman->mode = MODE_FAULT;
+    deadman->mode = mode;
 }
 
 void deadman_clear(deadman_t *deadman)
 {
-    if (deadman->mode == MODE_FAULT)
+    if (is_held(deadman))
         deadman_ready(deadman);
 }
 
 void deadman_button(deadman_t *deadman, bool pressed)
 {
     deadman->pressed = pressed;
-    if (pressed && deadman->mode != MODE_UNSET && deadman->mode != MODE_FAULT)
+    if (pressed && deadman->mode != MODE_UNSET && !is_held(deadman))
         deadman->mode = MODE_BUTTON;
 }

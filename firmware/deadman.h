@@ -39,7 +39,8 @@ bool deadman_allows(const deadman_t *deadman, uint8_t link);
 /* Dead-man timeout: an owner silent for `limit` ticks loses the commands. */
 void deadman_tick(deadman_t *deadman, ticks_t limit, ticks_t now);
 
-void deadman_fault(deadman_t *deadman);
+/* Stops until deadman_clear: MODE_FAULT or MODE_BATTERY. */
+void deadman_hold(deadman_t *deadman, uint8_t mode);
 void deadman_clear(deadman_t *deadman);
 void deadman_button(deadman_t *deadman, bool pressed);
 

@@ -1,14 +1,12 @@
 #include "encoders.h"
 
-#include <avr/io.h>
-#include <util/atomic.h>
-
+#include "atomic.h"
 #include "capture.h"
-#include "clock.h"
 #include "status.h"
 
 /* Ages have 16 bits of 64 us; older edges are marked before the clock wraps. */
 #define OLD_TICKS ((ticks_t)AGE_NONE * 16)
+#define TICK_US 4
 
 static ticks_t glitch; /* 0: no filter */
 static uint8_t edge_kind;
@@ -21,23 +19,23 @@ static void counted(encoder_t *encoder, bool level, ticks_t now)
         int8_t direction = 1;
         if ((level == board_read(&encoder->in_b)) != encoder->reversed)
             direction = -1;
-        if (direction != encoder->direction)
-            encoder->run = 0;
         encoder->direction = direction;
     }
     encoder->count = (uint16_t)(encoder->count + encoder->direction);
-    encoder->period = now - encoder->last;
+    encoder->edges++;
     encoder->last = now;
-    encoder->any = encoder->moved = true;
-    if (encoder->run < 2)
-        encoder->run++;
+    encoder->any = true;
 }
 
 /* An edge counts when the level before it lasted the glitch time: bounce makes only short levels, so
    it adds no count. */
 void encoders_edge(encoder_t *encoder)
 {
-    ticks_t now = clock_now();
+    if (!storm_admits(&encoder->storm)) {
+        board_mute(encoder->interrupt);
+        return;
+    }
+    ticks_t now = board_now();
     bool level = board_read(&encoder->in);
     if (both_edges) {
         if (capturing)
@@ -61,6 +59,8 @@ void encoders_edge(encoder_t *encoder)
 
 static void sense(encoder_t *encoder)
 {
+    if (encoder->storm.muted)
+        return;
     encoder->level = board_read(&encoder->in);
     board_sense(encoder->interrupt, both_edges ? EDGE_BOTH : edge_kind);
 }
@@ -72,15 +72,17 @@ static void choose_edges(void)
 
 void encoders_configure(const settings_t *settings)
 {
-    EIMSK = 0;
-    glitch = settings->glitch / 4;
+    board_mute_all();
+    glitch = settings->glitch < GLITCH_MINIMUM ? 0 : settings->glitch / TICK_US;
     edge_kind = settings->edge;
     choose_edges();
 }
 
-void encoders_connect(encoder_t *encoder, const uint8_t *pins)
+void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_per_s)
 {
     pin_t pin;
+    storm_begin(&encoder->storm, edges_per_s);
+    encoder->storm.checked_edges = encoder->edges;
     board_pin(pins[0], &pin);
     encoder->interrupt = pin.interrupt;
     encoder->direction = 1;
@@ -88,6 +90,22 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins)
     if (!board_input(pins[1], &encoder->in_b))
         encoder->in_b.at = 0;
     sense(encoder);
+}
+
+void encoders_tick(encoder_t *encoder)
+{
+    ATOMIC if (storm_tick(&encoder->storm)) sense(encoder);
+}
+
+void encoders_check(encoder_t *encoder)
+{
+    uint16_t changes, edges;
+    ATOMIC
+    {
+        changes = encoder->storm.changes;
+        edges = encoder->edges;
+    }
+    storm_check(&encoder->storm, changes, edges);
 }
 
 void encoders_set_direction(encoder_t *encoder, int16_t wanted)
@@ -106,17 +124,17 @@ uint16_t encoders_age(encoder_t *encoder, ticks_t now)
     return encoder->any ? (uint16_t)(age >> 4) : AGE_NONE;
 }
 
-ticks_t encoders_period(const encoder_t *encoder)
+uint16_t encoders_take(encoder_t *encoder, ticks_t *last)
 {
-    ticks_t age, period;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    uint16_t edges;
+    ATOMIC
     {
-        age = clock_now() - encoder->last;
-        period = encoder->period;
+        edges = encoder->edges;
+        *last = encoder->last;
     }
-    if (encoder->run < 2)
-        return TICKS_UNKNOWN;
-    return age > period ? age : period;
+    uint16_t count = (uint16_t)(edges - encoder->taken);
+    encoder->taken = edges;
+    return count;
 }
 
 void encoders_capture(encoder_t *left, encoder_t *right, bool on)
@@ -124,7 +142,7 @@ void encoders_capture(encoder_t *left, encoder_t *right, bool on)
     capturing = on;
     choose_edges();
     if (left->in.at)
-        ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+        ATOMIC
         {
             sense(left);
             sense(right);

@@ -7,6 +7,7 @@
 
 #include "board.h"
 #include "protocol.h"
+#include "storm.h"
 #include "ticks.h"
 
 /* Written by interrupts; elsewhere fields longer than a byte are read with interrupts off. */
@@ -18,13 +19,13 @@ typedef struct {
     bool level;     /* at the last interrupt, when both edges interrupt */
     bool reversed;  /* quadrature counts down going forward */
     bool any;       /* `last` is valid */
-    volatile bool moved; /* an edge was counted; the reader clears it */
     int8_t direction;
-    volatile uint8_t run; /* edges since standstill, up to 2 */
     uint16_t count;
+    volatile uint16_t edges; /* counted, in either direction; wraps */
+    uint16_t taken; /* of them, by encoders_take */
+    storm_t storm;
     ticks_t changed; /* when the level last changed */
     ticks_t last;    /* when the last edge was counted */
-    ticks_t period;
 } encoder_t;
 
 /* From its external interrupt. */
@@ -33,8 +34,15 @@ void encoders_edge(encoder_t *encoder);
 /* Applies the settings of both encoders; each is off until it is connected. */
 void encoders_configure(const settings_t *settings);
 
-/* `pins`: first and second channel, as in the settings. To be called with interrupts off. */
-void encoders_connect(encoder_t *encoder, const uint8_t *pins);
+/* `pins`: first and second channel, as in the settings. `edges_per_s`: of the wheel at full duty, 0 if
+   unknown. To be called with interrupts off. */
+void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_per_s);
+
+/* To be called each millisecond. */
+void encoders_tick(encoder_t *encoder);
+
+/* To be called each STORM_CHECK_MS. */
+void encoders_check(encoder_t *encoder);
 
 /* Sets the counting direction to the sign of the motor's command. No effect with quadrature. */
 void encoders_set_direction(encoder_t *encoder, int16_t wanted);
@@ -43,15 +51,8 @@ void encoders_set_direction(encoder_t *encoder, int16_t wanted);
    interrupts off. */
 uint16_t encoders_age(encoder_t *encoder, ticks_t now) __attribute__((noinline));
 
-/* The larger of the time between the last two edges and the time since the last one; TICKS_UNKNOWN
-   with fewer than two edges since standstill. */
-ticks_t encoders_period(const encoder_t *encoder);
-
-/* The next edge is the first since standstill. */
-static inline void encoders_forget(encoder_t *encoder)
-{
-    encoder->run = 0;
-}
+/* Number of edges since the last call; `last` is the time of the last of them. */
+uint16_t encoders_take(encoder_t *encoder, ticks_t *last);
 
 /* While on, every rising and falling edge is added to the capture ring. */
 void encoders_capture(encoder_t *left, encoder_t *right, bool on);

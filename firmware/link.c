@@ -1,10 +1,7 @@
 #include "link.h"
 
-#include <avr/io.h>
-#include <util/atomic.h>
-
+#include "board.h"
 #include "codec.h"
-#include "progmem.h"
 #include "status.h"
 
 #define ROOM_IN 64   /* 5.5 ms at 115200 baud */
@@ -25,31 +22,12 @@ typedef struct {
 
 static port_t ports[LINKS];
 
-/* Divisors at 16 MHz, double speed, for 9600, 19200, 38400, 57600, 115200 baud. */
-static const uint8_t divisors[] PROGMEM = {207, 103, 51, 34, 16};
-
-/* Registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. Every AVR
-   with several UARTs has them eight bytes apart. */
-#define UART(link) (&UCSR0A + 8 * (link))
-#define STATE 0
-#define CONTROL 1
-#define FORMAT 2
-#define DIVISOR 4
-#define DATA 6
-
-__attribute__((noinline)) static void set_divisor(uint8_t link, uint8_t code)
-{
-    UART(link)[STATE] = 1 << U2X0;
-    *(volatile uint16_t *)(UART(link) + DIVISOR) = pgm_read_byte(&divisors[code]);
-}
-
 void link_start(void)
 {
     for (uint8_t link = 0; link < LINKS; link++) {
         ports[link].baud = NO_CHANGE;
-        set_divisor(link, link == 0 ? BAUD_B115200 : BAUD_B9600);
-        UART(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
-        UART(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+        ports[link].idle = LAST_BYTES_MS; /* nothing has been sent */
+        board_start_link(link, link == 0 ? BAUD_B115200 : BAUD_B9600);
     }
 }
 
@@ -61,7 +39,7 @@ void link_baud(uint8_t link, uint8_t code)
 void link_received(uint8_t link)
 {
     port_t *port = &ports[link];
-    uint8_t byte = UART(link)[DATA];
+    uint8_t byte = board_received(link);
     uint8_t next = (uint8_t)(port->in_head + 1) % ROOM_IN;
     if (next == port->in_tail)
         return; /* ring full: the frame without this byte fails its checksum */
@@ -74,10 +52,10 @@ void link_empty(uint8_t link)
     port_t *port = &ports[link];
     uint8_t tail = port->out_tail;
     if (tail == port->out_head) {
-        UART(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
+        board_sending(link, false);
         return;
     }
-    UART(link)[DATA] = port->out[tail];
+    board_send(link, port->out[tail]);
     port->out_tail = (uint8_t)(tail + 1) % ROOM_OUT;
 }
 
@@ -101,6 +79,11 @@ const void *link_receive(uint8_t link)
     return 0;
 }
 
+uint8_t link_size(uint8_t link)
+{
+    return codec_size(&ports[link].codec);
+}
+
 uint8_t link_backlog(uint8_t link)
 {
     return (uint8_t)(ports[link].out_head - ports[link].out_tail) % ROOM_OUT;
@@ -109,8 +92,8 @@ uint8_t link_backlog(uint8_t link)
 bool link_send(uint8_t link, const void *payload, uint8_t size)
 {
     port_t *port = &ports[link];
-    uint8_t wire[WIRE_LONGEST];
-    if (size + CHECK_BYTES + 2 >= ROOM_OUT - link_backlog(link)) {
+    uint8_t wire[WIRE_BYTES(PAYLOAD_LONGEST)];
+    if (WIRE_BYTES(size) >= ROOM_OUT - link_backlog(link)) {
         status[ITEM_DROPPED]++;
         return false;
     }
@@ -121,8 +104,17 @@ bool link_send(uint8_t link, const void *payload, uint8_t size)
         head = (uint8_t)(head + 1) % ROOM_OUT;
     }
     port->out_head = head;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) UART(link)[CONTROL] |= 1 << UDRIE0;
+    board_sending(link, true);
     return true;
+}
+
+void link_delimit(uint8_t link)
+{
+    port_t *port = &ports[link];
+    if (link_backlog(link) == ROOM_OUT - 1)
+        return;
+    port->out[port->out_head] = 0;
+    port->out_head = (uint8_t)(port->out_head + 1) % ROOM_OUT;
 }
 
 void link_tick(void)
@@ -135,7 +127,7 @@ void link_tick(void)
             port->idle++;
         if (port->baud == NO_CHANGE || port->idle < LAST_BYTES_MS)
             continue;
-        set_divisor(link, port->baud);
+        board_set_baud(link, port->baud);
         port->baud = NO_CHANGE;
     }
 }

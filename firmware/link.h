@@ -1,11 +1,11 @@
-/* The two serial links, UART0 (USB) and UART1 (Bluetooth), with the same frames. */
+/* The serial links, with the same frames on all. */
 #ifndef LINK_H
 #define LINK_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#define LINKS 2
+#include "board.h"
 
 void link_start(void);
 
@@ -19,8 +19,14 @@ void link_baud(uint8_t link, uint8_t code);
 /* Payload of the next frame of a link, or null. Valid until the next call for that link. */
 const void *link_receive(uint8_t link);
 
+/* Length of that payload; at least that of its type. */
+uint8_t link_size(uint8_t link);
+
 /* Queues a frame; when it does not fit, counts it as dropped and returns false. Never waits. */
 bool link_send(uint8_t link, const void *payload, uint8_t size);
+
+/* Queues a delimiter, so that the next frame is not taken for the rest of a frame that a reset cut. */
+void link_delimit(uint8_t link);
 
 /* Number of bytes that wait to be sent. */
 uint8_t link_backlog(uint8_t link);

@@ -1,7 +1,4 @@
 /* diffbot: firmware of a differential-drive robot. The main loop sleeps between interrupts. */
-#include <avr/interrupt.h>
-#include <avr/sleep.h>
-
 #include "board.h"
 #include "clock.h"
 #include "link.h"
@@ -25,18 +22,18 @@ int main(void)
     clock_start();
     link_start();
     robot_start();
-    SMCR = 1 << SE; /* idle mode: timers and serial ports keep running */
-    sei();
+    board_start_interrupts();
     for (;;) {
-        uint16_t begun = (uint16_t)clock_now();
-        reset_feed();
+        uint16_t begun = (uint16_t)board_now();
         listen();
-        while (clock_tick())
+        while (clock_tick()) {
             robot_tick();
+            reset_feed(); /* here alone: without the clock there is no dead-man timeout */
+        }
         /* The motors are released and the watchdog resets the chip long before this wraps. */
-        uint16_t took_us = (uint16_t)(((uint16_t)clock_now() - begun) * 4);
+        uint16_t took_us = (uint16_t)(((uint16_t)board_now() - begun) * 4);
         if (took_us > status[ITEM_LOOP])
             status[ITEM_LOOP] = took_us;
-        sleep_cpu(); /* a byte received just before is read within a millisecond */
+        board_sleep(); /* a byte received just before is read within a millisecond */
     }
 }

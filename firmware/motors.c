@@ -1,29 +1,41 @@
 #include "motors.h"
 
+#include "protocol.h"
+
 /* The timer drives the pin only between 0 and full duty, which fast PWM cannot produce exactly. */
+static void put(const bit_t *pin, const pwm_t *pwm, uint8_t duty)
+{
+    *pwm->compare = duty; /* the high byte of a 16-bit timer stays 0 */
+    board_write(pin, OUTPUT, duty == UINT8_MAX);
+    board_write(&pwm->connect, 0, (uint8_t)(duty + 1) > 1);
+}
+
 static void enable(const motor_t *motor, uint8_t duty)
 {
-    if (!motor->pwm.compare)
-        return;
-    if (motor->inverted)
-        duty = (uint8_t)~duty;
-    *motor->pwm.compare = duty; /* the high byte of a 16-bit timer stays 0 */
-    board_write(&motor->pins[ENABLE], OUTPUT, duty == UINT8_MAX);
-    board_write(&motor->pwm.connect, 0, (uint8_t)(duty + 1) > 1);
+    put(&motor->pins[ENABLE], &motor->pwm[0], motor->inverted ? (uint8_t)~duty : duty);
+}
+
+static void put_both(const motor_t *motor, uint8_t first, uint8_t second)
+{
+    put(&motor->pins[IN1], &motor->pwm[0], first);
+    put(&motor->pins[IN2], &motor->pwm[1], second);
 }
 
 void motors_configure(motor_t *motor, const uint8_t *pins)
 {
+    bool two_pwm = motor->driver == DRIVER_TWO_PWM;
     for (uint8_t i = 0; i < MOTOR_PINS; i++) {
         pin_t pin;
-        board_pin(pins[i], &pin);
+        if (!board_pin(pins[i], &pin))
+            continue; /* none: not an input of this driver */
         motor->pins[i] = pin.bit;
-        if (i == ENABLE) {
-            board_pwm(pin.pwm, &motor->pwm);
-            enable(motor, 0);
-        }
-        board_write(&motor->pins[i], DIRECTION, true);
+        if (two_pwm || i == ENABLE)
+            board_pwm(pin.pwm, &motor->pwm[i == IN2]);
     }
+    motors_release(motor); /* before the pins become outputs */
+    for (uint8_t i = 0; i < MOTOR_PINS; i++)
+        if (pins[i] != PIN_NONE)
+            board_write(&motor->pins[i], DIRECTION, true);
 }
 
 void motors_set(const motor_t *motor, int16_t duty)
@@ -31,14 +43,32 @@ void motors_set(const motor_t *motor, int16_t duty)
     uint16_t size = (uint16_t)(duty < 0 ? -duty : duty);
     uint8_t pwm = (uint8_t)((size - (size >> 8) + 64) >> 7); /* 255 / 32768, rounded */
     bool forward = (duty > 0) != motor->reversed;
-    if (!motor->pwm.compare)
+    bool brake = pwm == 0 && motor->brake;
+    if (!motor->pwm[0].compare)
         return;
-    board_write(&motor->pins[IN1], OUTPUT, pwm != 0 && forward);
-    board_write(&motor->pins[IN2], OUTPUT, pwm != 0 && !forward);
-    enable(motor, pwm == 0 && motor->brake ? UINT8_MAX : pwm);
+    uint8_t first = brake ? UINT8_MAX : forward ? pwm : 0;
+    uint8_t second = brake ? UINT8_MAX : forward ? 0 : pwm;
+    if (motor->driver == DRIVER_TWO_PWM) {
+        put_both(motor, first, second);
+        return;
+    }
+    if (motor->driver == DRIVER_ENABLE_DIRECTION) {
+        board_write(&motor->pins[IN1], OUTPUT, forward); /* at duty 0 these drivers always brake */
+        enable(motor, pwm);
+        return;
+    }
+    /* Both inputs high: a TB6612 brakes only so, an L298N also with both low. */
+    board_write(&motor->pins[IN1], OUTPUT, first != 0);
+    board_write(&motor->pins[IN2], OUTPUT, second != 0);
+    enable(motor, brake ? UINT8_MAX : pwm);
 }
 
 void motors_release(const motor_t *motor)
 {
-    enable(motor, 0);
+    if (!motor->pwm[0].compare)
+        return;
+    if (motor->driver == DRIVER_TWO_PWM)
+        put_both(motor, 0, 0);
+    else
+        enable(motor, 0);
 }

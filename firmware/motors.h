@@ -1,4 +1,4 @@
-/* A motor on an L298N: an enable input with PWM and two direction inputs. Duty in 1/32768. */
+/* A motor on a driver with one of three kinds of inputs (DRIVER_... of the protocol). Duty in 1/32768. */
 #ifndef MOTORS_H
 #define MOTORS_H
 
@@ -11,11 +11,12 @@ enum { ENABLE, IN1, IN2, MOTOR_PINS };
 
 typedef struct {
     bit_t pins[MOTOR_PINS];
-    pwm_t pwm; /* `compare` is null before there are settings */
+    pwm_t pwm[2]; /* of enable, or of in1 and in2; `compare` of the first is null before there are settings */
+    uint8_t driver;
     bool reversed, inverted, brake;
 } motor_t;
 
-/* `pins`: enable, in1, in2, as in the settings. The flags must be set before. */
+/* `pins`: enable, in1, in2, as in the settings. Driver and flags must be set before. */
 void motors_configure(motor_t *motor, const uint8_t *pins);
 
 void motors_set(const motor_t *motor, int16_t duty);

@@ -6,7 +6,7 @@
 
 #include "progmem.h"
 
-#define PROTOCOL_VERSION 1
+#define PROTOCOL_VERSION 2
 #define CHECK_POLYNOMIAL 0x5D6DCBUL
 #define CHECK_START 0xFEDCBAUL
 #define CHECK_BYTES 3
@@ -14,7 +14,7 @@
 #define SPEED_ONE 256
 #define DUTY_ONE 32767
 #define GAIN_ONE 32768
-#define INTEGRAL_ONE 83886
+#define INTEGRAL_ONE 5243
 #define GAIN_MAXIMUM 24576
 #define COMMAND_AGE_NANOSECONDS 128000
 #define AGE_NONE 65535
@@ -26,21 +26,28 @@
 #define DEADMAN_MAXIMUM 500
 #define TELEMETRY_MAXIMUM 100
 #define GLITCH_MAXIMUM 50000
+#define GLITCH_MINIMUM 50
 #define SLOTS_MAXIMUM 10000
 #define FLAG_STORED 16
 #define FLAG_BUTTON 32
-#define FLAG_LEFT_FAULT 64
-#define FLAG_RIGHT_FAULT 128
+#define FLAG_LEFT_STALL 64
+#define FLAG_RIGHT_STALL 128
+#define FLAG_LEFT_STORM 256
+#define FLAG_RIGHT_STORM 512
+#define FLAG_BATTERY 1024
+#define RECEIVE_MOST 96
 #define CAPTURE_EDGES 8
 #define CAPTURE_TIME 16383
-#define PAYLOAD_LONGEST 36
+#define PAYLOAD_LONGEST 46
 
-enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7 };
+enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7, MODE_BATTERY = 8 };
 enum { RESET_UNKNOWN = 0, RESET_POWER = 1, RESET_LINE = 2, RESET_BROWNOUT = 3, RESET_WATCHDOG = 4 };
-enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PIN_LINK = 3, REFUSAL_PIN_PWM = 4, REFUSAL_PIN_INTERRUPT = 5, REFUSAL_PIN_ANALOG = 6, REFUSAL_PIN_TWICE = 7, REFUSAL_RANGE = 8, REFUSAL_OWNED = 9 };
+enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PIN_LINK = 3, REFUSAL_PIN_PWM = 4, REFUSAL_PIN_INTERRUPT = 5, REFUSAL_PIN_ANALOG = 6, REFUSAL_PIN_TWICE = 7, REFUSAL_RANGE = 8, REFUSAL_OWNED = 9, REFUSAL_UNKNOWN = 10 };
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
-enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1 };
+enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1, BOARD_ATMEGA328P = 2 };
+enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16 };
+enum { DRIVER_ENABLE_IN1_IN2 = 0, DRIVER_ENABLE_DIRECTION = 1, DRIVER_TWO_PWM = 2 };
 enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
 enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B115200 = 4 };
 
@@ -103,6 +110,7 @@ typedef struct __attribute__((packed)) {
     uint8_t button_high : 1; /* pressed is high (a normally closed contact to ground) */
     uint8_t reserved : 2; /* zero */
     uint8_t baud; /* of UART1 */
+    uint8_t driver; /* code */
     uint8_t left_enable; /* pin with PWM */
     uint8_t left_in1; /* pin */
     uint8_t left_in2; /* pin */
@@ -117,19 +125,24 @@ typedef struct __attribute__((packed)) {
     uint8_t range; /* analog channel (A0 is 0), or none */
     uint8_t battery; /* analog channel, or none */
     uint16_t telemetry; /* Hz */
-    uint16_t slots; /* counts per turn of the wheel */
+    uint16_t left_slots; /* counts per turn of the wheel */
+    uint16_t right_slots; /* counts per turn of the wheel */
     uint16_t glitch; /* us that a level must last for the edge at its end to count */
     uint16_t deadman; /* ms */
+    uint16_t battery_low; /* analog reading below which the battery is low; 0: never */
     uint16_t left_start; /* duty that just moves the wheel, 1/32768 */
     uint16_t left_gain; /* duty per rad/s, 1/32768 */
+    uint16_t left_proportional; /* duty per rad/s of error, 1/32768 */
+    uint16_t left_integral; /* duty per rad of error, 1/INTEGRAL_ONE */
     uint16_t right_start; /* duty that just moves the wheel, 1/32768 */
     uint16_t right_gain; /* duty per rad/s, 1/32768 */
-    uint16_t proportional; /* duty per rad/s of error, 1/32768 */
-    uint16_t integral; /* duty per rad of error, 1/INTEGRAL_ONE */
+    uint16_t right_proportional; /* duty per rad/s of error, 1/32768 */
+    uint16_t right_integral; /* duty per rad of error, 1/INTEGRAL_ONE */
+    uint8_t standby; /* pin of the standby input, counted from 1; 0: none */
 } settings_t;
 enum { TYPE_SETTINGS = 6 };
-_Static_assert(sizeof(settings_t) == 36, "the structure is the payload");
-enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_PROPORTIONAL, FIELD_INTEGRAL };
+_Static_assert(sizeof(settings_t) == 46, "the structure is the payload");
+enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_DRIVER, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_LEFT_SLOTS, FIELD_RIGHT_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_BATTERY_LOW, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_LEFT_PROPORTIONAL, FIELD_LEFT_INTEGRAL, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_RIGHT_PROPORTIONAL, FIELD_RIGHT_INTEGRAL, FIELD_STANDBY };
 
 /* both wheels at one time, with the ages of their last edges */
 typedef struct __attribute__((packed)) {
@@ -178,7 +191,7 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_STATUS = 10 };
 _Static_assert(sizeof(status_t) == 3, "the structure is the payload");
 
-/* identity of the board and its state */
+/* identity of the board and its state; to a host of version 1, as long as in that version */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
@@ -191,9 +204,13 @@ typedef struct __attribute__((packed)) {
     uint8_t mode : 4; /* code */
     uint8_t uart; /* UART that sends this frame */
     uint32_t settings; /* checksum of the settings in use, 0: none */
+    uint8_t receive; /* bytes of the longest payload that the board takes */
+    uint8_t settings_size; /* bytes of the settings frame that the board knows */
+    uint32_t capabilities; /* bits: codes of `capability` */
 } hello_t;
 enum { TYPE_HELLO = 11 };
-_Static_assert(sizeof(hello_t) == 12, "the structure is the payload");
+_Static_assert(sizeof(hello_t) == 18, "the structure is the payload");
+#define HELLO_BYTES_VERSION_1 12
 
 /* reply to the settings */
 typedef struct __attribute__((packed)) {

@@ -13,13 +13,10 @@ void reset_begin(void);
 /* Low 4 bits of the number of starts. */
 uint8_t reset_boot(void);
 
-/* To be called in every pass of the main loop. */
+/* To be called when the main loop has done the work of a millisecond. */
 void reset_feed(void);
 
 /* To be called each millisecond from an interrupt: true when the main loop has hung for 100 ms. */
 bool reset_hung(void);
-
-/* Bytes of stack that were never used. */
-uint16_t reset_free_stack(void);
 
 #endif

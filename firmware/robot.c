@@ -1,10 +1,9 @@
 #include "robot.h"
 
-#include <util/atomic.h>
-
 #include "analog.h"
+#include "atomic.h"
+#include "battery.h"
 #include "board.h"
-#include "clock.h"
 #include "codec.h"
 #include "deadman.h"
 #include "link.h"
@@ -15,44 +14,73 @@
 #include "wheel.h"
 
 #define VERSION_MAJOR 0
-#define VERSION_MINOR 1
+#define VERSION_MINOR 2
 #define VERSION_PATCH 0
 #define LIGHT_PIN 13
+#define BIT(capability) (1UL << (capability))
+#define CAPABILITIES \
+    (BIT(CAPABILITY_EDGE_TIMES) | BIT(CAPABILITY_CAPTURE) | BIT(CAPABILITY_STORMS) \
+     | BIT(CAPABILITY_BATTERY_STOP) | BIT(CAPABILITY_QUADRATURE) | BIT(CAPABILITY_ENABLE_IN1_IN2) \
+     | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
+     | BIT(CAPABILITY_ANALOG_RANGE))
 /* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
 /* Time that the button must be pressed, so that motor noise is not taken for a press. */
 #define PRESS_MS 3
 
 static deadman_t deadman;
+static battery_t battery;
 static settings_t settings;
 static uint32_t settings_mark; /* checksum of the settings in use; 0 without */
 static uint32_t limit; /* dead-man timeout, ticks */
-static uint8_t faults; /* FLAG_... */
-static uint8_t period_ms, press_ms, rest;
+static uint16_t faults; /* FLAG_... of a fault, until it is cleared */
+static uint16_t storms; /* FLAG_... of the storms at present */
+static uint8_t period_ms, check_ms, press_ms, rest;
 static bit_t button; /* mask 0: no button */
 
 static void release(void)
 {
     for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
         speed_stop(&wheel->speed);
-        encoders_forget(&wheel->encoder);
         motors_set(&wheel->motor, 0);
     }
 }
 
-/* Applies the settings of one wheel: its pins, from `enable` on, and its gains. */
-static void use_wheel(wheel_t *wheel, const uint8_t *pins, uint16_t start, uint16_t gain)
+/* Edges per second of a wheel at full duty, rounded up; 0 when the gain does not tell its speed. */
+static uint32_t rated_edges(uint16_t slots, const speed_t *speed)
+{
+    const uint8_t turn = 6; /* rad, rounded down from 2 pi */
+    if (speed->gain == 0)
+        return 0;
+    return (uint32_t)slots * (uint16_t)(DUTY_FULL - speed->start) / (uint16_t)speed->gain / turn + 1;
+}
+
+/* Applies the settings of one wheel: its pins, from `enable` on, its gains, from `start` on. */
+static void use_wheel(wheel_t *wheel, const uint8_t *pins, const uint16_t *gains, uint16_t slots)
 {
     speed_t *speed = &wheel->speed;
-    speed->start = start;
-    speed->gain = gain;
-    speed->proportional = settings.proportional;
-    speed->integral = settings.integral;
-    speed->pitch = speed_pitch(settings.slots);
+    speed->start = (int16_t)gains[0];
+    speed->gain = (int16_t)gains[1];
+    speed->proportional = (int16_t)gains[2];
+    speed->integral = (int16_t)gains[3];
+    speed->pitch = speed_pitch(slots);
     wheel->motor.inverted = settings.enable_inverted;
     wheel->motor.brake = settings.brake;
+    wheel->motor.driver = settings.driver;
     motors_configure(&wheel->motor, pins);
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) encoders_connect(&wheel->encoder, pins + MOTOR_PINS);
+    uint32_t edges_per_s = rated_edges(slots, speed);
+    ATOMIC
+        encoders_connect(&wheel->encoder, pins + MOTOR_PINS, edges_per_s);
+}
+
+/* Wakes the motor driver. Its input is pulled low while the board has no settings. */
+static void wake_driver(void)
+{
+    pin_t pin;
+    if (settings.standby == 0 || !board_pin(settings.standby - 1, &pin))
+        return;
+    board_write(&pin.bit, OUTPUT, true);
+    board_write(&pin.bit, DIRECTION, true);
 }
 
 static void use(void)
@@ -63,16 +91,18 @@ static void use(void)
     encoders_configure(&settings);
     LEFT->motor.reversed = settings.left_reversed;
     LEFT->encoder.reversed = settings.left_encoder_reversed;
-    use_wheel(LEFT, &settings.left_enable, settings.left_start, settings.left_gain);
+    use_wheel(LEFT, &settings.left_enable, &settings.left_start, settings.left_slots);
     RIGHT->motor.reversed = settings.right_reversed;
     RIGHT->encoder.reversed = settings.right_encoder_reversed;
     RIGHT->encoder.wheel = 1;
-    use_wheel(RIGHT, &settings.right_enable, settings.right_start, settings.right_gain);
+    use_wheel(RIGHT, &settings.right_enable, &settings.right_start, settings.right_slots);
+    wake_driver();
     analog_configure(&settings);
+    battery = (battery_t){.low = settings.battery_low};
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
         button.mask = 0;
-    link_baud(1, settings.baud);
+    link_baud(LINKS - 1, settings.baud);
     faults = 0;
     release();
     deadman_ready(&deadman);
@@ -84,6 +114,8 @@ static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
     *field = 0;
     if (!deadman_allows(&deadman, link))
         return REFUSAL_OWNED;
+    if (!settings_known(wanted, link_size(link), field))
+        return REFUSAL_UNKNOWN;
     if (settings_mark != 0) {
         if (codec_check(wanted, sizeof *wanted) == settings_mark)
             return REFUSAL_NONE; /* unchanged; the host, too, identifies settings by their checksum */
@@ -109,7 +141,8 @@ static void answer(uint8_t link, const void *payload)
     link_send(link, &frame, sizeof frame);
 }
 
-static void hello(uint8_t link)
+/* `size`: that of the hello in the version of the host. */
+static void hello(uint8_t link, uint8_t size)
 {
     hello_t frame = {
         .type = TYPE_HELLO, .version = PROTOCOL_VERSION,
@@ -121,7 +154,11 @@ static void hello(uint8_t link)
     frame.mode = deadman.mode;
     frame.uart = link;
     frame.settings = settings_mark;
-    link_send(link, &frame, sizeof frame);
+    frame.receive = RECEIVE_MOST;
+    frame.settings_size = sizeof(settings_t);
+    frame.capabilities = CAPABILITIES;
+    link_delimit(link);
+    link_send(link, &frame, size);
 }
 
 void robot_start(void)
@@ -130,17 +167,9 @@ void robot_start(void)
     deadman_begin(&deadman);
     if (store_load(&settings) && settings_check(&settings, &field) == REFUSAL_NONE)
         use();
-    link_tick();
+    link_tick(); /* the baud rate of the settings, before the first byte */
     for (uint8_t link = 0; link < LINKS; link++)
-        hello(link); /* informs a host that was driving of the restart */
-}
-
-/* Updates a wheel's duty; `passed` as in speed_step. */
-static void power(wheel_t *wheel, bool passed)
-{
-    if (deadman.mode == MODE_SPEED)
-        speed_step(&wheel->speed, encoders_period(&wheel->encoder), passed);
-    motors_set(&wheel->motor, wheel->speed.duty);
+        hello(link, sizeof(hello_t)); /* informs a host that was driving of the restart */
 }
 
 static void drive_wheel(wheel_t *wheel, int16_t wanted)
@@ -148,9 +177,9 @@ static void drive_wheel(wheel_t *wheel, int16_t wanted)
     encoders_set_direction(&wheel->encoder, wanted);
     if (deadman.mode == MODE_DUTY)
         wheel->speed.duty = wanted;
-    else if (speed_command(&wheel->speed, wanted))
-        encoders_forget(&wheel->encoder);
-    power(wheel, false);
+    else
+        speed_command(&wheel->speed, wanted, board_now());
+    motors_set(&wheel->motor, wheel->speed.duty);
 }
 
 /* A command and a duty frame have the same layout. */
@@ -158,7 +187,7 @@ static void drive(uint8_t link, const command_t *frame)
 {
     uint8_t mode = frame->type == TYPE_DUTY ? MODE_DUTY : MODE_SPEED;
     uint8_t before = deadman.mode;
-    if (!deadman_command(&deadman, link, mode, frame->sequence, clock_now()))
+    if (!deadman_command(&deadman, link, mode, frame->sequence, board_now()))
         return;
     if (mode != before)
         release();
@@ -174,6 +203,8 @@ static void light(uint8_t how)
     for (const uint8_t *at = &settings.left_enable; at < &settings.range; at++)
         if (*at == LIGHT_PIN)
             return;
+    if (settings.standby == LIGHT_PIN + 1)
+        return;
     board_pin(LIGHT_PIN, &pin);
     lit = how == 2 ? !lit : how;
     board_write(&pin.bit, DIRECTION, true);
@@ -194,6 +225,11 @@ static void act(uint8_t link, const action_t *frame)
         telemetry_capture(frame->value);
 }
 
+static bool version_1(const ask_t *frame)
+{
+    return frame->version == 1;
+}
+
 void robot_handle(uint8_t link, const void *payload)
 {
     const stop_t *frame = payload; /* every frame to the board has type and sequence here */
@@ -204,10 +240,10 @@ void robot_handle(uint8_t link, const void *payload)
         break;
     case TYPE_STOP:
         release();
-        deadman_stop(&deadman, link, frame->sequence, clock_now());
+        deadman_stop(&deadman, link, frame->sequence, board_now());
         break;
     case TYPE_ASK:
-        hello(link);
+        hello(link, version_1(payload) ? HELLO_BYTES_VERSION_1 : sizeof(hello_t));
         break;
     case TYPE_ACTION:
         act(link, payload);
@@ -233,28 +269,66 @@ static void check_button(void)
     deadman_button(&deadman, press_ms == PRESS_MS);
 }
 
+static void fault(uint16_t flag)
+{
+    faults |= flag;
+    deadman_hold(&deadman, MODE_FAULT);
+}
+
 static void loop(void)
 {
     if (rest < REST_PERIODS)
         rest++;
     for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
-        bool edge = wheel->encoder.moved;
-        wheel->encoder.moved = false; /* an edge between these lines is missed here */
-        power(wheel, true);
-        if (edge || wheel->speed.duty != 0)
+        speed_t *speed = &wheel->speed;
+        ticks_t last;
+        uint16_t edges = encoders_take(&wheel->encoder, &last);
+        speed_edges(speed, edges, last);
+        if (deadman.mode == MODE_SPEED)
+            speed_step(speed, board_now());
+        motors_set(&wheel->motor, speed->duty);
+        if (edges != 0 || speed->duty != 0)
             rest = 0;
-        if (speed_stalled(&wheel->speed, edge)) {
-            faults |= wheel == LEFT ? FLAG_LEFT_FAULT : FLAG_RIGHT_FAULT;
-            deadman_fault(&deadman);
-        }
+        if (deadman_drives(&deadman) && speed_stalled(speed, deadman.mode == MODE_DUTY))
+            fault(wheel == LEFT ? FLAG_LEFT_STALL : FLAG_RIGHT_STALL);
     }
+}
+
+/* Looks for a low battery. At standstill it is only reported. */
+static void watch_battery(void)
+{
+    battery_check(&battery, analog_mean(1));
+    if (battery_must_stop(&battery) && deadman_drives(&deadman))
+        deadman_hold(&deadman, MODE_BATTERY);
+}
+
+/* Looks for storms at the encoders' pins. At standstill they are only reported: the robot must not drive
+   with such an encoder, but it may stand. */
+static void watch_encoders(bool check)
+{
+    storms = 0;
+    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
+        encoders_tick(&wheel->encoder);
+        if (check)
+            encoders_check(&wheel->encoder);
+        if (storm_present(&wheel->encoder.storm))
+            storms |= wheel == LEFT ? FLAG_LEFT_STORM : FLAG_RIGHT_STORM;
+    }
+    if (storms != 0 && deadman_drives(&deadman))
+        fault(storms);
 }
 
 void robot_tick(void)
 {
     bool drove = deadman_drives(&deadman);
     check_button();
-    deadman_tick(&deadman, limit, clock_now());
+    deadman_tick(&deadman, limit, board_now());
+    bool check = ++check_ms == STORM_CHECK_MS;
+    if (check) {
+        check_ms = 0;
+        watch_battery();
+    }
+    watch_encoders(check);
     if (++period_ms == SPEED_PERIOD_MS) {
         period_ms = 0;
         loop();
@@ -263,5 +337,8 @@ void robot_tick(void)
         release();
     store_tick();
     link_tick();
-    telemetry_tick(&deadman, faults);
+    uint16_t flags = faults | storms;
+    if (battery_is_low(&battery))
+        flags |= FLAG_BATTERY;
+    telemetry_tick(&deadman, flags);
 }

@@ -5,23 +5,31 @@
 
 #include "board.h"
 
-enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, OPTIONAL = 0x10 };
+enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, NO_PIN, MOTOR_PIN, OPTIONAL = 0x10 };
 
 /* Roles of the pins of the settings frame, in its order from left_enable on. */
 #define PINS 13
 static const uint8_t roles[PINS] PROGMEM = {
-    PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL,
-    PWM_PIN, PLAIN_PIN, PLAIN_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL, PLAIN_PIN | OPTIONAL,
+    MOTOR_PIN, MOTOR_PIN, MOTOR_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL,
+    MOTOR_PIN, MOTOR_PIN, MOTOR_PIN, INTERRUPT_PIN, PLAIN_PIN | OPTIONAL, PLAIN_PIN | OPTIONAL,
     ANALOG_CHANNEL | OPTIONAL, ANALOG_CHANNEL | OPTIONAL,
+};
+
+/* Roles of enable, in1 and in2 of a wheel, by DRIVER_... */
+#define PINS_OF_WHEEL 5
+static const uint8_t motor_roles[][3] PROGMEM = {
+    [DRIVER_ENABLE_IN1_IN2] = {PWM_PIN, PLAIN_PIN, PLAIN_PIN},
+    [DRIVER_ENABLE_DIRECTION] = {PWM_PIN, PLAIN_PIN, NO_PIN},
+    [DRIVER_TWO_PWM] = {NO_PIN, PWM_PIN, PWM_PIN},
 };
 
 /* Minimum and maximum of the numbers of the settings frame, in its order from telemetry on; the last
    row is that of every gain. */
-#define NUMBERS 10
-#define GAINS 4
+#define NUMBERS 14
+#define GAINS 6
 static const uint16_t limits[GAINS + 1][2] PROGMEM = {
-    {1, TELEMETRY_MAXIMUM}, {1, SLOTS_MAXIMUM}, {0, GLITCH_MAXIMUM},
-    {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, GAIN_MAXIMUM},
+    {1, TELEMETRY_MAXIMUM}, {1, SLOTS_MAXIMUM}, {1, SLOTS_MAXIMUM}, {0, GLITCH_MAXIMUM},
+    {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, ANALOG_ONE}, {0, GAIN_MAXIMUM},
 };
 
 static uint8_t suits(uint8_t number, uint8_t role)
@@ -31,6 +39,8 @@ static uint8_t suits(uint8_t number, uint8_t role)
         return REFUSAL_PIN_MISSING;
     if (pin.interrupt == BOARD_LINK)
         return REFUSAL_PIN_LINK;
+    if (role != ANALOG_CHANNEL && pin.bit.mask == 0)
+        return REFUSAL_PIN_MISSING; /* an analog input only */
     if (role == PWM_PIN && pin.pwm == BOARD_NOTHING)
         return REFUSAL_PIN_PWM;
     if (role == INTERRUPT_PIN && pin.interrupt == BOARD_NOTHING)
@@ -38,7 +48,8 @@ static uint8_t suits(uint8_t number, uint8_t role)
     return REFUSAL_NONE;
 }
 
-static uint8_t check_pins(const uint8_t *wanted, uint8_t *index)
+/* `standby` is counted from 1; *index is PINS for it. */
+static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uint8_t standby, uint8_t *index)
 {
     uint8_t pins[PINS]; /* analog channels as pin numbers */
     for (uint8_t i = 0; i < PINS; i++) {
@@ -47,6 +58,13 @@ static uint8_t check_pins(const uint8_t *wanted, uint8_t *index)
         pins[i] = PIN_NONE;
         if (pin == PIN_NONE && role & OPTIONAL)
             continue;
+        if (role == MOTOR_PIN)
+            role = pgm_read_byte(&motor_roles[driver][i % PINS_OF_WHEEL]);
+        if (role == NO_PIN) {
+            if (pin != PIN_NONE)
+                return REFUSAL_RANGE;
+            continue;
+        }
         role &= (uint8_t)~OPTIONAL;
         if (role == ANALOG_CHANNEL) {
             if (pin >= board_analogs)
@@ -61,7 +79,13 @@ static uint8_t check_pins(const uint8_t *wanted, uint8_t *index)
                 return REFUSAL_PIN_TWICE;
         pins[i] = pin;
     }
-    return REFUSAL_NONE;
+    *index = PINS;
+    if (standby == 0)
+        return REFUSAL_NONE;
+    for (uint8_t i = 0; i < PINS; i++)
+        if (pins[i] == (uint8_t)(standby - 1))
+            return REFUSAL_PIN_TWICE;
+    return suits((uint8_t)(standby - 1), PLAIN_PIN);
 }
 
 static bool numbers_fit(const settings_t *settings, uint8_t *index)
@@ -79,12 +103,26 @@ static bool numbers_fit(const settings_t *settings, uint8_t *index)
     return true;
 }
 
+bool settings_known(const settings_t *settings, uint8_t size, uint8_t *field)
+{
+    const uint8_t *byte = (const uint8_t *)settings;
+    for (uint8_t i = sizeof *settings; i < size; i++)
+        if (byte[i] != 0) {
+            *field = UINT8_MAX;
+            return false;
+        }
+    return true;
+}
+
 uint8_t settings_check(const settings_t *settings, uint8_t *field)
 {
     uint8_t index;
     const uint8_t *pins = (const uint8_t *)settings + offsetof(settings_t, left_enable);
-    uint8_t refusal = check_pins(pins, &index);
-    *field = (uint8_t)(FIELD_LEFT_ENABLE + index);
+    *field = FIELD_DRIVER;
+    if (settings->driver > DRIVER_TWO_PWM)
+        return REFUSAL_UNKNOWN;
+    uint8_t refusal = check_pins(pins, settings->driver, settings->standby, &index);
+    *field = index == PINS ? FIELD_STANDBY : (uint8_t)(FIELD_LEFT_ENABLE + index);
     if (refusal != REFUSAL_NONE)
         return refusal;
     bool fits = numbers_fit(settings, &index);

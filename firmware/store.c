@@ -1,11 +1,10 @@
 #include "store.h"
 
-#include <avr/eeprom.h>
-
+#include "board.h"
 #include "codec.h"
 
 #define SLOTS 2
-#define SLOT_ROOM 64
+#define SLOT_ROOM 128
 /* Marks a completely written slot; erased first and written last. */
 #define COMPLETE 0xA5
 #define ERASED 0xFF
@@ -27,14 +26,14 @@ static uint8_t slot, generation;
 static uint8_t remaining;
 static bool done;
 
-static uint8_t *address(uint8_t number)
+static uint16_t address(uint8_t number)
 {
-    return (uint8_t *)(uintptr_t)(number * SLOT_ROOM);
+    return (uint16_t)(number * SLOT_ROOM);
 }
 
 static bool read(uint8_t number)
 {
-    eeprom_read_block(&image, address(number), sizeof image);
+    board_store_read(address(number), &image, sizeof image);
     return image.marker == COMPLETE && image.version == PROTOCOL_VERSION
         && codec_check(&image.version, BODY) == 0;
 }
@@ -68,16 +67,16 @@ void store_begin(const settings_t *settings)
 
 void store_tick(void)
 {
-    if (remaining == 0 || !eeprom_is_ready())
+    if (remaining == 0 || !board_store_ready())
         return;
-    uint8_t *to = address(slot);
+    uint16_t to = address(slot);
     remaining--;
     if (remaining == BODY + 1) {
-        eeprom_write_byte(to, ERASED);
+        board_store_write(to, ERASED);
     } else if (remaining != 0) {
-        eeprom_write_byte(to + remaining, ((const uint8_t *)&image)[remaining]);
+        board_store_write(to + remaining, ((const uint8_t *)&image)[remaining]);
     } else {
-        eeprom_write_byte(to, COMPLETE);
+        board_store_write(to, COMPLETE);
         done = true;
     }
 }

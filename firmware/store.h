@@ -1,4 +1,4 @@
-/* Settings in the EEPROM: two slots, written alternately, so that one is valid after a power loss. */
+/* Settings in the memory that keeps its content without power: two slots, written alternately, so that one is valid after a power loss. */
 #ifndef STORE_H
 #define STORE_H
 

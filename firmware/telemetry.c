@@ -1,10 +1,9 @@
 #include "telemetry.h"
 
-#include <util/atomic.h>
-
 #include "analog.h"
+#include "atomic.h"
+#include "board.h"
 #include "capture.h"
-#include "clock.h"
 #include "link.h"
 #include "reset.h"
 #include "status.h"
@@ -22,6 +21,7 @@ static uint8_t state_size = sizeof(state_t);
 static bool capturing;
 static ticks_t next_state;
 static uint8_t sequence, dropped, item;
+static uint16_t told_faults;
 
 void telemetry_configure(const settings_t *settings)
 {
@@ -49,9 +49,9 @@ static void send_state(const deadman_t *deadman)
     state_t frame = {.type = state_size == sizeof(state_t) ? TYPE_STATE : TYPE_COUNTS};
     uint8_t drops = (uint8_t)status[ITEM_DROPPED];
     ticks_t now;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+    ATOMIC
     {
-        now = clock_now();
+        now = board_now();
         frame.left = LEFT->encoder.count;
         frame.right = RIGHT->encoder.count;
         frame.left_age = encoders_age(&LEFT->encoder, now);
@@ -70,9 +70,9 @@ static void send_state(const deadman_t *deadman)
     send(&frame, state_size, ANY_BACKLOG);
 }
 
-static uint8_t flags(const deadman_t *deadman, uint8_t faults)
+static uint16_t flags(const deadman_t *deadman, uint16_t faults)
 {
-    uint8_t flags = reset_cause | faults;
+    uint16_t flags = reset_cause | faults;
     if (store_done())
         flags |= FLAG_STORED;
     if (deadman->pressed)
@@ -80,26 +80,41 @@ static uint8_t flags(const deadman_t *deadman, uint8_t faults)
     return flags;
 }
 
-/* Sends the next item. */
-static void send_status(const deadman_t *deadman, uint8_t faults)
+static void send_item(uint8_t item, uint8_t backlog)
 {
-    status_t frame = {.type = TYPE_STATUS};
+    status_t frame = {.type = TYPE_STATUS, .item = item};
+    ATOMIC frame.value = status[item];
+    send(&frame, sizeof frame, backlog);
+}
+
+/* Sends the next item. */
+static void send_status(const deadman_t *deadman, uint16_t faults)
+{
     status[ITEM_FLAGS] = flags(deadman, faults);
     status[ITEM_BATTERY] = analog_mean(1);
-    status[ITEM_FREE_STACK] = reset_free_stack();
+    status[ITEM_FREE_STACK] = board_free_stack();
     status[ITEM_FOREIGN] = deadman->foreign;
-    frame.item = item;
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) frame.value = status[item];
+    send_item(item, STATE_BACKLOG);
     if (item == ITEM_LOOP)
         status[ITEM_LOOP] = 0;
     item = item == ITEM_DROPPED ? 0 : item + 1;
-    send(&frame, sizeof frame, STATE_BACKLOG);
 }
 
-void telemetry_tick(const deadman_t *deadman, uint8_t faults)
+/* A change of the faults is sent at once, so that the host knows the cause of the next state frame. */
+static void send_faults(const deadman_t *deadman, uint16_t faults)
 {
-    ticks_t now = clock_now();
+    if (faults == told_faults)
+        return;
+    told_faults = faults;
+    status[ITEM_FLAGS] = flags(deadman, faults);
+    send_item(ITEM_FLAGS, ANY_BACKLOG);
+}
+
+void telemetry_tick(const deadman_t *deadman, uint16_t faults)
+{
+    ticks_t now = board_now();
     capture_t edges;
+    send_faults(deadman, faults);
     if (capturing && capture_take(&edges, now))
         send(&edges, sizeof edges, ANY_BACKLOG);
     if (!ticks_due(now, next_state))

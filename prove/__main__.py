@@ -8,9 +8,30 @@ import tempfile
 from itertools import chain as joined
 from pathlib import Path
 
-from diffbotctl.testing.trials import calibration, ports, radio, rosserial, wander
+from diffbotctl.testing.trials import (
+    calibrated_values,
+    calibration,
+    from_log,
+    ports,
+    radio,
+    rosserial,
+    wander,
+)
 from diffbotctl.testing.trials.row import printed
-from prove import chain, faults, firmware, first_goal, model, motion, operator, recordings
+from prove import (
+    chain,
+    extending,
+    faults,
+    firmware,
+    first_goal,
+    hostile,
+    matrix,
+    model,
+    motion,
+    operator,
+    plants,
+    recordings,
+)
 
 
 def main() -> int:
@@ -18,12 +39,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
+    parser.add_argument("--goals", type=int, default=50, help="of each row of both plants")
+    parser.add_argument("--matrix", type=int, default=272, help="runs of the matrix")
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--faulty", type=int, default=30, help="robots with planted faults")
     parser.add_argument("--emulated", type=int, default=5, help="further ones, on emulated boards")
+    parser.add_argument("--drives", type=int, default=200, help="sets of recorded drives")
+    parser.add_argument("--calibrated", type=int, default=100, help="robots whose values are read")
     parser.add_argument("--starts", type=int, default=100)
     parser.add_argument("--board", type=float, default=1.0, help="fraction of the board trials")
     parser.add_argument("--wander", type=int, default=50, help="seeds, 30 minutes each")
+    parser.add_argument("--hostile", type=int, default=200, help="hostile files of each kind")
+    parser.add_argument("--failures", type=int, default=50, help="of programs, of each kind")
+    parser.add_argument("--hours", type=float, default=24.0, help="simulated, memory measured")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
@@ -32,11 +60,15 @@ def main() -> int:
     os.environ["XDG_STATE_HOME"] = state.name  # keep the user's own black-box files
     sections = (
         motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
+        plants.rows(options.seed, options.goals),
+        matrix.sample(options.seed, options.matrix),
         rosserial.rows(options.seed, options.starts),
         faults.rows(options.seed, options.trials),
         firmware.rows(options.seed, options.board),
         first_goal.rows(),
         calibration.rows(options.optiodom),
+        from_log.rows(options.seed, options.drives, options.optiodom),
+        calibrated_values.rows(options.seed, options.calibrated),
         ports.rows(),
         radio.rows(options.seed, max(6, round(30 * options.board))),
         model.rows(),
@@ -45,6 +77,8 @@ def main() -> int:
         recordings.rows(options.seed, min(options.trials, 20)),
         chain.rows(options.seed, options.robots, options.faulty, options.emulated),
         calibration.range_rows(options.seed),
+        hostile.rows(options.seed, options.hostile, options.hours),
+        extending.rows(options.failures),
     )
     missed = printed(joined.from_iterable(sections))
     state.cleanup()

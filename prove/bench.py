@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
+import io
+import json
 import os
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -23,6 +27,7 @@ from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
+ROOT = Path(__file__).parents[1]
 TICKS = 8000  # for each of the two variants
 PERIOD_S = 0.001
 OPEN_FLOOR = ["world.walls=[]"]
@@ -49,7 +54,7 @@ def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
 
     def step(now: int, encoders: Any, goal: Any) -> Any:
         pose = odometry(now, encoders)
-        twist, _ = follower(now, pose, goal, None)
+        twist, _ = follower(now, pose, goal, None, None)  # neither encoders nor stops are connected
         return kinematics(now, limiter(now, mux(now, None, twist)))
 
     return step
@@ -235,10 +240,65 @@ def simulated_speed() -> Iterator[Row]:
         )
 
 
+def speed_against(commit: str, pairs: int) -> Iterator[Row]:
+    """Simulated seconds per second beside those of `commit`: the same runs, alternating.
+
+    The ratio is that of the fastest of `pairs` runs each: other programs only slow a run down.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        older = Path(folder) / "older"
+        archive = subprocess.run(
+            ["git", "archive", "--format=tar", commit], cwd=ROOT, check=True, stdout=subprocess.PIPE
+        )
+        with tarfile.open(fileobj=io.BytesIO(archive.stdout)) as files:
+            files.extractall(older, filter="data")
+        for pipeline in ("goal", "wander"):
+            for what, target, recorded in (
+                ("unrecorded", 1.5, False),
+                ("every message recorded", 1.4, True),
+            ):
+                before, now = [], []
+                for seed in range(pairs):
+                    path = Path(folder) / "speed.mcap" if recorded else None
+                    before.append(speed_of(older, pipeline, seed, path))
+                    now.append(speed_of(ROOT, pipeline, seed, path))
+                ratio = max(now) / max(before)
+                yield Row(
+                    f"{pipeline}: simulation over real time against {commit}, {what}",
+                    f"x{ratio:.2f} (x{max(before):.0f} to x{max(now):.0f})",
+                    f">= x{target}",
+                    ratio >= target,
+                )
+
+
+def speed_of(tree: Path, pipeline: str, seed: int, recording: Path | None) -> float:
+    """Simulated seconds per second of the version in `tree`."""
+    if recording is not None:
+        recording.unlink(missing_ok=True)
+    words = [str(ROOT / "prove" / "simulation_speed.py"), pipeline, str(seed)]
+    output = subprocess.run(
+        [sys.executable, *words, *([str(recording)] if recording else [])],
+        env={**os.environ, "PYTHONPATH": str(tree)},
+        cwd=tree,
+        text=True,
+        stdout=subprocess.PIPE,
+        check=True,
+    ).stdout
+    figures = json.loads(output)
+    return float(figures["simulated"] / figures["seconds"])
+
+
 def main() -> int:
-    """Print the rows."""
-    sections = (overhead, start_up, memory, simulated_speed, wire.rows)
-    missed = printed(row for section in sections for row in section())
+    """Print the rows; with `--against COMMIT` those of the simulation's speed beside COMMIT."""
+    parser = argparse.ArgumentParser(prog="python -m prove.bench")
+    parser.add_argument("--against", metavar="COMMIT", help="compare the simulation's speed")
+    parser.add_argument("--pairs", type=int, default=7, help="runs of each version (default 7)")
+    arguments = parser.parse_args()
+    if arguments.against:
+        missed = printed(speed_against(arguments.against, arguments.pairs))
+    else:
+        sections = (overhead, start_up, memory, simulated_speed, wire.rows)
+        missed = printed(row for section in sections for row in section())
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

@@ -16,6 +16,7 @@ from random import Random
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
 from diffbotctl.testing.trials.row import Row, printed
 
 PROGRAM = (
@@ -26,6 +27,8 @@ PROGRAM = (
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time
 RECORDER_TIMEOUT_S = 5.0  # for a recorder whose engine was killed to finish its file
+HEALTHY_RUNS = 20  # for each trial: 1,000 of 50
+FREEZE_SHARE = 0.6  # of the trials: 30 of 50
 DRIVE_TIME_MAX_S = 4.0  # before the fault
 
 
@@ -188,7 +191,7 @@ def run_trial(fault: Callable[[Trial], bool], seed: int) -> bool:
 
 
 def rows(seed: int, trials: int) -> Iterator[Row]:
-    """One row for each fault."""
+    """One row for each fault, and those of a host that does not run."""
     for name, fault in FAULTS.items():
         rng = Random(f"{seed} {name}")
         seeds = [rng.getrandbits(32) for _ in range(trials)]
@@ -200,6 +203,10 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
             f"{trials} of {trials}",
             good == trials,
         )
+    yield from host_freeze.rows(seed, max(1, round(trials * FREEZE_SHARE)))
+    yield from child_faults.rows(seed, max(1, trials // 5))
+    yield from same_end.rows(seed)
+    yield from runaway.rows(seed, HEALTHY_RUNS * trials, 2 * trials, os.cpu_count() or 1)
 
 
 def main() -> int:

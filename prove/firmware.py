@@ -1,6 +1,6 @@
 """Figures of firmware, protocol, virtual board and flashing: `python -m prove.firmware`.
 
-Everything but the codecs runs the real binary on the emulated Mega 2560.
+Everything but the codecs runs the real binary on an emulated Mega 2560 and on an Uno.
 """
 
 from __future__ import annotations
@@ -9,7 +9,16 @@ import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from diffbotctl.testing.trials import board, board_restarts, board_runs, flash, frame_damage
+from diffbotctl.testing.board_bench import UNO_BOARD, trials_on
+from diffbotctl.testing.trials import (
+    board,
+    board_faults,
+    board_restarts,
+    board_runs,
+    flash,
+    frame_damage,
+    wheel_loop,
+)
 from diffbotctl.testing.trials.row import Row, printed
 
 
@@ -29,6 +38,14 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board.eeprom_cuts, seed, trials(200, 20)),
         partial(board.restarts, seed, trials(15, 3)),
         partial(board.deadman, seed, trials(1000, 20)),
+        partial(board_faults.storms, seed, trials(100, 20)),
+        partial(board_faults.hellos, seed, trials(20, 20)),
+        partial(wheel_loop.starts, seed, trials(1000, 50)),
+        partial(wheel_loop.starts, seed + 1, trials(100, 10), emulated=True),
+        partial(wheel_loop.stalls, seed, trials(200, 20)),
+        partial(wheel_loop.stalls, seed + 1, trials(50, 10), emulated=True),
+        partial(wheel_loop.settling, seed, trials(40, 10)),
+        partial(wheel_loop.settling, seed, trials(10, 3), emulated=True),
         partial(frame_damage.to_board, seed, trials(1e7, 100_000)),
         partial(frame_damage.to_host, seed, trials(1e7, 20_000)),
         partial(frame_damage.through_binary, seed, trials(1e4, 100)),
@@ -40,6 +57,37 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
     ]
     for section in sections:
         yield from section()
+    yield from uno_rows(seed, share)
+
+
+def uno_rows(seed: int, share: float = 1.0) -> Iterator[Row]:
+    """The rows of the Mega that concern its chip, on an Uno."""
+
+    def trials(full: float, minimum: int = 1) -> int:
+        return max(minimum, round(full * share))
+
+    sections: list[Callable[[], Iterator[Row]]] = [
+        partial(board.latency, seed, trials(200, 20)),
+        partial(board.telemetry, trials(60, 5)),
+        partial(board.edges, 12_000),
+        partial(board.bounce, seed, trials(3, 1)),
+        partial(board.refused_settings, seed, trials(400, 40)),
+        partial(board.eeprom_cuts, seed, trials(200, 20)),
+        partial(board.restarts, seed, trials(15, 3)),
+        partial(board.deadman, seed, trials(1000, 20)),
+        partial(board_faults.storms, seed, trials(100, 20)),
+        partial(board_faults.hellos, seed, trials(20, 20)),
+        partial(frame_damage.through_binary, seed, trials(1e4, 100)),
+        partial(board_runs.agreement, seed, trials(10, 2)),
+        partial(board_runs.goals, seed, trials(20, 3)),
+        partial(board_runs.same_twice, seed),
+        partial(board_restarts.rows, seed, trials(30, 3)),
+    ]
+    for section in sections:
+        with trials_on(UNO_BOARD):
+            found = list(section())
+        for row in found:
+            yield row._replace(what=f"Uno: {row.what}")
 
 
 def main() -> None:

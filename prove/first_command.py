@@ -11,7 +11,7 @@ from typing import Any
 def main() -> None:
     """`python -m prove.first_command START WORDS...`: START is the monotonic time of the start."""
     start = float(sys.argv.pop(1))
-    from diffbotctl.cli import main as cli
+    from diffbotctl.__main__ import main as run_program
     from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 
     def end_when_moving(self: SimulatedRobotDriver, now: int, command: Any) -> None:
@@ -20,7 +20,7 @@ def main() -> None:
             os._exit(0)
 
     SimulatedRobotDriver.command = end_when_moving  # type: ignore[method-assign]
-    cli.main()
+    run_program()
 
 
 if __name__ == "__main__":

@@ -94,7 +94,7 @@ class Ticks:
             os.write(self.port, frame(125, struct.pack("<i", int(self.places[0]))))
             os.write(self.port, frame(126, struct.pack("<i", int(self.places[1]))))
             sent = time.perf_counter()
-            if self.answers.wait(wire.ANSWER):
+            if self.answers.wait(due + 1.0 / RATE - sent):  # until the next tick is due
                 times.append(time.perf_counter() - sent)
         return times
 

@@ -14,18 +14,19 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
 from diffbotctl.testing.book_board import BookBoard, frame
 from diffbotctl.testing.trials.row import Row, printed
 
-SECONDS = 12.0  # of ticks a run
+SECONDS = 12.0  # of ticks in each run
 PAIR = 24  # bytes of both wheels' commands
-ANSWER = 0.004  # s; a command that comes later belongs to the repetition, not to the tick
+LATE_S = 0.004  # an answer that takes longer is counted, and its number is printed
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
 def command(port: str, recording: Path) -> list[str]:
-    """The product on a line so fast that no pacing is in the way, recording all the time."""
+    """A recorded run of diffbotctl, at a baud rate that does not pace the commands."""
     return [
         sys.executable,
         "-c",
@@ -49,7 +50,7 @@ def command(port: str, recording: Path) -> list[str]:
     ]
 
 
-# Reads what comes and answers each tick at once: what is left is this machine's own.
+# Reads what arrives and answers each tick at once: its times are those of the machine itself.
 BARE = """\
 import itertools, os, sys, tty
 port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
@@ -64,9 +65,9 @@ while True:
 
 
 class Answers:
-    """Waits for changed commands to come out of the port.
+    """Waits for changed commands on the port.
 
-    A pair that says the same as the one before repeats it, and answers nothing.
+    A pair of commands equal to the one before is a repetition, not an answer.
     """
 
     def __init__(self, port: int) -> None:
@@ -74,10 +75,10 @@ class Answers:
         self.rest = self.last = b""
 
     def wait(self, seconds: float) -> bool:
-        """True when another pair of commands than before has come in that time."""
+        """True when a changed pair of commands has arrived in that time."""
         end = time.perf_counter() + seconds
-        while (left := end - time.perf_counter()) > 0:
-            if not select.select([self.port], [], [], left)[0]:
+        while (remaining := end - time.perf_counter()) > 0:
+            if not select.select([self.port], [], [], remaining)[0]:
                 return False
             self.rest += os.read(self.port, 4096)
             while len(self.rest) >= PAIR:
@@ -88,8 +89,31 @@ class Answers:
         return False
 
 
-def measure(rate: float, screen: bool) -> list[float]:
-    """Seconds from the right tick's last byte to the pair that answers it."""
+class Timing(NamedTuple):
+    """Sorted times (s) from a tick's last byte to the command that answers it, and the ticks sent.
+
+    A tick whose command equals the one before has no answer that could be told from a repetition.
+    """
+
+    times: list[float]
+    ticks: int
+
+    @property
+    def median(self) -> float:
+        return median(self.times)
+
+    @property
+    def p99(self) -> float:
+        return self.times[int(0.99 * len(self.times))]
+
+    def counts(self) -> str:
+        """How many ticks were answered, and how many answers were late."""
+        late = sum(time > LATE_S for time in self.times)
+        return f"{len(self.times)} of {self.ticks} answered, {late} after {LATE_S * 1e3:g} ms"
+
+
+def measure(rate: float, screen: bool) -> Timing:
+    """The times of a run of diffbotctl, with or without the screen."""
     master, slave = os.openpty()
     tty.setraw(slave)
     with tempfile.TemporaryDirectory() as folder:
@@ -110,8 +134,8 @@ def measure(rate: float, screen: bool) -> list[float]:
                 os.close(fd)
 
 
-def bare(rate: float) -> list[float]:
-    """The same seconds of a program that does nothing but read and write."""
+def bare(rate: float) -> Timing:
+    """The times of a program that only reads and writes."""
     master, slave = os.openpty()
     tty.setraw(slave)
     tick = 3 * len(frame(125, bytes(4)))
@@ -126,7 +150,7 @@ def bare(rate: float) -> list[float]:
 
 
 def drain(terminal: int) -> None:
-    """Read away what the screen draws."""
+    """Read and discard what the screen draws."""
     try:
         while os.read(terminal, 65536):
             pass
@@ -143,17 +167,21 @@ def negotiate(port: int) -> None:
         os.write(port, data)
 
 
-def stimulate(port: int, rate: float) -> list[float]:
-    """Send tick pairs at `rate`, turning now left and now right, and time the answers."""
+def stimulate(port: int, rate: float) -> Timing:
+    """Send tick pairs at `rate`, turning now left and now right, and time every answer.
+
+    An answer is waited for until the next tick is due.
+    """
     answers = Answers(port)
     times: list[float] = []
     begin = time.perf_counter()
     due = begin
+    ticks = 0
     places = [0.0, 0.0]
     while time.perf_counter() - begin < SECONDS:
         due += 1.0 / rate
         while answers.wait(due - time.perf_counter()):
-            pass
+            pass  # further commands of the tick before
         curve = 8.0 if int((due - begin) * 2) % 2 else -8.0
         places[0] += (20.0 - curve) / rate
         places[1] += (20.0 + curve) / rate
@@ -161,35 +189,36 @@ def stimulate(port: int, rate: float) -> list[float]:
         os.write(port, frame(125, struct.pack("<i", int(places[0]))))
         os.write(port, frame(126, struct.pack("<i", int(places[1]))))
         sent = time.perf_counter()
-        if answers.wait(ANSWER):
+        ticks += 1
+        if answers.wait(due + 1.0 / rate - sent):
             times.append(time.perf_counter() - sent)
-    return times
+    return Timing(sorted(times), ticks)
 
 
 def rows() -> Iterator[Row]:
     """The latency rows, headless and with the screen, at 50 and 200 Hz, beside a bare program's."""
-    for rate in (50.0, 200.0):
-        times = sorted(bare(rate))
-        half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+    floors = {rate: bare(rate) for rate in (50.0, 200.0)}
+    for rate, floor in floors.items():
         yield Row(
             f"wire to wire at {rate:.0f} Hz, a program that only reads and writes",
-            f"{half:.2f}, p99 {tail:.2f} ms",
+            f"{floor.median * 1e3:.2f}, p99 {floor.p99 * 1e3:.2f} ms; {floor.counts()}",
             "(none)",
             True,
         )
-    for screen, most in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
-        for rate in (50.0, 200.0):
-            times = sorted(measure(rate, screen))
+    for screen, (median_max, p99_max) in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
+        for rate, floor in floors.items():
+            timing = measure(rate, screen)
             name = f"wire to wire at {rate:.0f} Hz, {'with the screen' if screen else 'headless'}"
-            if len(times) < 20:
-                yield Row(name, f"{len(times)} answers", "enough to tell", False)
+            if len(timing.times) < 20:
+                yield Row(name, timing.counts(), "at least 20 answers", False)
                 continue
-            half, tail = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+            middle, tail = timing.median * 1e3, timing.p99 * 1e3
             yield Row(
-                f"{name} (n={len(times)})",
-                f"{half:.2f}, p99 {tail:.2f} ms",
-                f"<= {most[0]}, p99 <= {most[1]} ms",
-                half <= most[0] and tail <= most[1],
+                name,
+                f"{middle:.2f} ({timing.median / floor.median:.1f}x bare), p99 {tail:.2f} ms "
+                f"({timing.p99 / floor.p99:.1f}x); {timing.counts()}",
+                f"<= {median_max}, p99 <= {p99_max} ms",
+                middle <= median_max and tail <= p99_max,
             )
 
 

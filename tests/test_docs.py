@@ -40,11 +40,13 @@ def test_the_robot_that_is_shown_is_fine(tmp_path):
     from diffbotctl.config.load import load, load_robot
 
     text = (ROOT / "docs" / "robots.md").read_text()
-    (shown,) = re.findall(r"```yaml\n(.*?)```", text, re.S)
+    shown, disturbed = re.findall(r"```yaml\n(.*?)```", text, re.S)
     file = tmp_path / "mine.yaml"
     file.write_text(shown)
     assert load_robot(str(file)).warnings == ()
     assert load("goal", str(file)).robot.drive.left.encoder.slots == 24
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{disturbed}")
+    assert load_robot(str(file)).robot.simulation.disturbances[1].left_drag == 2.0
 
 
 def test_the_table_of_robots_is_true():

@@ -14,7 +14,19 @@ import pytest
 ROOT = Path(__file__).parent.parent
 # A folder or top-level module imports from its own line and the lines above it, never from below.
 LAYERS = [
-    ["time", "errors", "codes", "messages", "log", "units", "params", "block"],
+    [
+        "time",
+        "errors",
+        "codes",
+        "messages",
+        "message_types",
+        "message_parser",
+        "log",
+        "units",
+        "params",
+        "block",
+        "printable",
+    ],
     ["geometry", "control", "estimation", "blocks", "links", "graph"],
     ["config"],
     ["model", "reference", "plant"],
@@ -23,7 +35,7 @@ LAYERS = [
     ["ports"],
     ["bluetooth"],
     ["drivers", "render"],
-    ["control_socket", "prompts", "emulator"],
+    ["control_socket", "programs", "prompts", "emulator"],
     ["runs"],
     ["replay", "board", "calibrate", "diagnostics"],
     ["flash", "start"],

@@ -1,23 +1,25 @@
 """Goal follower: turn to the bearing of the goal, drive to it, turn to its heading."""
 
-from __future__ import annotations
-
 from collections import deque
-from math import atan2, copysign, cos, pi, sin
+from collections.abc import Mapping
+from math import copysign, cos, degrees, pi, sin
 from typing import NamedTuple, assert_never
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.goal_pursuit import Coast, Pursuit
+from diffbotctl.control.goal_pursuit import Coast, Pursuit, position_doubt
 from diffbotctl.control.motion_profile import (
     Motion,
     MotionLimits,
     SpeedBounds,
     approach_speed,
+    is_too_small,
     predict_motion,
     rest_to_rest_time,
     shortest_turn,
 )
-from diffbotctl.messages import Goal, GoalEnd, GoalState, Odometry, Stop, Twist
+from diffbotctl.control.wheel_response import DriveResponse
+from diffbotctl.estimation.geometry_deviation import GEOMETRY
+from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -26,14 +28,33 @@ STILL_SPEED_MAX = 0.004  # m/s; at lower speeds a wheel may stand between two sl
 SLOW_SPEED_MAX = 0.012  # m/s; it coasts for about a millimetre, so the next leg may begin
 STILL_TIME_MIN = 60 * MILLISECOND  # at rest, after which the pose is final
 BRAKING_RATIO = 0.8  # of the braking limit; the rest is a reserve for the motors
-HEADING_GAIN = 4.5  # 1/s: heading error to turn rate; a third of the limit given by the motors' lag
+# 1/s: heading error to turn rate while driving, position error to speed while turning; and the most
+# that their products with the lag of the motors may be.
+HEADING_GAIN, HEADING_GAIN_LAG_MAX = 4.5, 1.0
+PIVOT_GAIN, PIVOT_GAIN_LAG_MAX = 2.5, 0.6
 HEADING_CORRECTION_MAX = 1.0  # rad/s, while driving
-PIVOT_GAIN = 2.5  # 1/s: position error to speed while turning
+STEERING_RATIO_MAX = 0.8  # of the speed of the wheels, so that none reverses while driving
+HEADING_ERROR_FREE = 10 * pi / 180  # up to here it drives at full speed
+HEADING_ERROR_MAX = 45 * pi / 180  # beyond, it stops and turns
 PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheel speed, so that no wheel reverses
 BEARING_DISTANCE_MIN = 0.06  # m to the goal; closer, the bearing is dominated by noise
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
+STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
+STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
 TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
+# Of the tolerance: remaining distance that need not be driven.
+TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
+WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
+CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
+OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
+PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
+RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
+FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
+RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
+FULL_DUTY = 0.98  # duty; more than a motor can be given
+UNSTICK_AFTER = 0.3  # s without motion, after which the least speed is raised
+UNSTICK_TIME = 1.0  # s in which it is raised to the limit
 
 
 class FollowerStep(NamedTuple):
@@ -66,7 +87,7 @@ class GoalFollower(Block):
         help="Minimum wheel speed: below it, friction may hold one of the wheels.",
     )
     attempts = Param(int, default=6, minimum=1, maximum=50, help="Maximum number of attempts.")
-    patience = Param(float, default=10.0, unit="s", above=0.0, help="Maximum wait at an obstacle.")
+    patience = Param(float, default=4.5, unit="s", above=0.0, help="Maximum wait at an obstacle.")
     stuck_after = Param(
         float, default=2.0, unit="s", above=0.0, help="Time without motion after which it is stuck."
     )
@@ -76,48 +97,123 @@ class GoalFollower(Block):
     braking: float = FromRobot("limits.braking")
     track: float = FromRobot("drive.track")
     lag: float = FromRobot("drive.left.motor.lag")
+    left_diameter: float = FromRobot("drive.left.wheel.diameter")
+    right_diameter: float = FromRobot("drive.right.wheel.diameter")
+    left_slots: int = FromRobot("drive.left.encoder.slots")
+    right_slots: int = FromRobot("drive.right.encoder.slots")
+    left_rated: float = FromRobot("drive.left.motor.rated")
+    right_rated: float = FromRobot("drive.right.motor.rated")
     command_delay: float = FromRobot("link.command_delay")
+    calibration: Mapping[str, object] = FromRobot("calibration")
 
     odometry = In(Odometry)
     goal = In(Goal)
+    encoders = In(Encoders, trigger=False, optional=True, help="The commands in force.")
     stop = In(Stop, trigger=False, optional=True, help="Stops of the blocks behind it.")
     twist = Out(Twist)
     state = Out(GoalState)
 
     def reset(self) -> None:
         self.pursuit: Pursuit | None = None
+        self.withdrawn: Pursuit | None = None  # until `resume` continues it or another replaces it
         self.coast = Coast(self.lag)
         self.last_goal: Goal | None = None
         self.last: Odometry | None = None
+        self.last_encoders: Encoders | None = None
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
+        self.left_pitch = pi * self.left_diameter / self.left_slots
+        self.right_pitch = pi * self.right_diameter / self.right_slots
+        self.wheels = DriveResponse(self.track, max(self.left_pitch, self.right_pitch))
 
     def react(
-        self, now: int, odometry: Odometry | None, goal: Goal | None, stop: Stop | None
+        self,
+        now: int,
+        odometry: Odometry | None,
+        goal: Goal | None,
+        encoders: Encoders | None,
+        stop: Stop | None,
     ) -> tuple[Twist | None, GoalState | None] | None:
         if odometry is None or odometry is self.last:
             return None
         seconds = 0.0 if self.last is None else (odometry.time - self.last.time) / SECOND
         self.last = odometry
         self._drop_effective(odometry)
+        twist, state = Twist(now, 0.0, 0.0), None
         if goal is not None and goal is not self.last_goal:
             self.last_goal = goal
-            self.pursuit = self._accept(goal, odometry) if goal.number else None
-        twist, state = Twist(now, 0.0, 0.0), None
+            state = self._replace_goal(now, goal, odometry)
         if self.pursuit is not None:
+            self._observe_wheels(odometry, encoders, seconds)
             step = self.advance(self.pursuit, now, odometry, stop, seconds)
-            twist = Twist(now, step.linear, step.angular)
-            if not _is_latched(stop):
+            twist = Twist(now, *self.wheels.compensated(step.linear, step.angular, self.speed))
+            if state is None and not _is_latched(stop):
                 state = _goal_state(now, odometry, step)
             self.coast = step.pursuit.coast
             self.pursuit = step.pursuit if step.end is None else None
-        self.sent.append((now, twist.linear, twist.angular))
+            self.sent.append((now, step.linear, step.angular))
+        else:
+            self.sent.append((now, 0.0, 0.0))
+            self.last_encoders = None  # what is counted between two goals is not of interest
         return twist, state
+
+    def _replace_goal(self, now: int, goal: Goal, odometry: Odometry) -> GoalState | None:
+        """Take the operator's goal, or withdraw the present one; the end of the one before."""
+        former = self.pursuit or self.withdrawn
+        if not goal.number:
+            self.pursuit, self.withdrawn = None, former
+            return None
+        self.pursuit, self.withdrawn = self._accept(goal, odometry), None
+        if former is None or former.goal.number == goal.number:
+            return None
+        cause = f"replaced by goal {goal.number}"
+        return _goal_state(now, odometry, FollowerStep(former, end="cancelled", cause=cause))
+
+    @property
+    def lag_estimate(self) -> float:
+        """Lag (s) of the motors: that of the robot file, or more if they coast for longer."""
+        return max(self.lag, self.coast.time)
+
+    def _observe_wheels(
+        self, odometry: Odometry, encoders: Encoders | None, seconds: float
+    ) -> None:
+        """Compare the speed of each wheel with its command."""
+        half_track, lag = 0.5 * self.track, self.lag_estimate
+        aside = odometry.angular * half_track
+        left_limited = right_limited = True
+        if encoders is None:
+            _, linear, angular = self.sent[0]
+            left, right = linear - angular * half_track, linear + angular * half_track
+        elif encoders.command_kind == "wheels":
+            left = 0.5 * self.left_diameter * encoders.left_command
+            right = 0.5 * self.right_diameter * encoders.right_command
+        else:
+            left = 0.5 * self.left_diameter * self.left_rated * encoders.left_command
+            right = 0.5 * self.right_diameter * self.right_rated * encoders.right_command
+            left_limited = abs(encoders.left_command) >= FULL_DUTY
+            right_limited = abs(encoders.right_command) >= FULL_DUTY
+        before, self.last_encoders = self.last_encoders, encoders
+        left_counted = right_counted = 0.0
+        if before is not None and encoders is not None and encoders.boot == before.boot:
+            left_counted = self.left_pitch * abs(encoders.left - before.left)
+            right_counted = self.right_pitch * abs(encoders.right - before.right)
+        self.wheels.has_counted = left_counted + right_counted > 0.0
+        self.wheels.left.update(
+            left, odometry.linear - aside, lag, seconds, left_counted, left_limited
+        )
+        self.wheels.right.update(
+            right, odometry.linear + aside, lag, seconds, right_counted, right_limited
+        )
+        for side in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
+            weakness = self.wheels.weakness(side)
+            self.log.warning(f"{weakness}; the other wheel is slowed down to it")
 
     def _accept(self, goal: Goal, odometry: Odometry) -> Pursuit:
         limits = MotionLimits(
             self.speed, self.turn_rate, self.acceleration, self.braking, self.track
         )
+        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.creep, WEAK_SPEED_RATIO * self.speed))
         pursuit = Pursuit(goal, 0.0, self.coast)
+        pursuit = pursuit._replace(start_distance=pursuit.distance(odometry))
         shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, limits)
         time_limit = TIME_LIMIT_BASE + TIME_LIMIT_RATIO * shortest_time
         return self._begin(pursuit._replace(time_limit=time_limit), odometry)
@@ -142,7 +238,7 @@ class GoalFollower(Block):
         if _is_latched(stop):  # time in a latched stop does not count
             return FollowerStep(pursuit._replace(is_coasting=True))
         pursuit = self._count_time(pursuit, odometry, stop, seconds)
-        timeout = self._timeout(pursuit, stop)
+        timeout = self._timeout(pursuit, stop) or self._disobeys(pursuit, odometry)
         if timeout is not None:
             return FollowerStep(pursuit, 0.0, 0.0, *timeout)
         step = self._move(pursuit, now, odometry, seconds)
@@ -155,7 +251,8 @@ class GoalFollower(Block):
     ) -> Pursuit:
         if stop is not None and stop.code:
             return pursuit._replace(blocked_for=pursuit.blocked_for + seconds)
-        is_idle = self._wheel_speed(odometry) <= STILL_SPEED_MAX and not pursuit.is_coasting
+        is_still = self._wheel_speed(odometry) <= STILL_SPEED_MAX and not self.wheels.has_counted
+        is_idle = is_still and not pursuit.is_coasting
         return pursuit._replace(
             blocked_for=0.0,
             elapsed=pursuit.elapsed + seconds,
@@ -167,9 +264,26 @@ class GoalFollower(Block):
         if stop is not None and pursuit.blocked_for > self.patience:
             return "blocked", f"{stop.cause}, for {self.patience:g} s"
         if pursuit.elapsed > pursuit.time_limit:
-            return "given_up", f"time limit of {pursuit.time_limit:.0f} s exceeded"
+            cause = f"time limit of {pursuit.time_limit:.0f} s exceeded"
+            return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
         if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel has turned for {self.stuck_after:g} s"
+        fault = self.wheels.fault(self.creep, self.stuck_after, self.lag_estimate)
+        return ("stuck", fault) if fault else None
+
+    def _disobeys(self, pursuit: Pursuit, odometry: Odometry) -> tuple[GoalEnd, str] | None:
+        """How and why a goal ends from which the robot drives or turns away."""
+        farther = pursuit.distance(odometry) - pursuit.start_distance
+        if farther > FARTHER_MAX:
+            moved = f"{farther * 1000:.0f} mm farther than at the start"
+            cause = f"the robot moves away from the goal: {moved}"
+            return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
+        lost = self.wheels.lost()
+        if lost:
+            return "given_up", lost
+        if pursuit.opposed_turn > OPPOSED_TURN_MAX:
+            cause = "the robot turns against its commands: do both motors turn their own wheels?"
+            return "given_up", cause
         return None
 
     def _move(self, pursuit: Pursuit, now: int, odometry: Odometry, seconds: float) -> FollowerStep:
@@ -182,18 +296,21 @@ class GoalFollower(Block):
             if self._is_leg_done(pursuit, odometry, seconds):
                 match pursuit.leg:
                     case "turning":
-                        pursuit = pursuit._replace(leg="driving", pivot=(odometry.x, odometry.y))
+                        pursuit = pursuit._replace(leg="driving")
                     case "driving":
                         # The last turn is about the goal, which reduces the position error further.
                         pivot = (pursuit.goal.x, pursuit.goal.y)
                         pursuit = pursuit._replace(leg="aligning", pivot=pivot)
+                        pursuit = pursuit.restart_turn()
                     case "aligning":
                         return self._judge(pursuit, odometry)
                     case _:
                         assert_never(pursuit.leg)
+            else:
+                pursuit = pursuit.count_release(odometry)
         delay = round(self.command_delay * SECOND)
         commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
-        predicted = predict_motion(odometry, now + delay, commands, self.lag)
+        predicted = predict_motion(odometry, now + delay, commands, self.lag_estimate)
         if pursuit.leg == "driving":
             return self._drive_leg(pursuit, odometry, predicted, seconds)
         return self._turn_leg(pursuit, odometry, predicted, seconds)
@@ -214,25 +331,36 @@ class GoalFollower(Block):
         distance = pursuit.distance(odometry)
         turn = abs(pursuit.heading_error(odometry))
         if distance <= self.tolerance and turn <= self.heading_tolerance:
-            return FollowerStep(pursuit, end="reached")
+            is_calibrated = self.calibration.keys() >= GEOMETRY
+            doubt = position_doubt(odometry, self.tolerance, is_calibrated)
+            return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
         pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
         if pursuit.attempts >= self.attempts:
-            cause = f"{distance * 1000:.0f} mm away after {pursuit.attempts} attempts"
+            cause = (
+                f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away after "
+                f"{pursuit.attempts} attempts"
+            )
+            cause = "; ".join((cause, *self.wheels.weaknesses()))
             return FollowerStep(pursuit, end="given_up", cause=cause)
         return FollowerStep(self._begin(pursuit, odometry))
 
     def _turn_leg(
         self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
     ) -> FollowerStep:
-        half_track, bounds = 0.5 * self.track, self._turn_bounds()
+        half_track, bounds = 0.5 * self.track, self._turn_bounds(pursuit)
+        if pursuit.leg == "turning":
+            pursuit = pursuit.aim(odometry)
         remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
         rolling = half_track * predicted.angular
         speed = approach_speed(remaining, rolling, pursuit.coast.time, seconds, bounds)
         if pursuit.needs_nudge:
-            pursuit = pursuit._replace(needs_nudge=False)
+            # A fine encoder shows when the wheels have left static friction; a coarse one too late.
+            is_coarse = self.wheels.pitch > TURN_REST_RATIO * half_track * self.heading_tolerance
+            pursuit = pursuit._replace(needs_nudge=not (is_coarse or self.wheels.has_counted))
             speed = speed or copysign(bounds.minimum, remaining)
         if speed == 0.0:
             return FollowerStep(pursuit.released(abs(rolling), predicted.angular))
+        pursuit = pursuit.watch_turn(odometry.angular, speed, seconds)
         linear = self._pivot_speed(pursuit, odometry, abs(speed))
         return FollowerStep(pursuit, linear, speed / half_track)
 
@@ -241,39 +369,64 @@ class GoalFollower(Block):
         x, y = pursuit.pivot
         ahead = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
         limit = PIVOT_SPEED_RATIO_MAX * wheel_speed
-        return min(max(PIVOT_GAIN * ahead, -limit), limit)
+        gain = min(PIVOT_GAIN, PIVOT_GAIN_LAG_MAX / self.lag_estimate)
+        return min(max(gain * ahead, -limit), limit)
 
     def _drive_leg(
         self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
     ) -> FollowerStep:
         sign = -1.0 if pursuit.is_backwards else 1.0
         if pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
-            bearing = atan2(pursuit.goal.y - odometry.y, pursuit.goal.x - odometry.x)
-            pursuit = pursuit._replace(line=bearing + (pi if pursuit.is_backwards else 0.0))
+            pursuit = pursuit.aim(odometry)
         remaining = pursuit.along(odometry) - predicted.travel
-        bounds = SpeedBounds(self.creep, self.speed, self.braking * BRAKING_RATIO)
+        bounds = self._bounds(pursuit, self.speed, DRIVE_REST_RATIO * self.tolerance)
         linear = approach_speed(remaining, predicted.linear, pursuit.coast.time, seconds, bounds)
         if linear * sign <= 0.0:
             return FollowerStep(pursuit.released(sign * predicted.linear))
         error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
-        correction = min(max(HEADING_GAIN * error, -HEADING_CORRECTION_MAX), HEADING_CORRECTION_MAX)
-        return FollowerStep(pursuit, linear, correction)
+        if abs(error) > HEADING_ERROR_MAX:
+            return FollowerStep(pursuit.turn_again(odometry))
+        if abs(error) > HEADING_ERROR_FREE:
+            ratio = (HEADING_ERROR_MAX - abs(error)) / (HEADING_ERROR_MAX - HEADING_ERROR_FREE)
+            linear = copysign(max(abs(linear) * ratio, bounds.minimum), linear)
+        gain = min(HEADING_GAIN, HEADING_GAIN_LAG_MAX / self.lag_estimate)
+        limit = STEERING_RATIO_MAX * abs(linear) / (0.5 * self.track)
+        limit = min(limit, HEADING_CORRECTION_MAX)
+        return FollowerStep(pursuit, linear, min(max(gain * error, -limit), limit))
 
-    def _turn_bounds(self) -> SpeedBounds:
+    def _turn_bounds(self, pursuit: Pursuit) -> SpeedBounds:
         """Wheel speeds while turning on the spot."""
-        maximum = min(self.speed, self.turn_rate * 0.5 * self.track)
-        return SpeedBounds(min(self.creep, maximum), maximum, self.braking * BRAKING_RATIO)
+        half_track = 0.5 * self.track
+        rest = TURN_REST_RATIO * half_track * self.heading_tolerance
+        return self._bounds(pursuit, min(self.speed, self.turn_rate * half_track), rest)
+
+    def _bounds(self, pursuit: Pursuit, maximum: float, rest: float) -> SpeedBounds:
+        """Speeds up to `maximum`: slower in each further attempt, faster for wheels that stick."""
+        creep = min(self.creep * PUSH_GROWTH**pursuit.stalls, maximum)
+        top = max(maximum * RETRY_SPEED_RATIO**pursuit.attempts, min(2.0 * creep, maximum))
+        idle = self.wheels.idle_for
+        if idle > UNSTICK_AFTER:
+            creep += (maximum - creep) * min((idle - UNSTICK_AFTER) / UNSTICK_TIME, 1.0)
+            top = max(top, creep)
+        return SpeedBounds(creep, top, self.braking * BRAKING_RATIO, rest)
 
     def _is_leg_done(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
         if pursuit.leg == "driving":
             return True
-        ratio = TURN_TOLERANCE_RATIO if pursuit.leg == "turning" else ALIGN_TOLERANCE_RATIO
+        if pursuit.releases >= RELEASES_MAX:
+            return True
         error = abs(pursuit.heading_error(odometry))
-        if error <= self.heading_tolerance * ratio:
+        if pursuit.leg == "turning":
+            tolerance = TURN_TOLERANCE_RATIO * self.heading_tolerance
+            if pursuit.distance(odometry) > STEERED_DISTANCE_MIN:
+                tolerance = max(tolerance, STEERED_ERROR_MAX)
+        else:
+            tolerance = ALIGN_TOLERANCE_RATIO * self.heading_tolerance
+        if error <= tolerance:
             return True
         # With slow motors the remaining angle may be too small to drive.
-        remaining, bounds = 0.5 * self.track * error, self._turn_bounds()
-        return approach_speed(remaining, 0.0, pursuit.coast.time, seconds, bounds) == 0.0
+        remaining, bounds = 0.5 * self.track * error, self._turn_bounds(pursuit)
+        return is_too_small(remaining, pursuit.coast.time, seconds, bounds)
 
     def _wheel_speed(self, odometry: Odometry) -> float:
         """Speed (m/s) of the faster wheel."""

@@ -35,8 +35,10 @@ class ObstacleStop(Block):
         float,
         unit="m",
         default=0.05,
-        minimum=0.0,
+        minimum=0.01,
+        maximum=1.0,
         live=True,
+        reason="the sensor's noise alone is 3 mm",
         help="Distance between the front of the robot and the obstacle at standstill.",
     )
     reaction = Param(
@@ -54,6 +56,7 @@ class ObstacleStop(Block):
         unit="m/s",
         default=0.05,
         above=0.0,
+        maximum=1.0,
         live=True,
         help="Stop where the safe speed is lower than this.",
     )
@@ -98,11 +101,6 @@ class ObstacleStop(Block):
     def reset(self) -> None:
         name = self.sensor or next(iter(self.sensors), "")
         self.sensor_setback = self.front - self.sensors[name].at.x if name in self.sensors else 0.0
-        self.total_reaction = self.reaction
-        if self.reaction is None:
-            self.total_reaction = reaction_time(
-                self.telemetry, self.debounce, self.command_delay, self.lag
-            )
         self.last_range_time = -1
         self.blocked_readings = 0  # in a row
         self.free_readings = 0  # in a row
@@ -129,10 +127,16 @@ class ObstacleStop(Block):
             return twist._replace(time=now), event
         if self.code or self.is_latched:
             return Twist(now, 0.0, twist.angular), event
-        limit = max_safe_speed(free - self.margin, self.braking, self.total_reaction)
+        limit = max_safe_speed(free - self.margin, self.braking, self._reaction_time())
         if (twist.linear > limit) != self.is_slowing:
             self._log_slowing(free)
         return limit_to(twist, limit, now), event
+
+    def _reaction_time(self) -> float:
+        """Reaction time (s), with the present value of `debounce`, which is live."""
+        if self.reaction is not None:
+            return self.reaction
+        return reaction_time(self.telemetry, self.debounce, self.command_delay, self.lag)
 
     def _log_slowing(self, free: float) -> None:
         self.is_slowing = not self.is_slowing
@@ -159,7 +163,7 @@ class ObstacleStop(Block):
                 return float("inf")
             case "measured":
                 limit = self.margin + stopping_distance(
-                    self.slowest, self.braking, self.total_reaction
+                    self.slowest, self.braking, self._reaction_time()
                 )
                 if free <= limit + (RELEASE_DISTANCE if self.code else 0.0):
                     self._count_blocked(free)

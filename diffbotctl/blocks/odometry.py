@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from diffbotctl.block import Block, In, Out, action
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.pose_filter import PoseFilter
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
 from diffbotctl.estimation.wheel_odometer import (
     CountWheelOdometer,
-    LinkTiming,
-    SideConfig,
     WheelOdometer,
+    share_friction,
 )
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Odometry
 from diffbotctl.params import FromRobot, Param
 
@@ -19,7 +24,8 @@ RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to i
 # the dead-man stop of the board after 0.1 to 0.5 s.
 SILENCE_MAX = 400_000_000
 SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and after the gap
-FRICTION_LOG_ODDS_MIN = 1.0  # natural log; above it the motors have dry friction
+
+Wheel = WheelOdometer | FineWheelOdometer
 
 
 class OdometryBlock(Block):
@@ -36,7 +42,7 @@ class OdometryBlock(Block):
         help="`model`: one filter per wheel with its motor model; `count`: counts alone.",
     )
     slip = Param(
-        float, default=0.0005, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
+        float, default=0.0007, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
     )
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
@@ -46,14 +52,17 @@ class OdometryBlock(Block):
     track: float = FromRobot("drive.track")
     left_side: SideConfig = FromRobot("drive.left")
     right_side: SideConfig = FromRobot("drive.right")
+    calibration: Mapping[str, CalibratedValue] = FromRobot("calibration")
     encoders = In(Encoders)
     odometry = Out(Odometry)
 
     def reset(self) -> None:
         self.last: Encoders | None = None
-        self.pose = PoseFilter(self.track, self.slip)
+        diameters = self.left_side.wheel.diameter, self.right_side.wheel.diameter
+        geometry = geometry_deviations(self.track, *diameters, self.calibration)
+        self.pose = PoseFilter(self.track, self.slip, geometry)
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
-        self.wheels: tuple[WheelOdometer, WheelOdometer] | None = None
+        self.wheels: tuple[Wheel, Wheel] | None = None
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
@@ -75,11 +84,9 @@ class OdometryBlock(Block):
             self._bridge_silence(encoders, self.wheels)
         else:
             self._update(encoders, last.time, *self.wheels)
-        return self.pose.message(time, *self.wheels)
+        return self.pose.message(time, *self.wheels, warning(*self.wheels))
 
-    def _update(
-        self, encoders: Encoders, last_time: int, left: WheelOdometer, right: WheelOdometer
-    ) -> None:
+    def _update(self, encoders: Encoders, last_time: int, left: Wheel, right: Wheel) -> None:
         time, since = encoders.time, encoders.command_time
         if since is None:
             since = self._command_start(last_time, time)
@@ -88,18 +95,13 @@ class OdometryBlock(Block):
         right.update(
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
         )
-        if len(left.filter.hypotheses) > 1 or len(right.filter.hypotheses) > 1:
-            # Both motors are of the same type, so they coast alike.
-            log_odds = left.filter.friction_log_odds() + right.filter.friction_log_odds()
-            left.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
-            right.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
+        if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
+            share_friction(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)
 
-    def _bridge_silence(
-        self, encoders: Encoders, wheels: tuple[WheelOdometer, WheelOdometer]
-    ) -> None:
+    def _bridge_silence(self, encoders: Encoders, wheels: tuple[Wheel, Wheel]) -> None:
         """After a gap in the telemetry: use the counts for the travel, and restart the filters."""
         left = wheels[0].unobserved_travel(encoders.left)
         right = wheels[1].unobserved_travel(encoders.right)
@@ -107,19 +109,29 @@ class OdometryBlock(Block):
         self.pose.jump(left, right, SILENCE_TRAVEL_SD_PITCHES * wheels[0].pitch)
         self.pose.start()
 
-    def _start(self, encoders: Encoders) -> tuple[WheelOdometer, WheelOdometer]:
-        kind = WheelOdometer if self.method == "model" else CountWheelOdometer
+    def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:
         time = encoders.time
         timing = LinkTiming(
             RESIDUAL_JITTER_RATIO * self.stamp_jitter, self.command_jitter, self.edge_times
         )
         return (
-            kind(self.left_side, time, encoders.left, timing),
-            kind(self.right_side, time, encoders.right, timing),
+            self._wheel_kind(self.left_side)(self.left_side, time, encoders.left, timing),
+            self._wheel_kind(self.right_side)(self.right_side, time, encoders.right, timing),
         )
+
+    def _wheel_kind(self, side: SideConfig) -> type[Wheel]:
+        if self.method == "count":
+            return CountWheelOdometer
+        return FineWheelOdometer if side.encoder.slots > LEARNABLE_SLOTS_MAX else WheelOdometer
 
     def _command_start(self, before: int, time: int) -> int:
         """Estimated time at which a command took effect: a fixed delay after a frame."""
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
+
+
+def warning(left: Wheel, right: Wheel) -> str:
+    """Why the pose is less accurate than usual; empty when it is not."""
+    faults = (("left", left.fault), ("right", right.fault))
+    return "; ".join(f"{side} wheel: {fault}" for side, fault in faults if fault)

@@ -46,7 +46,8 @@ class ScanStop(Block):
         float,
         unit="m",
         default=0.05,
-        minimum=0.0,
+        minimum=0.01,
+        maximum=1.0,
         live=True,
         help="Distance kept free around the outline of the robot.",
     )

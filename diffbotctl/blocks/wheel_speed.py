@@ -13,7 +13,7 @@ from diffbotctl.control.speed_loop import (
     limit_integral,
     speed_gains,
 )
-from diffbotctl.estimation.wheel_odometer import SideConfig
+from diffbotctl.estimation.wheel_side import SideConfig
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.params import FromRobot, Param
 

@@ -70,14 +70,23 @@ class BoardSession:
     # --- bytes ---
 
     def reset(self) -> None:
-        """Drop DTR for a moment, which resets a Mega. A pseudo-terminal has no such line."""
+        """Reset the board: drop DTR for a moment.
+
+        A pseudo-terminal has no such line; there, as on a board, opening the port resets too.
+        Raises RunError when it cannot be opened again.
+        """
         line = struct.pack("I", termios.TIOCM_DTR)
         try:
             fcntl.ioctl(self._port.fd, termios.TIOCMBIC, line)
             time.sleep(RESET_PULSE_S)
             fcntl.ioctl(self._port.fd, termios.TIOCMBIS, line)
         except OSError:
-            return
+            self._port.close()
+            self._port = open_port(self.device, self._port.baud)
+
+    def change_baud(self, baud: int) -> None:
+        """Change the rate of the port. Raises OSError."""
+        self._port.change_baud(baud)
 
     def read(self, timeout: float) -> bytes:
         """Bytes that arrive within `timeout` seconds; b"" when none do. Raises OSError."""

@@ -18,6 +18,8 @@ from diffbotctl.calibrate.session import RobotSession, stopped_error
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.robot_ports import is_duty_board
+from diffbotctl.engine.clock import Clock, PacedClock
+from diffbotctl.engine.instant_monitor import InstantLimits, instant_limits
 from diffbotctl.engine.loop import Engine
 from diffbotctl.graph import Graph, Node, Sink
 from diffbotctl.messages import Goal, Odometry
@@ -101,6 +103,7 @@ class AutonomousDrive:
             robot=session.driver,
             sinks=sinks,
             signals=session.key,
+            limits=_instant_limits(robot, session.clock),
         )
 
     def run(self) -> Odometry:
@@ -118,12 +121,14 @@ class AutonomousDrive:
             raise stopped_error("the board did not confirm that it has stopped", fix)
         if engine.failure is not None:
             raise engine.failure
-        if self.operator.reached < self.operator.number or self.pose is None:
+        # An uncertain pose is enough: the person measures where the robot is.
+        arrived = self.operator.reached + self.operator.reached_unsure
+        if arrived < self.operator.number or self.pose is None:
             raise stopped_error(outcome.cause, "")
         return self.pose
 
     def _on_command(self, now: int, command: Any) -> None:
-        if self.engine.ending is None:
+        if self.engine.ending is None and not self.engine.stop_waits:
             self.session.driver.command(now, command)
 
     def _on_stop(self, now: int, stop: Any) -> None:
@@ -135,6 +140,13 @@ class AutonomousDrive:
         self.pose = pose
         if hypot(pose.x, pose.y) > self.reach:
             self.engine.end(1, f"it went further than the announced {self.reach:.1f} m")
+
+
+def _instant_limits(robot: Robot, clock: Clock) -> InstantLimits | None:
+    """Limits of the time that an instant may take; a simulated robot waits for this program."""
+    if not isinstance(clock, PacedClock):
+        return None
+    return instant_limits(robot.board.deadman, robot.board.telemetry, is_real=True)
 
 
 def _pipeline(robot: Robot, style: DriveStyle) -> tuple[list[Node], str]:

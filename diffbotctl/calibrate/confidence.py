@@ -1,9 +1,8 @@
 """Uncertainty of results: means of repeats, and fitted geometries.
 
-Segments of one drive overlap and share its floor, so they are not independent. Drives are: the
-covariance is estimated from the scatter of the gradients of whole drives (the cluster-robust
-"sandwich", Liang & Zeger, Biometrika 73(1), 1986), and is at least that of the segments' own
-expected errors.
+Segments of one drive overlap and share its floor, so they are not independent. Drives are: where a
+drive has several segments, the covariance is at least that of the scatter of the gradients of whole
+drives (the cluster-robust "sandwich", Liang & Zeger, Biometrika 73(1), 1986).
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import SEGMENT_OVERLAP, Floats
-from diffbotctl.calibrate.least_squares import Adjustment, normal_equations
+from diffbotctl.calibrate.dead_reckoning import Floats, Segment
+from diffbotctl.calibrate.end_noise import NoiseGrid, linearize
+from diffbotctl.calibrate.geometry_posterior import Posterior
 
 # Student's t for 95 %, two-sided, by degrees of freedom; the limit for more.
 STUDENT_T_95 = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26, 2.23, 2.20, 2.18, 2.16, 2.14)
 STUDENT_T_95_LIMIT = 2.0
-SCATTER_RATIO_MIN = 1e-6  # of the segments' own error; drives that scatter less are computed ones
-SCATTER_SEGMENTS_MIN = 3
+SCATTER_DRIVES_MIN = 3
 OUTLIER_DEVIATIONS_MIN = 5.0  # median deviations; one good reading in a thousand
 MAD_TO_SD = 1.4826  # of a normal distribution
 
@@ -80,15 +79,19 @@ class Confidence(NamedTuple):
     mean: Interval
     ratio: Interval
     track: Interval
+    track_over_mean: Interval
 
 
-def confidence(result: Adjustment, counts: Sequence[int], diameter_sd: float) -> Confidence:
-    """Confidence in `result`; `counts` is the number of segments of each drive.
-
-    `diameter_sd`: relative standard deviation of the stated mean diameter in the fit.
-    """
-    covariance = _covariance(result, counts, diameter_sd)
-    t = student_t(len(counts) - 1)
+def confidence(
+    result: Posterior,
+    counts: Sequence[int],
+    segments: Sequence[Segment],
+    weights: Floats,
+) -> Confidence:
+    """Confidence in `result`; `counts` is the number of segments of each drive."""
+    covariance = result.covariance
+    if len(counts) >= SCATTER_DRIVES_MIN and max(counts) > 1:
+        covariance = _at_least(covariance, _drive_scatter(result, counts, segments, weights))
     ratio = result.geometry.ratio
     rows = {
         "right": (1.0, 1 / (ratio + 1), 0.0),
@@ -96,39 +99,33 @@ def confidence(result: Adjustment, counts: Sequence[int], diameter_sd: float) ->
         "mean": (1.0, 0.0, 0.0),
         "ratio": (0.0, 1.0, 0.0),
         "track": (0.0, 0.0, 1.0),
+        "track_over_mean": (-1.0, 0.0, 1.0),
     }
     sds = {
         name: sqrt(float(np.array(row) @ covariance @ np.array(row))) for name, row in rows.items()
     }
-    return Confidence(**{name: Interval(sd, sd * t) for name, sd in sds.items()})
+    return Confidence(**{name: Interval(sd, sd * STUDENT_T_95_LIMIT) for name, sd in sds.items()})
 
 
-def _covariance(result: Adjustment, counts: Sequence[int], diameter_sd: float) -> Floats:
-    """(3, 3): of the logarithms of mean, ratio and track."""
-    normal, _ = normal_equations(result.residuals, result.weights)
-    normal[0, 0] += result.variance_ratio / diameter_sd**2
+def _at_least(covariance: Floats, scatter: Floats) -> Floats:
+    """`covariance` with each standard deviation at least that of `scatter`."""
+    factor = np.sqrt(np.maximum(np.diag(scatter) / np.diag(covariance), 1.0))
+    return np.asarray(covariance * np.outer(factor, factor))
+
+
+def _drive_scatter(
+    result: Posterior, counts: Sequence[int], segments: Sequence[Segment], weights: Floats
+) -> Floats:
+    """(3, 3): covariance from the scatter of the gradients of whole drives, so that two of its
+    standard deviations contain 95 % of Student's t with as many degrees of freedom as drives."""
+    linear = linearize(segments, result.geometry)
+    precisions = np.linalg.inv(linear.covariances(NoiseGrid.single(result.noise))[0])
+    weighted = precisions * weights[:, None, None]
+    jacobians, residuals = linear.jacobians, linear.residuals
+    normal = np.einsum("nki,nkl,nlj->ij", jacobians, weighted, jacobians)
+    gradients = np.einsum("nki,nkl,nl->ni", jacobians, weighted, residuals)
+    sums = np.add.reduceat(gradients, np.concatenate(([0], np.cumsum(counts)[:-1])), axis=0)
     inverse = np.linalg.pinv(normal)
-    # Some geometry explains one or two ends even if they were measured wrongly: small residuals
-    # prove nothing then, so the variance is at least the expected one.
-    variance_ratio = result.variance_ratio
-    if sum(counts) < SCATTER_SEGMENTS_MIN:
-        variance_ratio = max(variance_ratio, 1.0)
-    # Overlapping segments contain the same data as many times as they overlap.
-    expected = np.asarray(inverse * variance_ratio * float(min(SEGMENT_OVERLAP, max(counts))))
     drives = len(counts)
-    if drives < 2:
-        return expected
-    gradients = np.zeros((drives, 3))
-    end = 0
-    for number, count in enumerate(counts):
-        begin, end = end, end + count
-        _, gradients[number] = normal_equations(
-            result.residuals[begin:end], result.weights[begin:end]
-        )
-    scatter = inverse @ (gradients.T @ gradients) @ inverse * drives / (drives - 1)
-    sd = np.sqrt(np.maximum(np.diag(scatter), 0.0))
-    sd_min = np.sqrt(np.diag(expected))
-    if (sd < SCATTER_RATIO_MIN * sd_min).any():
-        return expected
-    factor = np.maximum(1.0, sd_min / sd)
-    return np.asarray(scatter * np.outer(factor, factor))
+    widening = (student_t(drives - 1) / STUDENT_T_95_LIMIT) ** 2
+    return np.asarray(inverse @ (sums.T @ sums) @ inverse * drives / (drives - 1) * widening)

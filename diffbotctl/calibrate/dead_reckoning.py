@@ -3,13 +3,14 @@
 Each step is a chord at the mean heading. The slip of a wheel is a random walk whose variance grows
 with the distance rolled, so each step moves the end independently, and the covariance is the sum
 of these movements (Chong & Kleeman, "Accurate odometry and error modelling for a mobile robot",
-ICRA 1997). Quantization of the counts and errors of the true poses are added.
+ICRA 1997). The counts add errors at both ends of a drive and at each reversal of a wheel.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from math import ceil, hypot, pi
 from typing import NamedTuple, TypeAlias
 
@@ -18,8 +19,11 @@ from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
 SEGMENT_OVERLAP = 20  # segments per length, so that the position of the first does not matter
-SLIP_SD = 0.0005  # m per square root of m, each wheel on a hard floor; for the weights only
 QUANTIZATION_VARIANCE = 1 / 12  # ticks squared
+# Ticks squared, of one reversal: the edge seen backward lies elsewhere than the one seen forward,
+# and a wheel that coasts past the reversal is counted in the wrong direction.
+REVERSAL_VARIANCE = 0.25
+STEPS_MAX = 1500  # of a segment; more are merged
 
 
 def wrap_angle(angle: float) -> float:
@@ -64,18 +68,14 @@ class EndError(NamedTuple):
     """rad, counter-clockwise; nan if not known"""
 
 
-@dataclass(frozen=True, slots=True)
-class GroundTruth:
-    """Standard deviations of a true pose."""
+class GroundTruth(StrEnum):
+    """How the true poses were measured."""
 
-    position: float
-    """m, along each axis"""
-    heading: float
-    """rad"""
+    MOTION_CAPTURE = "motion capture"
+    TAPE_MEASURE = "tape measure"
 
 
-MOTION_CAPTURE = GroundTruth(position=0.001, heading=0.0035)  # 1 mm, 0.2 degrees
-TAPE_MEASURE = GroundTruth(position=0.002, heading=0.0175)  # with a set square: 2 mm, 1 degree
+MOTION_CAPTURE, TAPE_MEASURE = GroundTruth.MOTION_CAPTURE, GroundTruth.TAPE_MEASURE
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +115,22 @@ class Segment:
     """(3,): true x, y in m and heading in rad of the end, in the frame of the begin"""
     tick: tuple[float, float]
     """turns times pi of one count"""
-    truth: GroundTruth
+    weight: float = 1.0
+    """below 1 if it overlaps with others"""
 
 
-def cut_segments(drive: RecordedDrive, diameter: float, length: float) -> list[Segment]:
-    """Overlapping segments in which wheels of mean `diameter` (m) roll about `length` m.
+def cut_segments(
+    drive: RecordedDrive,
+    diameter: float,
+    length: float,
+    overlap: int = SEGMENT_OVERLAP,
+    count_max: int = 10**6,
+) -> list[Segment]:
+    """Segments in which wheels of mean `diameter` (m) roll about `length` m.
 
-    A shorter drive, or one without poses in between, is one segment. Raises ValueError if fewer
-    than two poses are known.
+    `overlap`: segments that begin within one length; at most `count_max` in all. A shorter drive,
+    or one without poses in between, is one segment. Raises ValueError if fewer than two poses are
+    known.
     """
     if len(drive.rows) < 2:
         raise ValueError(f"{drive.name}: a start pose and an end pose are needed")
@@ -131,11 +139,13 @@ def cut_segments(drive: RecordedDrive, diameter: float, length: float) -> list[S
     excess = float(rolled[-1] - rolled[0]) - length
     if excess <= 0:
         return [whole_drive(drive)]
-    begins = rolled[0] + np.linspace(0, excess, 1 + ceil(excess * SEGMENT_OVERLAP / length))
+    count = min(1 + ceil(excess * overlap / length), max(count_max, 2))
+    begins = rolled[0] + np.linspace(0, excess, count)
     first = np.searchsorted(rolled, begins)
     last = np.minimum(np.searchsorted(rolled, begins + length), len(rolled) - 1)
     ends = sorted({(int(a), int(b)) for a, b in zip(first, last, strict=True) if a < b})
-    return [_segment(drive, begin, end) for begin, end in ends]
+    weight = min((excess + length) / length / max(len(ends), 1), 1.0)
+    return [_segment(drive, begin, end, weight) for begin, end in ends] or [whole_drive(drive)]
 
 
 def whole_drive(drive: RecordedDrive) -> Segment:
@@ -143,13 +153,25 @@ def whole_drive(drive: RecordedDrive) -> Segment:
     return _segment(drive, 0, len(drive.rows) - 1)
 
 
-def _segment(drive: RecordedDrive, first: int, last: int) -> Segment:
-    rolled = np.diff(drive.turns[drive.rows[first] : drive.rows[last] + 1], axis=0) * pi
+def _segment(drive: RecordedDrive, first: int, last: int, weight: float = 1.0) -> Segment:
+    rolled = merged_steps(
+        np.diff(drive.turns[drive.rows[first] : drive.rows[last] + 1], axis=0) * pi
+    )
     begin, end = drive.poses[first], drive.poses[last]
     cosine, sine = np.cos(begin[2]), np.sin(begin[2])
     x, y, heading = end - begin
     motion = np.array([cosine * x + sine * y, cosine * y - sine * x, heading])
-    return Segment(rolled, motion, (drive.tick[0] * pi, drive.tick[1] * pi), drive.truth)
+    return Segment(rolled, motion, (drive.tick[0] * pi, drive.tick[1] * pi), weight)
+
+
+def merged_steps(rolled: Floats, count: int = STEPS_MAX) -> Floats:
+    """The steps (steps, 2), merged into at most `count` of about the same motion."""
+    if len(rolled) <= count:
+        return rolled
+    motion = np.cumsum(np.abs(rolled).sum(axis=1))
+    parts = np.minimum((motion / max(motion[-1], 1e-12) * count).astype(int), count - 1)
+    begins = np.flatnonzero(np.diff(parts, prepend=-1))
+    return np.asarray(np.add.reduceat(rolled, begins, axis=0))
 
 
 class DeadReckoned(NamedTuple):
@@ -159,8 +181,10 @@ class DeadReckoned(NamedTuple):
     """(3,): x, y in m, heading in rad"""
     jacobian: Floats
     """(3, 3): derivatives of the end by right diameter, left diameter and track, all in m"""
-    covariance: Floats
-    """(3, 3): of the end minus the true end"""
+    slip: Floats
+    """(3, 3): covariance of the end if each wheel slips by 1 m per square root of m"""
+    counts: Floats
+    """(3, 3): covariance of the end due to the counts"""
 
 
 def dead_reckon(segment: Segment, geometry: Geometry) -> DeadReckoned:
@@ -185,20 +209,40 @@ def dead_reckon(segment: Segment, geometry: Geometry) -> DeadReckoned:
         ],
         axis=1,
     )
-    covariance = _truth_covariance(segment, end)
+    slip, counts = np.zeros((3, 3)), np.zeros((3, 3))
     for index, wheel in enumerate(wheels):
-        covariance += SLIP_SD**2 * (wheel * np.abs(distances[:, index])) @ wheel.T
-        variance = QUANTIZATION_VARIANCE * (segment.tick[index] * geometry[index]) ** 2
-        ends = np.outer(wheel[:, 0], wheel[:, 0]) + np.outer(wheel[:, -1], wheel[:, -1])
-        covariance += variance * ends
-    return DeadReckoned(end, jacobian, covariance)
+        slip += (wheel * np.abs(distances[:, index])) @ wheel.T
+        variance = (segment.tick[index] * geometry[index]) ** 2
+        ends = wheel[:, [0, -1]]
+        reversals = wheel[:, _reversals(segment.rolled[:, index])]
+        counts += QUANTIZATION_VARIANCE * variance * ends @ ends.T
+        counts += REVERSAL_VARIANCE * variance * reversals @ reversals.T
+    return DeadReckoned(end, jacobian, slip, counts)
 
 
-def _truth_covariance(segment: Segment, end: Floats) -> Floats:
-    """Covariance from the errors of both true poses; the first heading rotates the segment."""
-    position, heading = segment.truth.position**2, segment.truth.heading**2
-    rotation = np.array([-end[1], end[0], 1.0])
-    return np.diag([2 * position, 2 * position, heading]) + heading * np.outer(rotation, rotation)
+def _reversals(rolled: Floats) -> NDArray[np.intp]:
+    """The steps at which a wheel begins to turn in the other direction."""
+    moving = np.flatnonzero(rolled)
+    signs = np.sign(rolled[moving])
+    return np.asarray(moving[1:][signs[1:] != signs[:-1]])
+
+
+def end_positions(rolled: Floats, geometries: Floats) -> Floats:
+    """The ends (geometries, 3) of steps (steps, 2: turns times pi of the right and left wheel).
+
+    `geometries` (geometries, 3): right and left diameter, track, in m.
+    """
+    # Single precision suffices for a search, and is several times faster.
+    steps = rolled.astype(np.float32)
+    right, left = (
+        np.outer(geometries[:, wheel].astype(np.float32), steps[:, wheel]) for wheel in (0, 1)
+    )
+    turned = (right - left) / geometries[:, 2:].astype(np.float32)
+    headings = np.cumsum(turned, axis=1)
+    middle = headings - turned / 2
+    chord = (right + left) * (0.5 - turned * turned / 48)  # the sine of a small angle
+    x, y = (chord * np.cos(middle)).sum(axis=1), (chord * np.sin(middle)).sum(axis=1)
+    return np.stack([x, y, headings[:, -1]], axis=1).astype(float)
 
 
 def end_error(drive: RecordedDrive, geometry: Geometry) -> EndError:

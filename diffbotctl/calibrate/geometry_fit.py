@@ -1,8 +1,8 @@
 """Wheel diameters and track from recorded drives.
 
-The fit first looks for common mistakes of the user: swapped columns of the wheels, or a track
-stated from the middle to one wheel. Then clocks are aligned, outlying drives are left out, and the
-geometry is adjusted to the rest.
+The fit first looks for mistakes in the files (log_mistakes.py). Then clocks are aligned, wrong
+drives are left out, and the posterior of the geometry is computed from the rest. A fit that proves
+nothing is refused.
 
 Cameras and wheels are recorded by different computers. While the robot turns at 1 rad/s, a clock
 offset of 50 ms looks like an error of 3 degrees, which no geometry explains. So the offset of each
@@ -12,48 +12,54 @@ drive is found first, from the change of the heading within seconds, where geome
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import product
+from math import exp, hypot, log
 from typing import NamedTuple
 
 import numpy as np
 
+from diffbotctl.calibrate.clock_offset import clock_offset, delay_counts
 from diffbotctl.calibrate.confidence import Confidence, confidence
 from diffbotctl.calibrate.dead_reckoning import (
+    MOTION_CAPTURE,
+    SEGMENT_OVERLAP,
     Floats,
     Geometry,
     RecordedDrive,
     Segment,
     cut_segments,
+    end_error,
 )
-from diffbotctl.calibrate.least_squares import (
-    CHI2_MEDIANS,
-    DIAMETER_PRIOR_SD,
-    Adjustment,
-    adjust,
-    cauchy_weights,
-    huber_weights,
+from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
+from diffbotctl.calibrate.geometry_posterior import (
+    DIAMETER_SD,
+    RATIO_SD,
+    TRACK_SD,
+    GeometryPrior,
+    Posterior,
+    Solution,
+    posterior,
+    solve,
+    squared_error,
 )
+from diffbotctl.calibrate.log_mistakes import explain_ends
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
-
-CLOCK_OFFSET_MAX_S = 0.3  # larger ones are mistakes in the files
-CLOCK_OFFSET_STEP_S = 0.005  # at 1 rad/s a third of a degree
-CLOCK_OFFSET_POSES_MIN = 40  # in one drive
-MOVING_MEAN_PERIOD_S = 2.0  # shorter than most drift, longer than a turn
-POSE_PERIOD_MAX_S = 0.2  # at longer periods, chords between poses hide the offset
-MISMATCH_RATIO_MAX = 0.98  # after over before; above, the robot hardly turned
+from diffbotctl.config.robot import Robot
+from diffbotctl.units import quantity
 
 # In tracks. Shorter segments are dominated by the noise of the true headings, longer ones do not
 # determine the mean diameter on small squares; found by cross-validation on a real session.
 SEGMENT_LENGTH_TRACKS = 20.0
-TRACK_RATIOS = (1.0, 2.0, 0.5)  # of the true track to the stated one
-MISTAKE_SCORE_RATIO_MIN = 4.0  # improvement that proves a mistake of the user
-MISTAKE_SUBSAMPLING = 4  # one segment in four is sufficient to detect a mistake
-RATIO_LOG_MAX = float(np.log(2)) / 2  # of a plausible wheel ratio, or of the track to its start
-OUTLIER_CHI2_RATIO_MIN = 25.0  # one good drive in ten thousand
-OUTLIER_DRIVES_MIN = 4
-DIAMETER_SD_MAX = 0.005  # relative; above, the stated mean diameter is better than the fitted one
-FIXED_DIAMETER_SD = 1e-5  # relative, of a mean diameter that is kept
+SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
+SEGMENTS_MAX = 600
+BAD_DRIVES_RATIO_MAX = 1 / 3
+DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
+HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
+SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
+RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
+RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.095), log(1.35)  # the search goes a little further
+
+
+USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
 
 
 class Outlier(NamedTuple):
@@ -61,7 +67,7 @@ class Outlier(NamedTuple):
 
     name: str
     ratio: float
-    """of its error to the usual one"""
+    """of its end error to the usual one"""
 
 
 class GeometryFit(NamedTuple):
@@ -71,56 +77,67 @@ class GeometryFit(NamedTuple):
     geometry: Geometry
     confidence: Confidence
     drives: list[RecordedDrive]
-    """the drives used, with columns corrected and clocks aligned"""
+    """the drives used, with clocks aligned"""
     offsets: list[float]
     """s; delay added to the counts of each drive used"""
     outliers: list[Outlier]
-    swapped: bool
-    """whether the columns of the wheels were swapped"""
-    track_ratio: float
-    """2: the stated track was half the true one; 0.5: twice; 1: neither"""
     sees_diameter: bool
     """False: the drives do not determine the mean diameter, which was kept as stated"""
 
 
-def fit_geometry(drives: Sequence[RecordedDrive], stated: Geometry) -> GeometryFit:
+def fit_geometry(
+    drives: Sequence[RecordedDrive], stated: Geometry, mean_sd: float | None = None
+) -> GeometryFit:
     """Fit the geometry to `drives`, starting from the `stated` one.
 
-    Raises ValueError without a drive that has two known poses.
+    `mean_sd`: relative standard deviation of the stated mean diameter; None: not known. Raises
+    ValueError with the reason if the files contain a mistake, or the drives do not determine the
+    geometry.
     """
     if not drives:
         raise ValueError("no drives to fit to")
-    swapped, track_ratio, rough = _find_mistakes(drives, stated)
-    drives = [drive.swapped() if swapped else drive for drive in drives]
-    offsets = [clock_offset(drive, rough) for drive in drives]
-    drives = [
+    sd = DIAMETER_SD if mean_sd is None else mean_sd
+    prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
+    rough = _explain(drives, GeometryPrior(stated, (sd, *USUAL_SDS)))
+    offsets = [clock_offset(drive, rough.geometry) for drive in drives]
+    aligned = [
         delay_counts(drive, offset) if offset else drive
         for drive, offset in zip(drives, offsets, strict=True)
     ]
-    kept, outliers = _without_outliers(drives, rough, stated)
-    drives, offsets = [drives[number] for number in kept], [offsets[number] for number in kept]
-    segments = _segments(drives, rough)
-    counts = [len(group) for group in segments]
-    flat = _flatten(segments)
-    result = adjust(flat, rough, stated, huber_weights)
-    result_confidence = confidence(result, counts, DIAMETER_PRIOR_SD)
-    sees_diameter = result_confidence.mean.sd < DIAMETER_SD_MAX
+    noise = _noise(drives)
+    kept = _good_drives(aligned, rough, prior, noise)
+    used = [aligned[number] for number in kept]
+    groups = _segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
+    segments, weights = _flatten(groups)
+    solution = solve(segments, weights, rough.geometry, prior, noise)
+    result = posterior(segments, weights, solution.geometry, prior, noise)
+    sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
     if not sees_diameter:
-        scale = stated.mean / result.geometry.mean
-        start = Geometry(*(length * scale for length in result.geometry))
-        result = adjust(flat, start, stated, huber_weights, FIXED_DIAMETER_SD)
-        result_confidence = confidence(result, counts, FIXED_DIAMETER_SD)
-    return GeometryFit(
+        result = result.with_mean(stated.mean)
+    fit = GeometryFit(
         stated,
         result.geometry,
-        result_confidence,
-        drives,
-        offsets,
-        outliers,
-        swapped,
-        track_ratio,
+        confidence(result, [len(group) for group in groups], segments, weights),
+        used,
+        [offsets[number] for number in kept],
+        _outliers(aligned, kept, result.geometry),
         sees_diameter,
     )
+    _refuse_unproven(fit, prior)
+    _refuse_no_gain(segments, weights, stated, result)
+    return fit
+
+
+def diameter_sd(robot: Robot) -> float | None:
+    """Relative standard deviation of the mean diameter, where it was calibrated."""
+    sds = []
+    for field in (RIGHT_DIAMETER, LEFT_DIAMETER):
+        entry = robot.calibration.get(field)
+        if entry is None or entry.sd is None:
+            return None
+        sds.append(quantity(str(entry.sd), "m") / quantity(str(entry.value), "m"))
+    # Both diameters were found from the same drives, so their errors do not average out.
+    return min(max(*sds, DIAMETER_SD_MIN), DIAMETER_SD)
 
 
 def geometry_findings(fit: GeometryFit) -> list[Finding]:
@@ -133,108 +150,119 @@ def geometry_findings(fit: GeometryFit) -> list[Finding]:
     ]
 
 
-class Candidate(NamedTuple):
-    """A possible mistake of the user, and the geometry that follows from it."""
+def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
+    """The most likely geometry. Raises ValueError if something else explains the ends better."""
 
-    score: float
-    swapped: bool
-    track_ratio: float
-    geometry: Geometry
+    def cut(drives: Sequence[RecordedDrive]) -> tuple[list[Segment], Floats]:
+        return _flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1))
 
-
-def _find_mistakes(
-    drives: Sequence[RecordedDrive], stated: Geometry
-) -> tuple[bool, float, Geometry]:
-    """Whether columns are swapped, the ratio of true to stated track, and a rough geometry."""
-    candidates: list[Candidate] = []
-    for swapped, ratio in product((False, True), TRACK_RATIOS):
-        start = stated._replace(track=stated.track * ratio)
-        ordered = [drive.swapped() if swapped else drive for drive in drives]
-        segments = _flatten(_segments(ordered, start))[::MISTAKE_SUBSAMPLING]
-        result = adjust(segments, start, stated, cauchy_weights)
-        geometry = result.geometry
-        score = float(np.median([residual.chi2 for residual in result.residuals]))
-        log_ratios = np.abs(np.log([geometry.track / start.track, geometry.ratio]))
-        if (log_ratios < RATIO_LOG_MAX).all():
-            candidates.append(Candidate(score, swapped, ratio, geometry))
-    if not candidates:
-        raise ValueError("no geometry near the stated one explains the ends of these drives")
-    chosen = min(candidates, key=lambda candidate: candidate.score)
-    # An improvement within the accuracy of the measured ends does not prove a mistake.
-    limit = max(MISTAKE_SCORE_RATIO_MIN * chosen.score, CHI2_MEDIANS[3])
-    for candidate in candidates:
-        if not candidate.swapped and candidate.track_ratio == 1 and candidate.score < limit:
-            chosen = candidate
-    return chosen.swapped, chosen.track_ratio, chosen.geometry
+    found = explain_ends(drives, prior, cut)
+    if found.mistake is not None:
+        raise ValueError(f"these drives agree with each other only if {found.mistake.text}")
+    best, rival = found.plain, found.rival
+    if (
+        rival is not None
+        and best.score - rival.score < RIVAL_LOG_RATIO_MIN
+        and max(_log_change(best.geometry, rival.geometry)) > HALF_WIDTH_MAX
+    ):
+        raise ValueError(
+            "two geometries explain these ends equally well: a track of "
+            f"{best.geometry.track * 1000:.1f} mm and one of {rival.geometry.track * 1000:.1f} mm; "
+            "add shorter drives with fewer turns"
+        )
+    return best
 
 
-def _without_outliers(
-    drives: Sequence[RecordedDrive], rough: Geometry, stated: Geometry
-) -> tuple[list[int], list[Outlier]]:
-    """Indices of the drives that agree, and those that do not; at least half are kept."""
-    segments = _segments(drives, rough)
-    outliers: list[Outlier] = []
-    kept = list(range(len(drives)))
-    while len(kept) >= OUTLIER_DRIVES_MIN and 2 * (len(kept) - 1) >= len(drives):
-        groups = [segments[number] for number in kept]
-        result = adjust(_flatten(groups), rough, stated, cauchy_weights)
-        scores = _median_chi2(result, [len(group) for group in groups])
-        worst = int(np.argmax(scores))
-        usual = max(float(np.median(scores)), CHI2_MEDIANS[3] * result.variance_ratio)
-        if scores[worst] < OUTLIER_CHI2_RATIO_MIN * usual:
-            break
-        ratio = float(np.sqrt(scores[worst] / usual))
-        outliers.append(Outlier(drives[kept.pop(worst)].name, ratio))
-    return kept, outliers
+def _log_change(one: Geometry, other: Geometry) -> list[float]:
+    return [abs(log(first / second)) for first, second in zip(one, other, strict=True)]
 
 
-def _segments(drives: Sequence[RecordedDrive], geometry: Geometry) -> list[list[Segment]]:
-    length = SEGMENT_LENGTH_TRACKS * geometry.track
-    return [cut_segments(drive, geometry.mean, length) for drive in drives]
+def _noise(drives: Sequence[RecordedDrive]) -> NoiseGrid:
+    is_camera = all(drive.truth is MOTION_CAPTURE for drive in drives)
+    return CAMERA_NOISE if is_camera else TAPE_NOISE
 
 
-def _flatten(groups: Sequence[list[Segment]]) -> list[Segment]:
-    return [segment for group in groups for segment in group]
-
-
-def _median_chi2(result: Adjustment, counts: Sequence[int]) -> list[float]:
-    """Of the segments of each drive: one bump does not make a long drive an outlier."""
-    chi2 = np.array([residual.chi2 for residual in result.residuals])
-    return [float(np.median(group)) for group in np.split(chi2, np.cumsum(counts)[:-1])]
-
-
-def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
-    """The delay (s) of the counts that fits the true headings best; 0 if it cannot be seen."""
-    if len(drive.rows) < CLOCK_OFFSET_POSES_MIN:
-        return 0.0
-    rolled = drive.turns * np.pi * (geometry.right, geometry.left)
-    headings = (rolled[:, 0] - rolled[:, 1]) / geometry.track
-    times = drive.times[drive.rows]
-    period = max(float(np.median(np.diff(times))), CLOCK_OFFSET_STEP_S)
-    if period > POSE_PERIOD_MAX_S:
-        return 0.0
-    span = min(2 * int(MOVING_MEAN_PERIOD_S / period / 2) + 1, 2 * (len(times) // 4) + 1)
-    step = CLOCK_OFFSET_STEP_S
-    offsets = np.arange(-CLOCK_OFFSET_MAX_S, CLOCK_OFFSET_MAX_S + step / 2, step)
-    mismatches = [
-        _detrended_sd(np.interp(times - offset, drive.times, headings) - drive.poses[:, 2], span)
-        for offset in offsets
+def _good_drives(
+    drives: Sequence[RecordedDrive], rough: Solution, prior: GeometryPrior, noise: NoiseGrid
+) -> list[int]:
+    """Indices of the drives that agree. Raises ValueError if too few do."""
+    groups = _segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1)
+    segments, weights = _flatten(groups)
+    good = solve(segments, weights, rough.geometry, prior, noise).good
+    ends = np.cumsum([len(group) for group in groups])[:-1]
+    kept = [
+        number for number, part in enumerate(np.split(good, ends)) if float(np.median(part)) >= 0.5
     ]
-    best = int(np.argmin(mismatches))
-    limit = MISMATCH_RATIO_MAX * mismatches[len(offsets) // 2]
-    return float(offsets[best]) if mismatches[best] < limit else 0.0
+    if len(drives) - len(kept) > BAD_DRIVES_RATIO_MAX * len(drives):
+        bad = [drive.name for number, drive in enumerate(drives) if number not in kept]
+        raise ValueError(
+            f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
+            f"({', '.join(bad[:4])}{', ...' if len(bad) > 4 else ''}): were their ends measured "
+            "from the start of the same drive, and did both encoders count all the time?"
+        )
+    return kept
 
 
-def delay_counts(drive: RecordedDrive, offset: float) -> RecordedDrive:
-    """The drive with its counts delayed by `offset` s, without the poses that have no counts."""
-    times = drive.times[drive.rows] - offset
-    inside = (times >= drive.times[0]) & (times <= drive.times[-1])
-    turns = drive.turns_at(drive.times - offset)
-    return replace(drive, turns=turns, rows=drive.rows[inside], poses=drive.poses[inside])
+def _outliers(
+    drives: Sequence[RecordedDrive], kept: Sequence[int], geometry: Geometry
+) -> list[Outlier]:
+    errors = [end_error(drive, geometry) for drive in drives]
+    distances = [hypot(error.x, error.y) for error in errors]
+    usual = max(float(np.median([distances[number] for number in kept])), 1e-4)
+    return [
+        Outlier(drive.name, distances[number] / usual)
+        for number, drive in enumerate(drives)
+        if number not in kept
+    ]
 
 
-def _detrended_sd(mismatch: Floats, span: int) -> float:
-    """Standard deviation around the moving mean over `span` poses."""
-    padded = np.pad(mismatch, span // 2, mode="edge")
-    sums = np.cumsum(np.concatenate(([0.0], padded)))
-    return float(np.std(mismatch - (sums[span:] - sums[:-span]) / span))
+def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
+    """Raises ValueError for a fit that is loose, implausible or no better than before."""
+    errors = fit.confidence
+    names = {
+        "right wheel diameter": errors.right,
+        "left wheel diameter": errors.left,
+        "track": errors.track,
+        "right over left": errors.ratio,
+    }
+    for name, interval in names.items():
+        if interval.half_width > HALF_WIDTH_MAX:
+            raise ValueError(
+                f"these drives determine the {name} only to +- {100 * interval.half_width:.0f} % "
+                f"(limit {100 * HALF_WIDTH_MAX:.0f} %): add longer drives, to the left and to the "
+                "right, with the heading of each end"
+            )
+    offset = prior.offset(fit.geometry)
+    if abs(offset[1]) > RATIO_LOG_MAX or abs(offset[2]) > TRACK_LOG_MAX:
+        raise ValueError(
+            f"the fit has a track of {exp(offset[2]):.2f} times and a wheel ratio of "
+            f"{exp(offset[1]):.3f} times the stated one, which is not plausible: measure wheels "
+            "and track, and correct the robot file first"
+        )
+
+
+def _refuse_no_gain(
+    segments: Sequence[Segment], weights: Floats, stated: Geometry, result: Posterior
+) -> None:
+    """Raises ValueError if the stated geometry explains the ends as well as the fitted one."""
+    before, after = (
+        squared_error(segments, weights, geometry, result.noise)
+        for geometry in (stated, result.geometry)
+    )
+    if after > before:
+        raise ValueError("the fit explains the ends no better than the stated geometry does")
+
+
+def _segments(
+    drives: Sequence[RecordedDrive], geometry: Geometry, count_max: int, overlap: int
+) -> list[list[Segment]]:
+    """Segments of each drive; all of a drive whose end alone is known."""
+    length = SEGMENT_LENGTH_TRACKS * geometry.track
+    limit = max(count_max // len(drives), 1)
+    return [cut_segments(drive, geometry.mean, length, overlap, limit) for drive in drives]
+
+
+def _flatten(groups: Sequence[Sequence[Segment]]) -> tuple[list[Segment], Floats]:
+    """All segments, and weights that discount those which overlap."""
+    segments = [segment for group in groups for segment in group]
+    return segments, np.array([segment.weight for segment in segments])

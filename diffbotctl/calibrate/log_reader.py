@@ -12,7 +12,7 @@ import csv
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import hypot, isnan, nan, pi, radians
+from math import hypot, isnan, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,7 +27,18 @@ from diffbotctl.calibrate.dead_reckoning import (
     GroundTruth,
     RecordedDrive,
 )
-from diffbotctl.errors import Problem, RunError, UsageError, join_words
+from diffbotctl.calibrate.log_checks import count_fault, dead_encoder, ticks_gap
+from diffbotctl.calibrate.log_table import (
+    CSV_ENCODING,
+    has_columns,
+    parse_number,
+    read_columns,
+    read_rows,
+    unusable_log,
+)
+from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
+from diffbotctl.config.robot import Robot
+from diffbotctl.errors import Problem, RunError, UsageError
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.reader import RecordingReader
 
@@ -36,7 +47,7 @@ POSE_COLUMNS = ("x", "y", "heading")
 RUN_COLUMNS = 6
 END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 FINGERPRINT_DIGITS = 16
-CSV_ENCODING = "utf-8-sig"  # spreadsheets write a byte-order mark
+WRAPPED_HEADING_MAX_RAD = 6.4  # a little more than one turn
 
 
 class CountLog(NamedTuple):
@@ -53,25 +64,43 @@ class CountLog(NamedTuple):
 
     def drive(self, rows: NDArray[np.intp], poses: Floats, truth: GroundTruth) -> RecordedDrive:
         """The drive with true `poses` (n, 3) at these rows."""
-        poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
+        # Headings beyond one turn are unwrapped already, or in degrees: both are kept.
+        if len(poses) > 2 and np.abs(poses[:, 2]).max() <= WRAPPED_HEADING_MAX_RAD:
+            poses = np.column_stack([poses[:, :2], np.unwrap(poses[:, 2])])
         return RecordedDrive(self.name, self.times, self.turns, rows, poses, self.tick, truth)
 
 
-def read_counts(path: Path, ticks: tuple[float, float]) -> CountLog:
+def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = None) -> CountLog:
     """Counts in the recording (.mcap) or CSV file at `path`.
 
-    `ticks`: counts per turn of the right and left wheel. The first line of a CSV file names the
-    columns: time (s), right and left (counts since the start, signed), optionally x, y (m) and
-    heading (rad). Raises UsageError for an unusable file.
+    `ticks`: counts per turn of the right and left wheel. `robot`: of a recording, to estimate the
+    turns from the times of the edges too. The first line of a CSV file names the columns: time (s),
+    right and left (counts since the start, signed), optionally x, y (m) and heading (rad). Raises
+    UsageError for an unusable file.
     """
-    is_recording = path.suffix == ".mcap"
-    table, poses = _read_recording(path) if is_recording else _read_csv(path)
+    frames: list[Encoders] = []
+    poses = None
+    if path.suffix == ".mcap":
+        frames = _read_recording(path)
+        table = np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames])
+    else:
+        table = read_columns(path, COUNT_COLUMNS)
+        if has_columns(path, POSE_COLUMNS):
+            poses = read_columns(path, POSE_COLUMNS)
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
         cause = "needs at least two rows, increasing times, and a count in every row"
         raise unusable_log(path, cause)
-    turns = (table[:, 1:] - table[0, 1:]) / ticks
+    times, counts = table[:, 0] - table[0, 0], table[:, 1:] - table[0, 1:]
+    fault = count_fault(times, counts)
+    if fault is not None:
+        raise unusable_log(path, fault)
     tick = (1 / ticks[0], 1 / ticks[1])
-    return CountLog(path.stem, table[:, 0] - table[0, 0], turns, tick, poses)
+    if frames and robot is not None:
+        turns = estimated_turns(frames, robot)
+        return CountLog(
+            path.stem, times, turns, (TICK_RATIO * tick[0], TICK_RATIO * tick[1]), poses
+        )
+    return CountLog(path.stem, times, counts / ticks, tick, poses)
 
 
 def with_own_poses(counts: CountLog) -> RecordedDrive:
@@ -98,7 +127,7 @@ def with_truth(counts: CountLog, path: Path) -> RecordedDrive:
     """The drive with the true poses of the CSV file at `path`: time (s since the start of the
     drive), x, y (m) and heading (rad). Raises UsageError if there are fewer than two.
     """
-    truth = _parse_columns(path, _csv_rows(path, ("time", *POSE_COLUMNS)), ("time", *POSE_COLUMNS))
+    truth = read_columns(path, ("time", *POSE_COLUMNS))
     times = truth[:, 0]
     truth = truth[(times >= 0) & (times <= counts.times[-1]) & np.isfinite(truth).all(axis=1)]
     if len(truth) < 2 or (np.diff(truth[:, 0]) <= 0).any():
@@ -121,6 +150,14 @@ def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path
         raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
 
 
+def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
+    """Raises UsageError if one encoder did not count in any of the drives."""
+    turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
+    fault = dead_encoder(np.array(turned))
+    if fault is not None:
+        raise unusable_log(Path(drives[0].name), fault)
+
+
 def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
     """End poses by the name of the drive's file, without its suffix.
 
@@ -128,11 +165,14 @@ def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
     UsageError.
     """
     ends = {}
-    for row in _csv_rows(path, ("recording", "x", "y")):
-        degrees = _parse_number(path, row.get("heading_deg"))
-        heading = _parse_number(path, row.get("heading")) if isnan(degrees) else radians(degrees)
-        x, y = (_parse_number(path, row[name]) for name in ("x", "y"))
-        ends[Path(row["recording"].strip()).stem] = (x, y, heading)
+    for row in read_rows(path, ("recording", "x", "y")):
+        degrees = parse_number(path, row.get("heading_deg"))
+        heading = parse_number(path, row.get("heading")) if isnan(degrees) else radians(degrees)
+        x, y = (parse_number(path, row[name]) for name in ("x", "y"))
+        name = Path(row["recording"].strip()).stem
+        if name in ends:
+            raise unusable_log(path, f"has two lines for the recording {name}")
+        ends[name] = (x, y, heading)
     return ends
 
 
@@ -141,13 +181,7 @@ def fingerprint(paths: Sequence[Path]) -> str:
     return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT_DIGITS]
 
 
-def unusable_log(path: Path, cause: str) -> UsageError:
-    """The error for an unusable file."""
-    fix = "`diffbotctl explain E-CALIBRATE-LOG` describes the files"
-    return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
-
-
-def _read_recording(path: Path) -> tuple[Floats, None]:
+def _read_recording(path: Path) -> list[Encoders]:
     try:
         messages = [item.message for item in RecordingReader(path).messages() if item.from_driver]
     except RunError as error:
@@ -155,42 +189,7 @@ def _read_recording(path: Path) -> tuple[Floats, None]:
     frames = [message for message in messages if isinstance(message, Encoders)]
     if len({frame.boot for frame in frames}) > 1:
         raise unusable_log(path, "the board and its counts restarted during this drive")
-    return np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames]), None
-
-
-def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
-    rows = _csv_rows(path, COUNT_COLUMNS)
-    counts = _parse_columns(path, rows, COUNT_COLUMNS)
-    if not rows or any(name not in rows[0] for name in POSE_COLUMNS):
-        return counts, None
-    return counts, _parse_columns(path, rows, POSE_COLUMNS)
-
-
-def _csv_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
-    """The rows of a CSV file by column name. Raises UsageError if one of `names` is missing."""
-    try:
-        reader = csv.DictReader(path.read_text(CSV_ENCODING).splitlines(), restval="")
-    except (OSError, UnicodeDecodeError) as error:
-        raise unusable_log(path, f"cannot be read: {error}") from error
-    reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-    missing = [name for name in names if name not in reader.fieldnames]
-    if missing:
-        raise unusable_log(path, f"its first line does not name {join_words(missing, 'and')}")
-    return list(reader)
-
-
-def _parse_columns(path: Path, rows: list[dict[str, str]], names: Sequence[str]) -> Floats:
-    """(rows, names)"""
-    table = [[_parse_number(path, row[name]) for name in names] for row in rows]
-    return np.array(table).reshape(-1, len(names))
-
-
-def _parse_number(path: Path, text: str | None) -> float:
-    """The number in a cell; nan for an empty one."""
-    try:
-        return float(text) if text and text.strip() else nan
-    except ValueError:
-        raise unusable_log(path, f"'{text}' is not a number") from None
+    return frames
 
 
 class OptiodomSession(NamedTuple):
@@ -231,6 +230,9 @@ def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
         raise _unreadable_run(path, str(error)) from error
     if table.shape[1] != RUN_COLUMNS or len(table) < 2:
         raise _unreadable_run(path, f"{len(table)} rows of {table.shape[1]} columns")
+    fault = ticks_gap(table[:, 0])
+    if fault is not None:
+        raise unusable_log(path, fault)
     turns = np.cumsum(table[:, 4:], axis=0) / ticks_per_turn
     tick = 1 / ticks_per_turn
     rows = np.arange(len(table))

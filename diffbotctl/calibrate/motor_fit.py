@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diffbotctl.calibrate.dead_reckoning import Floats
+from diffbotctl.calibrate.motor_curve import MotorCurve
 from diffbotctl.messages import Encoders
 
 NS = 1e-9  # s
@@ -86,6 +87,23 @@ class SpeedDutyLine(NamedTuple):
     slope: float
     static_sd: float
     slope_sd: float
+    points: tuple[tuple[float, float], ...] = ()
+    """(duty, rad/s)"""
+
+    def curve(self) -> MotorCurve:
+        """The line as the curve of a motor whose battery does not sag."""
+        sd = self.rated * self.slope_sd / self.slope
+        return MotorCurve(self.static, self.rated, self.static_sd, sd)
+
+    def slope_above(self, static: float) -> tuple[float, float]:
+        """Duty per rad/s above `static` that fits the points best, and its standard deviation."""
+        if static == self.static or len(self.points) < SPEED_POINTS_MIN:
+            return self.slope, self.slope_sd
+        duty, speed = np.array(self.points).T
+        slope = float(speed @ (duty - static) / (speed @ speed))
+        residuals = duty - static - slope * speed
+        variance = float(residuals @ residuals) / (len(duty) - 1) / float(speed @ speed)
+        return slope, variance**0.5
 
     @property
     def rated(self) -> float:
@@ -144,7 +162,8 @@ def fit_line(points: Sequence[tuple[float, float]]) -> SpeedDutyLine:
     residuals = duty - matrix @ (static, slope)
     variance = float(residuals @ residuals) / (len(duty) - 2)
     sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * variance)
-    return SpeedDutyLine(float(static), float(slope), float(sd[0]), float(sd[1]))
+    kept = tuple(zip(duty.tolist(), speed.tolist(), strict=True))
+    return SpeedDutyLine(float(static), float(slope), float(sd[0]), float(sd[1]), kept)
 
 
 def fit_lag(steps: Sequence[StepResponse], left: bool, slots: int) -> LagFit:

@@ -7,13 +7,15 @@ answered by a tool. No block has access to them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import cos, hypot, pi, sin
 from random import Random
 from typing import assert_never
 
 from diffbotctl.calibrate.dead_reckoning import wrap_angle
+from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import DriverFactory, RobotSession, StopKey
+from diffbotctl.calibrate.simulated_truth import ComparedValue, compare_findings
 from diffbotctl.calibrate.wiring_detection import WheelMotion
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import SIDES
@@ -37,6 +39,8 @@ TOOL_QUANTITIES: dict[str, tuple[MeasuredQuantity, ...]] = {
     "meter": ("battery",),
     "eye": ("wheel",),
 }
+# Standard deviation of one reading, in SI; of the meter relative.
+TOOL_NOISE = {"tape": 0.001, "protractor": pi / 180, "ruler": 0.0005, "meter": 0.005, "eye": 0.0}
 VISIBLE_TURN_MIN_RAD = pi / 36
 HAND_SPEED_RAD_S = 1.5 * pi
 HAND_TURN_SD_RAD = 0.03  # a mark on the tyre is stopped within a millimetre
@@ -58,6 +62,10 @@ class SimulatedTools:
         """The actual state of the robot."""
         return self._plant.truth()
 
+    def compare(self, findings: Iterable[Finding]) -> list[ComparedValue]:
+        """The findings beside the true values."""
+        return list(compare_findings(findings, self._plant))
+
     def mark(self) -> None:
         """Measure relative to the present pose and wheel angles from now on."""
         self._mark = self._plant.truth()
@@ -74,9 +82,19 @@ class SimulatedTools:
             hint = f"; use the {suitable[0]}" if suitable else "; write the answer"
             raise AnswerError(f"the {instrument} cannot measure this{hint}")
         if quantity == "wheel":
-            return question.parse(self._wheel_motion())
+            return self._wheel_motion()
         value = self._value(quantity) + self._rng.gauss(0.0, noise)
         return question.parse(f"{value!r} {question.unit}")
+
+    def offer(self, question: Question) -> str:
+        """What the usual instrument reads, with its noise; empty if none measures the quantity."""
+        for tool, quantities in TOOL_QUANTITIES.items():
+            if question.quantity in quantities:
+                noise = TOOL_NOISE[tool]
+                if question.quantity == "battery":
+                    noise *= self._plant.battery_voltage()
+                return question.format_answer(self.read(tool, question, noise))
+        return ""
 
     def roll(self, wheel: str, turns: float) -> None:
         """Turn one wheel by hand, with a small error at the end."""

@@ -21,6 +21,7 @@ from math import copysign, cos, hypot, isnan, nan, pi, sin, sqrt
 from statistics import stdev
 from typing import NamedTuple
 
+from diffbotctl.calibrate.confidence import STUDENT_T_95_LIMIT, student_t
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 
 SQUARE_SIDES = 4
@@ -205,7 +206,9 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> U
         weight * (sum(inverse * angles[index] for angles, inverse in estimates) / total)
         for index in (0, 1)
     )
-    sd = sqrt(weight / total)
+    # Each direction gives two coordinates; a spread from few squares is itself uncertain.
+    freedom = 2 * (len(squares.clockwise) + len(squares.counter) - 2)
+    sd = sqrt(weight / total) * student_t(freedom) / STUDENT_T_95_LIMIT
     geometry = correct_geometry(used, squares.side, Angles(alpha, beta))
     before = after = nan
     if squares.has_positions:

@@ -165,6 +165,7 @@ def wiring_findings(wiring: DetectedWiring, robot: Robot) -> list[Finding]:
                 findings += [
                     Finding(f"drive.{wheel}.motor.{pin}", str(getattr(motor, pin)))
                     for pin in MOTOR_PINS
+                    if getattr(motor, pin) is not None  # an input that the driver lacks
                 ]
             is_reversed = motor.reversed != wiring.backward[output]
             if is_reversed != sides[wheel].motor.reversed:

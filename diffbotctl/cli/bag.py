@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from diffbotctl.cli.options import Quantity, json_option, output_option
-from diffbotctl.cli.output import check_output, check_overwrite, print_json
+from diffbotctl.cli.output import (
+    CSV_MARK,
+    check_overwrite,
+    open_output,
+    print_json,
+    write_output,
+)
+from diffbotctl.printable import PrintableStream, RawStream
 from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
@@ -62,6 +71,8 @@ def recover(file: Path, output: Path | None, force: bool) -> int:
     from diffbotctl.recording.recover import recover
 
     target = output or file.with_stem(f"{file.stem}-recovered")
+    if target.exists() and target.samefile(file):
+        raise click.UsageError("--output must not overwrite the recording that is recovered")
     check_overwrite(target, force)
     result = recover(file, target)
     click.echo(f"{target}: {result.messages} messages")
@@ -80,9 +91,9 @@ def export(file: Path, fields: tuple[str, ...], output: Path | None, force: bool
     """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a whole topic.
 
     One row for each instant with a value; a field without a value then is empty. Times are seconds
-    since the start of the run. Without FIELD everything is written.
+    since the start of the run. Without FIELD everything is written. The last column of a file is
+    empty; its name, diffbotctl, marks the file as one that a later export may overwrite.
     """
-    from diffbotctl.errors import Problem, RunError
     from diffbotctl.recording import fields as recording_fields
 
     wires = recording_fields.column_wires(file)
@@ -91,28 +102,30 @@ def export(file: Path, fields: tuple[str, ...], output: Path | None, force: bool
     else:
         columns = recording_fields.all_columns(wires)
     if output is None:
-        _write_table(sys.stdout, file, columns)
+        # Another program gets the texts as they were recorded, a terminal without escapes.
+        stdout: Any = sys.stdout
+        if isinstance(stdout, PrintableStream) and not stdout.isatty():
+            stdout = RawStream(stdout)
+        _write_table(stdout, file, columns)
         return 0
-    check_output(output, [".csv"], force)
-    try:
-        with output.open("w", newline="") as target:
-            _write_table(target, file, columns)
-    except OSError as error:
-        cause = f"cannot write the file: {error.strerror}"
-        raise RunError(Problem("E-OUTPUT", str(output), cause, "choose another file")) from error
+    with open_output(output, [".csv"], force) as target:
+        _write_table(target, file, columns, [CSV_MARK])
     return 0
 
 
-def _write_table(target: Any, file: Path, columns: list[Any]) -> None:
+def _write_table(
+    target: Any, file: Path, columns: list[Any], empty_columns: Sequence[str] = ()
+) -> None:
     import csv
 
     from diffbotctl.recording.fields import table_rows
 
     writer = csv.writer(target, lineterminator="\n")
-    writer.writerow(["time", *(column.name for column in columns)])
+    writer.writerow(["time", *(column.name for column in columns), *empty_columns])
+    empty_cells = [""] * len(empty_columns)
     for time, row in table_rows(file, columns):
         seconds = f"{time // SECOND}.{time % SECOND:09d}"
-        writer.writerow([seconds, *(_cell(value) for value in row)])
+        writer.writerow([seconds, *(_cell(value) for value in row), *empty_cells])
 
 
 def _cell(value: object) -> object:
@@ -149,11 +162,14 @@ def plot(
     if output is None:
         _plot_on_terminal(curves, ascii_only)
         return 0
-    from diffbotctl.ui.plot.image import make_figure, save_figure
+    from diffbotctl.ui.plot.image import encode_png, encode_svg, make_figure
 
-    check_overwrite(output, force)
-    save_figure(make_figure(curves, file.name), output)
-    click.echo(f"written: {output}")
+    figure = make_figure(curves, file.name)
+    writers: dict[str, Callable[[], str | bytes]] = {
+        ".svg": partial(encode_svg, figure),
+        ".png": partial(encode_png, figure),
+    }
+    write_output(output, writers, force)
     return 0
 
 

@@ -119,14 +119,15 @@ def first_sentence(kind: type[Block]) -> str:
 def block_record(name: str, kind: type[Block]) -> dict[str, Any]:
     """The declarations of a block as JSON."""
     from diffbotctl.block import In, actions, inputs, outputs, robot_fields
+    from diffbotctl.message_types import type_name
     from diffbotctl.params import declared
 
     ports = {port: entry for port, entry in inputs(kind).items() if isinstance(entry, In)}
     return {
         "block": name,
         "help": first_sentence(kind),
-        "inputs": {port: entry.kind.__name__ for port, entry in ports.items()},
-        "outputs": {port: entry.kind.__name__ for port, entry in outputs(kind).items()},
+        "inputs": {port: type_name(entry.kind) for port, entry in ports.items()},
+        "outputs": {port: type_name(entry.kind) for port, entry in outputs(kind).items()},
         "parameters": {
             setting.key: {
                 "type": getattr(setting.kind, "__name__", str(setting.kind)),
@@ -148,6 +149,7 @@ def block_lines(name: str, kind: type[Block]) -> Iterator[str]:
     from inspect import cleandoc
 
     from diffbotctl.block import actions, inputs, outputs, robot_fields
+    from diffbotctl.message_types import type_name
     from diffbotctl.params import declared
 
     yield f"{name}\n"
@@ -155,7 +157,7 @@ def block_lines(name: str, kind: type[Block]) -> Iterator[str]:
     yield from _section("inputs", [_input_row(port, entry) for port, entry in inputs(kind).items()])
     yield from _section(
         "outputs",
-        [(port, f"{entry.kind.__name__}  {entry.help}") for port, entry in outputs(kind).items()],
+        [(port, f"{type_name(entry.kind)}  {entry.help}") for port, entry in outputs(kind).items()],
     )
     yield from _section(
         "parameters", [(entry.key, _parameter_text(entry)) for entry in declared(kind).values()]
@@ -177,6 +179,7 @@ def _section(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:
 
 def _input_row(name: str, port: Any) -> tuple[str, str]:
     from diffbotctl.block import In
+    from diffbotctl.message_types import type_name
 
     if not isinstance(port, In):
         return name, f"timer, every {_period_text(port.period)}"
@@ -186,7 +189,7 @@ def _input_row(name: str, port: Any) -> tuple[str, str]:
         f"fresh for {_period_text(port.fresh_for)}" if port.fresh_for is not None else "",
     ]
     note = ", ".join(filter(None, notes))
-    return name, f"{port.kind.__name__}{f' ({note})' if note else ''}  {port.help}"
+    return name, f"{type_name(port.kind)}{f' ({note})' if note else ''}  {port.help}"
 
 
 def _period_text(period: float | str) -> str:

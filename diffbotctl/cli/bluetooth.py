@@ -116,6 +116,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     from diffbotctl.bluetooth.rate_advice import advise_rate
     from diffbotctl.board.jobs import measure_link
     from diffbotctl.config.load import load_robot
+    from diffbotctl.config.robot import line_baud
     from diffbotctl.drivers.board_ports import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
     from diffbotctl.links import link_protocol
@@ -131,7 +132,7 @@ def test(port: str, robot: str | None, seconds: float) -> None:
             click.echo(line)
         link, board = file.robot.link, file.robot.board
         frame = link_protocol.frame_bytes(link.protocol, board.edge_times)
-        baud = link_protocol.USB_BAUD if is_usb(device) else link_protocol.baud_of(link)
+        baud = link_protocol.USB_BAUD if is_usb(device) else line_baud(file.robot)
         for line in _proposal(advise_rate(said, baud, frame), file.robot, baud):
             click.echo(line)
 

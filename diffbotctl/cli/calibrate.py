@@ -79,17 +79,20 @@ def from_log(
     FILE: a recording, a CSV file with counts, or the folder of an OptiOdom session, which states
     its own geometry. Nothing moves.
     """
-    from diffbotctl.calibrate.geometry_fit import fit_geometry
+    from diffbotctl.calibrate.geometry_fit import diameter_sd, fit_geometry
+    from diffbotctl.config.load import load_robot
     from diffbotctl.errors import Problem, RunError
     from diffbotctl.ui.calibration_screen import fit_report
 
     folders = [file for file in files if file.is_dir()]
     if folders:
         drives, stated = _sessions(files, folders, bool(robot or ends or truth))
+        sd = None
     else:
         drives, stated = _logs(files, robot, ends, truth)
+        sd = diameter_sd(load_robot(robot).robot)
     try:
-        found = fit_geometry(drives, stated)
+        found = fit_geometry(drives, stated, sd)
     except ValueError as error:
         fix = "`diffbotctl explain E-CALIBRATE-FIT` tells the usual causes"
         place = ", ".join(map(str, files))
@@ -119,7 +122,8 @@ def _save(
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.log_reader import read_session, unusable_log
+    from diffbotctl.calibrate.log_reader import read_session
+    from diffbotctl.calibrate.log_table import unusable_log
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
@@ -138,16 +142,18 @@ def _logs(
     files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
 ) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.dead_reckoning import Geometry
-    from diffbotctl.calibrate.log_reader import read_counts
+    from diffbotctl.calibrate.log_reader import read_counts, refuse_dead_encoder
     from diffbotctl.config.load import load_robot
 
     if truth and (ends or len(truth) != len(files)):
         raise click.UsageError("Give --truth once for each FILE, in their order, or --ends.")
-    drive = load_robot(robot).robot.drive
+    machine = load_robot(robot).robot
+    drive = machine.drive
     right, left = drive.right, drive.left
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
     ticks = (right.encoder.slots, left.encoder.slots)
-    counts = [read_counts(file, ticks) for file in files]
+    counts = [read_counts(file, ticks, machine) for file in files]
+    refuse_dead_encoder(counts)
     return _placed(counts, ends, truth, max(stated.right, stated.left)), stated
 
 
@@ -158,11 +164,11 @@ def _placed(
     from diffbotctl.calibrate.log_reader import (
         read_ends,
         refuse_too_far,
-        unusable_log,
         with_end,
         with_own_poses,
         with_truth,
     )
+    from diffbotctl.calibrate.log_table import unusable_log
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]

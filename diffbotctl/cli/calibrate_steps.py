@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from diffbotctl.prompts.question import Prompter
     from diffbotctl.ui.calibration_screen import CalibrationScreen
 
+LineInput = Callable[[], AbstractContextManager[None]]
+"""In its context the terminal echoes and edits a line"""
 INTERRUPTED = "\nInterrupted: the robot is stopped, and no result of this step was written."
 FOLDER = Path("recordings")
 
@@ -63,18 +65,24 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
 def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> None:
     """Run the steps called `names` in order on one robot; `settings` go to each."""
     from diffbotctl.calibrate.runner import make_step, refuse_unwritable
-    from diffbotctl.ui.calibration_screen import CalibrationScreen
+    from diffbotctl.ui.calibration_screen import CalibrationScreen, truth_report
 
     if not options.yes and not options.dry_run:
         refuse_nobody()
     refuse_unwritable(FOLDER)
     screen = CalibrationScreen()
     steps = [make_step(name, **settings) for name in names]
-    with _open_robot(options) as (session, prompter):
+    with _open_robot(options) as (session, prompter, tools, lines):
         for number, step in enumerate(steps, 1):
-            if len(steps) > 1 and not _confirm_step(step, number, len(steps), options):
-                continue
-            _run_step(step, session, prompter, screen, options)
+            if len(steps) > 1:
+                with lines():
+                    is_wanted = _confirm_step(step, number, len(steps), options)
+                if not is_wanted:
+                    continue
+            _run_step(step, session, prompter, screen, options, lines)
+        if tools is not None:
+            for line in truth_report(tools.compare(session.findings.values())):
+                click.echo(line)
 
 
 def _run_step(
@@ -83,6 +91,7 @@ def _run_step(
     prompter: Prompter,
     screen: CalibrationScreen,
     options: CalibrateOptions,
+    lines: LineInput,
 ) -> None:
     from diffbotctl.calibrate.runner import run_step, save_result
     from diffbotctl.errors import Problem, RunError
@@ -98,7 +107,8 @@ def _run_step(
     for file in done.files:
         click.echo(f"saved: {file}")
     if outcome.findings and not options.dry_run:
-        keep(session.file.file, outcome.findings, done.origin, options.yes)
+        with lines():
+            keep(session.file.file, outcome.findings, done.origin, options.yes)
     if outcome.faults:
         # The next steps would measure these faults.
         fix = f"correct this, then run `diffbotctl calibrate {step.name}` again"
@@ -118,8 +128,13 @@ def _confirm_step(step: Step, number: int, count: int, options: CalibrateOptions
 
 
 @contextmanager
-def _open_robot(options: CalibrateOptions) -> Iterator[tuple[RobotSession, Prompter]]:
-    """The robot and the prompter; at the end the robot is stopped and its port closed."""
+def _open_robot(
+    options: CalibrateOptions,
+) -> Iterator[tuple[RobotSession, Prompter, SimulatedTools | None, LineInput]]:
+    """The robot, the prompter, the tools of a simulated robot, and the terminal's line input.
+
+    At the end the robot is stopped and its port closed.
+    """
     from diffbotctl.calibrate.runner import open_session
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
@@ -140,7 +155,8 @@ def _open_robot(options: CalibrateOptions) -> Iterator[tuple[RobotSession, Promp
         with session:
             prompter = _prompter(options, tools, keyboard)
             with nullcontext() if keyboard is None else keyboard.watching():
-                yield session, prompter
+                lines = nullcontext if keyboard is None else keyboard.resting
+                yield session, prompter, tools, lines
     except (click.Abort, KeyboardInterrupt):
         was_interrupted = True
         raise
@@ -161,7 +177,7 @@ def _prompter(
         return AnswersFile(options.answers, tools)
     if keyboard is None:
         raise click.UsageError("There is no terminal: give --answers FILE.")
-    return TerminalPrompter(keyboard, options.yes)
+    return TerminalPrompter(keyboard, options.yes, tools)
 
 
 @click.command("encoders")

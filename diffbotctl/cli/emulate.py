@@ -17,7 +17,7 @@ TRY = """\
 Now, from another terminal:
     diffbotctl flash firmware --robot {robot} --port {usb}
     diffbotctl blink --robot {robot} --port {usb}
-    diffbotctl run goal --robot {robot} --port {radio}
+    diffbotctl run goal --robot {robot} --port {port}
 Ctrl-C ends the board."""
 
 
@@ -32,15 +32,16 @@ Ctrl-C ends the board."""
 def command(
     robot: str | None, blank: bool, image: Path | None, world: str | None, seed: int
 ) -> None:
-    """Start a virtual Mega 2560 that runs the real firmware, wired to the simulated ROBOT.
+    """Start a virtual board that runs the real firmware, wired to the simulated ROBOT.
 
-    Prints the board's two ports and runs in real time until Ctrl-C. Use the ports from another
+    Prints the board's ports and runs in real time until Ctrl-C. Use the ports from another
     terminal as those of a real board: flash, run --port, blink. The motion of the wheels is printed
     here.
     """
     from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
     from diffbotctl.config.load import load_robot
-    from diffbotctl.emulator.process import IMAGE
+    from diffbotctl.drivers.robot_link import board_settings
+    from diffbotctl.emulator.process import image_of
     from diffbotctl.emulator.virtual_board import virtual_board
     from diffbotctl.flash.flasher import load
     from diffbotctl.runs.signals import Signals
@@ -48,7 +49,7 @@ def command(
 
     file = load_robot(robot)
     if image is None and not blank:
-        image = IMAGE
+        image = image_of(board_settings(file.nominal).board)
         _speaks_ours(file.robot, str(file.file))
     if image is not None:
         load(image)
@@ -59,8 +60,10 @@ def command(
         what = f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})"
         click.echo(fold_text(what, hang=2))
         click.echo(f"USB port    {board.usb}")
-        click.echo(f"radio port  {board.radio}")
-        click.echo(TRY.format(robot=robot or file.file, usb=board.usb, radio=board.radio))
+        if board.radio is not None:
+            click.echo(f"radio port  {board.radio}")
+        port = board.radio or board.usb
+        click.echo(TRY.format(robot=robot or file.file, usb=board.usb, port=port))
         aside = NonBlockingStderr()  # a terminal that takes nothing must not stop the board's time
         board.serve(signals.file, aside.say)
         aside.end()

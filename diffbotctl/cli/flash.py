@@ -1,4 +1,4 @@
-"""`diffbotctl flash firmware`: our program onto a Mega 2560, and the robot's settings after it.
+"""`diffbotctl flash firmware`: our program onto the board, and the robot's settings after it.
 
 `diffbotctl blink`: does the board hear us? No motor moves.
 """
@@ -60,6 +60,7 @@ def flash(
     The board can be flashed again after an interruption.
     """
     from diffbotctl.cli.choose_port import choose_port
+    from diffbotctl.config.board_pins import BOARDS
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import folder
     from diffbotctl.drivers.board_ports import refuse_radio
@@ -70,14 +71,22 @@ def flash(
     refuse_radio(device)
     file = load_robot(robot)
     ours = image is None
-    program = folder("firmware") / "diffbot_mega2560.hex" if image is None else image
+    settings = board_settings(file.robot)
+    program = folder("firmware") / BOARDS[file.robot.board.type].image if image is None else image
     load(program)
-    settings = board_settings(file.robot) if ours else None
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
     if not yes and not _agreed():
         raise click.Abort
-    _show(flash(device, program, programmer=programmer, backup=backup, settings=settings))
+    events = flash(
+        device,
+        program,
+        programmer=programmer,
+        backup=backup,
+        board=settings.board,
+        settings=settings if ours else None,
+    )
+    _show(events)
     if ours and file.robot.link.protocol == "rosserial":
         click.echo(STILL_ROSSERIAL.format(file=file.file))
 
@@ -98,12 +107,12 @@ def _show(events: Iterable[JobEvent]) -> None:
 
 def _show_progress(events: Iterable[JobEvent]) -> None:
     """Progress of a job: a bar on a terminal, plain lines without one."""
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     from diffbotctl.board.session import JobMessage
+    from diffbotctl.ui.console import PrintableConsole
 
-    console = Console(highlight=False)
+    console = PrintableConsole(highlight=False)
     columns = (TextColumn("{task.description:<8}"), BarColumn(), TaskProgressColumn())
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
         tasks = {}

@@ -53,6 +53,7 @@ def command(
     if pipeline is None:
         raise click.UsageError("give a pipeline, such as goal, or --running")
     from diffbotctl.config.load import load
+    from diffbotctl.message_types import type_name
     from diffbotctl.runs.build_graph import assemble
 
     configuration = load(pipeline, robot, sets)
@@ -60,7 +61,7 @@ def command(
     wires = list(wires_of(assembly.graph, assembly.command))
     if as_json:
         for wire in wires:
-            kind = assembly.graph.kinds[f"{wire.source}.{wire.output}"].__name__
+            kind = type_name(assembly.graph.kinds[f"{wire.source}.{wire.output}"])
             print_json({**wire._asdict(), "type": kind})
     elif mermaid:
         for line in mermaid_lines(wires, assembly.graph):
@@ -74,9 +75,9 @@ def command(
 
 
 def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
-    from rich.console import Console
+    from diffbotctl.ui.console import PrintableConsole
 
-    Console(soft_wrap=True, highlight=False).print(wire_tree(title, wires, graph))
+    PrintableConsole(soft_wrap=True, highlight=False).print(wire_tree(title, wires, graph))
 
 
 def _draw_running(engine: str | None, as_json: bool) -> int:
@@ -136,10 +137,12 @@ def wire_tree(title: str, wires: list[Wire], graph: Graph) -> Tree:
 def _add_branches(
     branch: Tree, name: str, wires: list[Wire], drawn: set[str], graph: Graph
 ) -> None:
+    from diffbotctl.message_types import type_name
+
     for source, output, target, port in wires:
         if source != name:
             continue
-        kind = graph.kinds[f"{source}.{output}"].__name__
+        kind = type_name(graph.kinds[f"{source}.{output}"])
         label = f"{output} [dim]{kind}[/dim] -> [bold]{target}[/bold].{port}"
         if target in drawn:
             branch.add(f"{label} [dim](above)[/dim]")

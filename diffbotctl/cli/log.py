@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
+from diffbotctl.printable import printable, write_raw
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -97,7 +99,11 @@ def _lines(
 def _print_line(line: dict[str, Any]) -> None:
     from diffbotctl.ui.run_text import log_line_text
 
-    click.secho(log_line_text(LogLine(**line)), fg=COLOURS.get(line["level"]))
+    text = printable(log_line_text(LogLine(**line)))
+    if sys.stdout.isatty():
+        text = click.style(text, fg=COLOURS.get(line["level"]))
+    write_raw(sys.stdout, f"{text}\n")
+    sys.stdout.flush()
 
 
 @command.command()

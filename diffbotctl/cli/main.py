@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 from importlib import import_module
-from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -32,7 +31,7 @@ class Entry(NamedTuple):
 
 COMMANDS = {
     "start": Entry("start", "Guided setup, simulated robot first."),
-    "flash": Entry("flash", "Write the firmware to a Mega 2560 and send the robot's settings."),
+    "flash": Entry("flash", "Write the firmware to the board and send the robot's settings."),
     "blink": Entry("flash", "Blink the board's light to check board, cable and port."),
     "ports": Entry("ports", "List the serial ports: board, access rights, users, problems."),
     "doctor": Entry("ports", "Check this machine: versions, access rights, ports, packages."),
@@ -218,7 +217,10 @@ def main() -> None:
     An interrupt ends the process with exit code 130, also while modules are imported: the modules
     `__main__` and this one are imported with a handler that does so.
     """
-    _replace_unprintable_characters()
+    from diffbotctl.printable import printable_stream
+
+    # Control characters become dots, and what the output's encoding lacks question marks.
+    sys.stdout, sys.stderr = printable_stream(sys.stdout), printable_stream(sys.stderr)
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     try:
@@ -267,27 +269,25 @@ def print_error(error: UserError) -> None:
 
     NO_COLOR is respected.
     """
-    print(f"{error_mark()} {error}", file=sys.stderr)
+    print_error_mark()
+    print(f" {error}", file=sys.stderr)
 
 
-def error_mark() -> str:
-    """`error:`, red where standard error is a terminal."""
+def print_error_mark() -> None:
+    """Print `error:`, red where standard error is a terminal."""
+    from diffbotctl.printable import write_raw
+
     is_plain = "NO_COLOR" in os.environ or not sys.stderr.isatty()
-    return "error:" if is_plain else click.style("error:", fg="red", bold=True)
+    mark = "error:" if is_plain else click.style("error:", fg="red", bold=True)
+    write_raw(sys.stderr, mark)
 
 
 def _print_usage_error(error: click.ClickException) -> None:
     context = getattr(error, "ctx", None)
     if context is not None:
         print(context.get_usage(), file=sys.stderr)
-    print(f"{error_mark()} {error.format_message()}", file=sys.stderr)
-
-
-def _replace_unprintable_characters() -> None:
-    """Characters that the output's encoding lacks become question marks, not errors."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper) and stream.errors == "strict":
-            stream.reconfigure(errors="replace")
+    print_error_mark()
+    print(f" {error.format_message()}", file=sys.stderr)
 
 
 def _unexpected(error: Exception) -> UserError:

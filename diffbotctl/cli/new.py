@@ -21,10 +21,32 @@ BLOCK_FILES = {
     "README.md": "block_readme.md",
 }
 
+MESSAGE_FILES = {
+    "{package}/__init__.py": "block_init.py",
+    "{package}/messages.py": "message.py",
+    "{package}/{name}.py": "message_block.py",
+    "tests/test_{name}.py": "message_test.py",
+    "{name}.yaml": "message_pipeline.yaml",
+    "setup.cfg": "message_setup.cfg",
+    "pyproject.toml": "block_pyproject.toml",
+    "README.md": "message_readme.md",
+}
+
+PROGRAM_FILES = {
+    "python": {"{name}.py": "program_python.py", "diffbot_program.py": "diffbot_program.py"},
+    "c": {"{name}.c": "program_c.c", "diffbot_program.h": "diffbot_program.h"},
+    "node": {"{name}.js": "program_node.js"},
+}
+PROGRAM_LINES = {  # language: how it runs, and what to do before
+    "python": ("python3 {name}.py", "# Python needs no build"),
+    "c": ("./{name}", "cc -O2 -o {name} {name}.c -lm"),
+    "node": ("node {name}.js", "# Node.js needs no build"),
+}
+
 
 @click.group()
 def command() -> None:
-    """Write a new robot, pipeline or block to start from."""
+    """Write a new robot, pipeline, block, message or program to start from."""
 
 
 @command.command()
@@ -45,14 +67,50 @@ def pipeline(name: str) -> None:
 @click.argument("name")
 def block(name: str) -> None:
     """Write the folder NAME: a block, its test, and a package that installs it."""
+    _write_package(name, "block", BLOCK_FILES)
+
+
+@command.command()
+@click.argument("name")
+def message(name: str) -> None:
+    """Write the folder NAME: a message type, a block that publishes it, and their package."""
+    _write_package(name, "message", MESSAGE_FILES)
+
+
+@command.command()
+@click.argument("name")
+@click.option(
+    "--language",
+    type=click.Choice(list(PROGRAM_FILES)),
+    default="python",
+    show_default=True,
+    help="Language of the program.",
+)
+def program(name: str, language: str) -> None:
+    """Write the folder NAME: a program in another process, and a pipeline that starts it."""
+    _check_word(name, "program")
+    run, build = (line.format(name=name) for line in PROGRAM_LINES[language])
+    fields = {"name": name, "run": run, "build": build}
+    files = {
+        **PROGRAM_FILES[language],
+        "{name}.yaml": "program_pipeline.yaml",
+        "README.md": "program_readme.md",
+    }
+    for path, template in files.items():
+        _write(Path(name) / path.format(name=name), template, fields)
+    click.echo(f"{name}/ is a program; its README.md explains how to run it.")
+
+
+def _write_package(name: str, what: str, files: dict[str, str]) -> None:
+    """Write a package with a block called `name`. Raises UsageError for a name that is taken."""
     from keyword import iskeyword
 
     from diffbotctl.config import registry
 
-    _check_word(name, "block")
+    _check_word(name, what)
     if iskeyword(name) or name in registry.names():
-        what = "a keyword of Python" if iskeyword(name) else "the name of an existing block"
-        raise _refused("E-NAME", name, f"'{name}' is {what}", "choose another name")
+        cause = "a keyword of Python" if iskeyword(name) else "the name of an existing block"
+        raise _refused("E-NAME", name, f"'{name}' is {cause}", "choose another name")
     package = f"diffbot_{name}"
     fields = {
         "name": name,
@@ -60,7 +118,7 @@ def block(name: str) -> None:
         "package": package,
         "project": package.replace("_", "-"),
     }
-    for path, template in BLOCK_FILES.items():
+    for path, template in files.items():
         _write(Path(name) / path.format(**fields), template, fields)
     click.echo(f"{name}/ is a package; its README.md explains how to install and run it.")
 

@@ -13,6 +13,8 @@ from stat import S_ISCHR, S_ISFIFO
 
 import click
 
+from diffbotctl.printable import printable
+
 FLAGS = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 
 
@@ -29,7 +31,7 @@ class NonBlockingStderr:
         if file is None:
             click.echo(text, err=True)
             return
-        self._unsaid += f"{text}\n".encode(errors="replace")
+        self._unsaid += f"{printable(text)}\n".encode(errors="replace")
         with suppress(OSError):
             self._unsaid = self._unsaid[os.write(file, self._unsaid) :]
 

@@ -36,7 +36,7 @@ class Quantity(FloatType):
         """The value in SI; fails as click's types do."""
         from math import isfinite
 
-        from diffbotctl.units import UnitError, quantity
+        from diffbotctl.units import UnitError, magnitude_max, quantity
 
         try:
             number = quantity(value, self.unit) if isinstance(value, str) else float(value)
@@ -44,6 +44,10 @@ class Quantity(FloatType):
             self.fail(str(error), param, ctx)
         if not isfinite(number) or (self.positive and number <= 0.0):
             self.fail(f"{value} is not possible here", param, ctx)
+        limit = magnitude_max(self.unit)
+        if abs(number) > limit:
+            text = f"{limit:g} {self.unit}"
+            self.fail(f"{value} is more than {text}, the largest that is possible", param, ctx)
         return number
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +15,15 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.errors import Problem
 
-MARK_BYTES = 4096  # our files carry our name within so many bytes
+CSV_MARK = "diffbotctl"  # name of the last column of our tables, which is empty
+MARK_BYTES_MAX = 64 << 10  # our files carry their mark within so many bytes
+# Formats by their first bytes, and the mark near the beginning of a file that diffbotctl wrote.
+MARKS = {
+    b"\x89PNG": b"tEXtSoftware\0diffbotctl",
+    b"\x89MCAP": b"\x0a\0\0\0diffbotctl",  # the field `library` of the header, with its length
+    b"<svg": b"<!-- diffbotctl -->",
+    b"<?xml": b"<!-- diffbotctl -->",
+}
 
 
 def load_robot_file(robot: str | None) -> RobotFile:
@@ -44,39 +54,62 @@ def check_output(output: Path, suffixes: Iterable[str], force: bool) -> str:
 
 
 def check_overwrite(output: Path, force: bool) -> None:
-    """Raises UsageError when `output` exists and diffbotctl did not write it, without `force`.
-
-    Our own files carry our name near their beginning; tables begin with the column `time`.
-    """
+    """Raises UsageError when `output` exists and diffbotctl did not write it, without `force`."""
     from diffbotctl.errors import Problem, UsageError
 
     if force or not output.is_file():
         return
     try:
         with output.open("rb") as file:
-            start = file.read(MARK_BYTES)
+            start = file.read(MARK_BYTES_MAX)
     except OSError:
         start = b"?"
-    if start and b"diffbotctl" not in start and not start.startswith(b"time,"):
+    if start and not has_mark(start):
         cause = "the file exists already, and diffbotctl did not write it"
         fix = "choose another name, or add --force to overwrite it"
         raise UsageError(Problem("E-OUTPUT", str(output), cause, fix))
 
 
-def write_output(output: Path, writers: dict[str, Callable[[], str]], force: bool) -> None:
-    """Write the text that `writers` makes for the suffix of `output`, and print the name.
+def has_mark(start: bytes) -> bool:
+    """Whether a file with these first bytes carries the mark of diffbotctl for its format."""
+    for magic, mark in MARKS.items():
+        if start.startswith(magic):
+            return mark in start
+    first_line = start.partition(b"\n")[0].rstrip(b"\r")
+    return first_line.startswith(b"time,") and first_line.endswith(f",{CSV_MARK}".encode())
+
+
+@contextmanager
+def open_output(output: Path, suffixes: Iterable[str], force: bool) -> Iterator[TextIOWrapper]:
+    """The file `output`, open for text; prints its name at the end.
 
     Raises UsageError as `check_output`, RunError when the file cannot be written.
     """
     from diffbotctl.errors import Problem, RunError
 
-    text = writers[check_output(output, writers, force)]()
+    check_output(output, suffixes, force)
     try:
-        output.write_text(text, encoding="utf-8")
+        with output.open("w", encoding="utf-8", newline="") as file:
+            yield file
     except OSError as error:
         cause = f"cannot write the file: {error.strerror}"
         raise RunError(Problem("E-OUTPUT", str(output), cause, "choose another file")) from error
     click.echo(f"written: {output}")
+
+
+def write_output(
+    output: Path, writers: Mapping[str, Callable[[], str | bytes]], force: bool
+) -> None:
+    """Write what `writers` makes for the suffix of `output`, and print the name.
+
+    Raises as `open_output`; what a writer raises leaves the file as it was.
+    """
+    content = writers[check_output(output, writers, force)]()
+    with open_output(output, writers, force) as file:
+        if isinstance(content, str):
+            file.write(content)
+        else:
+            file.buffer.write(content)
 
 
 def print_json(record: object) -> None:

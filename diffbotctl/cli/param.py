@@ -9,8 +9,8 @@ from typing import Any
 import click
 
 from diffbotctl.cli.engine_client import attached
-from diffbotctl.cli.options import FILE, Quantity, engine_option, json_option
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.options import FILE, Quantity, engine_option, force_option, json_option
+from diffbotctl.cli.output import check_overwrite, print_json
 
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
@@ -100,13 +100,16 @@ def _value_text(row: dict[str, Any]) -> str:
     type=FILE,
     help="Write a new pipeline file that includes the present one.",
 )
+@force_option
 @engine_option
-def save(parameters: tuple[str, ...], output: Path | None, engine: str | None) -> int:
+def save(parameters: tuple[str, ...], output: Path | None, force: bool, engine: str | None) -> int:
     """Write the parameters changed in this run into the pipeline file; its comments are kept.
 
     Without PARAMETERS, all that were changed. Files that ship with diffbotctl are not written: use
     --output for those.
     """
+    if output is not None:
+        check_overwrite(output, force)
     with attached(engine, "param save") as client:
         rows = client.request("list_parameters")["parameters"]
         pipeline = client.request("status")["pipeline"]
@@ -136,9 +139,6 @@ def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any
         cause = "this file ships with diffbotctl and is not written"
         raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --output mine.yaml"))
     path = new or pipeline
-    if new is not None and new.exists():
-        cause = "the file exists already"
-        raise UsageError(Problem("E-SAVE", str(new), cause, "choose another --output"))
     try:
         text = NEW_PIPELINE.format(json.dumps(str(pipeline))) if new else path.read_text()
         for row in rows:

@@ -36,12 +36,11 @@ def show(robot: str | None, output: Path | None, force: bool) -> int:
 
         write_output(output, {".svg": lambda: drawing_svg(file.file.stem, views)}, force)
         return 0
-    from rich.console import Console
-
+    from diffbotctl.ui.console import PrintableConsole
     from diffbotctl.ui.map.layers import render_robot_view
 
-    console = Console(highlight=False)
-    console.print(f"[bold]{file.file.stem}[/bold]")
+    console = PrintableConsole(highlight=False)
+    console.print(file.file.stem, style="bold", markup=False)
     for view in views:
         console.print(render_robot_view(view, console.width))
     return 0

@@ -22,6 +22,7 @@ from diffbotctl.cli.options import (
     set_option,
 )
 from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.cli.program_consent import allowed_programs
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
 @click.option("--name", help="Name of this engine for `--engine`; default: the pipeline's name.")
 @click.option("--group", help="Allow members of this group to command it, through /run.")
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
+@click.option("--allow-programs", is_flag=True, help="Start the pipeline's programs, unasked.")
 @click.option("--quiet", is_flag=True, help="Print the summary only.")
 @json_option
 def command(
@@ -82,6 +84,7 @@ def command(
     name: str | None,
     group: str | None,
     no_socket: bool,
+    allow_programs: bool,
     quiet: bool,
     log: Path | None,
     levels: tuple[str, ...],
@@ -130,6 +133,7 @@ def command(
         log,
         log_levels,
         flights,
+        allowed_programs(configuration, allow_programs),
     )
     if not as_json:
         _print_header(configuration, port, seed)

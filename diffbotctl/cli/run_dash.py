@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 SOCKET_TIMEOUT_S = 10.0  # s for the engine's socket to stand
 POLL_PERIOD_S = 0.01  # s between two looks for it
-# Leave the alternate screen; no mouse, no focus reports, no bracketed paste; show the cursor.
+# CAN ends a control sequence in which the dashboard was killed. Then: leave the alternate screen;
+# no mouse, no focus reports, no bracketed paste; show the cursor.
 TERMINAL_BACK = (
-    "\x1b[?1049l\x1b[?1000l\x1b[?1002l\x1b[?1003l\x1b[?1006l\x1b[?1004l\x1b[?2004l\x1b[?25h"
+    "\x18\x1b[?1049l\x1b[?1000l\x1b[?1002l\x1b[?1003l\x1b[?1006l\x1b[?1004l\x1b[?2004l\x1b[?25h"
 )
 GONE = "the dashboard is gone; the run goes on: Ctrl-C ends it, `diffbotctl dash` looks again"
 

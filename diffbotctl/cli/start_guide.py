@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import click
 
+from diffbotctl.printable import write_raw
 from diffbotctl.start.steps import (
     ANSWER_CODE,
     CHAPTERS,
@@ -35,7 +36,7 @@ MEASURED = {
     "geometry": "drive.track",
 }
 NO_BOARD = """\
-No board is connected. Connect a Mega 2560 with its USB cable and run
+No board is connected. Connect a Mega 2560, Uno or Nano with its USB cable and run
 `diffbotctl start` again: it continues here. If a board is connected,
 `diffbotctl ports` reports why it is not found; `diffbotctl wiring` draws its
 connections. Without a board, run `diffbotctl emulate` in another terminal: it
@@ -131,7 +132,9 @@ class SetupGuide:
         for chapter in CHAPTERS:
             if chapter.key in self.progress.done:
                 continue
-            click.echo(f"\n{click.style(headline(chapter.key), bold=True)}")
+            head = headline(chapter.key)
+            bold_head = click.style(head, bold=True) if sys.stdout.isatty() else head
+            write_raw(sys.stdout, f"\n{bold_head}\n")
             _print(f"  next: {chapter.ahead}")
             try:
                 self._run_chapter(chapter.key)

@@ -62,7 +62,7 @@ def _print_json_rows(harness: Harness) -> None:
                 "to": {"part": wire.end.part, "pin": wire.end.name},
                 "colour": wire.colour,
                 "purpose": wire.purpose,
-                "through": wire.through,
+                "through": "" if wire.through is None else str(wire.through),
             }
         )
 
@@ -82,7 +82,7 @@ def table_lines(harness: Harness) -> Iterator[str]:
                     end_text(*wire.start),
                     end_text(*wire.end),
                     wire.colour,
-                    f"{wire.purpose}: {wire.through}" if wire.through else wire.purpose,
+                    f"{wire.purpose}: {wire.through}" if wire.through is not None else wire.purpose,
                 )
                 for wire in harness.wires
             ),
@@ -93,11 +93,10 @@ def table_lines(harness: Harness) -> Iterator[str]:
 def _draw(harness: Harness, notes: Iterable[str]) -> None:
     from textwrap import fill
 
-    from rich.console import Console
-
     from diffbotctl.render.wiring_terminal import wiring_text
+    from diffbotctl.ui.console import PrintableConsole
 
-    Console(width=WIDTH, highlight=False).print(wiring_text(harness))
+    PrintableConsole(width=WIDTH, highlight=False).print(wiring_text(harness))
     click.echo()
     for note in notes:
         click.echo(fill(note, WIDTH - 2, initial_indent="- ", subsequent_indent="  "))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BoardPins:
     """One type of board. Pins have their printed names; an analog pin also has a digital number.
 
     `pwm` maps a pin to its timer, `uarts` a port to its (receive, transmit) pins. By protocol,
     `clock_timer` is the timer that the firmware uses for its clock, whose PWM is not available, and
-    `links` are the ports that the firmware uses.
+    `links` are the ports that the firmware uses. `chip` is its name in the
+    protocol: one firmware serves all boards with it.
     """
 
     title: str
@@ -24,6 +25,30 @@ class BoardPins:
     uarts: dict[int, tuple[str, str]]
     clock_timer: dict[str, int]
     links: dict[str, tuple[int, ...]]
+    chip: str
+
+    @property
+    def image(self) -> str:
+        """Name of the file with our firmware."""
+        return f"diffbot_{self.chip.lower()}.hex"
+
+    @property
+    def shares_usb(self) -> bool:
+        """True when the USB cable and a radio module share the only port of our firmware.
+
+        Its baud rate is a setting then; else a USB port always runs at 115200 baud.
+        """
+        return len(self.links["diffbot"]) == 1
+
+    @property
+    def with_article(self) -> str:
+        """Its title after the indefinite article."""
+        return f"{'an' if self.title[0] in 'AEIOU' else 'a'} {self.title}"
+
+    def number(self, pin: object) -> int:
+        """The board's number of a pin that is written `5` or `A0`."""
+        text = str(pin)
+        return self.first_analog + int(text[1:]) if text.startswith("A") else int(text)
 
     def named(self, pin: str) -> str:
         """The name of `pin` in the tables: 54 of a Mega 2560 is A0."""
@@ -52,10 +77,11 @@ MEGA_2560 = BoardPins(
     uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
     clock_timer={"diffbot": 1, "rosserial": 0},
     links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
+    chip="MEGA2560",
 )
 
-ATMEGA_328P = BoardPins(
-    title="ATmega328P",
+NANO = BoardPins(
+    title="Nano",
     digital=tuple(str(number) for number in range(14)),
     analog=tuple(f"A{number}" for number in range(8)),
     analog_only=("A6", "A7"),
@@ -63,9 +89,13 @@ ATMEGA_328P = BoardPins(
     pwm=_pwm({0: "5 6", 1: "9 10", 2: "3 11"}),
     interrupts=("2", "3"),
     uarts={0: ("0", "1")},
-    clock_timer={"diffbot": 0, "rosserial": 0},
+    clock_timer={"diffbot": 2, "rosserial": 0},
     links={"diffbot": (0,), "rosserial": (0,)},
+    chip="ATMEGA328P",
 )
 
+# The same chip in a package without A6 and A7.
+UNO = replace(NANO, title="Uno", analog=NANO.analog[:6], analog_only=())
+
 SIMULATED = "simulated"  # board type of a robot that exists only in the simulator
-BOARDS = {"mega2560": MEGA_2560, "atmega328p": ATMEGA_328P}
+BOARDS = {"mega2560": MEGA_2560, "uno": UNO, "nano": NANO}

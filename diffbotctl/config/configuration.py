@@ -10,6 +10,7 @@ from diffbotctl.block import Block
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Place, Problem
 from diffbotctl.params import Choice, Param, Section
+from diffbotctl.units import POSE_MAX
 
 SensorMessage = Literal["Volts", "Scan"]
 
@@ -26,8 +27,22 @@ class RobotUse(Section):
 class GoalEntry(Section):
     """A pose to reach, in the frame odom: the robot starts at 0, 0, heading along x."""
 
-    x = Param(float, unit="m", default=0.0, help="x coordinate.")
-    y = Param(float, unit="m", default=0.0, help="y coordinate.")
+    x = Param(
+        float,
+        unit="m",
+        default=0.0,
+        minimum=-POSE_MAX["m"],
+        maximum=POSE_MAX["m"],
+        help="x coordinate.",
+    )
+    y = Param(
+        float,
+        unit="m",
+        default=0.0,
+        minimum=-POSE_MAX["m"],
+        maximum=POSE_MAX["m"],
+        help="y coordinate.",
+    )
     heading = Param(float, unit="rad", none=True, default=None, help="Final heading; none: any.")
 
 
@@ -77,6 +92,54 @@ class WorldEntry(Section):
     obstacles = Param(list[ObstacleEntry], default=[], help="Round obstacles.")
 
 
+class InputEntry(Section):
+    """A wire on which a client of the control socket publishes: `input.NAME`."""
+
+    type = Param(str, help="Message type, such as Range or my_package/Face.")
+    timeout = Param(
+        float,
+        unit="s",
+        default=0.5,
+        minimum=0.02,
+        maximum=60.0,
+        help="Age at which the newest message is no longer valid; at most 1 s where it feeds "
+        "motion.",
+    )
+    neutral: Any = Param(
+        dict,
+        none=True,
+        default=None,
+        help="Message in place of one that is no longer valid; none: blocks get no message then.",
+    )
+
+
+class ProgramEntry(Section):
+    """A program that is started with the run, and reads and publishes messages."""
+
+    run = Param(str, help="Command line; its folder is that of the pipeline file.")
+    wires = Param(
+        dict[str, str], key="in", default={}, help="What it reads: its own name, then block.output."
+    )
+    types = Param(
+        dict[str, str], key="out", default={}, help="What it publishes: name, then message type."
+    )
+    timeout = Param(
+        float,
+        unit="s",
+        default=0.5,
+        minimum=0.02,
+        maximum=60.0,
+        help="Age at which its newest message is no longer valid; at most 1 s where it feeds "
+        "motion.",
+    )
+    neutral: Any = Param(
+        dict,
+        none=True,
+        default=None,
+        help="For each output the message in place of one that is no longer valid.",
+    )
+
+
 class Pipeline(Section):
     """One pipeline: robot, blocks, goals and world of a run."""
 
@@ -94,6 +157,10 @@ class Pipeline(Section):
     )
     goals = Param(list[GoalEntry], default=[], help="Poses to reach, in order.")
     blocks = Param(dict[str, BlockEntry], help="The blocks by name.")
+    inputs = Param(
+        dict[str, InputEntry], default={}, help="What clients of the control socket may publish."
+    )
+    programs = Param(dict[str, ProgramEntry], default={}, help="Programs in any language, by name.")
     world = Param(WorldEntry, default=WorldEntry(), help="Simulated walls and obstacles.")
 
 
@@ -111,6 +178,37 @@ class BlockUse:
     values: dict[str, Any]
     wires: dict[str, str]
     place: Place
+
+
+@dataclass(frozen=True)
+class InputUse:
+    """A wire on which another program publishes messages of class `kind`.
+
+    `timeout` is in s; `neutral` is None without one. `feeds_motion`: the robot's motion depends on
+    it.
+    """
+
+    wire: str
+    kind: type
+    timeout: float
+    neutral: Any
+    feeds_motion: bool
+
+
+@dataclass(frozen=True)
+class ProgramUse:
+    """A program of a pipeline: its command line, which starts in `folder`.
+
+    `wires` maps its names for what it reads to wires, `outputs` the wires on which it publishes to
+    their message classes. `timeout` is in s.
+    """
+
+    name: str
+    words: tuple[str, ...]
+    folder: Path
+    wires: dict[str, str]
+    outputs: dict[str, type]
+    timeout: float
 
 
 @dataclass(frozen=True)
@@ -143,3 +241,5 @@ class Configuration:
     files: tuple[Path, ...]
     warnings: tuple[Problem, ...] = ()
     settings: tuple[str, ...] = field(default=())
+    inputs: tuple[InputUse, ...] = ()
+    programs: tuple[ProgramUse, ...] = ()

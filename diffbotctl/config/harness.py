@@ -10,14 +10,15 @@ from collections.abc import Iterator
 from typing import NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
-from diffbotctl.config.robot import Robot, SideSection
-from diffbotctl.errors import Problem, UsageError
+from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
+from diffbotctl.config.robot import SIDES, Robot, SideSection
+from diffbotctl.errors import Problem, UsageError, join_words
 
 SUPPLY, GROUND = "red", "black"
 ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
 ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
+STANDBY = "pink"
 TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
-DIVIDER = "1k in it, 2k RXD to GND"  # 5 V x 2 / 3 = 3.3 V
 MEANINGS = {
     SUPPLY: "supply",
     GROUND: "ground",
@@ -27,16 +28,20 @@ MEANINGS = {
     ENCODER: "encoder",
     SENSOR: "sensor",
     BUTTON: "stop button",
+    STANDBY: "driver awake",
     TO_BOARD: "to board",
     FROM_BOARD: "from board",
 }
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
-# Half A of the L298N drives the left motor: names of its inputs and outputs.
-HALVES = {
-    "left": ("ENA", "IN1", "IN2", "OUT1", "OUT2"),
-    "right": ("ENB", "IN3", "IN4", "OUT3", "OUT4"),
-}
+TAP = "battery tap"  # the battery's plus pole again, where the voltage divider begins
+PIN_MAX_V, SUPPLY_FULL_V = 5.0, 12.6  # of an analog pin; of three lithium cells
+PARALLEL_KOHM = 10.0  # the ATmega's ADC is specified for sources of at most 10 kOhm
+# Values of resistors that are sold (series E24), in units of a power of ten.
+E24 = (
+    *(10, 11, 12, 13, 15, 16, 18, 20, 22, 24, 27, 30),
+    *(33, 36, 39, 43, 47, 51, 56, 62, 68, 75, 82, 91),
+)
 
 
 class HarnessPin(NamedTuple):
@@ -46,14 +51,30 @@ class HarnessPin(NamedTuple):
     name: str
 
 
+class Divider(NamedTuple):
+    """A voltage divider: `series` in the wire, `parallel` from `node` to ground.
+
+    The resistors are written as they are sold: 1k, 8k2. `is_at_board`: the node is the board's pin,
+    otherwise the other end of the wire.
+    """
+
+    series: str
+    parallel: str
+    node: str
+    is_at_board: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.series} in it, {self.parallel} {self.node} to GND"
+
+
 class HarnessWire(NamedTuple):
-    """One wire. `through` names the parts soldered into it."""
+    """One wire, and the divider soldered into it."""
 
     start: HarnessPin
     end: HarnessPin
     colour: str
     purpose: str
-    through: str = ""
+    through: Divider | None = None
 
 
 class HarnessPart(NamedTuple):
@@ -71,12 +92,14 @@ class HarnessPart(NamedTuple):
 class Harness(NamedTuple):
     """All parts and wires of one robot.
 
-    `printed` maps a pin of the board to its full printed label, where that is more than its name.
+    `printed` maps a pin of the board to its full printed label, where that is more than its name;
+    `driver_rows` a terminal of the motor driver to its row in a drawing.
     """
 
     parts: dict[str, HarnessPart]
     wires: tuple[HarnessWire, ...]
     printed: dict[str, str]
+    driver_rows: dict[str, int]
 
     def colours(self) -> dict[str, str]:
         """Each colour in use and what it means."""
@@ -95,31 +118,59 @@ def harness(robot: Robot) -> Harness:
         cause = f"a robot whose board is {robot.board.type} has no wires"
         raise UsageError(Problem("E-WIRING-NONE", "wiring", cause, "name a robot with a board"))
     wires = [
-        *_power(robot),
+        *_power(robot, board),
         *_motor("left", robot.drive.left, board),
         *_motor("right", robot.drive.right, board),
         *_radio(robot, board),
         *_encoder("left", robot.drive.left, board),
         *_encoder("right", robot.drive.right, board),
         *_sensors(robot, board),
+        *_battery_voltage(robot, board),
         *_button(robot, board),
     ]
-    return Harness(_parts(robot, board, wires), tuple(wires), _printed(robot, board))
+    rows = _driver_rows(driver_facts(robot.drive.left.motor.driver))
+    return Harness(_parts(robot, board, wires), tuple(wires), _printed(robot, board), rows)
+
+
+def _driver_rows(facts: MotorDriverFacts) -> dict[str, int]:
+    """The inputs in the order of the board's wires, the outputs beside the motors."""
+    left, right = facts.left, facts.right
+    names: dict[int, tuple[str | None, ...]] = {
+        1: (left.first_output, left.enable),
+        2: (left.second_output, left.in1),
+        3: (left.in2,),
+        4: (right.in1,),
+        5: (right.first_output, right.in2),
+        6: (right.second_output, right.enable),
+        7: (facts.standby,),
+        8: ("5V", facts.logic_pin),
+        9: (facts.supply_pin,),
+        10: ("GND",),
+    }
+    return {name: row for row, in_row in names.items() for name in in_row if name is not None}
 
 
 def _wire(
-    part: str, pin: str, to_part: str, to_pin: str, colour: str, purpose: str, through: str = ""
+    part: str,
+    pin: str,
+    to_part: str,
+    to_pin: str,
+    colour: str,
+    purpose: str,
+    through: Divider | None = None,
 ) -> HarnessWire:
     start, end = HarnessPin(part, pin), HarnessPin(to_part, to_pin)
     return HarnessWire(start, end, colour, purpose, through)
 
 
-def _power(robot: Robot) -> Iterator[HarnessWire]:
-    yield _wire(CELLS, "+", DRIVER, "12V", SUPPLY, "motor supply, through a switch")
+def _power(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
+    motor = robot.drive.left.motor
+    facts = driver_facts(motor.driver)
+    yield _wire(CELLS, "+", DRIVER, facts.supply_pin, SUPPLY, "motor supply, through a switch")
     yield _wire(CELLS, "-", DRIVER, "GND", GROUND, "motor supply")
     match robot.board.supply:
         case "vin":
-            yield _wire(DRIVER, "12V", BOARD, "VIN", SUPPLY, "board's supply, 7 to 12 V")
+            yield _wire(DRIVER, facts.supply_pin, BOARD, "VIN", SUPPLY, "board's supply, 7 to 12 V")
         case "regulator":
             yield _wire(DRIVER, "5V", BOARD, "5V", SUPPLY, "board's supply, 5 V")
         case "usb":
@@ -127,19 +178,26 @@ def _power(robot: Robot) -> Iterator[HarnessWire]:
         case _:
             assert_never(robot.board.supply)
     yield _wire(DRIVER, "GND", BOARD, "GND", GROUND, "common ground")
+    if facts.logic_pin is not None:
+        yield _wire(BOARD, "5V", DRIVER, facts.logic_pin, SUPPLY, "supply of the driver's inputs")
+    if facts.standby is not None:
+        pin = "5V" if motor.standby is None else board.named(str(motor.standby))
+        yield _wire(BOARD, pin, DRIVER, facts.standby, STANDBY, "driver awake")
 
 
 def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
-    enable, first, second, first_output, second_output = HALVES[name]
     motor, key = side.motor, f"{name} motor"
-    for pin, input_, colour, purpose in (
-        (motor.enable, enable, ENABLE, "speed (PWM)"),
-        (motor.in1, first, FIRST, "direction"),
-        (motor.in2, second, SECOND, "direction"),
+    names = driver_names(motor.driver, name)
+    purpose = "direction" if names.enable else "PWM"
+    for pin, input_, colour, what in (
+        (motor.enable, names.enable, ENABLE, "speed (PWM)"),
+        (motor.in1, names.in1, FIRST, purpose),
+        (motor.in2, names.in2, SECOND, purpose),
     ):
-        yield _wire(BOARD, board.named(str(pin)), DRIVER, input_, colour, f"{key}: {purpose}")
-    yield _wire(DRIVER, first_output, key, "+", SUPPLY, key)
-    yield _wire(DRIVER, second_output, key, "-", GROUND, key)
+        if input_ is not None:
+            yield _wire(BOARD, board.named(str(pin)), DRIVER, input_, colour, f"{key}: {what}")
+    yield _wire(DRIVER, names.first_output, key, "+", SUPPLY, key)
+    yield _wire(DRIVER, names.second_output, key, "-", GROUND, key)
 
 
 def _supplied(key: str, supply: str, ground: str, title: str) -> Iterator[HarnessWire]:
@@ -153,7 +211,8 @@ def _radio(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     receive, transmit = board.uarts[robot.link.uart]
     yield from _supplied(RADIO, "VCC", "GND", "HC-05")
     yield _wire(RADIO, "TXD", BOARD, receive, TO_BOARD, "data to the board")
-    through = DIVIDER if robot.link.level == "divider" else ""
+    # 5 V x 2 / 3 = 3.3 V
+    through = Divider("1k", "2k", "RXD") if robot.link.level == "divider" else None
     yield _wire(BOARD, transmit, RADIO, "RXD", FROM_BOARD, "data", through)
 
 
@@ -170,6 +229,36 @@ def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
         yield _wire(key, "Vo", BOARD, pin, SENSOR, f"{key}: 0 to 3.1 V")
 
 
+def _battery_voltage(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
+    if robot.battery.pin is not None:
+        pin = board.named(str(robot.battery.pin))
+        through = battery_divider(robot, pin)
+        yield _wire(BOARD, pin, TAP, "+", SENSOR, "battery voltage", through)
+
+
+def battery_divider(robot: Robot, pin: str) -> Divider:
+    """The divider from the battery to the board's `pin`.
+
+    Without a stated ratio: the smallest one that keeps the pin below 5 V with a margin of 10 %.
+    """
+    ratio = robot.battery.divider
+    full = robot.battery.full or SUPPLY_FULL_V
+    wanted = (ratio or 1.1 * full / PIN_MAX_V) - 1.0
+    kilohms = [tens * decade for decade in (0.1, 1.0, 10.0) for tens in E24]
+    if ratio is None:
+        series = next(value for value in kilohms if value >= wanted * PARALLEL_KOHM)
+    else:
+        series = min(kilohms, key=lambda value: abs(value - wanted * PARALLEL_KOHM))
+    return Divider(_resistor(series), _resistor(PARALLEL_KOHM), pin, True)
+
+
+def _resistor(kilohms: float) -> str:
+    """The value as printed in parts lists: 2k2, 10k."""
+    if kilohms >= 10.0:
+        return f"{kilohms:.0f}k"
+    return f"{kilohms:.1f}".replace(".", "k")
+
+
 def _button(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.board.stop_button is not None:
         pin = board.named(str(robot.board.stop_button))
@@ -178,8 +267,11 @@ def _button(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
 
 
 def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str, HarnessPart]:
-    titles = {CELLS: "battery", DRIVER: "L298N", BOARD: board.title, RADIO: "HC-05"}
-    titles |= {STOP: "stop button"} | {f"{name} sensor": f"{name}: Sharp" for name in robot.sensors}
+    facts = driver_facts(robot.drive.left.motor.driver)
+    titles = {CELLS: "battery", DRIVER: facts.title, BOARD: board.title, RADIO: "HC-05"}
+    titles |= {STOP: "stop button", TAP: "battery +"} | {
+        f"{name} sensor": f"{name}: Sharp" for name in robot.sensors
+    }
     pins: dict[str, dict[str, None]] = {}
     for wire in wires:
         for part, name in (wire.start, wire.end):
@@ -187,7 +279,7 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
     full = robot.battery.full
     remarks = {
         CELLS: "7 to 12 V" if full is None else f"{full:g} V full",
-        DRIVER: "ENA/ENB off",
+        DRIVER: "ENA/ENB off" if facts.title == "L298N" else f"{facts.current:g} A",
         BOARD: {"vin": "VIN 7-12 V", "regulator": "5 V in", "usb": "USB power"}[robot.board.supply],
     }
     return {
@@ -206,33 +298,53 @@ def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
 
 def notes(robot: Robot) -> Iterator[str]:
     """Instructions that the wires do not show, in the order of assembly."""
-    yield (
-        "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
-        "speed, and 5 V is applied to the PWM pins."
-    )
-    if robot.board.supply == "regulator":
-        yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
-    else:
-        yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
-    yield "Connect the grounds of battery, L298N and board. No signal works without it."
+    facts = driver_facts(robot.drive.left.motor.driver)
+    title = facts.title
+    if title == "L298N":
+        yield (
+            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
+            "speed, and 5 V is applied to the PWM pins."
+        )
+        if robot.board.supply == "regulator":
+            yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
+        else:
+            yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    yield f"Connect the grounds of battery, {title} and board. No signal works without it."
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
     yield (
-        f"Battery: {battery}. The L298N takes at most 35 V, loses about 2 V, and supplies 2 A per "
-        "motor; the motors of the kit are rated for 5 to 9 V."
+        f"Battery: {battery}. The {title} takes at most {facts.supply[1]:g} V, loses about "
+        f"{facts.drop:g} V, and supplies {facts.current:g} A per motor; the motors of the kit are "
+        "rated for 5 to 9 V."
     )
     if robot.link.has_radio and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
     if robot.sensors:
         yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in pulses."
+    if robot.battery.pin is not None:
+        divider = battery_divider(robot, str(robot.battery.pin))
+        yield (
+            f"Battery voltage: {divider.series} from the battery's + to {divider.node}, "
+            f"{divider.parallel} from {divider.node} to GND. Never without the divider: more than "
+            "5 V destroys the pin."
+        )
     yield (
-        "10 kOhm from ENA and from ENB to GND keep the motors off while the board is flashed, "
+        f"10 kOhm {_floating_inputs(facts)} to GND keep the motors off while the board is flashed, "
         "when its pins float."
     )
-    for name in HALVES:
+    for name in SIDES:
+        names = driver_names(robot.drive.left.motor.driver, name)
         if getattr(robot.drive, name).motor.reversed:
-            first, second = HALVES[name][1:3]
-            yield (
-                f"The {name} motor is mounted mirrored (reversed: true): {first} low and {second} "
-                "high drive it forward."
-            )
+            how = f"{names.in1} low drives"
+            if names.in2 is not None:
+                how = f"{names.in1} low and {names.in2} high drive"
+            yield f"The {name} motor is mounted mirrored (reversed: true): {how} it forward."
+
+
+def _floating_inputs(facts: MotorDriverFacts) -> str:
+    """The inputs that switch the motors on, as a person lists them."""
+    if facts.standby is not None:
+        return f"from {facts.standby}"
+    halves = (facts.left, facts.right)
+    inputs = [(half.enable,) if half.enable else (half.in1, half.in2) for half in halves]
+    return join_words([f"from {name}" for names in inputs for name in names if name], "and")

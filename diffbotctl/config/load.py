@@ -18,11 +18,13 @@ from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
-from diffbotctl.config.robot import Robot, field_value
+from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs
+from diffbotctl.config.robot import Robot, field_value, fill_glitch
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError, closest_match
 
+KINDS = ("robot", "pipeline")
 Name = TypeVar("Name", str, "str | None")
 TreeReader: TypeAlias = Callable[
     [Path, Iterable[source_tree.Override], list[Problem]], tuple[Value, list[Path]]
@@ -70,10 +72,30 @@ def _is_robot(name: str) -> bool:
     if not lookup.is_path(name):
         return not lookup.is_known(name, "pipelines") and lookup.is_known(name, "robots")
     try:
-        kind = yaml_reader.read(name).entries.get("kind")
+        tree = yaml_reader.read(name)
     except ConfigurationError:
         return Path(name).parent.name == "robots"
-    return kind is not None and closest_match(kind.text, ["robot", "pipeline"]) == "robot"
+    return _kind_of(tree) == "robot"
+
+
+def _is_robot_file(file: Path) -> bool:
+    """True when `file` exists and can be read as a robot file."""
+    try:
+        return _kind_of(yaml_reader.read(str(file))) == "robot"
+    except (ConfigurationError, ValueError):
+        return False
+
+
+def _kind_of(tree: Value) -> str:
+    """`robot` or `pipeline`: what a file is, by its `kind`, or without one by its sections."""
+    kind = tree.entries.get("kind")
+    if kind is not None:
+        if kind.text in KINDS:  # `closest_match` would import difflib at every start
+            return kind.text
+        written = closest_match(kind.text, KINDS)
+        if written is not None:
+            return written
+    return "robot" if {"drive", "board"} & tree.entries.keys() else "pipeline"
 
 
 class _Loader:
@@ -93,6 +115,7 @@ class _Loader:
             self._read_pipeline(tree)
         robot_file = self._load_robot_of_pipeline(robot)
         drop_unusable_blocks(self.context)
+        mark_motion(self.context)
         self._check()
         context = self.context
         assert file is not None
@@ -111,6 +134,8 @@ class _Loader:
             files=tuple(self.files),
             warnings=tuple(self.problems),
             settings=self.sets,
+            inputs=tuple(context.inputs.values()),
+            programs=tuple(context.programs.values()),
         )
 
     def load_robot(self, name: str | None) -> RobotFile:
@@ -140,17 +165,25 @@ class _Loader:
             return None
 
     def _read_tree(self, file: Path, read: TreeReader) -> Value | None:
+        count = len(self.problems)
         try:
             tree, files = read(file, self.overrides, self.problems)
         except ConfigurationError as error:
             self.problems += error.problems
             return None
         self.files += files
+        expected = "robot" if read is source_tree.read_robot else "pipeline"
+        problem = _wrong_kind(tree, expected)
+        if problem is not None:
+            self.problems[count:] = [problem]  # everything else would follow from this one
+            return None
         return tree
 
     def _read_pipeline(self, tree: Value) -> None:
         pipeline = read_section(tree, Pipeline, "the pipeline file", self.problems)
         self.context.pipeline_tree, self.context.pipeline = tree, pipeline
+        read_inputs(self.context)
+        read_programs(self.context, self.files)
         for name, entry in (pipeline.blocks or {}).items():
             if entry is not None and entry.block is not None:
                 self._read_block(name, entry.block, tree.entries["blocks"].entries[name])
@@ -185,9 +218,15 @@ class _Loader:
     def _load_robot_in_use(self, use: Value, name: str) -> Path | None:
         """The robot that the pipeline names; a path counts from the pipeline's folder.
 
+        A name is first looked for beside the pipeline.
+
         A problem of the robot file as a whole is shown where the pipeline names it.
         """
         count = len(self.problems)
+        beside = self._folder_of(use) / f"{name}.yaml"
+        is_other_file = not lookup.is_path(name) and beside not in self.files
+        if is_other_file and _is_robot_file(beside):
+            return self._read_robot(beside)
         file = self._find(lookup.find_robot, name)
         if lookup.is_path(name):
             file = self._read_robot(self._folder_of(use) / name)
@@ -217,11 +256,13 @@ class _Loader:
         calibrated = robot_tree.overlay_calibration(tree, self.problems)
         whole = robot_tree.copy_common_to_sides(calibrated)
         robot = read_section(whole, Robot, "the robot file", self.problems)
+        fill_glitch(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
         if robot.calibration:
             stated = robot_tree.copy_common_to_sides(tree)
             self.context.nominal = read_section(stated, Robot, "the robot file", [])
+            fill_glitch(self.context.nominal)
         return file
 
     def _use(self, name: str, entry: BlockEntry) -> BlockUse:
@@ -233,6 +274,24 @@ class _Loader:
         value = context.pipeline_value("blocks", name)
         assert value is not None
         return BlockUse(name, entry.block, block, values, dict(entry.wires), value.place)
+
+
+def _wrong_kind(tree: Value, expected: str) -> Problem | None:
+    """The problem of a file without a `kind`, or of the other one; None for a right one."""
+    kind, actual = tree.entries.get("kind"), _kind_of(tree)
+    article = f"a {expected} file is required here"
+    if actual != expected:
+        cause = f"this is a {actual} file, but {article}"
+        fix = (
+            "give the name of a pipeline, and this file as `--robot FILE`"
+            if expected == "pipeline"
+            else "give the name of a robot file"
+        )
+        return Problem("E-KIND", kind.place if kind is not None else tree.place, cause, fix)
+    if kind is None:
+        cause = "the file does not state its kind"
+        return Problem("E-KIND", tree.place, cause, f"add the line `kind: {expected}`")
+    return None
 
 
 def _without_repetition(problems: Iterable[Problem]) -> list[Problem]:

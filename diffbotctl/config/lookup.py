@@ -62,15 +62,17 @@ def is_known(name: str, kind: str) -> bool:
 
 
 def find(name: str, kind: str) -> Path:
-    """The file of folder `kind` meant by `name`: a path, or a name in ./`kind` or shipped."""
+    """The file of folder `kind` meant by `name`.
+
+    A path, or a name in ./`kind`, among the shipped files, or in the working directory. Raises
+    UsageError.
+    """
     if is_path(name):
         return Path(name)
-    own = Path(kind) / f"{name}.yaml"
-    if own.is_file():
-        return own
-    shipped = folder(kind) / f"{name}.yaml"
-    if "\0" not in name and shipped.is_file():
-        return shipped
+    file_name = f"{name}.yaml"
+    for candidate in (Path(kind) / file_name, folder(kind) / file_name, Path(file_name)):
+        if is_file(candidate):
+            return candidate
     raise _not_found(name, kind)
 
 
@@ -79,10 +81,23 @@ def is_path(name: str) -> bool:
     return "/" in name or os.sep in name or name.endswith((".yaml", ".yml"))
 
 
+def is_file(path: Path) -> bool:
+    """Whether `path` is a file; False also for a name that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long, or with a zero in it
+        return False
+
+
+def real_path(path: Path) -> Path:
+    """`path` without symbolic links; a link to itself is returned as it is."""
+    return Path(os.path.realpath(path))
+
+
 def display_path(path: Path) -> str:
     """`path` relative to the working directory; shipped files are shown below `diffbotctl/`."""
     try:
-        return str(path.resolve().relative_to(Path.cwd()))
+        return str(real_path(path).relative_to(Path.cwd()))
     except (ValueError, OSError):
         return f"diffbotctl/{path.parent.name}/{path.name}" if is_shipped(path) else str(path)
 
@@ -91,7 +106,7 @@ def is_shipped(path: Path) -> bool:
     """True when `path` is one of the files that ship with diffbotctl."""
     folders = [folder(kind) for kind in ("robots", "pipelines")]
     try:
-        return path.resolve().parent in [folder.resolve() for folder in folders]
+        return real_path(path).parent in [real_path(folder) for folder in folders]
     except (OSError, ValueError):
         return False
 
@@ -101,5 +116,5 @@ def _not_found(name: str, kind: str) -> UsageError:
     near = closest_match(name, known)
     what = kind.removesuffix("s")
     fix = f"did you mean {near}?" if near else f"use one of {', '.join(known)}, or a path"
-    cause = f"there is no {what} '{name}' in ./{kind} or among the shipped files"
+    cause = f"there is no {what} '{name}' here, in ./{kind} or among the shipped files"
     return UsageError(Problem("E-FILE-NAME", name, cause, fix))

@@ -32,7 +32,7 @@ ROBOT: dict[str, type] = {
     "stop": messages.Stop,
 }
 NODE_NAME = "^[a-z][a-z0-9_]*$"  # of blocks and sensors
-RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed")
+RESERVED = ("robot", "operator", "engine", "log", "gate", "wheel_speed", "input")
 
 
 class NodePorts(NamedTuple):

@@ -8,12 +8,15 @@ other packages register one name, neither is used.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
 
 from diffbotctl.block import Block
 from diffbotctl.errors import closest_match
+from diffbotctl.message_types import type_name, type_problem
+from diffbotctl.messages import BUILT_IN
 
 ENTRY_POINT_GROUP = "diffbotctl.blocks"
+MESSAGES_GROUP = "diffbotctl.messages"
 BLOCKS = {
     "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
@@ -22,6 +25,7 @@ BLOCKS = {
     "listener": "diffbotctl.blocks.talker:Listener",
     "obstacle_stop": "diffbotctl.blocks.obstacle_stop:ObstacleStop",
     "odometry": "diffbotctl.blocks.odometry:OdometryBlock",
+    "heading_hold": "diffbotctl.blocks.heading_hold:HeadingHold",
     "path": "diffbotctl.blocks.path:PathSource",
     "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
     "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
@@ -46,12 +50,7 @@ class RegistryError(LookupError):
 def block(name: str) -> type[Block]:
     """The block class called `name`. Only its own module is imported. Raises RegistryError."""
     path = BLOCKS.get(name) or _path_in_packages(name)
-    module, _, attribute = path.partition(":")
-    try:
-        candidate = getattr(import_module(module), attribute)
-    except Exception as error:
-        cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
-        raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
+    candidate = _attribute(name, path)
     if isinstance(candidate, type) and issubclass(candidate, Block):
         return candidate
     cause = f"'{name}' ({path}) is not a block: it is not derived from diffbotctl.block.Block"
@@ -69,6 +68,40 @@ def clashes() -> list[RegistryError]:
     for point in _entry_points():
         owners.setdefault(point.name, []).append(_owner(point))
     return [_clash(name, packages) for name, packages in owners.items() if len(packages) > 1]
+
+
+def message_type(name: str) -> type:
+    """The message class with this identity: `Range`, `my_package/Face`. Raises RegistryError.
+
+    A class of another package is found by the entry point `diffbotctl.messages`: a file never names
+    a module to import.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    points = {
+        f"{point.value.partition('.')[0]}/{point.name}": point.value
+        for point in _entry_points(MESSAGES_GROUP)
+    }
+    if name not in points:
+        near = closest_match(name, [*BUILT_IN, *points])
+        fix = f"did you mean {near}?" if near else "install the package that declares it"
+        raise RegistryError("E-MESSAGE-TYPE", f"there is no message type '{name}'", fix)
+    kind = _attribute(name, points[name])
+    problem = type_problem(kind) if isinstance(kind, type) else ("it is no class", "correct it")
+    if problem is not None or type_name(kind) != name:
+        cause, fix = problem or (f"its class is {type_name(kind)}", "correct the entry point")
+        raise RegistryError("E-MESSAGE-TYPE", f"{name} is no message: {cause}", fix)
+    return cast(type, kind)
+
+
+def _attribute(name: str, path: str) -> Any:
+    """What `module:attribute` leads to. Raises RegistryError."""
+    module, _, attribute = path.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except Exception as error:
+        cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
+        raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
 
 
 def _path_in_packages(name: str) -> str:
@@ -93,7 +126,7 @@ def _owner(point: Any) -> str:
     return str(point.dist.name if point.dist else point.value)
 
 
-def _entry_points() -> list[Any]:
+def _entry_points(group: str = ENTRY_POINT_GROUP) -> list[Any]:
     from importlib.metadata import entry_points  # 30 ms; not needed for built-in blocks
 
-    return list(entry_points(group=ENTRY_POINT_GROUP))
+    return list(entry_points(group=group))

@@ -3,8 +3,6 @@
 A file that still has one is accepted, with a warning that shows the new line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -45,6 +43,7 @@ DUTIES = ("start_duty", "keep_duty")
 DUTY_REASON = "the speed loop uses loop.static, the simulation simulation.motor.start_duty"
 ROBOT_CHANGES: tuple[Change, ...] = (
     RenamedValue(("drive", "polarity"), "by_hand", "checked_by_hand"),
+    RenamedValue(("board", "type"), "atmega328p", "nano"),
     RetiredKey(("link", "range_formula"), "the firmware with rosserial has one formula, 13/V"),
     *(RetiredKey(("drive", "motor", duty), DUTY_REASON) for duty in DUTIES),
     *(RetiredKey(("drive", "*", "motor", duty), DUTY_REASON) for duty in DUTIES),

@@ -9,19 +9,35 @@ from __future__ import annotations
 from math import pi
 from typing import Any, Literal
 
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.simulation import Simulation
+from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
 
 RPM = 2 * pi / 60  # rad/s
 SIDES = ("left", "right")
+# Default glitch time: light barriers bounce for less than 2 ms; a quarter of a level leaves room
+# for uneven slots, and for a wheel that turns faster than rated.
+GLITCH_MAX_S, GLITCH_LEVEL_RATIO = 0.002, 0.25
 
-BoardType = Literal["mega2560", "atmega328p", "simulated"]
+BoardType = Literal["mega2560", "uno", "nano", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
 Protocol = Literal["diffbot", "rosserial"]
 BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
 Radio = Literal["hc05", "cable"]
 LevelShift = Literal["divider", "direct"]
-MotorDriver = Literal["l298n", "none"]
+MotorDriver = Literal[
+    "l298n",
+    "tb6612",
+    "drv8833",
+    "tc1508s",
+    "l9110",
+    "bts7960",
+    "drv8835",
+    "drv8838",
+    "cytron",
+    "none",
+]
 IdleMode = Literal["coast", "brake"]
 CountedEdge = Literal["rising", "falling"]
 Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
@@ -73,7 +89,10 @@ class LinkSection(Section):
         int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB port."
     )
     baud: BaudRate = Choice(
-        BaudRate, default=9600, help="Baud rate of the port; the USB port always runs at 115200."
+        BaudRate,
+        default=9600,
+        help="Baud rate of the port. A USB cable means 115200, also on the only port of an Uno or "
+        "Nano.",
     )
     radio: Radio | None = Choice(
         Radio,
@@ -148,10 +167,20 @@ class SpeedLoopSection(Section):
         help="Duty per rad/s above static; none: full duty at rated speed.",
     )
     proportional = Param(
-        float, default=0.0, minimum=0.0, maximum=0.75, help="Duty per rad/s of speed error."
+        float,
+        none=True,
+        default=None,
+        minimum=0.0,
+        maximum=0.75,
+        help="Duty per rad/s of speed error; none: as `speed`.",
     )
     integral = Param(
-        float, default=0.02, minimum=0.0, maximum=0.29, help="Duty per rad of angle error."
+        float,
+        none=True,
+        default=None,
+        minimum=0.0,
+        maximum=4.5,
+        help="Duty per rad of angle error; none: `speed` over 0.1 s.",
     )
 
 
@@ -171,9 +200,23 @@ class MotorSection(Section):
     idle: IdleMode = Choice(
         IdleMode, default="coast", help="At rest: turn freely, or brake by shorted windings."
     )
-    enable = Param(Pin, none=True, help="Pin of the driver's EN input; carries the PWM.")
-    in1 = Param(Pin, none=True, help="Pin of the driver's first direction input.")
-    in2 = Param(Pin, none=True, help="Pin of the driver's second direction input.")
+    enable = Param(
+        Pin, none=True, default=None, help="Pin of the driver's EN input; carries the PWM."
+    )
+    in1 = Param(
+        Pin,
+        none=True,
+        help="Pin of the driver's first direction input, or first PWM input.",
+    )
+    in2 = Param(
+        Pin,
+        none=True,
+        default=None,
+        help="Pin of its second direction input, or second PWM input; none: a driver with one.",
+    )
+    standby = Param(
+        Pin, none=True, default=None, help="Pin of the driver's standby input, for both motors."
+    )
     reversed = Param(
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
@@ -196,10 +239,12 @@ class EncoderSection(Section):
     glitch = Param(
         float,
         unit="s",
-        default=0.002,
+        none=True,
+        default=None,
         minimum=0.0,
         maximum=0.05,
-        help="An edge this soon after the previous one is noise and is not counted.",
+        help="A level shorter than this is noise, and the edge at its end is not counted; default: "
+        "a quarter of the shortest level at the rated speed, at most 2 ms.",
     )
     pin = Param(Pin, none=True, help="Pin of the encoder's output; needs an interrupt.")
     slot_errors = Param(
@@ -347,7 +392,11 @@ class BatterySection(Section):
         help="Battery voltage divided by the voltage at the pin; none: unknown.",
     )
     low = Param(
-        float, unit="V", minimum=0.0, default=0.0, help="Below this voltage the battery is low."
+        float,
+        unit="V",
+        minimum=0.0,
+        default=0.0,
+        help="Below it the battery is low: a warning, and a stop after 10 s; 0: never.",
     )
 
 
@@ -390,6 +439,47 @@ class Robot(Section):
     calibration = Param(
         dict[str, Calibrated], default={}, help="Calibrated values by field; `calibrate` writes it."
     )
+
+
+def fill_glitch(robot: Robot) -> None:
+    """Set the glitch time of each encoder that does not state one.
+
+    Values that could not be read leave it at None.
+    """
+    for side in SIDES:
+        try:
+            encoder = field_value(robot, f"drive.{side}.encoder")
+            rated = field_value(robot, f"drive.{side}.motor.rated")
+            if encoder.glitch is None:
+                encoder.glitch = default_glitch(encoder.slots, rated)
+        except (AttributeError, TypeError, ZeroDivisionError):
+            continue
+
+
+def default_glitch(slots: int, rated: float) -> float:
+    """Glitch time (s) of an encoder with `slots` up to the `rated` wheel speed (rad/s)."""
+    return min(GLITCH_MAX_S, GLITCH_LEVEL_RATIO * shortest_level(slots, rated))
+
+
+def shortest_level(slots: int, rated: float) -> float:
+    """Time (s) that the encoder's pin keeps a level at the `rated` wheel speed (rad/s).
+
+    Slots and bars of the disc are taken as equally wide.
+    """
+    return pi / (slots * rated)
+
+
+def line_baud(robot: Robot) -> int:
+    """Baud rate of the line between host and board.
+
+    A USB cable means 115200; so does a radio module beside it on a board whose USB port has its own
+    rate.
+    """
+    board = BOARDS.get(robot.board.type)
+    is_set = robot.link.uart != 0 or (
+        board is not None and board.shares_usb and robot.link.has_radio
+    )
+    return robot.link.baud if is_set else USB_BAUD
 
 
 def field_value(robot: Robot | None, path: str) -> Any:

@@ -25,7 +25,7 @@ def copy_common_to_sides(robot: Value) -> Value:
             if common is None:
                 continue
             stated = own.entries.get(part)
-            if stated is None:
+            if stated is None or not isinstance(common.data, dict):
                 part_value = replace(common, key_place=own.key_place)
             else:
                 part_value = stated.merged_over(common)

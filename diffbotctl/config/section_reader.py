@@ -11,10 +11,11 @@ from __future__ import annotations
 import re
 from typing import Any, TypeVar, get_args, get_origin
 
+from diffbotctl.config.unsupported_parts import NO_ENCODER, unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.params import Declaration, Pin, Section, declared
-from diffbotctl.units import KINDS, UnitError, example, quantity
+from diffbotctl.units import KINDS, UnitError, example, plain_number, quantity
 
 S = TypeVar("S", bound=Section)
 Path = tuple[str, ...]
@@ -98,7 +99,7 @@ class _Reader:
             return None
         data, problem = read_scalar(value, kind, declaration)
         if problem is not None:
-            self.problems.append(problem)
+            self.problems.append(_about_part(problem, value, declaration, path))
         return data
 
     def _items(self, value: Value, kind: Any, declaration: Declaration, path: Path) -> Any:
@@ -182,6 +183,8 @@ class _Reader:
         else:
             written = "a list" if isinstance(value.data, list) else f"'{value.text}'"
         cause = f"{within} is {written}, but {words} is required"
+        if path[-1:] == ("encoder",) and value.data == "none":
+            cause, fix = NO_ENCODER
         if isinstance(value.data, list) and BLOCK_INPUT.match(within):
             fix = TWO_WIRES
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))
@@ -232,7 +235,7 @@ class _ScalarTypeError(Exception):
 def _float(value: Value, declaration: Declaration) -> float:
     data, unit = value.data, declaration.unit
     if isinstance(data, int | float) and not isinstance(data, bool):
-        return float(data)
+        return plain_number(float(data), unit)
     if unit and not isinstance(data, bool):
         return quantity(str(data), unit)
     if isinstance(data, bool):
@@ -284,7 +287,7 @@ SCALAR_READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _s
 
 def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     choices = [str(choice) for choice in declaration.choices]
-    near = closest_match(value.text, choices)
+    near = closest_match(value.text, choices) or closest_match(value.text.lower(), choices)
     fix = f"did you mean {near}?" if near else f"use {join_words(choices)}"
     allowed = (
         f"the only allowed value is {choices[0]}"
@@ -293,6 +296,17 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     )
     cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
     return Problem("E-CHOICE", value.place, cause, fix)
+
+
+def _about_part(problem: Problem, value: Value, declaration: Declaration, path: Path) -> Problem:
+    """`problem`; of a known part that is not supported, with what comes nearest."""
+    if problem.code != "E-CHOICE":
+        return problem
+    field = "sensors.type" if path[0] == "sensors" else ".".join(path[-2:])
+    part = unsupported_part(field, value.text, map(str, declaration.choices))
+    if part is None:
+        return problem
+    return Problem(problem.code, problem.place, part.cause, part.fix)
 
 
 def _sample(declaration: Declaration) -> str:

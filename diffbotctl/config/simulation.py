@@ -10,6 +10,7 @@ from typing import Literal
 
 from diffbotctl.params import Choice, Param, Section
 
+Equations = Literal["exponential", "torque"]
 Coasting = Literal["linear", "coulomb"]
 SlotPhase = Literal["random", "zero"]
 MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
@@ -41,6 +42,14 @@ class MotorTruth(Section):
         minimum=0.0,
         maximum=0.5,
         help="Largest relative deviation of each motor's speed at full duty.",
+    )
+    backlash = Param(
+        float,
+        default=0.0,
+        unit="rad",
+        minimum=0.0,
+        maximum=0.5,
+        help="Play between encoder and wheel, which each reversal crosses.",
     )
     start_duty = Param(
         tuple[float, float],
@@ -116,6 +125,30 @@ class EncoderTruth(Section):
         minimum=0.0,
         maximum=0.01,
         help="Longest bounce of an edge; 0: none.",
+    )
+    bounce_share = Param(
+        float,
+        default=1.0,
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        help="Share of the edges that bounce.",
+    )
+    missed = Param(
+        float,
+        default=0.0,
+        unit="1",
+        minimum=0.0,
+        maximum=0.5,
+        help="Share of the slots whose pulse does not reach the board.",
+    )
+    doubled = Param(
+        float,
+        default=0.0,
+        unit="1",
+        minimum=0.0,
+        maximum=0.5,
+        help="Share of the counted edges that are followed by a second one.",
     )
 
 
@@ -195,7 +228,16 @@ class WiringTruth(Section):
 class BatteryTruth(Section):
     """The motor supply of the simulated robot."""
 
-    volts = Param(float, default=7.6, unit="V", above=0.0, help="Voltage of the battery at rest.")
+    volts = Param(
+        float,
+        none=True,
+        default=None,
+        unit="V",
+        above=0.0,
+        maximum=60.0,
+        help="Voltage of the battery at rest: the motors' speed is in proportion to it; none: as "
+        "`battery.full` of the robot states, else 7.6 V.",
+    )
     divider_error = Param(
         float,
         default=0.0,
@@ -214,9 +256,54 @@ class BatteryTruth(Section):
     )
 
 
+class Disturbance(Section):
+    """A disturbance that begins, and may end, while the simulated robot runs."""
+
+    start = Param(float, unit="s", minimum=0.0, default=0.0, help="Begins at this time.")
+    end = Param(
+        float,
+        unit="s",
+        minimum=0.0,
+        none=True,
+        default=None,
+        help="Ends at this time; none: never.",
+    )
+    supply = Param(
+        float,
+        unit="1",
+        minimum=0.0,
+        maximum=2.0,
+        default=1.0,
+        help="Factor of the battery's voltage.",
+    )
+    left_drag = Param(
+        float,
+        unit="1",
+        minimum=0.0,
+        maximum=10.0,
+        default=0.0,
+        help="Further friction of the left wheel, in duty; more than 1 blocks it.",
+    )
+    right_drag = Param(
+        float,
+        unit="1",
+        minimum=0.0,
+        maximum=10.0,
+        default=0.0,
+        help="Further friction of the right wheel, in duty; more than 1 blocks it.",
+    )
+    button = Param(bool, default=False, help="The stop button is pressed.")
+
+
 class Simulation(Section):
     """Actual properties of the simulated robot: random spreads and fixed errors."""
 
+    equations: Equations = Choice(
+        Equations,
+        default="exponential",
+        help="Motion of the wheels: speeds that follow the duty exponentially, computed exactly; "
+        "or, slower, torques, static friction, caster and inertia in steps of a millisecond.",
+    )
     motor = Param(MotorTruth, default=MotorTruth(), help="The gear motors.")
     encoder = Param(EncoderTruth, default=EncoderTruth(), help="The slotted discs.")
     geometry = Param(GeometryTruth, default=GeometryTruth(), help="Errors of the geometry.")
@@ -231,3 +318,6 @@ class Simulation(Section):
     sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors by name.")
     start = Param(Start, default=Start(), help="Pose in the world at the start.")
     wiring = Param(WiringTruth, default=WiringTruth(), help="Wiring faults.")
+    disturbances = Param(
+        list[Disturbance], default=[], help="What changes while the simulated robot runs."
+    )

@@ -24,6 +24,8 @@ from diffbotctl.errors import (
 )
 
 INCLUDE_DEPTH_MAX = 10  # files
+INCLUDES_MAX_COUNT = 40  # files that are read for one file, each as often as it is included
+INCLUDED_MAX_VALUES = 40_000  # in all of them; a robot file has about 150
 VARIABLE = r"[A-Za-z_][A-Za-z0-9_]*"
 WHOLE_VARIABLE = re.compile(rf"\$({VARIABLE})\Z")
 ANY_VARIABLE = re.compile(rf"\$\$|\$({VARIABLE})")
@@ -113,14 +115,19 @@ def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:
     return reader.read(path, ()), reader.paths
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class _IncludeReader:
+    """Reads a file with its includes. `paths` lists every file that was read."""
+
     folder: str
     paths: list[Path] = field(default_factory=list)
+    count: int = 0
+    values: int = 0
 
     def read(self, path: Path, including: Sequence[Path]) -> Value:
         """`including` are the files that include this one, outermost first."""
         own = yaml_reader.read(str(path), lookup.display_path(path), not lookup.is_shipped(path))
+        self.values += own.size
         if path not in self.paths:
             self.paths.append(path)
         include = own.entries.get("include")
@@ -128,7 +135,7 @@ class _IncludeReader:
             return own
         base: Value | None = None
         for name in include.items or [include]:
-            included = self._included(name, path, [*including, path.resolve()])
+            included = self._included(name, path, [*including, lookup.real_path(path)])
             base = included if base is None else included.merged_over(base)
         return own if base is None else own.merged_over(base)
 
@@ -137,7 +144,11 @@ class _IncludeReader:
             cause = "include requires the name or path of a file"
             _refuse_include(name, cause, "write `include: book_2wd`")
         file = self._find(name, path)
-        if file.resolve() in including or len(including) > INCLUDE_DEPTH_MAX:
+        self._count_include(name)
+        if len(including) > INCLUDE_DEPTH_MAX:
+            cause = f"files include files more than {INCLUDE_DEPTH_MAX} levels deep"
+            _refuse_include(name, cause, "include the innermost file directly")
+        if lookup.real_path(file) in including:
             names = " -> ".join(path.name for path in [*including, file])
             _refuse_include(name, f"the files include each other: {names}", "remove one include")
         try:
@@ -151,6 +162,14 @@ class _IncludeReader:
                 for problem in whole_file
             ) from None
 
+    def _count_include(self, name: Value) -> None:
+        """Bound the total work: ten files that include ten others each are read in no time."""
+        self.count += 1
+        if self.count > INCLUDES_MAX_COUNT or self.values > INCLUDED_MAX_VALUES:
+            files, values = INCLUDES_MAX_COUNT, INCLUDED_MAX_VALUES
+            cause = f"all includes together read more than {files} files or {values} values"
+            _refuse_include(name, cause, "include fewer files")
+
     def _find(self, include: Value, path: Path) -> Path:
         """A path counts from the including file; a name is first looked for beside it."""
         name = str(include.data)
@@ -159,7 +178,7 @@ class _IncludeReader:
         beside = path.parent / f"{name}.yaml"
         shipped = lookup.folder(self.folder) / f"{name}.yaml"
         for candidate in (beside, shipped):
-            if candidate.is_file():
+            if lookup.is_file(candidate):
                 return candidate
         try:
             return lookup.find(name, self.folder)
@@ -190,8 +209,10 @@ def _substitute(tree: Value, problems: list[Problem]) -> Value:
     return replace(tree, data=entries)
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class _Substitution:
+    """Replaces variables by their values. `used` are the names that occurred."""
+
     variables: dict[str, Value]
     problems: list[Problem]
     used: set[str] = field(default_factory=set)

@@ -10,12 +10,14 @@ counts with all the values that it refers to.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, NoReturn
+from pathlib import Path
+from typing import IO, Any, NoReturn
 
 from diffbotctl.config import yaml_syntax
 from diffbotctl.config.yaml_tree import Data, Scalar, Value
@@ -120,18 +122,38 @@ def _other_reading(text: str) -> str:
         return "an octal number"
 
 
+class SpecialFileError(OSError):
+    """The path leads to a device or a pipe."""
+
+
+def open_regular(path: str | Path) -> IO[bytes]:
+    """Open a file for reading. Raises OSError, also for a directory, a device or a pipe.
+
+    It is opened before it is examined, so that it cannot be exchanged in between, and without
+    waiting for the writer of a pipe.
+    """
+    file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    mode = os.fstat(file).st_mode
+    if stat.S_ISREG(mode):
+        return open(file, "rb")
+    os.close(file)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "this is a directory, not a file")
+    raise SpecialFileError(errno.EINVAL, "this is a device or a pipe, not a file")
+
+
 def read_text(path: str, name: str) -> str:
     """The text of the file at `path`, called `name` in messages. Raises ConfigurationError."""
     try:
-        status = os.stat(path)
-        if stat.S_ISDIR(status.st_mode):
-            _refuse("E-FILE-READ", name, "this is a directory, not a file", "name a file in it")
-        if not stat.S_ISREG(status.st_mode):
-            _refuse("E-FILE-READ", name, "this is a device or a pipe, not a file", "name a file")
-        if status.st_size > FILE_SIZE_MAX_BYTES:
-            _refuse_size(name, status.st_size)
-        with open(path, "rb") as file:
-            content = file.read(FILE_SIZE_MAX_BYTES + 1)
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
+            if size > FILE_SIZE_MAX_BYTES:
+                _refuse_size(name, size)
+            content = file.read(FILE_SIZE_MAX_BYTES + 1) or b""
+    except IsADirectoryError:
+        _refuse("E-FILE-READ", name, "this is a directory, not a file", "name a file in it")
+    except SpecialFileError as error:
+        _refuse("E-FILE-READ", name, str(error.strerror), "name a file")
     except FileNotFoundError:
         _refuse("E-FILE-READ", name, "there is no such file", "check the name and the folder")
     except PermissionError:
@@ -180,7 +202,7 @@ class _UnreadableError(Exception):
     """The rest of the file cannot be read."""
 
 
-@dataclass(slots=True)
+@dataclass(eq=False, repr=False)
 class _OpenCollection:
     """A mapping or list whose end has not been reached. `key` waits for its value."""
 
@@ -189,7 +211,7 @@ class _OpenCollection:
     key: Value | None = None
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class _TreeBuilder:
     """Builds the tree from a parser's events and collects the problems."""
 

@@ -12,7 +12,7 @@ Scalar: TypeAlias = bool | int | float | str | None
 Data: TypeAlias = "Scalar | dict[str, Value] | list[Value]"
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, repr=False)
 class Value:
     """A scalar, mapping or list of a file, with its place and the place of its key.
 

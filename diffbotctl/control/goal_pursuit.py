@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
 from typing import Literal, NamedTuple
 
 from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.messages import Goal, Odometry
 
-COAST_GAIN = 0.7  # of the update by one release; below 1 because the pose has errors of its own
-COAST_GAIN_HALF_SPEED = 0.03  # m/s; release speed at which the gain is halved
+COAST_SD = 0.06  # s; of the coast time before the first release
+COAST_DRIFT = 0.012  # s; change of the coast time from one release to the next
+COAST_NOISE = 0.01  # s; of the coast time that one release shows
+POSE_NOISE = 0.002  # m; of the distance that one release shows
 COAST_SPEED_MIN = 0.03  # m/s; below it the innovation is mostly error of the pose
-COAST_RATIO_MIN, COAST_RATIO_MAX = 0.4, 2.0  # limits of the coast time, relative to the motors' lag
+COAST_RATIO_MIN = 0.4  # least coast time, relative to the motors' lag
+COAST_TIME_MAX = 0.6  # s
+
+STALL_RATIO = 0.8  # of an angle; if more of it remains, friction has held the wheels
+UNSURE_RATIO = 3.0  # times the tolerance; a pose that is known less well does not prove the goal
 
 Leg = Literal["turning", "driving", "aligning"]
 
@@ -24,15 +30,19 @@ class Coast(NamedTuple):
     """m/s towards the end of the leg, at the last release; 0 after it was used for an update"""
     release_turn_rate: float = 0.0
     """rad/s, at the last release of a turn"""
+    variance: float = COAST_SD * COAST_SD
+    """s2; of `time`"""
 
     def learn(self, remaining: float, lag: float) -> Coast:
-        """Update by the `remaining` distance (m) of the leg at rest. `lag` of the motors in s."""
+        """Kalman update by the `remaining` distance (m) of the leg at rest. `lag` of the motors in
+        s."""
         speed = self.release_speed
-        # After a slow release the error of the pose is as large as the error of the coast time.
-        gain = COAST_GAIN * speed / (speed + COAST_GAIN_HALF_SPEED)
+        noise = COAST_NOISE * COAST_NOISE + (POSE_NOISE / speed) ** 2
+        gain = self.variance / (self.variance + noise)
         time = self.time - gain * remaining / speed
-        time = min(max(time, COAST_RATIO_MIN * lag), COAST_RATIO_MAX * lag)
-        return self._replace(time=time, release_speed=0.0)
+        time = min(max(time, COAST_RATIO_MIN * lag), max(COAST_TIME_MAX, 2.0 * lag))
+        variance = (1.0 - gain) * self.variance + COAST_DRIFT * COAST_DRIFT
+        return self._replace(time=time, release_speed=0.0, variance=variance)
 
 
 class Pursuit(NamedTuple):
@@ -48,13 +58,23 @@ class Pursuit(NamedTuple):
     is_backwards: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
     """point (m) that the robot holds during a turn"""
+    opposed_turn: float = 0.0
+    """rad that the robot has turned against its command"""
     is_coasting: bool = False
     """released or stopped; the leg continues, or the next one begins, at rest"""
     still_since: int | None = None
     """ns"""
     needs_nudge: bool = False
     """turn at the least speed although the remaining angle is too small for it"""
+    releases: int = 0
+    """in this turn; a small one may need several"""
+    stalls: int = 0
+    """successive releases that have not turned the robot"""
+    rest_error: float = inf
+    """rad that remained after the last release"""
     attempts: int = 0
+    start_distance: float = inf
+    """m to the goal when it was accepted"""
     elapsed: float = 0.0
     """s, not counting stops"""
     blocked_for: float = 0.0
@@ -66,8 +86,11 @@ class Pursuit(NamedTuple):
         """Plan the legs from this pose; within `tolerance` (m) of the goal, only the last turn."""
         goal, position = self.goal, (odometry.x, odometry.y)
         state = self._replace(
-            is_coasting=False, still_since=None, needs_nudge=self.attempts > 0, pivot=position
-        )
+            is_coasting=False,
+            still_since=None,
+            needs_nudge=self.attempts > 0,
+            pivot=position,
+        ).restart_turn()
         if self.distance(odometry) <= tolerance:
             return state._replace(leg="aligning", pivot=(goal.x, goal.y))
         bearing = atan2(goal.y - odometry.y, goal.x - odometry.x)
@@ -79,6 +102,38 @@ class Pursuit(NamedTuple):
             line=bearing + pi if is_backwards else bearing,
             is_backwards=is_backwards,
         )
+
+    def restart_turn(self) -> Pursuit:
+        """Before the first release of a turn."""
+        return self._replace(releases=0, stalls=0, rest_error=inf)
+
+    def count_release(self, odometry: Odometry) -> Pursuit:
+        """Count a release after which the turn is not done, and whether it had an effect."""
+        error = self.heading_error(odometry)
+        has_stalled = error * self.rest_error > STALL_RATIO * self.rest_error * self.rest_error
+        return self._replace(
+            releases=self.releases + 1,
+            stalls=self.stalls + 1 if has_stalled else 0,
+            needs_nudge=self.needs_nudge or has_stalled,
+            rest_error=error,
+        )
+
+    def aim(self, odometry: Odometry) -> Pursuit:
+        """Point `line` at the goal from this pose."""
+        bearing = atan2(self.goal.y - odometry.y, self.goal.x - odometry.x)
+        return self._replace(line=bearing + pi if self.is_backwards else bearing)
+
+    def turn_again(self, odometry: Odometry) -> Pursuit:
+        """Stop a drive in a wrong direction, and turn to the goal."""
+        coast = self.coast._replace(release_speed=0.0)
+        state = self._replace(leg="turning", is_coasting=True, coast=coast)
+        return state.restart_turn().aim(odometry)
+
+    def watch_turn(self, turn_rate: float, command: float, seconds: float) -> Pursuit:
+        """Sum up how far the robot turns at `turn_rate` against the direction of its `command`."""
+        if turn_rate * command >= 0.0:
+            return self._replace(opposed_turn=0.0) if self.opposed_turn else self
+        return self._replace(opposed_turn=self.opposed_turn + abs(turn_rate) * seconds)
 
     def _turns(self, odometry: Odometry, line: float) -> float:
         """Sum of both turns (rad) when driving in the direction `line`."""
@@ -122,3 +177,28 @@ class Pursuit(NamedTuple):
             remaining = remaining if error * coast.release_turn_rate > 0.0 else -remaining
             speed = abs(odometry.angular) * half_track
         return self._replace(coast=coast.learn(remaining - speed * coast.time, lag))
+
+
+def position_doubt(odometry: Odometry, tolerance: float, is_calibrated: bool) -> str:
+    """Why this pose does not prove a position within `tolerance` (m); empty when it does.
+
+    A pose with a warning must be known within the tolerance (one standard deviation, in the worst
+    direction), any other one within UNSURE_RATIO times it: dead reckoning over a long way is never
+    as good as the tolerance. The geometry of a robot that is not calibrated is left out: it alone
+    would exceed any tolerance.
+    """
+    xx, xy, _, yy, _, _ = odometry.covariance
+    variance = largest_variance(xx, xy, yy)
+    if not is_calibrated:
+        variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
+    sd = sqrt(variance)
+    if sd <= tolerance * (1.0 if odometry.warning else UNSURE_RATIO):
+        return ""
+    why = odometry.warning or "dead reckoning drifts on the way"
+    return f"the position is known to {sd * 1000:.0f} mm (standard deviation): {why}"
+
+
+def largest_variance(xx: float, xy: float, yy: float) -> float:
+    """Variance (m2) of a position in its worst direction: the larger eigenvalue."""
+    half_difference = 0.5 * (xx - yy)
+    return 0.5 * (xx + yy) + sqrt(half_difference * half_difference + xy * xy)

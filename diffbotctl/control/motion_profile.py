@@ -1,9 +1,7 @@
 """Motion from rest to rest: shortest times, approach speeds, and prediction of the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
-from math import atan2, copysign, exp, hypot, pi, sqrt
+from math import atan2, copysign, exp, hypot, inf, pi, sqrt
 from typing import NamedTuple
 
 from diffbotctl.messages import Odometry
@@ -80,6 +78,14 @@ class SpeedBounds(NamedTuple):
     minimum: float
     maximum: float
     braking: float
+    rest: float = inf
+    """m; a longer distance is driven, however small it is for the motors"""
+
+
+def is_too_small(remaining: float, coast_time: float, step: float, bounds: SpeedBounds) -> bool:
+    """Whether a robot at rest should not drive `remaining` metres: it would overshoot."""
+    least = bounds.minimum * (0.5 * step + 0.25 * coast_time)
+    return abs(remaining) <= min(least, bounds.rest)
 
 
 def approach_speed(
@@ -93,7 +99,7 @@ def approach_speed(
     direction = copysign(1.0, remaining)
     rolling = max(direction * speed, 0.0)
     distance = abs(remaining) - rolling * coast_time
-    if distance <= 0.5 * bounds.minimum * step + 0.25 * bounds.minimum * coast_time:
+    if distance <= 0.5 * bounds.minimum * step:
         return 0.0
     target = sqrt(2.0 * bounds.braking * distance)
     if step > 0.0:

@@ -4,9 +4,14 @@ The only definition in Python; the firmware implements the same specification in
 board runs `WheelSpeedLoop`; odometry runs `SpeedLoopMirror` to know the duty that a real board
 applies; the block `wheel_speed` and calibration use the feed-forward. Speeds are rad/s, duty is -1
 to 1, times are integer nanoseconds.
-"""
 
-from __future__ import annotations
+The error of the speed compares two angles since the last edge: that of a reference model, which
+follows the target with the lag of a usual motor, and the pitches that the wheel has turned. A wheel
+between the reference model and the target has no error: its motor is quicker than the model.
+Without an edge the wheel has turned less than one pitch; that also is a measurement, of a wheel
+that is too slow or does not turn at all. The duty of a wheel that does not turn rises to full duty
+before the stall is reported, so that stiff gears and weak batteries are no stall.
+"""
 
 from math import copysign, pi
 from typing import NamedTuple, Protocol
@@ -15,11 +20,34 @@ from diffbotctl.time import MILLISECOND
 
 LOOP_PERIOD = 10 * MILLISECOND
 LOOP_PERIOD_S = 0.010
-EDGE_TIMEOUT = 300 * MILLISECOND  # without an edge, after which the speed is unknown
-INTEGRAL_MAX = 0.25  # duty; covers the spread of cold motors
+REFERENCE_GAIN = 1.0 / 11.0  # per period: the reference model has a lag of 0.1 s
+SPAN_MIN = 5 * MILLISECOND  # of the edges that give one measurement: many of a fine encoder
+# One measurement is integrated for this many periods. The wheel speed follows after the next edge
+# only, and a motor at a low duty is up to five times as sensitive as the feed-forward states, so
+# longer intervals count less.
+HOLD_PERIODS = 4
+FULL_WEIGHT_INTERVAL_S = 0.040  # between two edges
+FULL_WEIGHT_PERIODS = 4.0
+# An edge is overdue when the reference model has turned by more than a pitch since the last one.
+KICK_DELAY_PERIODS = 3.0  # of an overdue edge, before the duty rises
+KICK_RATE = 1.8e-3  # duty per period, and per period since: a duty of 1 after 0.33 s
+RETURN_FACTOR = 3.0  # of that rate while the duty is below the feed-forward
+KICK_SHARE = 0.5  # of the integral that is kept at the first edge after it
+# With more than one edge a period, a wheel that is slower by more than this share of its target has
+# not overcome static friction: an edge of a fine encoder does not show that it turns.
+STUCK_RATIO = 0.5
+WEIGHT_MIN = 0.125  # of a measurement, which is halved when a turning wheel has to be kicked
 SLEW_MAX = 0.05  # duty per period during a reversal, to protect the gears
-STALL_DUTY_MIN = 0.3  # above it a turning wheel gives edges
-STALL_TIMEOUT = 500 * MILLISECOND
+# A stall: no edge for 0.95 s, and 0.25 s more than the time for 2.2 pitches at the target. The
+# largest distance from rest to the first edge is one pitch, at a lag of up to 0.4 s.
+STALL_PERIODS = 95
+STALL_PITCHES = 2.2
+STALL_EXCESS_PERIODS = 25
+STALL_DUTY_MIN = 0.3  # of raw duty; above it a turning wheel gives edges
+PROPORTIONAL_SHARE = 1.0  # default of the proportional gain, of the slope of the feed-forward
+INTEGRAL_TIME_S = 0.1  # default of the integral gain: the slope of the feed-forward over this time
+GAIN_MAX = 0.75  # duty per rad/s, of the proportional gain
+INTEGRAL_GAIN_MAX = 4.5  # duty per rad
 
 
 class SpeedGains(NamedTuple):
@@ -37,16 +65,19 @@ class SpeedGains(NamedTuple):
 
 
 class SpeedLoopSettings(Protocol):
-    """`loop` of a motor in the robot file. `speed`: duty per rad/s; None: from the rated speed."""
+    """`loop` of a motor in the robot file; None: from the rated speed.
+
+    `speed`: duty per rad/s.
+    """
 
     @property
     def static(self) -> float: ...
     @property
     def speed(self) -> float | None: ...
     @property
-    def proportional(self) -> float: ...
+    def proportional(self) -> float | None: ...
     @property
-    def integral(self) -> float: ...
+    def integral(self) -> float | None: ...
 
 
 class MotorSettings(Protocol):
@@ -59,10 +90,22 @@ class MotorSettings(Protocol):
 
 
 def speed_gains(motor: MotorSettings) -> SpeedGains:
-    """Gains of one wheel's loop; without `loop.speed` the slope follows from the rated speed."""
+    """Gains of one wheel's loop; what `loop` leaves open follows from the rated speed."""
     loop = motor.loop
     slope = loop.speed if loop.speed is not None else (1.0 - loop.static) / motor.rated
-    return SpeedGains(loop.static, slope, loop.proportional, loop.integral)
+    proportional, integral = default_gains(slope)
+    if loop.proportional is not None:
+        proportional = loop.proportional
+    if loop.integral is not None:
+        integral = loop.integral
+    return SpeedGains(loop.static, slope, proportional, integral)
+
+
+def default_gains(slope: float) -> tuple[float, float]:
+    """Proportional (duty per rad/s) and integral gain (duty per rad) for a feed-forward slope."""
+    return min(PROPORTIONAL_SHARE * slope, GAIN_MAX), min(
+        slope / INTEGRAL_TIME_S, INTEGRAL_GAIN_MAX
+    )
 
 
 def limit_duty(duty: float, target: float) -> float:
@@ -73,7 +116,7 @@ def limit_duty(duty: float, target: float) -> float:
     return duty if power <= 1.0 else copysign(1.0, target)
 
 
-def limit_integral(integral: float, limit: float = INTEGRAL_MAX) -> float:
+def limit_integral(integral: float, limit: float) -> float:
     """`integral` (duty) limited to +-`limit`."""
     if -limit <= integral <= limit:  # nearly always; comparisons are faster than min and max
         return integral
@@ -81,114 +124,262 @@ def limit_integral(integral: float, limit: float = INTEGRAL_MAX) -> float:
 
 
 class SpeedLoop:
-    """Target, measured speed and integral of one wheel: what board and mirror have in common."""
+    """Target, reference model, error and integral of one wheel: common to board and mirror.
 
-    __slots__ = ("gains", "integral", "last_edge", "pitch", "previous_edge", "target")
+    `error` (rad/s) and `integral` (duty) are in the direction of the target.
+    """
+
+    __slots__ = (
+        "_edges",
+        "_hold",
+        "_is_kicked",
+        "_last_edge",
+        "_measured_edges",
+        "_origin",
+        "_origin_periods",
+        "_overdue",
+        "_reference",
+        "_reference_angle",
+        "_target_angle",
+        "_weight",
+        "error",
+        "gains",
+        "integral",
+        "pitch",
+        "target",
+    )
 
     def __init__(self, gains: SpeedGains, slots: int) -> None:
         self.gains = gains
         self.pitch = 2 * pi / slots
-        self.target = self.integral = 0.0
-        self.last_edge: int | None = None  # since the target changed its sign
-        self.previous_edge: int | None = None
+        self.target = 0.0
+        self._begin(0)
 
-    def set_target(self, target: float) -> bool:
+    def _begin(self, now: int) -> None:
+        """Start from rest at `now`."""
+        self.error = self.integral = 0.0
+        self._reference = self._reference_angle = 0.0  # rad/s; rad since `_origin`
+        self._target_angle = 0.0  # rad since `_origin` at the target
+        self._origin = self._last_edge = now  # from here the next measurement begins
+        self._origin_periods = 0  # loop periods since `_origin`
+        self._edges = 0  # since `_origin`
+        self._measured_edges = 0  # 0: none yet; 1: `_origin` is an edge; 2: the error is measured
+        self._hold = 0  # periods for which the error is still integrated
+        self._overdue = 0  # periods since an edge was overdue
+        self._is_kicked = False
+        self._weight = 1.0  # of a measurement
+
+    def set_target(self, target: float, now: int) -> bool:
         """Set a new target (rad/s); True if it resets the loop: a stop or a change of direction."""
         begins = target == 0.0 or target * self.target <= 0.0
         if begins:
-            self.integral = 0.0
-            self.last_edge = self.previous_edge = None
+            self._begin(now)
         self.target = target
         return begins
 
-    def measured(self, now: int) -> float | None:
-        """Speed (rad/s) from the last period and the age of the last edge; None if unknown."""
-        last, previous = self.last_edge, self.previous_edge
-        if last is None or previous is None:
-            return None
-        age, period = now - last, last - previous
-        if age > EDGE_TIMEOUT:
-            return None
-        longest = age if age > period else period
-        return copysign(self.pitch / (longest * 1e-9), self.target)
+    def add_edges(self, now: int, count: int = 1) -> None:
+        """Record `count` edges, the last of them at `now`."""
+        self._edges += count
+        self._last_edge = now
+
+    def limited_duty(self) -> float:
+        """The duty for the target, limited to 1 in its direction; 0 for target 0."""
+        target = self.target
+        power = self._power(target if target >= 0.0 else -target)
+        if not (target and power > 0.0):
+            return 0.0
+        if power > 1.0:
+            power = 1.0
+        return power if target > 0.0 else -power
+
+    def _power(self, target: float) -> float:
+        """The duty for |target| in its direction, not limited: `SpeedGains.duty`, in one call.
+
+        The loops run it twice in each period.
+        """
+        gains = self.gains
+        feed_forward = gains.static + gains.slope * target
+        return feed_forward + gains.proportional * self.error + self.integral
+
+    def run_period(self, now: int) -> None:
+        """Update error and integral at the end of a LOOP_PERIOD; the target is not 0."""
+        target, reference = self.target, self._reference
+        if target < 0.0:
+            target = -target
+        self._reference = reference = reference + (target - reference) * REFERENCE_GAIN
+        self._reference_angle += reference * LOOP_PERIOD_S
+        self._target_angle += target * LOOP_PERIOD_S
+        self._origin_periods += 1
+        edges = self._edges
+        if edges and (not self._measured_edges or self._last_edge - self._origin >= SPAN_MIN):
+            self._measure(target, now)
+            edges = 0
+        lag = min(self._reference_angle, self._target_angle) - (edges + 1) * self.pitch
+        if lag > 0.0:
+            self._integrate(target, self._overdue_change(target, lag))
+        elif self._hold:
+            self._hold -= 1
+            self._integrate(target, self.gains.integral * self.error * LOOP_PERIOD_S)
+
+    def _measure(self, target: float, now: int) -> None:
+        """Take the edges since `_origin` as a measurement of the speed."""
+        seconds = (now - self._last_edge) * 1e-9
+        angle_after, target_after = self._reference * seconds, target * seconds
+        is_stuck = False
+        if self._measured_edges:
+            span = (self._last_edge - self._origin) * 1e-9
+            turned = self._edges * self.pitch
+            error = self._reference_angle - angle_after - turned
+            target_error = self._target_angle - target_after - turned
+            if error * target_error <= 0.0:
+                error = 0.0
+            elif abs(target_error) < abs(error):
+                error = target_error
+            error /= span
+            is_stuck = error > STUCK_RATIO * target and self.pitch < target * LOOP_PERIOD_S
+            interval = span / self._edges
+            if interval > FULL_WEIGHT_INTERVAL_S:
+                error *= FULL_WEIGHT_INTERVAL_S / interval
+            # It hunts if it turned, and stopped.
+            if self._is_kicked and self._measured_edges == 2 and not is_stuck:
+                self._weight = max(0.5 * self._weight, WEIGHT_MIN)
+            self.error = error * self._weight
+            self._hold, self._measured_edges = HOLD_PERIODS, 2
+        else:
+            self.error, self._measured_edges = 0.0, 1
+        if self._is_kicked:
+            self._is_kicked = False
+            if not is_stuck:
+                self.integral *= KICK_SHARE
+        self._overdue = self._edges = 0
+        self._origin, self._origin_periods = self._last_edge, 1
+        self._reference_angle, self._target_angle = angle_after, target_after
+
+    def _overdue_change(self, target: float, lag: float) -> float:
+        """Change of the integral while an edge is overdue by the angle `lag` (rad)."""
+        interval = self.pitch / (target * LOOP_PERIOD_S)  # periods from edge to edge
+        error = lag / (self._origin_periods * LOOP_PERIOD_S)
+        if interval > FULL_WEIGHT_PERIODS:
+            error *= FULL_WEIGHT_PERIODS / interval
+        if error > self.error:
+            self.error = error
+        change = self.gains.integral * self.error * LOOP_PERIOD_S
+        self._overdue += 1
+        periods = self._overdue - KICK_DELAY_PERIODS
+        if self._measured_edges == 2:  # it was turning: only slower than wanted, perhaps
+            periods -= 0.25 * interval
+        if periods > 0.0:
+            self._is_kicked = True
+            rate = KICK_RATE if self.integral >= 0.0 else RETURN_FACTOR * KICK_RATE
+            change = max(change, rate * periods)
+        return change
+
+    def _integrate(self, target: float, change: float) -> None:
+        """Add `change` (duty) to the integral, unless the duty is limited on that side."""
+        power = self._power(target)
+        if (power > 1.0 and change > 0.0) or (power < 0.0 and change < 0.0):
+            return
+        integral = self.integral + change
+        self.integral = integral if -1.0 <= integral <= 1.0 else copysign(1.0, integral)
 
 
 class WheelSpeedLoop(SpeedLoop):
     """The loop of a board. `duty` goes to the motor; `direction` is the sign of the counts."""
 
-    __slots__ = ("_moved", "_slewing", "direction", "duty", "fault")
+    __slots__ = (
+        "_is_slewing",
+        "_stall_angle",
+        "_stall_excess",
+        "_stall_periods",
+        "direction",
+        "duty",
+        "fault",
+    )
 
     def __init__(self, gains: SpeedGains, slots: int) -> None:
         super().__init__(gains, slots)
         self.direction = 1
         self.duty = 0.0
-        self.fault = self._slewing = False
-        self._moved = 0
+        self.fault = self._is_slewing = False
+        self._reset_stall()
+
+    def _reset_stall(self) -> None:
+        self._stall_periods = 0  # with drive and without an edge
+        self._stall_angle = 0.0  # rad that the wheel should have turned meanwhile
+        self._stall_excess = 0  # periods since that was STALL_PITCHES
 
     def edge(self, now: int) -> None:
         """Record an edge that passed the glitch filter."""
-        self.previous_edge, self.last_edge = self.last_edge, now
-        self._moved = now
+        self.add_edges(now)
+        self._reset_stall()
 
     def command(self, now: int, target: float) -> None:
         """Set a new target (rad/s); its feed-forward is applied immediately."""
-        if self.set_target(target):
-            self._moved = now
-            self._slewing = target * self.duty < 0.0
+        if self.set_target(target, now):
+            self._reset_stall()
+            self._is_slewing = target * self.duty < 0.0
         if target:
             self.direction = 1 if target > 0.0 else -1
-        self._drive(now, 0.0)
+        self._apply(0.0)
 
     @property
     def is_at_rest(self) -> bool:
-        """True when `tick` would change nothing."""
+        """True when `tick` and `tick_duty` would change nothing."""
         return self.target == 0.0 and self.duty == 0.0
 
-    def set_duty(self, now: int, duty: float) -> None:
-        """Apply a duty instead of a target; call `check_stall` each LOOP_PERIOD."""
-        if abs(self.duty) <= STALL_DUTY_MIN:
-            self._moved = now
+    def set_duty(self, duty: float) -> None:
+        """Apply a raw duty instead of a target."""
         self.duty = 0.0 if self.fault else duty
         if duty:
             self.direction = 1 if duty > 0.0 else -1
 
-    def check_stall(self, now: int, duty: float) -> bool:
-        """Detect a stall at `duty` and switch the motor off; False when it is off."""
-        if -STALL_DUTY_MIN <= duty <= STALL_DUTY_MIN:
-            self._moved = now
-        elif now - self._moved > STALL_TIMEOUT:
-            self.fault = True
-            self.duty = 0.0
-        return self.duty != 0.0
-
     def tick(self, now: int) -> float:
         """Run the loop once; call it each LOOP_PERIOD. Returns the duty."""
         if self.target != 0.0 and not self.fault:
-            self.check_stall(now, self.duty)
-        self._drive(now, LOOP_PERIOD_S)
+            self.run_period(now)
+            self._check_stall(abs(self.target))
+        self._apply(SLEW_MAX)
         return self.duty
 
-    def _drive(self, now: int, step: float) -> None:
-        target = self.target
-        if target == 0.0 or self.fault:
+    def tick_duty(self) -> float:
+        """As `tick`, with a raw duty instead of a target."""
+        duty = abs(self.duty)
+        if duty <= STALL_DUTY_MIN:
+            self._reset_stall()
+        else:
+            self._check_stall((duty - self.gains.static) / max(self.gains.slope, 1e-6))
+        if self.fault:
+            self.duty = 0.0
+        return self.duty
+
+    def clear_fault(self) -> None:
+        """End a fault; the wheel stands until the next command."""
+        self.fault = False
+        self.target = 0.0  # the next target resets the loop
+        self._reset_stall()
+
+    def _check_stall(self, speed: float) -> None:
+        """Detect a wheel that should turn at `speed` (rad/s) and gives no edge."""
+        self._stall_periods += 1
+        if self._stall_angle < STALL_PITCHES * self.pitch:
+            self._stall_angle += speed * LOOP_PERIOD_S
+            return
+        self._stall_excess += 1
+        if self._stall_periods >= STALL_PERIODS and self._stall_excess >= STALL_EXCESS_PERIODS:
+            self.fault = True
+
+    def _apply(self, growth: float) -> None:
+        """Set the duty; in a reversal it grows by at most `growth`."""
+        if self.target == 0.0 or self.fault:
             self.duty = 0.0
             return
-        speed = self.measured(now)
-        error = 0.0 if speed is None else target - speed
-        duty = self.gains.duty(target, error, self.integral)
-        limited = limit_duty(duty, target)
-        change = self.gains.integral * error * step
-        # anti-windup: while the duty is limited, integrate only towards the limits
-        if duty == limited or (duty - limited) * change < 0.0:
-            self.integral = limit_integral(self.integral + change)
-        self.duty = self._slewed(limited, step) if self._slewing else limited
-
-    def _slewed(self, duty: float, step: float) -> float:
-        """The next duty of a reversal that ends at `duty`."""
-        limit = SLEW_MAX if step else 0.0
-        growth = self.direction * (duty - self.duty)
-        self._slewing = growth > limit
-        return self.duty + self.direction * limit if self._slewing else duty
+        duty = self.limited_duty()
+        if self._is_slewing:
+            difference = self.direction * (duty - self.duty)
+            self._is_slewing = difference > growth
+            if self._is_slewing:
+                duty = self.duty + self.direction * growth
+        self.duty = duty
 
 
 class SpeedLoopMirror(SpeedLoop):
@@ -213,31 +404,33 @@ class SpeedLoopMirror(SpeedLoop):
         """
         if target != self.target and since <= edge:
             self._run(since)
-            self.set_target(target)
+            self.set_target(target, since)
         if steps:
-            if abs(steps) > 1 and self.last_edge is not None:  # assume evenly spaced edges
-                self.last_edge = edge - (edge - self.last_edge) // abs(steps)
-            self._run(edge)
-            self.previous_edge, self.last_edge = self.last_edge, edge
+            self._run_to_edge(edge, abs(steps))
         if target != self.target:
             self._run(since)
-            self.set_target(target)
+            self.set_target(target, since)
         self._run(time)
-        if target == 0.0:
-            return 0.0
-        speed = self.measured(time) if self.gains.proportional else None
-        error = 0.0 if speed is None else target - speed
-        return limit_duty(self.gains.duty(target, error, self.integral), target)
+        return self.limited_duty()
+
+    def _run_to_edge(self, edge: int, steps: int) -> None:
+        """Run the loop to `edge`, the last of `steps` edges, which are evenly spaced."""
+        start, done = self._last_edge, 0
+        while steps > 1 and self.target and start < edge and self.time + LOOP_PERIOD <= edge:
+            passed = steps * (self.time + LOOP_PERIOD - start) // (edge - start)
+            if passed > done:
+                self.add_edges(start + (edge - start) * passed // steps, passed - done)
+                done = passed
+            self._run(self.time + LOOP_PERIOD)
+        self._run(edge)
+        self.add_edges(edge, steps - done)
 
     def _run(self, until: int) -> None:
-        """Integrate each LOOP_PERIOD until then. The phase of the board's timer is unknown, but one
-        period changes the integral by too little to matter."""
-        if not self.target or self.previous_edge is None:
+        """Run the loop each LOOP_PERIOD until then. The phase of the board's timer is unknown, but
+        one period changes the duty by too little to matter."""
+        if not self.target:
             self.time = max(until, self.time)
             return
-        while self.time + LOOP_PERIOD <= until:
-            self.time += LOOP_PERIOD
-            speed = self.measured(self.time)
-            if speed is not None:
-                angle = (self.target - speed) * LOOP_PERIOD_S
-                self.integral = limit_integral(self.integral + self.gains.integral * angle)
+        for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
+            self.time = time
+            self.run_period(time)

@@ -25,6 +25,7 @@ RUN = Path("/run")
 PREFIX = "diffbotctl"
 NAME_MAX_LENGTH = 40  # characters; the whole path of a socket must fit in 107 bytes
 NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_MAX_LENGTH}}}")
+SOCKET_PATH_MAX_BYTES = 107  # sun_path of sockaddr_un, unix(7), without its end
 BACKLOG = 1024  # connections that may wait to be accepted
 
 
@@ -121,6 +122,7 @@ def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socke
         )
         raise RunError(Problem("E-SOCKET", "--name", cause, "such as --name mower"))
     folder = own_folder() if group is None else group_folder(group)
+    _check_length(folder, name or fallback)
     try:
         _make_folder(folder, group)
         for candidate in _names(fallback) if name is None else (name,):
@@ -134,6 +136,18 @@ def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socke
         raise RunError(Problem("E-SOCKET", str(folder), cause, fix)) from error
     cause = f"an engine called '{name}' is already running"
     raise RunError(Problem("E-SOCKET", str(folder), cause, "give another --name"))
+
+
+def _check_length(folder: Path, name: str) -> None:
+    """Raises RunError when no socket called `name` fits below `folder`."""
+    length = len(os.fsencode(folder / f"{name[:NAME_MAX_LENGTH]}-9.socket"))
+    if length > SOCKET_PATH_MAX_BYTES:
+        cause = (
+            f"the path of the control socket has {length} bytes; at most "
+            f"{SOCKET_PATH_MAX_BYTES} are possible"
+        )
+        fix = "set XDG_RUNTIME_DIR to a shorter folder, or run with --no-socket"
+        raise RunError(Problem("E-SOCKET", str(folder), cause, fix))
 
 
 def remove_socket(path: Path) -> None:

@@ -20,6 +20,7 @@ from diffbotctl.control_socket.protocol import (
     encode_line,
 )
 from diffbotctl.errors import Problem, RunError, UsageError, closest_match
+from diffbotctl.printable import printable_values
 
 REPLY_TIMEOUT_S = 2.0  # the engine reads commands at each instant
 READ_BYTES = 1 << 16  # at once
@@ -215,7 +216,7 @@ class AsyncControlClient:
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
             while data := await reader.readline():
-                line = json.loads(data)
+                line = printable_values(json.loads(data))  # screens draw its texts
                 if line.get("ended"):
                     break
                 future = self.waiting.get(line.get("id"))

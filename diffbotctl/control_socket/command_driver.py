@@ -16,9 +16,11 @@ from diffbotctl.control_socket.engine_channel import (
     EngineChannel,
     EngineCommand,
     MeasureLoads,
+    PublishInput,
     ResultCode,
 )
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine
@@ -51,12 +53,19 @@ class DriveLease:
 class ControlClientDriver:
     """A driver that follows the commands of one channel. `wakes`: a command wakes the loop.
 
-    A paced simulation is not woken: it has exact times, and reads commands at each instant.
+    A paced simulation without inputs is not woken: it has exact times, and reads commands at each
+    instant. `inputs` are the leases of those who publish on inputs.
     """
 
     def __init__(
-        self, channel: EngineChannel, operator: Operator, changes: LiveChanges, wakes: bool
+        self,
+        channel: EngineChannel,
+        operator: Operator,
+        changes: LiveChanges,
+        wakes: bool,
+        inputs: InputLeases | None = None,
     ) -> None:
+        self.inputs = inputs
         self.channel = channel
         self.operator = operator
         self.changes = changes
@@ -99,11 +108,17 @@ class ControlClientDriver:
             code = ResultCode.REFUSED if refusal else ResultCode.DONE
             self.channel.answer(CommandResult(self.calls.pop(0), code, refusal))
         for command in self.channel.receive():
+            if isinstance(command.request, PublishInput):
+                self.channel.answer(self._publish(now, command, command.request))
+                continue
             result = self._follow(now, command)
             if result is not None:
                 self.channel.answer(CommandResult(command.number, result))
-        if was_open and not self.channel.is_open and self.lease.client is not None:
-            self._stop_gone(now)
+        if was_open and not self.channel.is_open:
+            if self.lease.client is not None:
+                self._stop_gone(now)
+            if self.inputs is not None:
+                self.inputs.end_clients(now, "the server of the control socket has ended")
         if self.profiler is not None and self.profiler.is_on:
             self.channel.loads = self.profiler.report() or self.channel.loads
         self.channel.flush()
@@ -135,7 +150,7 @@ class ControlClientDriver:
         self,
         now: int,
         command: EngineCommand,
-        request: Setting | Call | MeasureLoads | ClientDisconnected,
+        request: Setting | Call | MeasureLoads | PublishInput | ClientDisconnected,
     ) -> ResultCode | None:
         match request:
             case Setting():
@@ -150,9 +165,24 @@ class ControlClientDriver:
             case ClientDisconnected():
                 if self.lease.client == command.client:
                     self._stop_gone(now)
+                if self.inputs is not None:
+                    self.inputs.end(now, command.client, f"{command.who} has disconnected")
+            case PublishInput():
+                pass  # followed before
             case _:
                 assert_never(request)
         return ResultCode.DONE
+
+    def _publish(self, now: int, command: EngineCommand, request: PublishInput) -> CommandResult:
+        """Deliver a message on an input, unless another one publishes there."""
+        if self.inputs is None:
+            return CommandResult(command.number, ResultCode.REFUSED, "there is no such input")
+        other = self.inputs.renew(now + 1, request.wire, command.client, command.who)
+        if other is not None:
+            return CommandResult(command.number, ResultCode.PUBLISHED_BY_ANOTHER, other)
+        self.outbox.append(Delivery(request.wire, request.message))
+        self.outbox_due = now + 1
+        return CommandResult(command.number, ResultCode.DONE)
 
     def _drive(
         self, now: int, command: EngineCommand, request: requests.DriveRequest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import struct
+import time
 from collections import deque
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -15,9 +16,10 @@ STREAM_LINES_MAX = 500  # that wait for a client which reads slowly; the oldest 
 REPLIES_MAX = 50  # that wait; then nothing more is read from that client
 CREDENTIALS = struct.Struct("3i")
 READ_BYTES = 1 << 16  # at once
-REQUESTS_PER_SECOND = 200.0
+REQUESTS_PER_SECOND = 300.0
 REQUEST_BURST = 100.0
 HELLO_TIMEOUT_S = 10.0
+UNREAD_TIMEOUT_S = 5.0  # that a client with REPLIES_MAX waiting may read nothing
 
 
 class TokenBucket:
@@ -64,6 +66,7 @@ class Client:
         self.name = ""
         self.protocol = PROTOCOL
         self.connected_at = now
+        self.sent_at = now  # when it last took something, or nothing waited
         self.lines = LineBuffer()
         self.topics: set[str] = set()  # subscribed
         self.replies: deque[bytes] = deque()
@@ -71,15 +74,22 @@ class Client:
         self.lost = 0
         self.sending = b""
         self.is_readable = True  # False once the other end sends no more
+        self.is_for_stop = False  # all other seats are taken: it may only stop the robot
         self.is_closing = False  # closed when what waits is sent
         self.unanswered = 0  # commands without the engine's answer
-        self.has_driven = False  # then the engine must know when it disconnects
+        self.has_driven = False  # or published: the engine must know when it disconnects
         self.bucket = TokenBucket(REQUESTS_PER_SECOND, REQUEST_BURST, now)
         connection.setblocking(False)
 
     def is_late(self, now: float) -> bool:
         """Whether the time for its hello is over."""
         return not self.name and now - self.connected_at > HELLO_TIMEOUT_S
+
+    def reads_nothing(self, now: float) -> bool:
+        """Whether it asks on and on, and has read no reply for UNREAD_TIMEOUT_S."""
+        if len(self.replies) < REPLIES_MAX:
+            self.sent_at = now
+        return now - self.sent_at > UNREAD_TIMEOUT_S
 
     @property
     def who(self) -> str:
@@ -121,12 +131,18 @@ class Client:
         """Whether it has requests waiting, so that no more need be read."""
         return b"\n" in self.lines.rest
 
+    @property
+    def is_urgent(self) -> bool:
+        """Whether it has not greeted yet, or may ask for a stop."""
+        return not self.name or b'"stop"' in self.lines.rest
+
     def write(self) -> bool:
         """Send what fits. False when the other end is gone."""
         try:
             while self._load():
                 sent = self.connection.send(self.sending, socket.MSG_NOSIGNAL)
                 self.sending = self.sending[sent:]
+                self.sent_at = time.monotonic()
         except BlockingIOError:
             return True
         except OSError:

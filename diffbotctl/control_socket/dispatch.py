@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.connection import Client
-from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest
+from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest, PublishInput
 from diffbotctl.control_socket.handlers import commands, introspection
 from diffbotctl.control_socket.protocol import Fields, RefusalError, parse_line
 from diffbotctl.control_socket.requests import (
@@ -17,7 +17,7 @@ from diffbotctl.control_socket.requests import (
     parse_request,
 )
 from diffbotctl.control_socket.run_state import RequestContext, RunInfo, RunState
-from diffbotctl.errors import closest_match
+from diffbotctl.errors import closest_match, join_words
 
 R = TypeVar("R")
 AccessLog = Callable[[Fields], None]
@@ -62,6 +62,9 @@ METHODS: dict[str, Method[Any]] = {
 }
 
 
+STOP_METHODS = ("stop", "status")  # of a client that came when all seats were taken
+
+
 class Dispatcher:
     """Handles the lines of clients: greets, replies, and sends commands to the engine."""
 
@@ -92,6 +95,9 @@ class Dispatcher:
         method = METHODS.get(name) if isinstance(name, str) else None
         if method is None:
             raise _unknown_method(name)
+        if client.is_for_stop and name not in STOP_METHODS:
+            cause = f"too many clients are connected; accepted are {join_words(STOP_METHODS)}"
+            raise RefusalError("E-BUSY", cause, "disconnect other clients")
         context = RequestContext(self.info, self.state, self.engine, client)
         reply = method.handle(context, parse_request(method.request, fields))
         if isinstance(reply, dict):
@@ -100,7 +106,7 @@ class Dispatcher:
         if self.info.is_replay:
             cause = "this is a replay: it accepts no commands"
             raise RefusalError("E-REQUEST", cause)
-        if not isinstance(reply, requests.DriveRequest):
+        if not isinstance(reply, requests.DriveRequest | PublishInput):
             self.log({"event": name, "fields": reply._asdict(), "by": client.who})
         self.engine.command(client, request_id, reply)
 

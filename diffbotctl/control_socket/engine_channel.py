@@ -33,6 +33,13 @@ class MeasureLoads(NamedTuple):
     """Measure the processor load of the blocks, for some seconds."""
 
 
+class PublishInput(NamedTuple):
+    """A message for a declared input; the engine stamps it."""
+
+    wire: str
+    message: Any
+
+
 class ClientDisconnected(NamedTuple):
     """A client that has driven has disconnected."""
 
@@ -47,6 +54,7 @@ EngineRequest = (
     | Setting
     | Call
     | MeasureLoads
+    | PublishInput
     | ClientDisconnected
 )
 URGENT = (
@@ -74,6 +82,7 @@ class ResultCode(StrEnum):
     DRIVING = "driving"
     REFUSED = "refused"
     OVERLOADED = "overloaded"
+    PUBLISHED_BY_ANOTHER = "published_by_another"
 
 
 class CommandResult(NamedTuple):
@@ -104,6 +113,9 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
             )
         case ResultCode.REFUSED:
             refusal = RefusalError("E-REQUEST", f"the block refused: {detail}")
+        case ResultCode.PUBLISHED_BY_ANOTHER:
+            fix = "wait until it has disconnected or its message has expired"
+            refusal = RefusalError("E-BUSY", f"{detail} publishes on this input", fix)
         case ResultCode.OVERLOADED:
             cause = "the engine has too many commands"
             refusal = RefusalError("E-BUSY", cause, "try again")
@@ -235,6 +247,10 @@ class EngineLink:
         self.bucket.spend()
         self.number += 1
         command = EngineCommand(self.number, client.number, client.who, request)
+        if isinstance(request, PublishInput) and len(_pickled(command)) > COMMAND_MAX_BYTES:
+            cause = f"the message is too large: at most {COMMAND_MAX_BYTES} bytes are possible"
+            client.answer({"id": request_id, **RefusalError("E-REQUEST", cause).fields()})
+            return
         if self.unsent or not self._send(command):
             if not is_urgent:
                 client.answer({"id": request_id, **reply_to(ResultCode.OVERLOADED)})
@@ -243,7 +259,8 @@ class EngineLink:
         if not isinstance(request, ClientDisconnected):
             self.waiting[command.number] = (client, request_id)
             client.unanswered += 1
-        client.has_driven = client.has_driven or isinstance(request, requests.DriveRequest)
+        if isinstance(request, requests.DriveRequest | PublishInput):
+            client.has_driven = True
 
     def measure_loads(self) -> None:
         """Ask for the loads of the blocks; the request may be lost, no client waits for it."""

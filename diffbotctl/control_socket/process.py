@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
 import socket
+import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
 from pathlib import Path
-from traceback import format_exc
 from typing import TYPE_CHECKING, Any
 
 from diffbotctl.control_socket.address import remove_socket
@@ -79,8 +80,11 @@ def _fork(files: set[socket.socket], serve: Callable[[], int], store: BlackBoxSt
 def _serve(server: Server, path: Path, log: AccessLog) -> int:
     try:
         server.run()
-    except Exception:
-        log({"event": "failed", "traceback": format_exc()})
+    except Exception as error:
+        text = io.StringIO()
+        with redirect_stderr(text):  # without the module `traceback`, which takes 150 kB
+            sys.__excepthook__(type(error), error, error.__traceback__)
+        log({"event": "failed", "traceback": text.getvalue()})
         return 1  # the file beside the socket stays: `stop` needs it to find the engine
     remove_socket(path)
     server.finish(FINISH_TIMEOUT_S)

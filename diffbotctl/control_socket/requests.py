@@ -5,8 +5,6 @@ checks, the error replies and the table in docs/protocol.md are made from these 
 passes `parse_request` is not checked again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from math import inf, isfinite
 from typing import (
@@ -22,9 +20,11 @@ from typing import (
 
 from diffbotctl.control_socket.protocol import PROTOCOL, Fields, RefusalError
 from diffbotctl.messages import LogLevel
+from diffbotctl.units import POSE_MAX
 
 TEXT_MAX_LENGTH = 200  # characters
-POSITION_MAX_M = 1000.0  # no robot of this kind gets there: a typing error
+POSITION_MAX_M = POSE_MAX["m"]  # no robot of this kind gets there: a typing error
+HEADING_MAX_RAD = round(POSE_MAX["rad"], 1)
 LOG_LINES_MAX = 500  # that the server keeps
 ALL = "*"  # every topic, or every source of the log
 ENVELOPE = ("id", "method")  # fields of every request
@@ -47,6 +47,7 @@ class RequestField(NamedTuple):
 
 Topic = Annotated[str, RequestField("name of a topic, also its ROS name")]
 Position = RequestField("in the frame odom", "m", -POSITION_MAX_M, POSITION_MAX_M)
+Heading = RequestField("final heading", "rad", -HEADING_MAX_RAD, HEADING_MAX_RAD)
 
 
 class StopRequest(NamedTuple):
@@ -64,7 +65,7 @@ class GotoRequest(NamedTuple):
 
     x: Annotated[float, Position]
     y: Annotated[float, Position]
-    heading: Annotated[float | None, RequestField("final heading", "rad")] = None
+    heading: Annotated[float | None, Heading] = None
 
 
 class DriveRequest(NamedTuple):
@@ -135,10 +136,12 @@ class UnsubscribeRequest(NamedTuple):
 
 
 class PublishRequest(NamedTuple):
-    """Publish to `operator.twist`, `.goal`, `.resume` or `.halt`; all else is refused."""
+    """Publish to an input, or to `operator.twist`, `.goal`, `.resume` or `.halt`."""
 
     topic: Topic
-    message: Annotated[dict[str, Any], RequestField("fields as of drive, goto, resume or stop")]
+    message: Annotated[
+        dict[str, Any], RequestField("fields of the topic's type, or of drive, goto, resume, stop")
+    ]
 
 
 class ListParametersRequest(NamedTuple):

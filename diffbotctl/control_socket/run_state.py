@@ -1,9 +1,7 @@
 """What the server knows about the run: its metadata, the newest messages, rates, past stops."""
 
-from __future__ import annotations
-
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from math import nan
 from typing import Any, NamedTuple
@@ -83,6 +81,7 @@ class RunState:
         self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
         self.errors: dict[str, LogLine] = {}
         self.loads: dict[str, BlockLoad] = {}
+        self.parsers: dict[str, Callable[[dict[str, Any]], Any]] = {}  # of inputs, by wire
         self.now = 0
 
     def update(self, update: EngineUpdate) -> None:

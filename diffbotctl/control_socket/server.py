@@ -19,8 +19,13 @@ from diffbotctl.control_socket.run_state import RunInfo, RunState
 from diffbotctl.recording.black_box_store import BlackBoxStore
 
 CLIENTS_MAX = 100
+STOP_SEATS = 8  # for further clients, which may only stop the robot
+STOP_SEAT_TIMEOUT_S = 5.0  # then the next one may have the seat
 ACCEPTS_AT_ONCE = 32  # connections accepted between two polls of the others
+LINES_AT_ONCE = 2  # of one client, before the next client has its turn
+ROUND_S = 0.01  # for the lines of all clients, between two polls
 POLL_PERIOD_S = 0.05  # also the wait of a client that asks too often
+TOO_MANY = RefusalError("E-BUSY", "too many clients are connected")
 READ, WRITE, GONE = select.EPOLLIN, select.EPOLLOUT, select.EPOLLHUP | select.EPOLLERR
 
 
@@ -47,6 +52,7 @@ class Server:
         self.state = RunState(info.graph)
         self.dispatcher = Dispatcher(info, self.state, self.engine, log)
         self.clients: dict[int, Client] = {}
+        self.waiting: dict[Client, None] = {}  # with lines to handle; whose turn it is comes first
         self.connected = 0
         self.epoll = select.epoll()
         self.epoll.register(listener, READ)
@@ -62,8 +68,9 @@ class Server:
         """Serve until the engine has ended or died."""
         parent, checked = os.getppid(), 0.0
         while self.engine.is_open and os.getppid() == parent:
-            for file, events in self.epoll.poll(POLL_PERIOD_S):
+            for file, events in self.epoll.poll(0.0 if self.waiting else POLL_PERIOD_S):
                 self._ready(file, events)
+            self._handle_waiting()
             self.engine.retry()
             now = time.monotonic()
             if now - checked >= POLL_PERIOD_S:
@@ -93,7 +100,7 @@ class Server:
             client = self.clients[file]
             if client.is_readable:
                 client.is_readable = client.read()
-                self._handle_lines(client, time.monotonic())
+                self.waiting.setdefault(client)
             elif events & GONE:
                 self._close(client)
             self._serve(client)
@@ -130,10 +137,24 @@ class Server:
             )
             return
         client.replies.append(self.greeting)
-        if len(self.clients) > CLIENTS_MAX:  # clients that have greeted stay
-            newcomer = next(client for client in self.clients.values() if not client.name)
-            self._refuse(newcomer, RefusalError("E-BUSY", "too many clients are connected"))
+        if len(self.clients) > CLIENTS_MAX + STOP_SEATS:
+            self._refuse(self._dispensable(client), TOO_MANY)
         self._serve(client)
+
+    def _dispensable(self, newcomer: Client) -> Client:
+        """Who leaves for `newcomer`: who has not greeted, or else the first in a seat for `stop`.
+
+        So whoever connects in order to stop the robot always gets that far.
+        """
+        others = [client for client in self.clients.values() if client is not newcomer]
+        silent = (client for client in others if not client.name)
+        stopping = (client for client in others if client.is_for_stop and not client.unanswered)
+        return next(silent, None) or next(stopping, newcomer)
+
+    def _choose_seat(self, client: Client) -> None:
+        """An ordinary seat for a client that has just greeted, or one for `stop` alone."""
+        seated = sum(bool(each.name) and not each.is_for_stop for each in self.clients.values())
+        client.is_for_stop = seated > CLIENTS_MAX
 
     def _refuse(self, client: Client, refusal: RefusalError) -> None:
         client.answer(refusal.fields())
@@ -141,11 +162,33 @@ class Server:
         client.is_closing, client.is_readable = True, False
         self._serve(client)
 
+    def _handle_waiting(self) -> None:
+        """Handle lines in turn for a short time: a flood of requests must not delay a stop.
+
+        Clients that greet or ask for a stop come first.
+        """
+        now = time.monotonic()
+        for client in sorted(self.waiting, key=lambda client: not client.is_urgent):
+            if not client.is_urgent and time.monotonic() > now + ROUND_S:
+                break
+            del self.waiting[client]
+            if client.connection.fileno() < 0:
+                continue
+            self._handle_lines(client, now)
+            if client.is_paused and not client.is_closing and client.bucket.allows(now):
+                self.waiting[client] = None  # behind the others
+            self._serve(client)
+
     def _handle_lines(self, client: Client, now: float) -> None:
-        """Handle the client's complete lines, as fast as it may ask."""
+        """Handle the client's next complete lines, as fast as it may ask."""
         try:
-            while not client.is_closing and (data := client.next_line(now)) is not None:
+            for _ in range(LINES_AT_ONCE):
+                if client.is_closing or (data := client.next_line(now)) is None:
+                    break
+                is_greeting = not client.name
                 self.dispatcher.line(client, data)
+                if is_greeting:
+                    self._choose_seat(client)
         except RefusalError as refusal:  # of the line as such: what follows it cannot be trusted
             self._refuse(client, refusal)
 
@@ -173,6 +216,7 @@ class Server:
 
     def _close(self, client: Client) -> None:
         del self.clients[client.connection.fileno()]
+        self.waiting.pop(client, None)
         client.connection.close()
         if client.has_driven:
             self.engine.command(client, None, ClientDisconnected())
@@ -180,8 +224,14 @@ class Server:
     def _check_clients(self, now: float) -> None:
         """Handle lines that waited because of the rate limit; refuse clients without a hello."""
         for client in list(self.clients.values()):
-            if client.is_paused:
-                self._handle_lines(client, now)
-                self._serve(client)
-            elif client.is_late(now) and not client.is_closing:
+            if client.reads_nothing(now):
+                self.log({"event": "disconnected: it reads no replies", "by": client.who})
+                self._close(client)
+            elif client.is_paused:
+                self.waiting.setdefault(client)
+            elif client.is_closing:
+                continue
+            elif client.is_late(now):
                 self._refuse(client, RefusalError("E-PROTOCOL", "no hello came in time"))
+            elif client.is_for_stop and now - client.connected_at > STOP_SEAT_TIMEOUT_S:
+                self._refuse(client, TOO_MANY)

@@ -30,7 +30,7 @@ class NoBoardError(FlashError):
         super().__init__(
             "ports",
             "no board is plugged in",
-            "plug in the Mega's USB cable (not a charging cable without data wires), or name the "
+            "plug in the board's USB cable (not a charging cable without data wires), or name the "
             "port with --port",
         )
 
@@ -68,8 +68,8 @@ class RadioPortError(FlashError):
     def __init__(self, device: str) -> None:
         super().__init__(
             f"port {device}",
-            "this is a Bluetooth port: the bootloader listens on the USB port only, and the "
-            "Bluetooth module is connected to pins 18 and 19",
+            "this is a Bluetooth port: the bootloader listens on the USB port only, which a Mega's "
+            "Bluetooth module is not connected to, and an Uno's cannot reset the board",
             "use the USB cable",
         )
 
@@ -82,7 +82,7 @@ class NoSyncError(FlashError):
     def __init__(self, device: str) -> None:
         super().__init__(
             f"port {device}",
-            "no bootloader answers at 115200 baud",
+            "no bootloader answers, neither that of a Mega 2560 nor of an Uno or Nano",
             "check port and cable, and disconnect anything from pins 0 and 1; press the reset "
             "button within the first second if the board does not reset by itself",
         )
@@ -93,14 +93,21 @@ class WrongSignatureError(FlashError):
 
     code = "E-FLASH-SIGNATURE"
 
-    KNOWN = {"1e9703": "an ATmega1280 (Mega 1280)", "1e950f": "an ATmega328P (Uno)"}
+    KNOWN = {
+        "1e9801": "an ATmega2560 (Mega 2560)",
+        "1e9703": "an ATmega1280 (Mega 1280)",
+        "1e950f": "an ATmega328P (Uno, Nano)",
+        "1e9514": "an ATmega328 (Uno, Nano)",
+        "1e9406": "an ATmega168 (old Uno or Nano)",
+    }
 
-    def __init__(self, device: str, signature: str) -> None:
+    def __init__(self, device: str, signature: str, board: str) -> None:
+        """`board`: what the program is for."""
         chip = self.KNOWN.get(signature, "another chip")
         super().__init__(
             f"port {device}",
-            f"its signature {signature} is that of {chip}; this firmware is for an ATmega2560",
-            "choose the port of the Mega 2560",
+            f"its signature {signature} is that of {chip}; this program is for {board}",
+            "choose the port of that board, or correct board.type in the robot file",
         )
 
 
@@ -115,6 +122,20 @@ class RefusedError(FlashError):
             f"the bootloader refused to {what}",
             "flash again; the bootloader is still there. If it fails again, try --programmer "
             "avrdude",
+        )
+
+
+class LostError(FlashError):
+    """The bootloader has stopped answering."""
+
+    code = "E-FLASH-REFUSED"
+
+    def __init__(self, device: str, action: str) -> None:
+        super().__init__(
+            f"port {device}",
+            f"the bootloader does not answer when asked to {action}",
+            "check the cable, disconnect an HC-05 from pins 0 and 1, and flash again; the "
+            "bootloader is still there",
         )
 
 
@@ -159,7 +180,7 @@ class BadImageError(FlashError):
     code = "E-FLASH-IMAGE"
 
     def __init__(self, file: str, cause: str) -> None:
-        super().__init__(file, cause, "use an Intel hex file for a Mega 2560, or leave --hex out")
+        super().__init__(file, cause, "use an Intel hex file for the board, or leave --hex out")
 
 
 class NoProgrammerError(FlashError):
@@ -173,16 +194,16 @@ class NoProgrammerError(FlashError):
 
 USB = re.compile(r"tty(ACM|USB)\d+\Z")
 RADIO = re.compile(r"rfcomm\d+\Z")
-# A genuine Mega, or a bound module; clones share their USB chip with other things.
-LIKELY_ROLES = (PortRole.MEGA, PortRole.BLUETOOTH)
+# A genuine Mega or Uno, or a bound module; clones share their USB chip with other things.
+LIKELY_ROLES = (PortRole.BOARD, PortRole.BLUETOOTH)
 
 
 def candidates(radio: bool = False, root: Path = Path("/")) -> list[SerialPort]:
-    """The ports below `root` that may lead to a Mega 2560; with `radio`, bound Bluetooth ports too.
+    """The ports below `root` that may lead to a board; with `radio`, bound Bluetooth ports too.
 
     The likely ones come first.
     """
-    roles = {PortRole.MEGA, PortRole.CHIP} | ({PortRole.BLUETOOTH} if radio else set())
+    roles = {PortRole.BOARD, PortRole.CHIP} | ({PortRole.BLUETOOTH} if radio else set())
     ports = [port for port in serial_ports(root) if port.role in roles]
     return sorted(ports, key=lambda port: (port.role not in LIKELY_ROLES, port.device))
 
@@ -198,7 +219,7 @@ def choose(ports: list[SerialPort]) -> SerialPort:
 
 
 def is_usb(device: str) -> bool:
-    """Whether the port is USB: UART0 at 115200 baud, and opening it resets the board."""
+    """Whether the port is USB: UART0, and opening it resets the board."""
     return any(USB.search(name) for name in (device, os.path.realpath(device)))
 
 

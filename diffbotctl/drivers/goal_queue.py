@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from diffbotctl.engine.driver import Delivery
@@ -19,6 +20,8 @@ from diffbotctl.messages import (
     Stop,
 )
 from diffbotctl.time import NEVER
+
+STOPS_MAX = 100  # that are kept for the summary; a run may last for weeks
 
 
 class Operator:
@@ -41,7 +44,9 @@ class Operator:
         self.last_reached: Goal | None = None
         self.number = 0  # of the goal sent last; the first one is 1
         self.reached = 0
-        self.stops: list[Stop] = []  # every stop of the run
+        self.reached_unsure = 0
+        self.unsure = ""  # why the first goal that was reached with an uncertain pose is uncertain
+        self.stops: deque[Stop] = deque(maxlen=STOPS_MAX)  # the last ones of the run
         self.stops_in_force: dict[str, Stop] = {}  # by the block that holds the robot
         self.outbox: list[Delivery] = []
         self.outbox_due = 0
@@ -76,6 +81,10 @@ class Operator:
         if state.state == "reached":
             self.reached += 1
             self.last_reached = self.active
+            self._send_next(now)
+        elif state.state == "reached_unsure":
+            self.reached_unsure += 1
+            self.unsure = self.unsure or f"goal {state.number} reached, but {state.cause}"
             self._send_next(now)
         elif state.state in GOAL_EXIT_CODES:
             self.active = None
@@ -141,7 +150,7 @@ class Operator:
             self._send(now, "goal", self.active)
             return
         if self.active is not None and not self.stay:
-            self.end(0, "all goals reached")
+            self.end(int(bool(self.unsure)), self.unsure or "all goals reached")
         self.active = None
 
     def _send(self, now: int, port: str, message: Message) -> None:

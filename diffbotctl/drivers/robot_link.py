@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from math import pi
 
-from diffbotctl.config.robot import Robot, SideSection
+from diffbotctl.config.board_pins import BOARDS, BoardPins
+from diffbotctl.config.motor_drivers import driver_facts
+from diffbotctl.config.robot import Robot, SideSection, line_baud
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.drivers.board_ports import is_usb
-from diffbotctl.errors import ConfigurationError, Problem
+from diffbotctl.errors import ConfigurationError, Problem, join_words
+from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.time import SECOND
 
-FIRMWARE_BOARD = "mega2560"
-FIRST_ANALOG = 54  # number of pin A0 on a Mega 2560
 TICK_BYTES, BITS_PER_BYTE = 16, 10  # what is sent of a pair of ticks after the counts were taken
 
 
@@ -42,53 +43,56 @@ def board_settings(robot: Robot) -> BoardSettings:
 
     Raises ConfigurationError for a board that it does not run on.
     """
-    if robot.board.type != FIRMWARE_BOARD:
-        cause = f"there is no diffbotctl firmware for the board {robot.board.type}"
-        fix = f"use a Mega 2560 (board: {{type: {FIRMWARE_BOARD}}}), or simulate: --port sim"
+    pins = BOARDS.get(robot.board.type)
+    if pins is None:
+        cause = "this robot exists only in the simulator: it has no board"
+        fix = f"set board: {{type: {join_words(BOARDS)}}}, or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     left, right, board, battery = robot.drive.left, robot.drive.right, robot.board, robot.battery
     name, sensor = next(iter(robot.sensors.items()), ("range", None))
     return BoardSettings(
-        _wheel_settings(left),
-        _wheel_settings(right),
-        slots=left.encoder.slots,
+        _wheel_settings(pins, left),
+        _wheel_settings(pins, right),
+        board=frames.BoardCode[pins.chip],
         edge=left.encoder.edge,
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         telemetry=round(board.telemetry),
         edge_times=board.edge_times,
-        proportional=left.motor.loop.proportional,
-        integral=left.motor.loop.integral,
+        driver=frames.DriverCode[driver_facts(left.motor.driver).mode.upper()],
+        standby=_number(pins, left.motor.standby),
         brake=left.motor.idle == "brake",
-        range_channel=None if sensor is None else _analog_channel(sensor.pin),
+        range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),
         range_name=name,
-        battery_channel=None if battery.pin is None else _analog_channel(battery.pin),
+        battery_channel=None if battery.pin is None else _analog_channel(pins, battery.pin),
         battery_divider=battery.divider or 1.0,
         battery_low=battery.low,
-        button=None if board.stop_button is None else _pin_number(board.stop_button),
+        button=_number(pins, board.stop_button),
         uart=robot.link.uart,
-        baud=robot.link.baud,
+        baud=line_baud(robot) if pins.shares_usb else robot.link.baud,
+        shares_usb=pins.shares_usb,
     )
 
 
-def _wheel_settings(side: SideSection) -> WheelSettings:
+def _wheel_settings(pins: BoardPins, side: SideSection) -> WheelSettings:
     motor, gains = side.motor, speed_gains(side.motor)
     return WheelSettings(
-        enable=_pin_number(motor.enable),
-        in1=_pin_number(motor.in1),
-        in2=_pin_number(motor.in2),
-        encoder=_pin_number(side.encoder.pin),
+        enable=_number(pins, motor.enable),
+        in1=pins.number(motor.in1),
+        in2=_number(pins, motor.in2),
+        encoder=pins.number(side.encoder.pin),
         reversed=motor.reversed,
         start=gains.static,
         gain=gains.slope,
+        proportional=gains.proportional,
+        integral=gains.integral,
+        slots=side.encoder.slots,
     )
 
 
-def _pin_number(pin: object) -> int:
-    """The board's number of a pin that is written `5` or `A0`."""
-    text = str(pin)
-    return FIRST_ANALOG + int(text[1:]) if text.startswith("A") else int(text)
+def _number(pins: BoardPins, pin: object) -> int | None:
+    return None if pin is None else pins.number(pin)
 
 
-def _analog_channel(pin: object) -> int:
-    return _pin_number(pin) - FIRST_ANALOG
+def _analog_channel(pins: BoardPins, pin: object) -> int:
+    return pins.number(pin) - pins.first_analog

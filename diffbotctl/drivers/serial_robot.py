@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from diffbotctl.config.robot import Robot
+from diffbotctl.drivers.board_watchdog import BoardWatchdog
 from diffbotctl.drivers.robot_link import diffbot_host, rosserial_host
 from diffbotctl.drivers.serial_port import OpenPort, open_port, reopen_port
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
@@ -22,8 +23,10 @@ RETRY_PERIOD_MAX = 2_000 * MILLISECOND
 INPUT_AGE_MAX = 1_000 * MILLISECOND
 DISCARD_READS_MAX = 64  # reads of up to 4 kB
 NO_DEADMAN = """\
-Note: this board does not stop by itself when the host falls silent. A watchdog process
-stops it if diffbotctl is killed; nothing can stop it if the cable or the radio fails."""
+WARNING: the book's firmware has no dead-man: this robot drives on with its last command
+when the cable or the radio fails, or when the computer crashes, sleeps or is switched off,
+and nothing can stop it then but its own switch. Only if diffbotctl hangs or is killed does
+a watchdog process stop it. `diffbotctl flash firmware` installs a firmware that stops."""
 
 
 def open_serial_robot(
@@ -38,15 +41,17 @@ def open_serial_robot(
         driver = SerialRobot(host, lambda: reopen_port(device, host.baud))
         driver.use_port(now, open_port(device, host.baud))
         return driver
-    watchdog = WatchdogProcess()
+    stock_host, process = rosserial_host(robot), WatchdogProcess()
     try:
         port = open_port(device, robot.link.baud)
     except RunError:
-        watchdog.exit()
+        process.exit()
         raise
     tell(NO_DEADMAN)
     driver = SerialRobot(
-        rosserial_host(robot), partial(reopen_port, device, robot.link.baud), watchdog
+        stock_host,
+        partial(reopen_port, device, robot.link.baud),
+        BoardWatchdog(process, stock_host),
     )
     driver.use_port(now, port)
     return driver
@@ -56,14 +61,14 @@ class SerialRobot:
     """A driver that reopens a port that vanished, with growing pauses, and then stops the robot.
 
     `reopen` raises OSError while the device is away. The watchdog, if there is one, gets each newly
-    opened port and the frames that stop the board.
+    opened port; after it has stopped the robot, the driver delivers a latched Stop.
     """
 
     def __init__(
         self,
         protocol: LinkProtocol,
         reopen: Callable[[], OpenPort],
-        watchdog: WatchdogProcess | None = None,
+        watchdog: BoardWatchdog | None = None,
     ) -> None:
         self.protocol = protocol
         self.reopen = reopen
@@ -79,21 +84,25 @@ class SerialRobot:
         """When the protocol next needs a call, or the next attempt to open the port."""
         if self.protocol.refusal is not None and not self.refusal_raised:
             return 0
+        if self.watchdog is not None and self.watchdog.has_news():
+            return 0
         return self.retry_at if self.port is None else self.protocol.due()
 
     def files(self) -> list[int]:
-        """The port while it is open."""
-        return [] if self.port is None else [self.port.fd]
+        """The port while it is open, and the channel from the watchdog."""
+        files = [] if self.port is None else [self.port.fd]
+        return files if self.watchdog is None else files + self.watchdog.files()
 
     def deliver(self, now: int) -> list[Delivery]:
         """Read, update timeouts, write what is due.
 
-        Raises RunError, once, when the port leads to no board that can be driven; the robot can
-        still be stopped after it.
+        Raises RunError, once, when the port leads to no board that can be driven, or when the
+        watchdog is lost; the robot can still be stopped after it.
         """
+        deliveries = self._check_watchdog(now)
         if self.port is None:
             self._try_reopen(now)
-            return []
+            return deliveries
         self._raise_refusal(self.port)
         age, self.last_read = now - self.last_read, now
         try:
@@ -104,14 +113,18 @@ class SerialRobot:
             messages += self.protocol.on_time(now)
             self.port.change_baud(self.protocol.baud)
             self._write(now)
-            if self.watchdog is not None:
-                self.watchdog.set_stop_frame(self.protocol.stop_frame())
         except OSError as error:
-            return self._disconnect(now, error)
-        return _as_deliveries(messages)
+            return deliveries + self._disconnect(now, error)
+        return deliveries + _as_deliveries(messages)
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Pass the command to the protocol, and send it at once if the line is free."""
+        """Pass the command to the protocol, and send it at once if the line is free.
+
+        While the watchdog stops the robot, nothing but zero is sent.
+        """
+        if self.watchdog is not None and self.watchdog.holds():
+            command = Duty(now, 0.0, 0.0)
+            self.unsent = b""
         self.protocol.command(now, command)
         self._write_or_retry(now)
 
@@ -131,7 +144,7 @@ class SerialRobot:
     def close(self) -> None:
         """End the watchdog and close the port: the robot has been stopped, or is out of reach."""
         if self.watchdog is not None:
-            self.watchdog.exit()
+            self.watchdog.close()
         if self.port is not None:
             self.port.close()
 
@@ -142,7 +155,7 @@ class SerialRobot:
         self.protocol.stop(now)
         self.retry_at = NEVER
         if self.watchdog is not None:
-            self.watchdog.set_port(port.fd)
+            self.watchdog.use_port(port.fd)
         self._write_or_retry(now)
 
     def _raise_refusal(self, port: OpenPort) -> None:
@@ -162,13 +175,29 @@ class SerialRobot:
             return
         if not self.unsent and self.protocol.due() <= now:
             self.unsent = self.protocol.send(now)
+        if self.watchdog is not None:
+            self.watchdog.report(now, self.unsent)
         if self.unsent:
-            self.unsent = self.unsent[self.port.write(self.unsent) :]
+            size = self.port.write(self.unsent)
+            if self.watchdog is not None:
+                self.watchdog.wrote(self.unsent[:size])
+            self.unsent = self.unsent[size:]
+
+    def _check_watchdog(self, now: int) -> list[Delivery]:
+        """The stop for an intervention of the watchdog; the robot's target is zero afterwards."""
+        if self.watchdog is None or not self.watchdog.holds() or not self.watchdog.has_news():
+            return []
+        self.unsent = b""
+        self.protocol.stop(now)
+        stop = self.watchdog.take(now)
+        return [] if stop is None else [Delivery("robot.stop", stop)]
 
     def _disconnect(self, now: int, error: OSError) -> list[Delivery]:
         if self.port is not None:
             self.port.close()
         self.port, self.unsent = None, b""
+        if self.watchdog is not None:
+            self.watchdog.port_closed()
         self.retry_at, self.retry_period = now + RETRY_PERIOD_MIN, RETRY_PERIOD_MIN
         return _as_deliveries(self.protocol.closed(now, error.strerror or str(error)))
 

@@ -8,12 +8,14 @@ from diffbotctl.block import action
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.messages import Duty, Encoders, Link, Wheels
+from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
+from diffbotctl.messages import Battery, Duty, Encoders, Link, Stop, Wheels
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import build_world
 from diffbotctl.time import SECOND
 
 STILL_TIME = SECOND // 4  # without an edge: at 4 cm/s and more they come faster than that
+LOW_READINGS_MAX = 5  # one in 2 s: 10 s, as in the firmware
 COASTING_TIME = 7 * SECOND // 10  # of zero command: four lags of a slow motor
 
 
@@ -27,6 +29,9 @@ class SimulatedRobotDriver:
         self.report_at = 0
         self.stopping = False
         self.stopped = False
+        self._hold: Stop | None = None  # by the board, until a command after `resume`
+        self._low_readings, self._volts = 0, 0.0
+        self._drives = False
         self._counts: tuple[int, int] | None = None
         self._still_since = self._zero_since = 0
 
@@ -48,15 +53,48 @@ class SimulatedRobotDriver:
                 self.frames += 1
                 if self.stopping:
                     self._check_stopped(now, message)
+            elif isinstance(message, Battery):
+                self._count_low(message)
+        deliveries += self._check_hold(now)
         if deliveries and now >= self.report_at:
             self.report_at = now + SECOND
             deliveries.append(Delivery("robot.link", Link(now, "up", received=self.frames)))
         return deliveries
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Send a command to the simulated board."""
+        """Send a command to the simulated board.
+
+        During a hold by the board, zero changes nothing, and motion is the consent to end it.
+        """
         self.robot.advance(now)
+        self._drives = bool(command.left or command.right)
+        if self._hold is not None and self._drives:
+            self._hold, self._low_readings = None, 0
+            self.robot.board.clear_fault()
         self.robot.command(now, command)
+
+    def _count_low(self, battery: Battery) -> None:
+        """As the firmware counts: a moment of full load is not a low battery."""
+        self._low_readings += 1 if battery.low else -1
+        self._low_readings = max(0, min(self._low_readings, LOW_READINGS_MAX))
+        self._volts = battery.volts
+
+    def _check_hold(self, now: int) -> list[Delivery]:
+        """The stop by the board: a wheel fault, or a battery that stays low."""
+        if self._hold is not None:
+            return []
+        flags = self.robot.board.fault_flags
+        if flags:
+            self._hold = Stop(now, "wheel_fault", wheel_fault_cause(flags), True)
+        elif self.robot.board.button_pressed:
+            self._hold = Stop(now, "stop_button", BUTTON_CAUSE, True)
+        elif self._low_readings >= LOW_READINGS_MAX and self._drives:
+            cause = BATTERY_CAUSE.format(
+                volts=f": {self._volts:.1f} V, below {self.robot.parameters.low:g} V"
+            )
+            self._hold = Stop(now, "battery_low", cause, True)
+            self.robot.command(now, self.command_class(now, 0.0, 0.0))
+        return [] if self._hold is None else [Delivery("robot.stop", self._hold)]
 
     def capture(self, now: int, on: bool) -> None:
         """Start or stop collecting every edge of both encoders in `edges`, unfiltered."""

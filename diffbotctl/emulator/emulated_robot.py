@@ -12,9 +12,10 @@ from collections import deque
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
-from diffbotctl.emulator.process import Emulator, PinTransition
+from diffbotctl.emulator.process import Emulator, MotorPins, PinTransition
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_frames import PIN_NONE
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.messages import Duty, Wheels
@@ -44,6 +45,7 @@ class EmulatedBoard:
         self._outgoing: deque[tuple[int, int, bytes]] = deque()
         plant.capture(True)
         self._first_levels = self._transitions(plant.encoder_levels())
+        self._button_pressed: bool | None = None  # as the pin has it
 
     @property
     def now(self) -> int:
@@ -66,7 +68,7 @@ class EmulatedBoard:
             arriving[uart] += data
         transitions, self._first_levels = self._first_levels, []
         edges = self.plant.advance_with_duties(until, self.duty[0], self.duty[1])
-        transitions += self._transitions(edges)
+        transitions += self._transitions(edges) + self._button_changes()
         millivolts = self._millivolts()
         result = self.emulator.step(until, transitions, millivolts, (arriving[0], arriving[1]))
         for change in result.changes:
@@ -78,6 +80,14 @@ class EmulatedBoard:
 
     def _transitions(self, edges: list[CapturedEdge]) -> list[PinTransition]:
         return [PinTransition(time, self.sides[side].encoder, level) for time, side, level in edges]
+
+    def _button_changes(self) -> list[PinTransition]:
+        """The stop button's change; it pulls its pin to ground, or opens a contact to ground."""
+        button, pressed = self.settings.button, self.plant.button_pressed
+        if button is None or pressed is self._button_pressed:
+            return []
+        self._button_pressed = pressed
+        return [PinTransition(self.plant.now, button, int(pressed == self.settings.button_high))]
 
     def _millivolts(self) -> dict[int, int]:
         """Voltages at the analog channels, in mV."""
@@ -179,9 +189,27 @@ def emulated_board(
     """A board wired to its plant as the robot file states. Raises EmulatorError."""
     settings = board_settings(nominal)
     plant = draw_robot(nominal, nominal, seed, world)
-    return EmulatedBoard(plant, settings, emulator or Emulator(motor_pins(settings)))
+    return EmulatedBoard(plant, settings, emulator or board_emulator(settings))
 
 
-def motor_pins(settings: BoardSettings) -> list[tuple[int, int, int]]:
-    """The (enable, in1, in2) pins of the left and the right motor."""
-    return [(side.enable, side.in1, side.in2) for side in (settings.left, settings.right)]
+def board_emulator(settings: BoardSettings) -> Emulator:
+    """An emulator with the board and the motors of these settings. Raises EmulatorError."""
+    return Emulator(motor_pins(settings), board=settings.board)
+
+
+def motor_pins(settings: BoardSettings) -> list[MotorPins]:
+    """The pins of the left and the right motor."""
+    return [
+        MotorPins(
+            _or_none(side.enable),
+            side.in1,
+            _or_none(side.in2),
+            settings.driver,
+            _or_none(settings.standby),
+        )
+        for side in (settings.left, settings.right)
+    ]
+
+
+def _or_none(pin: int | None) -> int:
+    return PIN_NONE if pin is None else pin

@@ -1,24 +1,26 @@
-"""The emulated board: a Mega 2560 that runs the real firmware, stepped in lockstep with a plant."""
+"""The emulated board: it runs the real firmware, stepped in lockstep with a plant."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import select
 import shutil
 import struct
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Lock
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_frames import PIN_NONE, BoardCode
+from diffbotctl.processes.real_time import prefer
 
 FIRMWARE = folder("firmware")
 IMAGE = FIRMWARE / "diffbot_mega2560.hex"
-BOOTLOADER = Path(
-    "/usr/share/arduino/hardware/arduino/avr/bootloaders/stk500v2/stk500boot_v2_mega2560.hex"
-)
+BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
 SOURCES = FIRMWARE / "emulator"
 SIMAVR = "libsimavr-dev"
 EEPROM_SIZE = 4096
@@ -26,6 +28,10 @@ DUTY_ONE = 32767
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
 POWER, LINE, BROWNOUT, WATCHDOG = 1, 2, 4, 8
 EXIT_TIMEOUT_S = 5.0
+ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
+
+Firmware = Literal["ours"]
+"""the firmware of diffbotctl for the board"""
 
 _HEAD = struct.Struct("<cQHHHH")
 _TRANSITION = struct.Struct("<IBB")
@@ -40,6 +46,34 @@ class EmulatorError(RunError):
 
     def __init__(self, cause: str, fix: str = "run again with --debug and report the output"):
         super().__init__(Problem("E-EMULATOR", "emulated board", cause, fix))
+
+
+class EmulatedChip(NamedTuple):
+    """A microcontroller as the emulator knows it, and the stock bootloader of its board."""
+
+    name: str
+    bootloader: str  # in the folder of the Arduino core
+
+
+CHIPS = {
+    BoardCode.MEGA2560: EmulatedChip("atmega2560", "stk500v2/stk500boot_v2_mega2560.hex"),
+    BoardCode.ATMEGA328P: EmulatedChip("atmega328p", "atmega/ATmegaBOOT_168_atmega328.hex"),
+}
+
+
+def image_of(board: BoardCode) -> Path:
+    """The file with our firmware for a board."""
+    return FIRMWARE / f"diffbot_{board.name.lower()}.hex"
+
+
+class MotorPins(NamedTuple):
+    """The board's pins of one motor; 255 for an input that its driver does not have."""
+
+    enable: int
+    in1: int
+    in2: int
+    driver: int = 0  # DriverCode
+    standby: int = PIN_NONE
 
 
 class PinTransition(NamedTuple):
@@ -106,7 +140,7 @@ def _require(boots: bool = False) -> None:
             ("gcc", shutil.which("gcc") is not None),
             ("libc6-dev", Path("/usr/include/stdlib.h").exists()),
             (SIMAVR, Path("/usr/include/simavr/sim_avr.h").exists()),
-            ("arduino-core-avr", not boots or BOOTLOADER.exists()),
+            ("arduino-core-avr", not boots or BOOTLOADERS.exists()),
         )
         if not here
     ]
@@ -128,15 +162,16 @@ def _compile(sources: list[Path], program: Path) -> None:
     partial.replace(program)
 
 
-def bootloader() -> Path:
-    """The stock bootloader's image, without the records that simavr complains of.
+def bootloader(board: BoardCode = BoardCode.MEGA2560) -> Path:
+    """The image of a board's stock bootloader, without the records that simavr complains of.
 
     Raises EmulatorError naming the Debian package when it is not installed.
     """
-    if not BOOTLOADER.exists():
+    stock = BOOTLOADERS / CHIPS[board].bootloader
+    if not stock.exists():
         _require(boots=True)
-    kept = [line for line in BOOTLOADER.read_text("ascii").splitlines(True) if line[7:9] != "03"]
-    copy = cache() / "stk500boot_v2_mega2560.hex"
+    kept = [line for line in stock.read_text("ascii").splitlines(True) if line[7:9] != "03"]
+    copy = cache() / stock.name
     copy.parent.mkdir(parents=True, exist_ok=True)
     partial = copy.with_name(f"{copy.name}.{os.getpid()}")
     partial.write_text("".join(kept), "ascii")
@@ -152,42 +187,54 @@ def cache() -> Path:
 class Emulator:
     """One emulated board. Times are ns of board time; every run with equal input is equal.
 
-    `motors`: the (enable, in1, in2) pins of each motor. With `pty` the UARTs are
-    pseudo-terminals named by `ports`, and opening the first resets the board. With `paced` the
-    board follows real time by itself and takes no steps.
+    `motors`: the pins of each motor. `image`: default is the board's firmware.
+    With `pty` the UARTs are pseudo-terminals named by `ports`, and opening the first resets the
+    board. With `paced` the board follows real time by itself and takes no steps.
     """
 
     def __init__(
         self,
-        motors: list[tuple[int, int, int]],
+        motors: Sequence[MotorPins | tuple[int, int, int]],
         *,
-        image: Path | None = IMAGE,
+        board: BoardCode = BoardCode.MEGA2560,
+        image: Path | Firmware | None = "ours",
         boot: Path | None = None,
         eeprom: Path | None = None,
         pty: bool = False,
         paced: bool = False,
     ) -> None:
-        command = [str(build())]
+        if image == "ours":
+            image = image_of(board)
+        command = [str(build()), "--chip", CHIPS[board].name]
         for option, path in (("--hex", image), ("--boot", boot), ("--eeprom", eeprom)):
             command += [option, str(path)] if path else []
         for pins in motors:
-            command += ["--motor", ",".join(map(str, pins))]
+            command += ["--motor", ",".join(map(str, MotorPins(*pins)))]
         command += ["--pty"] * pty + ["--paced"] * paced
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        if pty or paced:  # otherwise its time waits for the caller
+            prefer(self._process.pid)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._requests, self._replies = self._process.stdin, self._process.stdout
         self._lock = Lock()  # one request and its reply at a time, from any thread
+        self._poll = select.poll()
+        self._poll.register(self._replies, select.POLLIN)
         self.now = 0
-        self.ports: tuple[str, str] | None = None
+        self.ports: tuple[str, ...] | None = None
         if pty:
             self.ports = self._ports()
 
-    def _ports(self) -> tuple[str, str]:
+    @property
+    def pid(self) -> int:
+        """Process id of the emulator."""
+        return self._process.pid
+
+    def _ports(self) -> tuple[str, ...]:
         names = self._replies.readline().decode().split()
-        if len(names) != 2:
+        if not names:
             self.close()
             raise EmulatorError("it did not start", f"sudo apt-get install {SIMAVR}")
-        return names[0], names[1]
+        return tuple(names)
 
     def step(
         self,
@@ -214,6 +261,7 @@ class Emulator:
 
     def _result(self) -> StepResult:
         began = self.now
+        self._await_reply()
         self.now, events, sent, flags = _REPLY.unpack(self._read(_REPLY.size))
         data = self._read(events * _EVENT.size + sent * _BYTE.size)
         split = events * _EVENT.size
@@ -234,6 +282,14 @@ class Emulator:
     def hang(self) -> None:
         """The main program stops making progress from now on; interrupts still run."""
         self._request(b"H", 1)
+
+    def pulses(self, pin: int, high: int, low: int, jitter: int = 0) -> None:
+        """Pulses at a pin from now on, made by the emulator itself, in place of its former ones.
+
+        `high` and `low` are the durations (ns, at least 63) of the levels, `jitter` the largest
+        random addition to each of them; 0, 0 ends the pulses.
+        """
+        self._request(b"P" + struct.pack("<BIII", pin, high, low, jitter), 1)
 
     def eeprom(self) -> bytes:
         """All bytes of the EEPROM."""
@@ -271,7 +327,14 @@ class Emulator:
     def _request(self, data: bytes, reply_size: int) -> bytes:
         with self._lock:
             self._write(data)
+            self._await_reply()
             return self._read(reply_size)
+
+    def _await_reply(self) -> None:
+        """Wait for the first byte of a reply; the rest of it comes in the same write."""
+        if not self._poll.poll(ANSWER_TIMEOUT_S * 1000):
+            self._process.kill()
+            raise EmulatorError("it does not answer: it was suspended")
 
     def _write(self, data: bytes) -> None:
         try:

@@ -12,14 +12,16 @@ from tempfile import mkdtemp
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
-from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.emulator.process import Emulator, Firmware, bootloader
 from diffbotctl.plant.world import World
+from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import SECOND
 
 CATCH_UP_MAX = 200_000_000  # ns; a machine that lost more time than this does not make it up
 POLL_PERIOD_S = 0.0005  # half a step of the board
 TURNING_SPEED_MIN = 0.3  # rad/s, an eighth of the slowest motion that is commanded
 REPORT_DELAY = 60_000_000  # ns; a shorter motion is not reported
+Image = Path | Firmware | None
 # The motion of a wheel, and of both.
 STANDS = "stands"
 BOTH_WHEELS = {
@@ -60,32 +62,39 @@ def _motion(speed: float) -> str:
 
 
 class VirtualBoard:
-    """A board paced to real time. `usb` and `radio` name its ports: UART0 and UART1.
+    """A board paced to real time. `usb` names the port of UART0, `radio` that of UART1, if any.
 
     The names are links in a new folder, named as Linux names such ports on a real machine, since
     the name tells USB from Bluetooth.
     """
 
-    def __init__(self, robot: Robot, seed: int, world: World | None, image: Path | None) -> None:
+    def __init__(self, robot: Robot, seed: int, world: World | None, image: Image) -> None:
         """`image`: the program on it besides the stock bootloader, if any.
 
         Raises EmulatorError: what to install.
         """
-        pins = motor_pins(board_settings(robot))
-        emulator = Emulator(pins, image=image, boot=bootloader(), pty=True)
+        settings = board_settings(robot)
+        pins, board = motor_pins(settings), settings.board
+        emulator = Emulator(pins, board=board, image=image, boot=bootloader(board), pty=True)
         self.board = emulated_board(robot, seed, world, emulator)
         assert emulator.ports is not None
         self.folder = Path(mkdtemp(prefix="diffbot-"))
-        self.usb, self.radio = self.folder / "ttyACM0", self.folder / "rfcomm0"
-        for link, port in zip((self.usb, self.radio), emulator.ports, strict=True):
+        self.usb = self.folder / "ttyACM0"
+        self.radio = self.folder / "rfcomm0" if len(emulator.ports) > 1 else None
+        for link, port in zip(self.links(), emulator.ports, strict=True):
             link.symlink_to(port)
         self.lost = 0.0  # s for which the machine was too slow, and which the board skipped
+
+    def links(self) -> list[Path]:
+        """The ports of the board."""
+        return [link for link in (self.usb, self.radio) if link is not None]
 
     def serve(self, stop: int, report: Callable[[str], None]) -> None:
         """Keep pace with real time until the file `stop` becomes readable.
 
         `report` is called with a line for each change of the wheels' motion.
         """
+        prefer()
         wheel_report, wheels = WheelReport(), self.board.plant.wheels
         start = time.monotonic_ns() - self.board.now
         while not select.select([stop], [], [], POLL_PERIOD_S)[0]:
@@ -93,25 +102,25 @@ class VirtualBoard:
             if behind > CATCH_UP_MAX:
                 self.lost += behind * 1e-9
                 start += behind
-            while behind >= STEP:
+            # On a machine that is too slow this ends nevertheless: `behind` is not measured again.
+            for _ in range(min(behind, CATCH_UP_MAX) // STEP):
                 self.board.advance(self.board.now + STEP)
                 self.board.received.clear()
                 line = wheel_report.update(self.board.now, [wheel.speed for wheel in wheels])
                 if line is not None:
                     report(f"{self.board.now / SECOND:7.1f} s  {line}")
-                behind = time.monotonic_ns() - start - self.board.now
 
     def close(self) -> None:
         """End the emulator; its ports vanish."""
         self.board.emulator.close()
-        for link in (self.usb, self.radio):
+        for link in self.links():
             link.unlink(missing_ok=True)
         self.folder.rmdir()
 
 
 @contextmanager
 def virtual_board(
-    robot: Robot, seed: int, world: World | None = None, image: Path | None = IMAGE
+    robot: Robot, seed: int, world: World | None = None, image: Image = "ours"
 ) -> Iterator[VirtualBoard]:
     """A VirtualBoard that is closed at the end. Raises EmulatorError."""
     board = VirtualBoard(robot, seed, world, image)

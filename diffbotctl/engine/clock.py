@@ -15,10 +15,14 @@ MAX_SLEEP = 3600 * SECOND
 class Clock(Protocol):
     """Waits for a logical time or for a readable file.
 
-    `late`: ns by which the last `wait` returned after the requested time.
+    `late`: ns by which the last `wait` returned after the requested time. `overslept`: ns
+    for which it waited beyond that time. `busy`: ns between the `wait` before it and its call. The
+    last two are 0 where no time passes meanwhile.
     """
 
     late: int
+    overslept: int
+    busy: int
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Return (logical time, readable files) at `until`, or earlier when a file is readable."""
@@ -32,7 +36,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self.poller = _Poller()
-        self.waits = self.late = 0
+        self.waits = self.late = self.overslept = self.busy = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Jump to `until`. Files are polled only from time to time: they carry user commands."""
@@ -57,15 +61,18 @@ class PacedClock:
     def __init__(self, exact: bool) -> None:
         self.exact = exact
         self.poller = _Poller()
-        self.late = 0
+        self.late = self.overslept = self.busy = 0
         self.start = time.monotonic_ns()
+        self._returned: int | None = None  # when the last `wait` did
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Sleep until `until`, or until a file is readable."""
-        remaining = until - (time.monotonic_ns() - self.start)
-        ready = self.poller.ready(max(remaining, 0), files)
-        now = time.monotonic_ns() - self.start
+        called = time.monotonic_ns() - self.start
+        self.busy = 0 if self._returned is None else called - self._returned
+        ready = self.poller.ready(max(until - called, 0), files)
+        now = self._returned = time.monotonic_ns() - self.start
         self.late = now - until
+        self.overslept = now - max(until, called)
         return (until if self.exact and not ready else now), ready
 
     def close(self) -> None:
@@ -80,7 +87,7 @@ class ScaledClock:
         self.speed = speed
         self.begin = begin
         self.start: int | None = None
-        self.late = 0
+        self.late = self.overslept = self.busy = 0
 
     def wait(self, until: int, files: list[int]) -> tuple[int, list[int]]:
         """Sleep until the logical time `until`. Files are ignored."""

@@ -80,7 +80,7 @@ class EventLogger:
             if stop.code == before:
                 return
             if not stop.code:
-                log.info(f"released: {before} no longer holds the robot")
+                log.info(f"stop {before} ended")
             elif stop.latched:
                 log.error(f"STOP {stop.code}: {stop.cause}; waits for `resume`")
             else:
@@ -95,7 +95,12 @@ class EventLogger:
                 return
             self.goals[log.source] = goal
             if state.state == "reached":
-                log.info(f"goal {state.number} reached, {_remaining(state)} off")
+                log.info(f"goal {state.number} reached, error {_remaining(state)}")
+            elif state.state == "reached_unsure":
+                left = _remaining(state)
+                log.warning(f"goal {state.number} reached, error {left}, unsure: {state.cause}")
+            elif state.state == "cancelled":
+                log.info(f"goal {state.number} cancelled, {_remaining(state)} away: {state.cause}")
             elif state.state in GOAL_EXIT_CODES:
                 why = "" if state.state == "given_up" else f"{state.state.replace('_', ' ')}: "
                 log.error(
@@ -112,7 +117,8 @@ class EventLogger:
             self.operator.info("the goal is withdrawn")
             return
         heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
-        self.operator.info(f"goal {goal.number} taken: x {goal.x:.3f} m  y {goal.y:.3f} m{heading}")
+        pose = f"x {goal.x:.3f} m  y {goal.y:.3f} m{heading}"
+        self.operator.info(f"goal {goal.number} accepted: {pose}")
 
     def _resume(self, now: int, resume: Resume) -> None:
         self.operator.info("resume: the robot may move again")
@@ -121,7 +127,7 @@ class EventLogger:
         value = change.text if change.number is None else f"{change.number:g}"
         if change.name == LEVEL:
             who = "every block" if change.block not in self.book.logs else change.block
-            self.operator.info(f"{who} is heard from level {value} on")
+            self.operator.info(f"log level of {who} set to {value}")
         else:
             self.operator.info(f"{change.block}.{change.name} = {value}")
 

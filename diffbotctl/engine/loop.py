@@ -6,15 +6,16 @@ previous one. If two messages for one wire arrive together, the second one is de
 nanosecond later.
 """
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.engine.event_log import EventLogger
+from diffbotctl.engine.instant_monitor import InstantLimits, InstantMonitor
+from diffbotctl.engine.output_check import OutputError, checked
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.time import NEVER, SECOND
@@ -50,8 +51,9 @@ class Engine:
     """Runs a graph with its drivers and a clock. `run` stops the robot before it returns.
 
     `record` is called with each instant as one tuple, `idle` after each step, when all commands of
-    the instant have been sent. `overruns` counts, for each block, the timer firings that were late
-    by more than the timer's period.
+    the instant have been sent. `limits`: of the time that an instant may take; an engine without
+    them does not look at it. `is_driving`: whether the command in force moves the robot. `overruns`
+    counts, for each block, the timer firings that were late by more than the timer's period.
     """
 
     def __init__(
@@ -65,6 +67,8 @@ class Engine:
         record: Callable[[tuple[Any, ...]], object] | None = None,
         idle: Callable[[], None] | None = None,
         signals: SignalSource | None = None,
+        limits: InstantLimits | None = None,
+        is_driving: Callable[[], bool] = lambda: True,
     ) -> None:
         self.graph = graph
         self.drivers = drivers
@@ -78,6 +82,8 @@ class Engine:
         self.event_logger = None if graph.book is None else EventLogger(graph, graph.book)
         listeners = {} if self.event_logger is None else self.event_logger.sinks()
         self.compiled = graph.compile(self.sinks, record, listeners)
+        self.monitor = None if limits is None else InstantMonitor(limits, is_driving)
+        self._wrap_reactions()
         self.last_instant = -1
         self.end_time = 0
         self.ending: tuple[int, str] | None = None
@@ -112,6 +118,8 @@ class Engine:
             raise
         finally:
             gc.unfreeze()
+            if self.monitor is not None:
+                self.monitor.close()
         if self.ending is None:
             self.end(
                 limit_code() if limit_code else 0, f"time limit of {until / SECOND:g} s reached"
@@ -126,6 +134,8 @@ class Engine:
         dues = [driver.due() for driver in self.drivers]
         wake = min(self.compiled.due(), until, *dues)
         now, ready = self.clock.wait(wake, self._files())
+        if self.monitor is not None:
+            self._check_time(self.monitor)
         if self.clock.late > self.overrun_tolerance:
             self._count_overruns(now, wake + self.clock.late)
         if self.signals is not None and self.signals.cause:
@@ -144,9 +154,44 @@ class Engine:
             self.deliver(now, deliveries)
         else:
             self._catch_up(now + 1)
+        if self.monitor is not None and self.monitor.events:
+            self._deliver_events(self.monitor)
         if self.idle is not None:
             self.idle()
         return True
+
+    @property
+    def stop_waits(self) -> bool:
+        """True when an instant took so long that its commands are no longer valid."""
+        return self.monitor is not None and self.monitor.stops
+
+    def _wrap_reactions(self) -> None:
+        """Have the outputs of all blocks checked, and their time if it is limited."""
+        for node in self.graph.nodes:
+            react: Callable[..., Any] = node.block.react
+            if self.monitor is not None:
+                react = self.monitor.timed(node.name, react)
+            replace = partial(self.compiled.replace, node.name)
+            self.compiled.swap(node.name, checked(node.block, react, replace))
+
+    def _check_time(self, monitor: InstantMonitor) -> None:
+        """Check the step before, and the wake-up of this one; a stop precedes what was due."""
+        monitor.check_step(self.clock.busy)
+        monitor.check_wake_up(self.clock.overslept)
+        monitor.begin()
+        if monitor.events:
+            self._deliver_events(monitor)
+
+    def _deliver_events(self, monitor: InstantMonitor) -> None:
+        """Deliver what the monitor reports, right after the last instant."""
+        now = self.last_instant + 1
+        events = [
+            Delivery(wire, message._replace(time=now))
+            for wire, message in monitor.take_events()
+            if wire in self.wire_places
+        ]
+        if events:
+            self.deliver(now, events)
 
     def _count_overruns(self, now: int, actual: int) -> None:
         """Count the firings due by `now` that are more than a period late at `actual`."""
@@ -191,11 +236,14 @@ class Engine:
         if self.record is not None:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
-        cause = f"it raised {type(error).__name__}: {error}"
+        code, cause = "E-BLOCK-RAISED", f"it raised {type(error).__name__}: {error}"
+        fix = "the robot was stopped; run again with --debug to see where in the block"
+        if isinstance(error, OutputError):
+            code, cause = "E-BLOCK-OUTPUT", str(error)
+            fix = "the robot was stopped; correct what `react` returns"
         self.graph.block(name).log.error(cause)
         self.compiled.publish(now)
-        fix = "the robot was stopped; run again with --debug to see where in the block"
-        raise RunError(Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)) from error
+        raise RunError(Problem(code, f"block {name}", cause, fix)) from error
 
     def _files(self) -> list[int]:
         files = [file for driver in self.drivers for file in driver.files()]
@@ -205,15 +253,22 @@ class Engine:
         """Stop the robot and wait for the confirmation. None without a robot, False on timeout."""
         if self.robot is None:
             return None
+        try:
+            return self._stop_robot(self.robot)
+        except RunError as failure:  # the robot is out of reach
+            self.failure = self.failure or failure
+            return False
+
+    def _stop_robot(self, robot: RobotDriver) -> bool:
         now, _ = self.clock.wait(max(self.last_instant, 0), [])
-        self.robot.stop(now)
+        robot.stop(now)
         deadline = now + STOP_TIMEOUT
-        while now < deadline and not self.robot.stopped:
-            now, _ = self.clock.wait(min(deadline, self.robot.due()), self.robot.files())
-            deliveries = self.robot.deliver(now)
+        while now < deadline and not robot.stopped:
+            now, _ = self.clock.wait(min(deadline, robot.due()), robot.files())
+            deliveries = robot.deliver(now)
             if deliveries and self.failure is None:
                 self._deliver_final_telemetry(now, deliveries)
-        return self.robot.stopped
+        return robot.stopped
 
     def _deliver_final_telemetry(self, now: int, deliveries: list[Delivery]) -> None:
         """Deliver the telemetry of the stopping robot to the graph; its commands are not sent."""

@@ -36,6 +36,7 @@ class BlockProfiler:
         self.count = [0] * len(self.names)
         self.requested_until = self.period_start = 0
         self.is_on = False
+        self._reactions: dict[str, Callable[..., Any]] = {}  # what was called before
 
     def request(self) -> None:
         """Start measuring, or continue for another REQUEST_TIMEOUT."""
@@ -43,8 +44,10 @@ class BlockProfiler:
         self.requested_until = now + REQUEST_TIMEOUT
         if not self.is_on:
             self.is_on = True
-            for place, node in enumerate(self.engine.graph.nodes):
-                self.engine.compiled.swap(node.name, self._timed_react(place, node.block.react))
+            compiled = self.engine.compiled
+            for place, name in enumerate(self.names):
+                self._reactions[name] = compiled.reaction(name)
+                compiled.swap(name, self._timed_react(place, self._reactions[name]))
             self._start_period(now)
 
     def report(self) -> dict[str, BlockLoad] | None:
@@ -52,8 +55,8 @@ class BlockProfiler:
         now = time.perf_counter_ns()
         if now > self.requested_until:
             self.is_on = False
-            for node in self.engine.graph.nodes:
-                self.engine.compiled.swap(node.name, node.block.react)
+            for name, react in self._reactions.items():
+                self.engine.compiled.swap(name, react)
         span = now - self.period_start
         if span < REPORT_PERIOD:
             return None

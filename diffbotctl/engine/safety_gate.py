@@ -1,8 +1,8 @@
 """The safety gate: the last check of each command before it is sent. It stops; it never clamps.
 
 A command passes if it is finite, if it and the telemetry are fresh, if both wheels are within their
-rated speed and the robot within its limits of speed and turn rate, and if no stop is active.
-Acceleration is not checked, because a stop is never ramped.
+rated speed and the robot within its limits of speed and turn rate, if no wheel turns clearly faster
+than commanded, and if no stop is active. Acceleration is not checked: a stop is never ramped.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from math import isfinite
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.control.speed_loop import MotorSettings
+from diffbotctl.engine.overspeed import OverspeedDetector
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
@@ -43,6 +45,16 @@ class Gate(Block):
     track: float = FromRobot("drive.track")
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")
+    left_motor: MotorSettings = FromRobot("drive.left.motor")
+    right_motor: MotorSettings = FromRobot("drive.right.motor")
+    left_slots: int = FromRobot("drive.left.encoder.slots")
+    right_slots: int = FromRobot("drive.right.encoder.slots")
+    left_lag: float = FromRobot("drive.left.motor.lag")
+    right_lag: float = FromRobot("drive.right.motor.lag")
+    command_delay: float = FromRobot("link.command_delay")
+    command_jitter: float = FromRobot("link.command_jitter")
+    telemetry: float = FromRobot("board.telemetry")
+    protocol: str = FromRobot("link.protocol")
 
     command = In(Wheels, fresh_for="command_timeout", help="The command of the pipeline.")
     encoders = In(Encoders, fresh_for="telemetry_timeout", help="Telemetry of the board.")
@@ -61,6 +73,17 @@ class Gate(Block):
         self.boot: int | None = None
         self.sent_motion = False
         self.last_messages: dict[str, object] = {}
+        delay = self.command_delay + 3 * self.command_jitter + 1 / self.telemetry
+        host_loop = self.protocol == "rosserial"
+        self.wheels_watched = {
+            "left": OverspeedDetector(
+                self.left_motor, self.left_slots, self.left_lag, delay, host_loop
+            ),
+            "right": OverspeedDetector(
+                self.right_motor, self.right_slots, self.right_lag, delay, host_loop
+            ),
+        }
+        self.pushed: set[str] = set()  # wheels that turn by hand
 
     def react(
         self,
@@ -79,11 +102,19 @@ class Gate(Block):
         self.update_stop(self.find_fault(now, command, encoders, fresh, link, board, operator))
         outgoing = self.outgoing_command(now, command)
         if self.active_stop is before:
+            self.note_command(now, outgoing)
             return outgoing, None
         changed = self.active_stop or Stop(now, "", "", False)
         if outgoing is None and self.active_stop is not None:
             outgoing = Wheels(now, 0.0, 0.0)
+        self.note_command(now, outgoing)
         return outgoing, changed
+
+    def note_command(self, now: int, outgoing: Wheels | None) -> None:
+        """Pass what is sent to the detectors of wheels that turn too fast."""
+        if outgoing is not None:
+            self.wheels_watched["left"].command(now, outgoing.left)
+            self.wheels_watched["right"].command(now, outgoing.right)
 
     def update_stop(self, fault: Stop | None) -> None:
         """Set or clear the active stop; only `resume` clears a latched one."""
@@ -119,7 +150,7 @@ class Gate(Block):
         if self.is_new("link", link) and link is not None and link.state == "lost":
             return Stop(now, "link_lost", f"the link to the board is gone: {link.cause}", True)
         if encoders is not None and fresh:
-            fault = self.check_telemetry(now, encoders)
+            fault = self.check_telemetry(now, encoders) or self.check_wheels(now, encoders)
             if fault is not None:
                 return fault
         if encoders is None and self.telemetry_time:
@@ -139,6 +170,32 @@ class Gate(Block):
             cause = f"the board was silent for {silent / SECOND:.1f} s and is back"
             return Stop(now, "reconnect", cause, True)
         return None
+
+    def check_wheels(self, now: int, encoders: Encoders) -> Stop | None:
+        """The stop for a wheel that turns faster than commanded; a pushed one is only reported."""
+        fault = None
+        for side, count in (("left", encoders.left), ("right", encoders.right)):
+            detector = self.wheels_watched[side]
+            excess = detector.counts(now, count, encoders.boot)
+            self.report_push(side, detector.is_pushed)
+            if excess is not None:
+                cause = (
+                    f"the {side} wheel turns at {excess.speed:.1f} rad/s; its commands, now "
+                    f"{detector.target:.1f} rad/s, explain at most {excess.limit:.1f} rad/s"
+                )
+                fault = fault or Stop(now, "wheel_runaway", cause, True)
+        return fault
+
+    def report_push(self, side: str, is_pushed: bool) -> None:
+        """Log once that a wheel turns without a command after it stood."""
+        if not is_pushed:
+            self.pushed.discard(side)
+        elif side not in self.pushed:
+            self.pushed.add(side)
+            self.log.warning(
+                f"the {side} wheel turns although it was at rest and nothing is commanded: "
+                "the robot is pushed or rolls, or its encoder counts noise"
+            )
 
     def telemetry_stop(self, now: int) -> Stop:
         """The stop for stale telemetry."""

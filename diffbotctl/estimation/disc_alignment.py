@@ -17,9 +17,9 @@ LOG_RATIO_MAX = (
     9.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:8000)
 )
 HYPOTHESES_MAX = 40  # two for each turn of a disc with 20 slots
-PROBABILITY_MIN = 0.99  # the most likely rotation is accepted from this probability on
+PROBABILITY_MIN = 0.999  # the most likely rotation is accepted from this probability on
 EDGES_MAX = 80  # four turns of the wheel; a disc not recognised by then is not the measured one
-EDGES_MIN = 8  # fewer edges fit one of twenty rotations by chance
+EDGES_MIN = 10  # fewer edges fit one of twenty rotations by chance
 OTHER_DISC_PRIOR = 0.05  # prior probability that the disc is not the measured one
 
 

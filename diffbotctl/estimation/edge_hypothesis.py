@@ -10,16 +10,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import log, sqrt
+from math import ceil, exp, floor, log, sqrt
 from typing import NamedTuple
 
-from diffbotctl.estimation.wheel_kalman import WheelKalman, normal_cdf
+from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
+from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
+# Standard deviations of speed and lag up to which a wheel may roll on against its drive.
+COAST_SDS = 2.0
+COAST_GAIN = 0.5  # of the drive's speed; the least gain of a motor, with an empty battery
 # Multiple of the creep speed; a slower wheel stops almost at once
 ROLLING_CREEP_RATIO = 3.0
+# Missed and additional edges. An edge this near to its expected place (pitches) is that edge: all
+# others are farther away, and less likely from the start.
+EXPECTED_MAX = 0.4
+FAULT_LOG_RATIO_MAX = 6.0  # natural log; less likely explanations are not followed (about 1:400)
+OVERDUE_LOG_RATIO_MAX = 3.0  # the same for an edge that is overdue, which the next edge decides
+MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
+EXTRA_MAX = 4  # in a frame
+# An additional edge mostly bounces, soon after the edge: log density in the pitch, and beyond.
+EXTRA_PITCHES, EXTRA_LOG_DENSITY, LATE_EXTRA_LOG_DENSITY = 0.3, 1.1, -2.0
+RESOLVED_SD_MAX = 0.2  # pitches; above it a missing edge may pass for a faster motor
+PREDICTED_SD_MAX = 0.5  # pitches; above it an edge cannot be told from its neighbours
+CERTAIN_PROBABILITY = 0.3  # of the count being right, above which no fault is considered
 # A bound is applied when the predicted probability outside of it exceeds:
 OUTSIDE_MIN_AT_REST = 0.08  # repeated frames at rest carry no new information
 OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
@@ -52,6 +69,15 @@ class _Branch(NamedTuple):
     slot: int
 
 
+class _Count(NamedTuple):
+    """One candidate for the number of edges that were passed."""
+
+    fit: float  # log likelihood including the prior
+    log_prior: float
+    missed: int  # edges passed but not counted; negative: counted but not passed
+    is_timed: bool  # whether the edge time is that of the last edge passed
+
+
 @dataclass(slots=True, eq=False)
 class EdgeHypothesis:
     """The motion of one wheel, and the edge that was passed last."""
@@ -64,6 +90,12 @@ class EdgeHypothesis:
     edge_slot: int = 0  # slot of the last edge
     edge_direction: int = 0  # in which it was passed: 1, -1, or 0 before the first edge
     is_reversed: bool = False  # driven in the other direction since the last edge
+    faults: EdgeFaults = NO_FAULTS
+    unseen_edges: int = 0  # edges assumed to be missed since the last one counted
+    is_timed: bool = False  # whether the edge time of this frame is that of `edge_slot`
+    # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
+    # only brakes it.
+    coasting_speed: float = 0.0
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
@@ -71,9 +103,9 @@ class EdgeHypothesis:
         return self.edge_slot, self.edge_direction, self.is_reversed
 
     @property
-    def key(self) -> tuple[tuple[int, int, bool], bool | None]:
+    def key(self) -> tuple[tuple[int, int, bool], bool | None, bool]:
         """Hypotheses with equal keys describe the same history."""
-        return self.last_edge, self.motion.is_dry
+        return self.last_edge, self.motion.is_dry, self.motion.is_typical
 
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
@@ -100,12 +132,16 @@ class EdgeHypothesis:
             is_changing = False
         self._advance(passed_time)
         hypotheses = [self]
+        self.is_timed = has_edge
+        if steps and self.motion.speed == 0.0 and drive * self.edge_direction > 0.0:
+            self.motion.release(abs(drive), (time - begin) * 1e-9)
         if steps:
             window = 0.0 if has_edge else abs(self.motion.speed) * (time - begin) * 1e-9
             hypotheses = self._pass_edges(steps, window)
+        branches = []
         for hypothesis in hypotheses:
             motion = hypothesis.motion
-            if has_edge:
+            if hypothesis.is_timed and steps:
                 motion.update_edge(
                     hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
                 )
@@ -113,9 +149,15 @@ class EdgeHypothesis:
                 hypothesis._advance(change_time)
                 hypothesis._set_drive(drive)
             hypothesis._advance(time)
+            if steps and hypothesis.is_reversed:
+                hypothesis.coasting_speed = min(
+                    hypothesis.coasting_speed, motion.largest_speed(COAST_SDS)
+                )
             is_moving = steps != 0 or abs(motion.speed) > motion.priors.creep
-            hypothesis._update_bounds(is_moving and not has_edge)
-        return hypotheses
+            branches += hypothesis._update_bounds(
+                is_moving and not (steps and hypothesis.is_timed), has_edge
+            )
+        return branches
 
     def split_by_friction(self, drive: float) -> list[EdgeHypothesis]:
         """Split into hypotheses without and with dry friction when the wheel first coasts."""
@@ -141,17 +183,55 @@ class EdgeHypothesis:
         age = min(max(beyond / abs(speed), 0.0), span, 1.0 / abs(speed))
         return time - int(age * 1e9)
 
-    def _update_bounds(self, is_moving: bool) -> None:
+    def _update_bounds(self, is_moving: bool, has_edge: bool) -> list[EdgeHypothesis]:
+        """Update by the knowledge that no further edge was passed. Splits when one is overdue."""
         if not self.edge_direction:
-            return
+            return [self]
+        motion = self.motion
         low, high = bounds(self.edge_place, self.edge_direction, self.is_reversed)
         if not is_moving:
             outside_min = OUTSIDE_MIN_AT_REST
-        elif self.motion.priors.has_edge_times:
+        elif motion.priors.has_edge_times and not (has_edge and not self.is_timed):
             outside_min = OUTSIDE_MIN_EDGE_TIMES
         else:
             outside_min = OUTSIDE_MIN_MOVING
-        self.motion.update_bounds(low, high, outside_min)
+        probability = motion.probability_within(low, high)
+        if probability > 1.0 - outside_min:
+            return [self]
+        hypotheses = [self]
+        if self._may_be_missed(probability):
+            missed = self._with_missed_edge(low, high)
+            if missed is not None:
+                hypotheses.append(missed)
+        motion.update_bounds(low, high)
+        return hypotheses
+
+    def _may_be_missed(self, probability: float) -> bool:
+        return (
+            not self.is_reversed
+            and self.motion.finds_faults
+            and self.unseen_edges < MISSED_MAX
+            and probability < CERTAIN_PROBABILITY
+            and self.motion.is_rolling(ROLLING_CREEP_RATIO)
+            and self.motion.edge_variance(True) < PREDICTED_SD_MAX * PREDICTED_SD_MAX
+        )
+
+    def _with_missed_edge(self, low: float, high: float) -> EdgeHypothesis | None:
+        """The hypothesis that the overdue edge was passed and not counted, if it is likely; without
+        it z is between `low` and `high`."""
+        direction, motion = self.edge_direction, self.motion
+        log_prior = self.faults.log_prior(1)
+        beyond = motion.bounds_log_likelihood(low + direction, high + direction)
+        if log_prior + beyond < motion.bounds_log_likelihood(low, high) - OVERDUE_LOG_RATIO_MAX:
+            return None
+        twin = self.copy()
+        twin.motion.log_likelihood += log_prior
+        twin.edge_slot += direction
+        twin.unseen_edges += 1
+        twin.faults = self.faults.added(0, 1)
+        if not twin.motion.priors.has_edge_times:
+            twin.motion.update_bounds(low + direction, high + direction)
+        return twin
 
     def _clamp(self, moment: int | None, time: int) -> int:
         return self.time if moment is None else min(max(moment, self.time), time)
@@ -162,6 +242,16 @@ class EdgeHypothesis:
         if span > 0:
             self.time = time
             self.motion.predict(span * 1e-9, self.drive)
+            if self.coasting_speed:
+                self._brake(span * 1e-9)
+
+    def _brake(self, span: float) -> None:
+        """Reduce `coasting_speed` by `span` seconds of the slowest plausible braking."""
+        priors = self.motion.priors
+        lag = priors.lag * exp(COAST_SDS * priors.lag_ratio)
+        drive = COAST_GAIN * abs(self.drive)
+        speed = (self.coasting_speed + drive) * exp(-span / lag) - drive
+        self.coasting_speed = speed if speed > priors.creep else 0.0
 
     def _set_drive(self, drive: float) -> None:
         """Change the drive, and keep track of reversals."""
@@ -175,6 +265,8 @@ class EdgeHypothesis:
             if direction < 0:  # the phase is equally unknown relative to backward edges
                 self.motion.shift(-OPEN_SHARE)
                 self.edge_slot = 0
+        if direction != self.drive_direction:
+            self.coasting_speed = self.motion.largest_speed(COAST_SDS)
         self.drive_direction = direction
         if direction != self.edge_direction:
             self.is_reversed = True
@@ -186,8 +278,9 @@ class EdgeHypothesis:
         """
         if not self.is_reversed:
             direction = self.edge_direction or self.drive_direction or 1
-            self._set_edge(direction, self.edge_slot + direction * steps)
-            return [self]
+            return self._pass_in(direction, steps)
+        self.unseen_edges = 0
+        self.faults = self.faults.added(steps, 0)
         branches = self._branches(steps, window)
         best = max(branch.fit for branch in branches)
         likely = [branch for branch in branches if branch.fit > best - LOG_RATIO_MAX]
@@ -197,6 +290,72 @@ class EdgeHypothesis:
             hypothesis._set_edge(branch.direction, branch.slot)
         return hypotheses
 
+    def _pass_in(self, direction: int, steps: int) -> list[EdgeHypothesis]:
+        """Pass `steps` edges in a known direction, or more if some were not counted, or fewer."""
+        counts = (
+            self._timed_counts(direction, steps)
+            if self.is_timed
+            else self._untimed_counts(direction, steps)
+        )
+        if len(counts) > 1:
+            best = max(count.fit for count in counts)
+            counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
+        before = self.faults
+        if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
+            before = before._replace(unresolved=before.unresolved + steps)
+        hypotheses = [self, *(self.copy() for _ in counts[1:])]
+        for hypothesis, count in zip(hypotheses, counts, strict=True):
+            hypothesis.motion.log_likelihood += count.log_prior
+            hypothesis._set_edge(direction, self.edge_slot + direction * (steps + count.missed))
+            hypothesis.faults = before.added(steps, count.missed)
+            hypothesis.is_timed = count.is_timed
+            hypothesis.unseen_edges = 0
+        return hypotheses
+
+    def _timed_counts(self, direction: int, steps: int) -> list[_Count]:
+        """Candidates for the edges passed until the edge time, where the motion stands."""
+        motion = self.motion
+        place = _edge_place(self.edge_slot + direction * steps, direction)
+        beyond = direction * (motion.z - place)
+        variance = motion.edge_variance(direction > 0)
+        expected = _Count(0.0, 0.0, 0, True)
+        if (
+            -EXPECTED_MAX < beyond < EXPECTED_MAX
+            or variance > PREDICTED_SD_MAX**2
+            or not motion.finds_faults
+        ):
+            return [expected]
+        counts, cost = [], motion.priors.change_cost
+        for missed in sorted({0, floor(beyond), ceil(beyond)}):
+            if not -min(steps, EXTRA_MAX) <= missed <= MISSED_MAX:
+                continue
+            log_prior = self.faults.log_prior(missed)
+            fit = robust_log_likelihood(beyond - missed, variance, cost)
+            # The time may be that of an additional edge, which comes at any place in the pitch.
+            early = (
+                EXTRA_LOG_DENSITY
+                if beyond - floor(beyond) < EXTRA_PITCHES
+                else LATE_EXTRA_LOG_DENSITY
+            )
+            is_timed = steps + missed > 0 and (missed >= 0 or fit > early)
+            fit = fit if is_timed else early
+            counts.append(_Count(fit + log_prior, log_prior, missed, is_timed))
+        return counts or [expected]
+
+    def _untimed_counts(self, direction: int, steps: int) -> list[_Count]:
+        """Candidates for the edges passed until the time of the frame, where the motion stands."""
+        counts: list[_Count] = []
+        if not self.motion.finds_faults:
+            return [_Count(0.0, 0.0, 0, False)]
+        for missed in (0, -1, 1):
+            log_prior = self.faults.log_prior(missed)
+            place = _edge_place(self.edge_slot + direction * (steps + missed), direction)
+            fit = self.motion.bounds_log_likelihood(*bounds(place, direction, False))
+            counts.append(_Count(fit + log_prior, log_prior, missed, False))
+            if missed == 0 and fit > log(CERTAIN_PROBABILITY):
+                break
+        return counts
+
     def _branches(self, steps: int, window: float) -> list[_Branch]:
         """All edges that may have been the last one."""
         motion = self.motion
@@ -204,6 +363,8 @@ class EdgeHypothesis:
         forward = normal_cdf(motion.speed / sqrt(motion.speed_variance + motion.priors.creep**2))
         branches = []
         for direction, probability in ((1, forward), (-1, 1.0 - forward)):
+            if direction == -self.drive_direction and not self.coasting_speed:
+                continue  # a wheel at rest never starts against its drive
             log_prior = log(max(probability, DIRECTION_PROBABILITY_MIN))
             variance = motion.edge_variance(direction > 0) + window * window / 12.0
             for passed in (steps, steps - 1):

@@ -5,21 +5,33 @@ Metres and radians, frame odom.
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, sin, sqrt
 from typing import Protocol
 
+from diffbotctl.control.goal_pursuit import largest_variance
+from diffbotctl.estimation.geometry_deviation import (
+    GeometryDeviation,
+    PoseDeviation,
+    combined,
+    fault_effects,
+)
 from diffbotctl.messages import Odometry
 
 PoseCovariance = tuple[float, float, float, float, float, float]
 """Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
+# Hypotheses agree when the variance between them is below this share of the filters' own.
+AGREEMENT_VARIANCE_RATIO = 0.5
 NO_COVARIANCE: PoseCovariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_EFFECTS = (PoseDeviation(), PoseDeviation(), PoseDeviation())
 
 
 class WheelTravel(Protocol):
     """Travel and speed of one wheel after a frame."""
 
     travel: float  # m, since the previous frame
+    added_variance: float  # m2, of that travel
     start_correction: float  # m, added by a better estimate of the initial phase
+    late_correction: float  # m, added by another hypothesis about recent edges
 
     @property
     def speed(self) -> float:
@@ -27,23 +39,44 @@ class WheelTravel(Protocol):
 
     @property
     def variance(self) -> float:
-        """Variance of the travel since the start, m2."""
+        """Variance of the travel since the start, m2, if the best hypothesis is right."""
+
+    @property
+    def end_variance(self) -> float:
+        """Variance of the present position of the wheel within a slot, m2."""
+
+    @property
+    def disagreement(self) -> float:
+        """Variance of the travel, m2, between the hypotheses."""
+
+    @property
+    def fault_share(self) -> float:
+        """Share of the edges that were missed or counted twice, and not corrected."""
 
 
 class PoseFilter:
     """Integrates wheel travel into a pose, from the start or from the last restart of the board."""
 
-    def __init__(self, track: float, slip: float) -> None:
-        """`track` in m; `slip`: standard deviation of a wheel's slip after one metre, in m."""
+    def __init__(
+        self, track: float, slip: float, geometry: tuple[GeometryDeviation, ...] = ()
+    ) -> None:
+        """`track` in m; `slip`: standard deviation of a wheel's slip after one metre, in m;
+        `geometry`: the independent errors of track and diameters."""
         self.track = track
         self.slip = slip
+        self.geometry = geometry
+        self.unit_effects = NO_EFFECTS
         self.x = self.y = self.heading = 0.0
         self.start()
         self.slip_covariance = NO_COVARIANCE
 
     def start(self) -> None:
-        """Take the present pose as the point from which the wheels are counted."""
+        """Take the present pose as the point from which the wheels are counted.
+
+        `certain` is the last pose (m, rad) at which all hypotheses agreed.
+        """
         self.start_x, self.start_y, self.start_heading = self.x, self.y, self.heading
+        self.certain = (self.x, self.y, self.heading)
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """Set the pose (m, rad) with zero covariance; the starting point moves with it."""
@@ -53,49 +86,80 @@ class PoseFilter:
         self.start_x = x + back_x * c - back_y * s
         self.start_y = y + back_x * s + back_y * c
         self.start_heading += turn
+        back_x, back_y = self.certain[0] - self.x, self.certain[1] - self.y
+        self.certain = (
+            x + back_x * c - back_y * s,
+            y + back_x * s + back_y * c,
+            self.certain[2] + turn,
+        )
         self.x, self.y, self.heading = x, y, heading
         self.slip_covariance = NO_COVARIANCE
+        self.unit_effects = NO_EFFECTS
 
     def move(self, left: WheelTravel, right: WheelTravel) -> None:
         """Advance by the travel of both wheels since the previous frame."""
         if left.start_correction or right.start_correction:
-            self._correct_start(left.start_correction, right.start_correction)
+            start = (self.start_x, self.start_y, self.start_heading)
+            self._correct(start, left.start_correction, right.start_correction)
+        if left.late_correction or right.late_correction:
+            self._correct(self.certain, left.late_correction, right.late_correction)
         # The standard deviation of slip grows with the square root of the travel.
         slip_variance = self.slip * self.slip
         self._roll(
             left.travel,
             right.travel,
-            slip_variance * abs(left.travel),
-            slip_variance * abs(right.travel),
+            slip_variance * abs(left.travel) + left.added_variance,
+            slip_variance * abs(right.travel) + right.added_variance,
         )
+        if left.disagreement + right.disagreement < AGREEMENT_VARIANCE_RATIO * (
+            left.variance + right.variance
+        ):
+            self.certain = (self.x, self.y, self.heading)
 
     def jump(self, left: float, right: float, sd: float) -> None:
         """Advance by wheel travel (m) known from counts alone, with standard deviation `sd` (m)."""
         variance = sd * sd if left or right else 0.0
         self._roll(left, right, variance, variance)
 
-    def _correct_start(self, left: float, right: float) -> None:
-        """Correct the initial travel of each wheel (m): the path turns about the start."""
+    def _correct(self, origin: tuple[float, float, float], left: float, right: float) -> None:
+        """Correct the travel of each wheel (m) at `origin` (m, rad): the path since then turns
+        about it."""
         angle = (right - left) / self.track
         ahead = 0.5 * (left + right)
-        x, y = self.x - self.start_x, self.y - self.start_y
+        origin_x, origin_y, heading = origin
+        x, y = self.x - origin_x, self.y - origin_y
         c, s = cos(angle), sin(angle)
-        self.x = self.start_x + x * c - y * s + ahead * cos(self.start_heading)
-        self.y = self.start_y + x * s + y * c + ahead * sin(self.start_heading)
+        self.x = origin_x + x * c - y * s + ahead * cos(heading)
+        self.y = origin_y + x * s + y * c + ahead * sin(heading)
         self.heading += angle
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
         """Advance along one arc by the travel of each wheel (m) with its variance (m2)."""
+        middle = self.heading + 0.5 * (right - left) / self.track
+        direction = cos(middle), sin(middle)
         if left_variance or right_variance:
-            self._add_covariance(left, right, left_variance, right_variance)
+            self._add_covariance(left, right, left_variance, right_variance, direction)
+        if left or right:
+            of_track, of_left, of_right = self.unit_effects
+            track, nothing = self.track, 0.0
+            self.unit_effects = (
+                of_track.advanced(left - right, nothing, left, right, track, direction),
+                of_left.advanced(-left, left, left, right, track, direction),
+                of_right.advanced(right, right, left, right, track, direction),
+            )
         self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
 
     def _add_covariance(
-        self, left: float, right: float, left_variance: float, right_variance: float
+        self,
+        left: float,
+        right: float,
+        left_variance: float,
+        right_variance: float,
+        direction: tuple[float, float],
     ) -> None:
+        """`direction`: cosine and sine of the heading in the middle of the arc."""
         xx, xy, xh, yy, yh, hh = self.slip_covariance
-        middle = self.heading + 0.5 * (right - left) / self.track
-        c, s = cos(middle), sin(middle)
+        c, s = direction
         ahead = 0.5 * (left + right)
         x_h, y_h = -ahead * s, ahead * c
         along = 0.25 * (left_variance + right_variance)
@@ -110,18 +174,52 @@ class PoseFilter:
             hh + heading,
         )
 
-    def message(self, time: int, left: WheelTravel, right: WheelTravel) -> Odometry:
+    def message(
+        self, time: int, left: WheelTravel, right: WheelTravel, warning: str = ""
+    ) -> Odometry:
         """The pose at `time` (ns) with both speeds and the covariance.
 
         The variance of a wheel's travel is treated as if all of it came from the initial phase, as
-        most of it does: it turns the whole path about the start.
+        most of it does: it turns the whole path about the start. What the hypotheses disagree about
+        turns the path since they last agreed. The errors of the geometry are those of the path
+        since the last `set_pose`.
         """
-        variance = left.variance + right.variance
-        heading = variance / self.track**2
-        lever_x, lever_y = self.start_y - self.y, self.x - self.start_x
-        along = 0.25 * variance
-        c, s = cos(self.heading), sin(self.heading)
+        start = self.start_x, self.start_y, self.start_heading
+        origins = [(start, left.variance + right.variance)]
+        disagreement = left.disagreement + right.disagreement
+        if disagreement:
+            origins.append((self.certain, disagreement))
+        end = left.end_variance + right.end_variance
+        if end:
+            origins.append(((self.x, self.y, self.heading), end))
         xx, xy, xh, yy, yh, hh = self.slip_covariance
+        for (origin_x, origin_y, origin_heading), variance in origins:
+            c, s = cos(origin_heading), sin(origin_heading)
+            heading = variance / self.track**2
+            lever_x, lever_y = origin_y - self.y, self.x - origin_x
+            along = 0.25 * variance
+            xx += lever_x * lever_x * heading + along * c * c
+            xy += lever_x * lever_y * heading + along * c * s
+            xh += lever_x * heading
+            yy += lever_y * lever_y * heading + along * s * s
+            yh += lever_y * heading
+            hh += heading
+        geometry_xx = geometry_xy = geometry_yy = 0.0
+        for error in self.geometry:
+            x, y, heading = combined(self.unit_effects, error)
+            geometry_xx += x * x
+            geometry_xy += x * y
+            geometry_yy += y * y
+            xh += x * heading
+            yh += y * heading
+            hh += heading * heading
+        for x, y, heading in fault_effects(self.unit_effects, left.fault_share, right.fault_share):
+            xx += x * x
+            xy += x * y
+            xh += x * heading
+            yy += y * y
+            yh += y * heading
+            hh += heading * heading
         return Odometry(
             time,
             self.x,
@@ -129,14 +227,9 @@ class PoseFilter:
             self.heading,
             0.5 * (left.speed + right.speed),
             (right.speed - left.speed) / self.track,
-            (
-                xx + lever_x * lever_x * heading + along * c * c,
-                xy + lever_x * lever_y * heading + along * c * s,
-                xh + lever_x * heading,
-                yy + lever_y * lever_y * heading + along * s * s,
-                yh + lever_y * heading,
-                hh + heading,
-            ),
+            (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh),
+            warning,
+            sqrt(largest_variance(geometry_xx, geometry_xy, geometry_yy)),
         )
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from math import exp, inf
+
 from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
 from diffbotctl.estimation.priors import Priors
-from diffbotctl.estimation.slot_errors import EdgeErrors, KnownSlotErrors
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 
-HYPOTHESES_MAX = 6
+HYPOTHESES_MAX = 8
+WIDE_LOG_PRIOR = -2.3  # natural log; one motor in ten is not of the usual kind
+# Natural log; a motor is surely unusual if a usual one is less likely by more (about 1:20).
+UNUSUAL_LOG_RATIO = 3.0
 LOG_RATIO_MAX = (
-    9.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:8000)
+    7.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:1000)
 )
 
 
@@ -27,7 +32,14 @@ class WheelFilter:
     ) -> None:
         """`slots` of the disc; their errors are estimated if the board reports edge times.
         `known_edges`: errors of a measured disc."""
+        is_fine = slots > LEARNABLE_SLOTS_MAX
+        if is_fine:  # its counts alone are accurate, and a motor model cannot tell its slots apart
+            priors = priors._replace(change_cost=inf)
         self.hypotheses = [EdgeHypothesis(WheelKalman(priors, slots), time, count)]
+        if not is_fine:
+            wide = WheelKalman(priors, slots, is_typical=False)
+            wide.log_likelihood = WIDE_LOG_PRIOR
+            self.hypotheses.append(EdgeHypothesis(wide, time, count))
         self.known_edges = known_edges
         self.alignment: DiscAlignment | None = None
 
@@ -35,6 +47,48 @@ class WheelFilter:
     def motion(self) -> WheelKalman:
         """Estimate of the best hypothesis."""
         return self.hypotheses[0].motion
+
+    @property
+    def variance(self) -> float:
+        """Variance of the travel (pitches2) if the best hypothesis is right, including faults of
+        the encoder that nothing shows."""
+        best = self.hypotheses[0]
+        return best.motion.variance + best.faults.variance
+
+    @property
+    def disagreement(self) -> float:
+        """Variance of the travel (pitches2) between the hypotheses: their differences from the best
+        one, weighted by their probabilities."""
+        best = self.hypotheses[0]
+        if len(self.hypotheses) == 1:
+            return 0.0
+        top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
+        travel, variance = best.motion.travel, best.motion.variance
+        total = spread = 0.0
+        for hypothesis in self.hypotheses:
+            motion = hypothesis.motion
+            weight = exp(motion.log_likelihood - top)
+            difference = motion.travel - travel
+            total += weight
+            spread += weight * (difference * difference + max(motion.variance - variance, 0.0))
+        return spread / total
+
+    @property
+    def is_unusual(self) -> bool:
+        """Whether the motor is surely not of the usual kind: no hypothesis that it is remains."""
+        best = self.hypotheses[0].motion
+        if best.is_typical:
+            return False
+        limit = best.log_likelihood - UNUSUAL_LOG_RATIO
+        return not any(
+            hypothesis.motion.is_typical and hypothesis.motion.log_likelihood > limit
+            for hypothesis in self.hypotheses
+        )
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the encoder, or an empty text."""
+        return self.hypotheses[0].faults.text
 
     def update(self, frame: WheelFrame) -> None:
         """Update all hypotheses with one frame."""

@@ -14,9 +14,15 @@ The errors of the disc's slots extend the state (`SlotErrors`).
 
 from __future__ import annotations
 
-from math import erf, exp, inf, log, pi, sqrt
+from math import exp, inf, log, sqrt
 
-from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.likelihood import (
+    is_outlier,
+    normal_cdf,
+    robust_log_likelihood,
+    truncated_normal,
+)
+from diffbotctl.estimation.priors import WIDE_NOISE_RATIO, Priors
 from diffbotctl.estimation.slot_errors import (
     ADOPTED_SD,
     KnownSlotErrors,
@@ -27,11 +33,20 @@ from diffbotctl.estimation.slot_errors import (
 )
 
 PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
+# Probability that z is within bounds that it has reached by a sudden change.
+CHANGED_WITHIN = 0.25
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
 EDGE_SD_MIN = 0.004  # pitches; play of the light barrier
 EDGE_TIME_SD = 50e-6  # s
+# Adaptation of the noise by each edge: gain, squared normalised innovation at which it stays as it
+# is, the largest one taken into account, and limit of the factor of the noise's variance.
+NOISE_GAIN, NOISE_RATIO, NOISE_RATIO_MAX, NOISE_FACTOR_MAX = 0.2, 1.3, 9.0, 400.0
+LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may state
+RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
+ELAPSED_MIN = 0.005  # s; a motion does not change faster
+WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the noise
 # Entries of `Covariance`.
-Z_Z, Z_PHASE, PHASE_PHASE = 0, 5, 20
+Z_Z, Z_SPEED, Z_PHASE, PHASE_PHASE = 0, 1, 5, 20
 DIAGONAL = (0, 6, 11, 15, 18, 20)
 SPEED_ENTRIES = (1, 6, 7, 8, 9, 10)
 
@@ -48,11 +63,16 @@ class WheelKalman:
     """State and covariance of one wheel, with the slot errors of its disc."""
 
     __slots__ = (
+        "coasting_noise",
         "covariance",
         "disc",
+        "driven_noise",
+        "elapsed",
         "gain",
+        "is_driven",
         "is_dry",
         "is_last_forward",
+        "is_typical",
         "log_lag",
         "log_likelihood",
         "offset",
@@ -63,9 +83,16 @@ class WheelKalman:
         "z_shift",
     )
 
-    def __init__(self, priors: Priors, slots: int) -> None:
-        """`slots` of the disc; `priors` in rad/s."""
+    def __init__(self, priors: Priors, slots: int, is_typical: bool = True) -> None:
+        """`slots` of the disc; `priors` in rad/s; `is_typical`: a motor of the usual kind."""
+        self.is_typical = is_typical
+        if not is_typical:
+            priors = priors.widened()
         self.priors = priors = priors.in_pitches(slots)
+        # Factors of the variance of the speed's noise, learnt from the innovations.
+        self.driven_noise = self.coasting_noise = 1.0 if is_typical else WIDE_NOISE_RATIO**2
+        self.is_driven = True  # in the last prediction
+        self.elapsed = 0.0  # s, since the last measurement
         self.disc: Slots = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error
         )
@@ -106,6 +133,16 @@ class WheelKalman:
         """(pitches/s)2"""
         return self.covariance[DIAGONAL[1]]
 
+    @property
+    def finds_faults(self) -> bool:
+        """Whether its predictions are good enough to tell a missing edge from a slower wheel."""
+        return self.is_typical and self.priors.change_cost != inf
+
+    def largest_speed(self, sds: float) -> float:
+        """Speed (pitches/s) that the wheel may have: `sds` standard deviations more than
+        estimated."""
+        return abs(self.speed) + sds * sqrt(self.speed_variance + self.priors.creep**2)
+
     def is_rolling(self, creeps: float) -> bool:
         """True when the speed exceeds `creeps` times the creep speed."""
         return abs(self.speed) > creeps * self.priors.creep
@@ -142,6 +179,7 @@ class WheelKalman:
             drive, sign = 0.0, 0
         speed = self.speed
         if speed == 0.0 and not drive:
+            self.elapsed += span
             return
         if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
             self._brake(span, drive)
@@ -190,9 +228,15 @@ class WheelKalman:
             excess * lag_decay / lag,
         )
         priors = self.priors
-        offset_noise = priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
-        speed_noise = priors.model_noise * priors.model_noise * span
-        self._predict_covariance(rows, speed_noise, span, offset_noise)
+        self.is_driven = is_driven
+        self.elapsed += span
+        factor = self.driven_noise if is_driven else self.coasting_noise
+        offset_noise = (
+            factor * priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
+        )
+        speed_noise = factor * priors.model_noise * priors.model_noise * span
+        gain_noise = priors.gain_drift * priors.gain_drift * span if is_driven else 0.0
+        self._predict_covariance(rows, speed_noise, span, offset_noise, gain_noise)
 
     def _stop(self) -> None:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was."""
@@ -206,7 +250,12 @@ class WheelKalman:
         self.disc.wheel_stopped()
 
     def _predict_covariance(
-        self, rows: TransitionRows, noise: float, span: float, offset_noise: float
+        self,
+        rows: TransitionRows,
+        noise: float,
+        span: float,
+        offset_noise: float,
+        gain_noise: float,
     ) -> None:
         """P = F P F' + Q, where `rows` are the rows of z and speed in F.
 
@@ -232,6 +281,7 @@ class WheelKalman:
         zz = zz + a * zv + b * zg + c * zb + d * zl + noise * span * span / 3.0
         zv = zv * e + f * zg + g * zb + h * zl + 0.5 * noise * span
         vv = vv * e + f * vg + g * vb + h * vl + noise
+        gg += gain_noise
         bb += offset_noise
         self.covariance = (
             zz,
@@ -257,6 +307,17 @@ class WheelKalman:
             ff,
         )
 
+    def release(self, drive: float, elapsed: float) -> None:
+        """Let a wheel turn that was taken for standing under `drive` (pitches/s, positive) and has
+        passed an edge within `elapsed` seconds: the drive exceeds its friction."""
+        settled = self.gain * drive + self.offset
+        rise = max(RELEASED_RATIO * self.gain * drive - settled, 0.0)
+        self.offset += rise
+        covariance = list(self.covariance)
+        covariance[DIAGONAL[1]] += 1.0 / (elapsed * elapsed)
+        covariance[DIAGONAL[3]] += rise * rise
+        self.covariance = tuple(covariance)
+
     def command_changed(self, change: float) -> None:
         """Account for the uncertain time at which the drive changes by `change` (pitches/s)."""
         if self.priors.command_time:
@@ -277,8 +338,8 @@ class WheelKalman:
         row = self._z_row()
         error, variance = disc.edge_estimate(slot, is_forward)
         innovation = place + error - self.z
-        innovation_variance = row[0] + variance
-        self._add_log_likelihood(innovation, innovation_variance)
+        innovation_variance = self._add_log_likelihood(innovation, row[0] + variance)
+        row = self._z_row()
         self._update(row, innovation / innovation_variance, 1.0 / innovation_variance)
 
     def _update_edge_and_slots(
@@ -294,9 +355,10 @@ class WheelKalman:
         row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
         fixed = disc.fixed_estimate(slot, is_forward)
         noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
-        variance = row[0] - slot_row[index] + noise
-        scaled_innovation = (place + disc.errors[index] + fixed.error - self.z) / variance
-        self._add_log_likelihood(scaled_innovation * variance, variance)
+        innovation = place + disc.errors[index] + fixed.error - self.z
+        variance = self._add_log_likelihood(innovation, row[0] - slot_row[index] + noise)
+        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
+        scaled_innovation = innovation / variance
         self._update(row, scaled_innovation, 1.0 / variance)
         disc.update(row, slot_row, scaled_innovation, 1.0 / variance)
         if index == 0:
@@ -328,20 +390,33 @@ class WheelKalman:
             self._update(row, innovation / variance, 1.0 / variance)
             disc.update(row, slot_row, innovation / variance, 1.0 / variance)
 
-    def update_bounds(self, low: float, high: float, outside_min: float) -> None:
-        """Update by the knowledge that z lies between `low` and `high`.
+    def probability_within(self, low: float, high: float) -> float:
+        """Predicted probability that z lies between `low` and `high`."""
+        sd = self._bounds_sd()
+        return normal_cdf((high - self.z) / sd) - normal_cdf((low - self.z) / sd)
 
-        Does nothing unless the predicted probability outside exceeds `outside_min`.
-        """
-        priors = self.priors
-        variance = self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2
-        sd = sqrt(variance)
+    def bounds_log_likelihood(self, low: float, high: float) -> float:
+        """Log probability that z lies between `low` and `high`, also after a sudden change of the
+        motion."""
+        probability = self.probability_within(low, high)
+        likelihood = log(max(probability, PROBABILITY_MIN))
+        return max(likelihood, log(CHANGED_WITHIN) - self.priors.change_cost)
+
+    def update_bounds(self, low: float, high: float) -> None:
+        """Update by the knowledge that z lies between `low` and `high`."""
+        self.log_likelihood += self.bounds_log_likelihood(low, high)
+        sd = self._bounds_sd()
+        distance = max(low - self.z, self.z - high, 0.0)
+        ratio = distance * distance / (sd * sd)
+        if self.priors.change_cost != inf:
+            self._adapt_noise(max(ratio, WITHIN_RATIO))
+            if is_outlier(distance, sd * sd, self.priors.change_cost):
+                self._add_sudden_change(distance)
+                sd = self._bounds_sd()
+        variance = sd * sd
         below = (low - self.z) / sd
         above = (high - self.z) / sd
         probability = normal_cdf(above) - normal_cdf(below)
-        if probability > 1.0 - outside_min:
-            return
-        self.log_likelihood += log(max(probability, PROBABILITY_MIN))
         if probability < PROBABILITY_MIN:
             nearer = low if below > 0.0 else high
             self._update_z((nearer - self.z) / variance, 1.0 / variance)
@@ -349,8 +424,51 @@ class WheelKalman:
         mean, remaining_variance = truncated_normal(below, above, probability)
         self._update_z(mean / sd, (1.0 - remaining_variance) / variance)
 
-    def _add_log_likelihood(self, innovation: float, variance: float) -> None:
-        self.log_likelihood -= 0.5 * (innovation * innovation / variance + log(variance))
+    def _bounds_sd(self) -> float:
+        """Predicted standard deviation of z relative to an edge, at the time of a frame."""
+        priors = self.priors
+        return sqrt(self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2)
+
+    def _add_log_likelihood(self, innovation: float, variance: float) -> float:
+        """Add that of an edge. Returns the variance to update with, larger for an outlier.
+
+        A wheel that is suddenly braked, or whose battery fails, does not move as predicted: then
+        its speed and offset are as uncertain as the innovation shows, and it says nothing of the
+        other states.
+        """
+        cost = self.priors.change_cost
+        self.log_likelihood += robust_log_likelihood(innovation, variance, cost)
+        if cost == inf:
+            return variance
+        self._adapt_noise(innovation * innovation / variance)
+        if not is_outlier(innovation, variance, cost):
+            return variance
+        self._add_sudden_change(innovation)
+        return variance + innovation * innovation
+
+    def _add_sudden_change(self, innovation: float) -> None:
+        excess = innovation * innovation
+        # The speed may have changed by the innovation in the time of one pitch, or in the time
+        # since the last measurement where that is longer: with several edges in a frame. A wheel
+        # that was taken for standing and has passed a whole pitch did so in that time.
+        rate = 1.0 / max(self.elapsed, ELAPSED_MIN)
+        if excess < 1.0 or abs(self.speed) > self.priors.creep:
+            rate = min(rate, max(abs(self.speed), self.priors.creep))
+        covariance = list(self.covariance)
+        covariance[Z_Z] += excess
+        covariance[Z_SPEED] += excess * rate
+        covariance[DIAGONAL[1]] += excess * rate * rate
+        covariance[DIAGONAL[3]] += excess * rate * rate
+        self.covariance = tuple(covariance)
+
+    def _adapt_noise(self, ratio: float) -> None:
+        """Adapt the noise of the motor model to the squared `ratio` of an innovation to its
+        standard deviation: without a systematic error its mean is 1."""
+        change = exp(NOISE_GAIN * (min(ratio, NOISE_RATIO_MAX) - NOISE_RATIO))
+        if self.is_driven:
+            self.driven_noise = min(max(self.driven_noise * change, 1.0), NOISE_FACTOR_MAX)
+        else:
+            self.coasting_noise = min(max(self.coasting_noise * change, 1.0), NOISE_FACTOR_MAX)
 
     def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
         """Kalman update by a measurement of z."""
@@ -371,12 +489,13 @@ class WheelKalman:
         x += row * `scaled_innovation` (innovation divided by its variance),
         P -= row row' * `inverse_variance`. Written out for speed, as `_predict_covariance`.
         """
+        self.elapsed = 0.0
         z, v, g, b, lag, f = row
         self.z += z * scaled_innovation
         self.speed += v * scaled_innovation
         self.gain += g * scaled_innovation
         self.offset += b * scaled_innovation
-        self.log_lag += lag * scaled_innovation
+        self.log_lag = min(max(self.log_lag + lag * scaled_innovation, LOG_LAG_MIN), LOG_LAG_MAX)
         self.phase += f * scaled_innovation
         (zz, zv, zg, zb, zl, zf, vv, vg, vb, vl, vf, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
             self.covariance
@@ -406,20 +525,3 @@ class WheelKalman:
             lf - lc * f,
             ff - fc * f,
         )
-
-
-def normal_cdf(value: float) -> float:
-    """Cumulative distribution function of the standard normal distribution."""
-    return 0.5 * (1.0 + erf(value * 0.7071067811865476))
-
-
-def truncated_normal(below: float, above: float, mass: float) -> tuple[float, float]:
-    """Mean and variance of a standard normal truncated to (below, above).
-
-    `mass`: probability of that interval.
-    """
-    at_below = exp(-0.5 * below * below) / sqrt(2.0 * pi)
-    at_above = exp(-0.5 * above * above) / sqrt(2.0 * pi)
-    mean = (at_below - at_above) / mass
-    variance = 1.0 + (below * at_below - above * at_above) / mass - mean * mean
-    return mean, max(variance, 0.0)

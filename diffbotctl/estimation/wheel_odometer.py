@@ -2,55 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import copysign, pi
-from typing import NamedTuple, Protocol
+from math import copysign, pi, sqrt
 
-from diffbotctl.control.speed_loop import MotorSettings, SpeedLoopMirror, speed_gains
+from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_hypothesis import WheelFrame
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
+from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
 
+GAP_SDS = 3.0  # by which the model and the counts may differ
+FRICTION_LOG_ODDS_MIN = 1.0  # natural log; above it the motors have dry friction
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
-
-
-class MotorConfig(MotorSettings, Protocol):
-    """The motor section of a side; `lag` in s."""
-
-    lag: float
-
-
-class WheelConfig(Protocol):
-    """The wheel section of a side; metres."""
-
-    diameter: float
-
-
-class EncoderConfig(Protocol):
-    """The encoder section of a side; errors in pitches."""
-
-    slots: int
-    slot_errors: Sequence[float]
-    back_errors: Sequence[float]
-    open_share: float | None
-
-
-class SideConfig(Protocol):
-    """One side of the drive in the robot file."""
-
-    motor: MotorConfig
-    wheel: WheelConfig
-    encoder: EncoderConfig
-
-
-class LinkTiming(NamedTuple):
-    """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
-    command takes effect, and whether the board reports edge times."""
-
-    frame_time: float
-    command_time: float
-    has_edge_times: bool
 
 
 class WheelOdometer:
@@ -74,10 +38,19 @@ class WheelOdometer:
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
+        self.counting = FineWheelOdometer(side, time, count, timing)
         self.travel = 0.0  # m, since the last report
+        # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
+        # present position in the slot, which the model of a usual motor includes; and between the
+        # hypotheses.
+        self.added_variance = self.variance = self.end_variance = self.disagreement = 0.0
+        self.fault_share = 0.0
+        """share of the edges that were missed or counted twice, and are no hypotheses"""
         self.start_correction = 0.0  # m, added by a better estimate of the initial phase
+        self.late_correction = 0.0  # m, added by another hypothesis about recent edges
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
+        self.reported_motion = self.filter.motion
 
     @property
     def speed(self) -> float:
@@ -85,9 +58,9 @@ class WheelOdometer:
         return self.filter.motion.speed * self.pitch
 
     @property
-    def variance(self) -> float:
-        """Variance of the travel, m2."""
-        return self.filter.motion.variance * self.pitch * self.pitch
+    def fault(self) -> str:
+        """What is wrong with the encoder, or an empty text."""
+        return self.filter.fault
 
     def update(
         self,
@@ -99,6 +72,7 @@ class WheelOdometer:
         command_since: int,
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        self.counting.update(time, count, edge_time, command, is_duty, command_since)
         if not is_duty:
             steps = count - self.count
             edge = edge_time
@@ -108,6 +82,23 @@ class WheelOdometer:
         self.count = count
         drive = settled_speed(command, self.static, self.rated) * self.pitches_per_rad
         self.filter.update(WheelFrame(time, count, edge_time, drive, command_since))
+
+    def _variance(self, is_unusual: bool) -> float:
+        """Variance of the travel, pitches2, if the best hypothesis is right.
+
+        The model of a motor that is not of the usual kind is not trusted beyond the counts, and no
+        model where it contradicts them.
+        """
+        best, counting = self.filter.hypotheses[0], self.counting
+        variance, counted = self.filter.variance, counting.pitches_variance
+        if is_unusual:
+            variance += counted
+        gap = abs(best.motion.travel - counting.position) - best.faults.number
+        if gap > 1.0:
+            counted += counting.reversal_variance
+            unexplained = max(gap - GAP_SDS * sqrt(counted), 0.0)
+            variance += unexplained * unexplained
+        return variance
 
     def unobserved_travel(self, count: int) -> float:
         """Metres to `count` after a gap in the telemetry, to the middle of the slot.
@@ -124,12 +115,25 @@ class WheelOdometer:
         return (steps + direction * (0.5 - in_slot)) * self.pitch
 
     def report(self) -> None:
-        """Set `travel` and `start_correction` to their values since the last call."""
-        motion = self.filter.motion
+        """Set `travel` and the corrections to their values since the last call."""
+        self.counting.report()
+        is_unusual = self.filter.is_unusual
+        square = self.pitch * self.pitch
+        self.added_variance = self.counting.added_variance if is_unusual else 0.0
+        self.end_variance = self.counting.end_variance if is_unusual else 0.0
+        self.fault_share = self.counting.fault_share if is_unusual else 0.0
+        self.variance = self._variance(is_unusual) * square
+        self.disagreement = self.filter.disagreement * square
+        motion, before = self.filter.motion, self.reported_motion
         start_shift = self.reported_start - motion.start
         travel = motion.travel
+        late = 0.0
+        if motion is not before:
+            late = (motion.z - motion.z_shift) - (before.z - before.z_shift)
+            self.reported_motion = motion
+        self.late_correction = late * self.pitch
         self.start_correction = start_shift * self.pitch
-        self.travel = (travel - self.reported_travel - start_shift) * self.pitch
+        self.travel = (travel - self.reported_travel - start_shift - late) * self.pitch
         self.reported_travel, self.reported_start = travel, motion.start
 
 
@@ -137,10 +141,21 @@ class CountWheelOdometer(WheelOdometer):
     """A wheel whose travel is its count times the pitch; the filter gives only the speed."""
 
     def report(self) -> None:
-        """Set `travel` to its value since the last call."""
-        before = self.reported_travel
+        """Set `travel` and its variances to their values since the last call."""
+        counting, before = self.counting, self.reported_travel
+        counting.report()
+        self.variance, self.end_variance = counting.variance, counting.end_variance
+        self.added_variance, self.fault_share = counting.added_variance, counting.fault_share
         self.reported_travel = float(self.count - self.first_count)
         self.travel = (self.reported_travel - before) * self.pitch
+
+
+def share_friction(left: WheelOdometer, right: WheelOdometer) -> None:
+    """Decide for both wheels together how they coast: their motors are of the same type."""
+    if len(left.filter.hypotheses) > 1 or len(right.filter.hypotheses) > 1:
+        log_odds = left.filter.friction_log_odds() + right.filter.friction_log_odds()
+        left.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
+        right.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
@@ -149,9 +164,3 @@ def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
         return None
     open_share = SlotEstimate(priors.open_share_error, priors.open_share * priors.open_share)
     return EdgeErrors(encoder.slot_errors, encoder.back_errors, open_share, priors.slot)
-
-
-def settled_speed(duty: float, static: float, rated: float) -> float:
-    """Speed (rad/s) at which a typical motor settles with `duty`: dead band, then linear."""
-    beyond = abs(duty) - static
-    return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

@@ -5,33 +5,29 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from diffbotctl.board.session import BoardSession, JobEvent, JobMessage, JobProgress
+from diffbotctl.board.session import BoardSession, JobEvent, JobMessage
 from diffbotctl.drivers.board_ports import (
     BadImageError,
     NoBackupError,
     NoProgrammerError,
-    NoSyncError,
-    RefusedError,
     SilentError,
+    VerifyMismatchError,
     refuse_radio,
 )
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
-from diffbotctl.flash import stk500
-from diffbotctl.flash.intel_hex import read_hex, write_hex
-from diffbotctl.flash.stk500 import BootloaderRequest, Procedure
+from diffbotctl.flash.bootloaders import SYNC_TIME_S, Bootloader, find_bootloader
+from diffbotctl.flash.intel_hex import chip_of, read_hex, write_hex
+from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
-from diffbotctl.links.stk500_frames import BAUD, ReplyParser
+from diffbotctl.links.link_protocol import USB_BAUD
 
-SYNC_TRIES = 15
-SYNC_TIMEOUT_S = 0.1  # of one try; the bootloader waits 0.8 s for requests
-REPLY_TIMEOUT_S = 1.0  # a page takes 15 ms
+WRITES = 2  # of the whole image, when a page that is read back differs
 
 
 def load(file: Path) -> bytes:
@@ -50,46 +46,80 @@ def flash(
     *,
     programmer: str = "built-in",
     backup: Path | None = None,
+    board: BoardCode = BoardCode.MEGA2560,
     settings: BoardSettings | None = None,
 ) -> Iterator[JobEvent]:
     """Write and verify `file`, then connect to the firmware and send it `settings`.
 
-    `backup`: file for the present program of the board, saved first. With `settings` of None the
-    job ends when the new program starts. Raises RunError: a FlashError, or of opening the port.
+    `board`: the one that the program is for. `backup`: file for the present program of the board,
+    saved first. With `settings` of None the job ends when the new program starts. Raises RunError:
+    a FlashError, or of opening the port.
     """
     refuse_radio(device)
     image = load(file)
+    _check_chip(file, image, board)
     if backup is not None:
         _check_backup_file(backup)
     if backup is not None or programmer == "built-in":
-        with BoardSession(device, BAUD) as session:
-            session.reset()
-            yield from _write(Bootloader(session), image, backup, programmer == "built-in")
+        with BoardSession(device, USB_BAUD) as session:
+            yield from _write(session, image, board, backup, programmer == "built-in")
             if settings is not None and programmer == "built-in":
                 yield from _send_settings(session, settings)
     if programmer == "avrdude":
-        yield from _avrdude(device, file)
+        yield from _avrdude(device, file, board)
         if settings is not None:
-            with BoardSession(device, BAUD) as session:
+            with BoardSession(device, USB_BAUD) as session:
                 session.reset()
                 yield from _send_settings(session, settings)
 
 
+def _check_chip(file: Path, image: bytes, board: BoardCode) -> None:
+    """Raises BadImageError for a program that was built for another chip, or is too large."""
+    chip = chip_of(image)
+    if chip is not None and chip is not board:
+        cause = f"it was built for {chip.meaning}, and the board is {board.meaning}"
+        raise BadImageError(str(file), cause)
+
+
 def _write(
-    bootloader: Bootloader, image: bytes, backup: Path | None, writes: bool
+    session: BoardSession, image: bytes, board: BoardCode, backup: Path | None, writes: bool
 ) -> Iterator[JobEvent]:
-    bootloader.synchronise()
-    yield from bootloader.run(stk500.identify(bootloader.device))
-    yield JobMessage(f"Mega 2560 on {bootloader.device}")
+    bootloader = find_bootloader(session, board)
+    name = board.meaning.removeprefix("Arduino ")
+    yield JobMessage(f"{name} on {session.device}, bootloader {bootloader.title}")
+    if len(image) > bootloader.flash_max:
+        cause = f"{len(image)} bytes do not fit below the bootloader ({bootloader.flash_max})"
+        raise BadImageError("image", cause)
     if backup is not None:
         saved = bytearray()
-        yield from bootloader.run(stk500.read(bootloader.device, saved))
+        yield from bootloader.read(saved)
         _save(backup, write_hex(bytes(saved)))
         yield JobMessage(f"the former program of the board is in {backup}")
     if writes:
-        yield from bootloader.run(stk500.write(bootloader.device, image))
+        yield from _write_verified(session, bootloader, image)
         yield JobMessage(f"{len(image)} bytes written and verified")
-    yield from bootloader.run(stk500.leave(bootloader.device))
+    yield from bootloader.leave()
+
+
+def _write_verified(
+    session: BoardSession, bootloader: Bootloader, image: bytes
+) -> Iterator[JobEvent]:
+    """Write and verify; a page that differs is written again, with all others.
+
+    The Mega's bootloader erases pages in order from its start, so a single one cannot be. Raises
+    FlashError.
+    """
+    for remaining in reversed(range(WRITES)):
+        try:
+            yield from bootloader.write(image)
+        except VerifyMismatchError as error:
+            if not remaining:
+                raise
+            yield JobMessage(f"{error.problems[0].cause}; writing everything once more")
+            session.reset()
+            bootloader.answers(SYNC_TIME_S)
+        else:
+            return
 
 
 def _check_backup_file(backup: Path) -> None:
@@ -107,53 +137,6 @@ def _save(backup: Path, text: str) -> None:
         raise NoBackupError(str(backup), error.strerror or str(error)) from error
 
 
-class Bootloader:
-    """The bootloader of a board that has just been reset."""
-
-    def __init__(self, session: BoardSession) -> None:
-        self.device = session.device
-        self._session = session
-        self._sequence = 0
-        self._replies = ReplyParser()
-
-    def synchronise(self) -> None:
-        """Send sign-ons until the bootloader replies. Raises NoSyncError."""
-        for _ in range(SYNC_TRIES):
-            if self._request(stk500.HELLO, SYNC_TIMEOUT_S) is not None:
-                return
-        raise NoSyncError(self.device)
-
-    def run(self, procedure: Procedure) -> Iterator[JobProgress]:
-        """Carry out a procedure; yields its progress. Raises what it raises, and RefusedError."""
-        step = next(procedure, None)
-        while step is not None:
-            reply = b""
-            if isinstance(step, JobProgress):
-                yield step
-            else:
-                reply = self._reply_to(step)
-            try:
-                step = procedure.send(reply)
-            except StopIteration:
-                return
-
-    def _reply_to(self, request: BootloaderRequest) -> bytes:
-        reply = self._request(request, REPLY_TIMEOUT_S)
-        if reply is None:
-            raise RefusedError(self.device, "answer")
-        return reply
-
-    def _request(self, request: BootloaderRequest, timeout: float) -> bytes | None:
-        self._sequence = (self._sequence + 1) & 0xFF
-        self._session.write(request.wire(self._sequence))
-        end = time.monotonic() + timeout
-        while (remaining := end - time.monotonic()) > 0:
-            reply = self._replies.feed(self._session.read(remaining), self._sequence)
-            if reply is not None:
-                return reply
-        return None
-
-
 def _send_settings(session: BoardSession, settings: BoardSettings) -> Iterator[JobEvent]:
     """Connect to the firmware over USB, which sends it its settings; yields its name.
 
@@ -168,23 +151,34 @@ def _send_settings(session: BoardSession, settings: BoardSettings) -> Iterator[J
         raise
 
 
-def _avrdude(device: str, file: Path) -> Iterator[JobEvent]:
+AVRDUDE_TARGETS = {
+    BoardCode.MEGA2560: ("-c wiring -p m2560 -D -b 115200",),
+    BoardCode.ATMEGA328P: (
+        "-c arduino -p m328p -D -b 115200",  # optiboot
+        "-c arduino -p m328p -D -b 57600",  # ATmegaBOOT
+    ),
+}
+
+
+def _avrdude(device: str, file: Path, board: BoardCode) -> Iterator[JobEvent]:
     program = shutil.which("avrdude")
     if program is None:
         raise NoProgrammerError(
             "avrdude is not installed",
             "sudo apt-get install avrdude, or leave --programmer out: diffbotctl flashes by itself",
         )
-    open_port(
-        device, BAUD
-    ).close()  # its errors (port in use, missing rights) are clearer than avrdude's
-    target = f"-c wiring -p m2560 -b {BAUD} -D".split()
-    command = [program, *target, "-P", device, "-U", f"flash:w:{os.path.abspath(file)}:i"]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        errors = [line for line in result.stderr.splitlines() if "error" in line.lower()]
-        raise NoProgrammerError(
-            "; ".join(errors) or f"it ended with code {result.returncode}",
-            "leave --programmer out to flash without it",
-        )
-    yield JobMessage("written and verified by avrdude")
+    # The errors of opening it (port in use, missing rights) are clearer than avrdude's.
+    open_port(device, USB_BAUD).close()
+    results = []
+    for target in AVRDUDE_TARGETS[board]:
+        command = [program, *target.split(), "-P", device]
+        command += ["-U", f"flash:w:{os.path.abspath(file)}:i"]
+        results.append(subprocess.run(command, capture_output=True, text=True, check=False))
+        if results[-1].returncode == 0:
+            yield JobMessage("written and verified by avrdude")
+            return
+    errors = [line for line in results[-1].stderr.splitlines() if "error" in line.lower()]
+    raise NoProgrammerError(
+        "; ".join(errors) or f"it ended with code {results[-1].returncode}",
+        "leave --programmer out to flash without it",
+    )

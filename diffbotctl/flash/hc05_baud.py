@@ -45,6 +45,8 @@ def change_rate(
     Yields ManualStep wherever the user must act. Raises RunError; the firmware is back on the board
     then, unless the cable was pulled.
     """
+    if settings.shares_usb:
+        raise _no_second_port_error(device)
     yield JobMessage(
         "flashing a temporary program that connects the USB port with the module's port:"
     )
@@ -95,6 +97,18 @@ def _reply(session: BoardSession, command: str) -> AtReply:
         if reader.feed(session.read(remaining)):
             return reader.lines
     return []
+
+
+def _no_second_port_error(device: str) -> RunError:
+    return RunError(
+        Problem(
+            "E-BLUETOOTH-AT",
+            f"port {device}",
+            "an Uno or Nano has one serial port: it cannot connect the USB cable with the module",
+            "keep the module at its rate and state it as link.baud; a USB-to-serial adapter, or a "
+            "Mega 2560, can change it",
+        )
+    )
 
 
 def _at_mode_error(device: str, error: AtModeError) -> RunError:

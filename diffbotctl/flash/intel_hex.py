@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 from diffbotctl.drivers.board_ports import BadImageError
+from diffbotctl.links.diffbot_frames import BoardCode
 
 PAGE_BYTES = 256  # bytes; the chip erases and writes whole pages
 FLASH_BYTES_MAX = 0x3E000  # bytes below the bootloader of a Mega 2560
 ERASED = 0xFF
 DATA, END, SEGMENT, LINEAR = 0, 1, 2, 4
 RECORD_BYTES = 16  # data bytes a line
+# Number of interrupt vectors of each chip (data sheets). A program begins with them: jumps of four
+# bytes, `jmp`, or `rjmp` and an unused word.
+VECTORS = {57: BoardCode.MEGA2560, 26: BoardCode.ATMEGA328P}
+VECTOR = re.compile(rb"[\x0c\x0d]\x94..|.[\xc0-\xcf]\0\0", re.DOTALL)
 # Old factory bootloaders start their monitor at this sequence, and hang.
 MONITOR_CALL = b"!!!"
 
@@ -67,6 +74,14 @@ def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
         raise BadImageError(name, "it contains '!!!', which makes old bootloaders hang")
     image += bytes([ERASED]) * (-len(image) % PAGE_BYTES)
     return bytes(image)
+
+
+def chip_of(image: bytes) -> BoardCode | None:
+    """The board that a program was built for, by its interrupt vectors; None if unknown."""
+    count = 0
+    while VECTOR.match(image, 4 * count):
+        count += 1
+    return VECTORS.get(count)
 
 
 def write_hex(data: bytes) -> str:

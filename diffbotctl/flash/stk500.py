@@ -1,7 +1,8 @@
 """Procedures of the Mega's stock bootloader, STK500 version 2, sans-IO.
 
 After Atmel's application note AVR068. A procedure is a generator: it yields requests and is sent
-the replies, so that the owner of the port decides how to wait; and it yields how far it is.
+the replies, b"" for one that did not come, so that the owner of the port decides how to wait; and
+it yields how far it is.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Generator
 from typing import NamedTuple, TypeVar
 
 from diffbotctl.board.session import JobProgress
-from diffbotctl.drivers.board_ports import RefusedError, VerifyMismatchError, WrongSignatureError
+from diffbotctl.drivers.board_ports import RefusedError, VerifyMismatchError
 from diffbotctl.flash.intel_hex import ERASED, FLASH_BYTES_MAX, PAGE_BYTES
 from diffbotctl.links.stk500_frames import LEAVE, SIGN_ON, message
 
@@ -18,7 +19,7 @@ LOAD_ADDRESS = 0x06
 PROGRAM, READ, SPI_MULTI = 0x13, 0x14, 0x1D
 READ_SIGNATURE = 0x30  # the chip's own serial command
 OK = 0
-MEGA_2560 = "1e9801"
+TRIES = 4  # of one request: a damaged one or its reply is lost, and is not answered again
 
 Result = TypeVar("Result")
 
@@ -40,29 +41,29 @@ Steps = Generator[BootloaderRequest | JobProgress, bytes, Result]
 Procedure = Steps[None]
 
 
-def identify(device: str) -> Procedure:
-    """Make sure that the chip is an ATmega2560. Raises WrongSignatureError, RefusedError."""
-    signature = b""
+def identify(device: str, into: bytearray) -> Procedure:
+    """Read the chip's signature into `into`. Raises RefusedError."""
     for index in range(3):
         request = bytes([SPI_MULTI, 4, 4, 0, READ_SIGNATURE, 0, index, 0])
         reply = yield from _request(device, request, "read its signature", 7)
-        signature += reply[5:6]
-    if signature.hex() != MEGA_2560:
-        raise WrongSignatureError(device, signature.hex())
+        into += reply[5:6]
 
 
 def write(device: str, image: bytes) -> Procedure:
     """Write whole pages, every one and in order from address 0, then read them back.
 
     The stock bootloader erases the next page at each write, whatever the address: so no page is
-    left out and none is written twice. Raises RefusedError, VerifyMismatchError.
+    left out. A page whose reply was lost is written again with the same bytes: that changes nothing
+    in it, and erases a page that is written later, or lies behind the image. Raises RefusedError,
+    VerifyMismatchError.
     """
     size = len(image)
     yield from _load_address(device, 0)
     for address in range(0, size, PAGE_BYTES):
         page = image[address : address + PAGE_BYTES]
         header = bytes([PROGRAM, *len(page).to_bytes(2, "big"), 0xC1, 10, 0x40, 0x4C, 0x20, 0, 0])
-        yield from _request(device, header + page, f"write the page at 0x{address:05X}")
+        action = f"write the page at 0x{address:05X}"
+        yield from _request_at(device, address, header + page, action)
         yield JobProgress("writing", address + len(page), size)
     yield from _load_address(device, 0)
     for address in range(0, size, PAGE_BYTES):
@@ -81,9 +82,9 @@ def read(device: str, into: bytearray) -> Procedure:
         into.pop()
 
 
-def leave(device: str) -> Procedure:
-    """Let the program run. Raises RefusedError."""
-    yield from _request(device, bytes([LEAVE, 1, 1]), "start the program")
+def leave() -> Procedure:
+    """Let the program run. Its first sign of life is the proof: the reply may get lost."""
+    yield BootloaderRequest(bytes([LEAVE, 1, 1]))
 
 
 def _load_address(device: str, address: int) -> Procedure:
@@ -95,13 +96,34 @@ def _load_address(device: str, address: int) -> Procedure:
 def _read_page(device: str, address: int) -> Steps[bytes]:
     request = bytes([READ, *PAGE_BYTES.to_bytes(2, "big"), 0x20])
     size = PAGE_BYTES + 3
-    reply = yield from _request(device, request, f"read the page at 0x{address:05X}", size)
+    action = f"read the page at 0x{address:05X}"
+    reply = yield from _request_at(device, address, request, action, size)
     return reply[2 : 2 + PAGE_BYTES]
 
 
+def _request_at(device: str, address: int, body: bytes, action: str, size: int = 2) -> Steps[bytes]:
+    """As `_request`, for a command at the loaded address, which the command then advances.
+
+    When a reply is lost, it is not known whether the address has advanced: it is loaded again.
+    """
+    for _ in range(TRIES):
+        reply = yield BootloaderRequest(body)
+        if reply:
+            return _checked(device, reply, body, action, size)
+        yield from _load_address(device, address)
+    raise RefusedError(device, f"answer when asked to {action}")
+
+
 def _request(device: str, body: bytes, action: str, size: int = 2) -> Steps[bytes]:
-    """The reply to a command, at least `size` bytes. Raises RefusedError."""
-    reply = yield BootloaderRequest(body)
+    """The reply to a command that may be repeated, at least `size` bytes. Raises RefusedError."""
+    for _ in range(TRIES):
+        reply = yield BootloaderRequest(body)
+        if reply:
+            return _checked(device, reply, body, action, size)
+    raise RefusedError(device, f"answer when asked to {action}")
+
+
+def _checked(device: str, reply: bytes, body: bytes, action: str, size: int) -> bytes:
     if len(reply) < size or reply[0] != body[0] or reply[1] != OK:
         raise RefusedError(device, action)
     return reply

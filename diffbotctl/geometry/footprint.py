@@ -87,6 +87,16 @@ def arc_motion(linear: float, angular: float, seconds: float) -> tuple[float, fl
     return chord * cos(half), chord * sin(half), 2.0 * half
 
 
+def distance_to_segment(x: float, y: float, x1: float, y1: float, x2: float, y2: float) -> float:
+    """Distance (m) from the point (x, y) to the line segment from (x1, y1) to (x2, y2)."""
+    along_x, along_y = x2 - x1, y2 - y1
+    from_x, from_y = x - x1, y - y1
+    length_squared = along_x * along_x + along_y * along_y
+    ratio = (from_x * along_x + from_y * along_y) / length_squared if length_squared else 0.0
+    ratio = min(max(ratio, 0.0), 1.0)
+    return hypot(from_x - ratio * along_x, from_y - ratio * along_y)
+
+
 def into_frame(points: list[Point], x: float, y: float, heading: float) -> list[Point]:
     """Transform `points` from the outer frame into the frame at (x, y, heading)."""
     ahead, aside = cos(heading), sin(heading)

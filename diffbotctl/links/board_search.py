@@ -16,12 +16,13 @@ FIRST_PROBE_DELAY = 800 * MILLISECOND  # our own firmware has received three of 
 PROBE_PERIOD = 400 * MILLISECOND
 ROUNDS = 2  # through all baud rates, before a finding is final
 RECEIVED_BYTES_MAX = 512  # kept of each rate, to recognise a board by
-ROSSERIAL_START = bytes((rosserial_frames.SYNC, rosserial_frames.VERSION))
-ROSSERIAL_STARTS_MIN = 2  # a single one may be noise
+STRAY_BYTES_MAX = 8  # of a port that is opened and a board that is reset: no program sent them
 # Questions to other programs. Our firmware discards them as noise.
 SIGN_ON = stk500_frames.message(1, bytes([stk500_frames.SIGN_ON]))
 LEAVE = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 1, 1]))
 """makes a waiting bootloader start the program, if there is one"""
+LEAVE_REPLY = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 0]))
+"""the bootloader's reply to it"""
 TOPICS = rosserial_frames.encode(REQUEST)
 FLASH = "`diffbotctl flash firmware` installs our firmware over the USB cable"
 
@@ -98,17 +99,29 @@ class BaudSearch:
             self.final = self._tries >= ROUNDS * len(self._order)
 
 
+def _bootloader_left(data: bytes) -> bool:
+    """Whether a bootloader confirmed that it starts the program, and nothing came after that."""
+    return LEAVE_REPLY in data and len(_sent_by_program(data)) <= STRAY_BYTES_MAX
+
+
 def _has_bootloader(received: Mapping[int, bytes]) -> bool:
     return any(stk500_frames.BOOTLOADER_NAME in data for data in received.values())
 
 
 def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
     """The known program that answered, or None; `received` holds the bytes of each baud rate."""
+    if any(map(_is_echo, received.values())):
+        return Refusal(
+            "E-PORT-ECHO",
+            "the port returns what is sent to it",
+            "no board is connected to this adapter, or its TX and RX touch; a radio module that "
+            "does this is in its command mode: switch it off and on",
+        )
     if _has_bootloader(received):
         return Refusal(
             "E-BOARD-BLANK", "only the bootloader answers: the board has no program", FLASH
         )
-    if any(data.count(ROSSERIAL_START) >= ROSSERIAL_STARTS_MIN for data in received.values()):
+    if any(_rosserial_frames(data) for data in received.values()):
         return Refusal(
             "E-BOARD-ROSSERIAL",
             "the board runs the book's firmware, which uses rosserial",
@@ -118,10 +131,38 @@ def recognise_board(received: Mapping[int, bytes]) -> Refusal | None:
     return None
 
 
+def _is_echo(data: bytes) -> bool:
+    """Whether a question of ours came back; no board has a reason to send one."""
+    return TOPICS in data or SIGN_ON in data
+
+
+def _rosserial_frames(data: bytes) -> bool:
+    """Whether a frame of a rosserial board is in `data`: its sums are right, it is not empty."""
+    return any(frame.payload for frame in rosserial_frames.RosserialDecoder().feed(data))
+
+
+def _sent_by_program(data: bytes) -> bytes:
+    """`data` without the replies of a bootloader."""
+    parser, rest = stk500_frames.ReplyParser(), data
+    for start in range(len(data)):
+        if data[start] == stk500_frames.START and start + 1 < len(data):
+            reply = parser.feed(data[start:], data[start + 1])
+            parser = stk500_frames.ReplyParser()
+            if reply is not None:
+                rest = rest.replace(stk500_frames.message(data[start + 1], reply), b"")
+    return rest
+
+
 def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refusal:
-    """Nothing was received, or no known program sent it."""
+    """Nothing was received that a program sent, or no known program sent it."""
     tried = f"{join_words(rates)} baud"
-    if not any(received.values()):
+    if any(map(_bootloader_left, received.values())):
+        return Refusal(
+            "E-BOARD-UNKNOWN",
+            "the board started its program, which does not answer: it is another firmware",
+            FLASH,
+        )
+    if all(len(_sent_by_program(data)) <= STRAY_BYTES_MAX for data in received.values()):
         return Refusal(
             "E-PORT-SILENT",
             f"nothing answers at {tried}",
@@ -150,6 +191,17 @@ def wrong_version(version: int) -> Refusal:
         f"version {frames.VERSION}"
     )
     return Refusal("E-BOARD-VERSION", cause, fix)
+
+
+def other_board(code: int, expected: frames.BoardCode) -> Refusal:
+    """The board is of another type than the robot file states."""
+    board = frames.BoardCode.find(code)
+    name = (board.meaning if board else "") or f"a board of an unknown type ({code})"
+    return Refusal(
+        "E-BOARD-KIND",
+        f"the board is {name}, the robot file's is {expected.meaning}: its pins would be wrong",
+        "correct board.type in the robot file, or name the file of this robot with --robot",
+    )
 
 
 def refused_setting(field: int, refusal: frames.RefusalCode | None) -> Refusal:

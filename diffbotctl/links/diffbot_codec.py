@@ -11,7 +11,9 @@ from diffbotctl.links.diffbot_frames import (
     CHECK_POLYNOMIAL,
     CHECK_START,
     OF_TYPE,
+    RECEIVE_MOST,
     TYPE_BITS,
+    VERSION_1_BYTES,
     Frame,
 )
 
@@ -40,7 +42,7 @@ def _layout(number: int, kind: type[Frame]) -> _Layout:
 _LAYOUTS = {kind: _layout(number, kind) for number, kind in OF_TYPE.items()}
 WIRE_BYTES = {kind: layout.size + CHECK_BYTES + 2 for kind, layout in _LAYOUTS.items()}
 """length of a frame on the wire: payload, checksum, one byte of COBS, delimiter"""
-WIRE_BYTES_MAX = max(WIRE_BYTES.values())
+WIRE_BYTES_MAX = RECEIVE_MOST + CHECK_BYTES + 2
 
 
 def pack(frame: Frame) -> bytes:
@@ -56,11 +58,17 @@ def pack(frame: Frame) -> bytes:
 
 
 def unpack(payload: bytes) -> Frame | None:
-    """Frame of a payload; None when its type is unknown or its length is wrong for the type."""
+    """Frame of a payload; None when its type is unknown or it is too short for its type.
+
+    A longer frame comes from a later firmware: the rest is ignored. A hello of version 1 has zeros
+    in the fields that it lacks.
+    """
     kind = OF_TYPE.get(payload[0] & (1 << TYPE_BITS) - 1)
-    if kind is None or len(payload) != _LAYOUTS[kind].size:
+    if kind is None:
         return None
-    _, layout, repeated, _ = _LAYOUTS[kind]
+    _, layout, repeated, size = _LAYOUTS[kind]
+    if len(payload) < VERSION_1_BYTES.get(kind, size):
+        return None
     bits = int.from_bytes(payload, "little")
     values = [(bits >> shift & mask ^ sign) - sign for shift, mask, sign in layout]
     if repeated:
@@ -88,7 +96,11 @@ def checksum(payload: bytes) -> int:
 
 def encode(frame: Frame) -> bytes:
     """Bytes of a frame on the wire."""
-    payload = pack(frame)
+    return encode_payload(pack(frame))
+
+
+def encode_payload(payload: bytes) -> bytes:
+    """Bytes of a payload on the wire: with checksum, stuffed, delimited."""
     stuffed: bytes = cobs.encode(payload + checksum(payload).to_bytes(CHECK_BYTES, "big"))
     return stuffed + DELIMITER
 

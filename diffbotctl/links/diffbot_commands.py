@@ -10,6 +10,7 @@ from math import isfinite
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
+from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
 from diffbotctl.links.diffbot_frames import ActionCode, ModeCode
 from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, Telemetry
 from diffbotctl.messages import Duty, Stop, Wheels
@@ -23,22 +24,25 @@ INT16_MAX = (1 << 15) - 1
 DRIVING_MODES = (ModeCode.SPEED, ModeCode.DUTY)
 # Stop code and cause of the modes in which the board itself holds the robot.
 HOLDS = {
-    ModeCode.FAULT: ("wheel_fault", "a motor had power and its encoder gave no edges: {wheels}"),
+    ModeCode.FAULT: ("wheel_fault", "{fault}"),
+    ModeCode.BATTERY: ("battery_low", BATTERY_CAUSE),
     ModeCode.OVERRULED: ("overruled", "another program or port stopped the robot"),
-    ModeCode.BUTTON: ("stop_button", "the stop button is pressed"),
+    ModeCode.BUTTON: ("stop_button", BUTTON_CAUSE),
 }
 
 
 class CommandSender:
     """Selects the next command, stop or action frame. All times are ns.
 
-    `confirmed` is True when telemetry has shown the last stop. `faulty_wheels` names the wheels
-    whose encoders gave no edges, for the cause of a hold.
+    `confirmed` is True when telemetry has shown the last stop. `flags` are the board's newest, for
+    the cause of a hold.
     """
 
     def __init__(self, deadman: int, telemetry: Telemetry) -> None:
         """`deadman`: ns without a command after which the board stops the motors."""
-        self.faulty_wheels = ""
+        self.flags = 0
+        self.battery = ""
+        """the last voltage, for the cause of a hold"""
         self._deadman = deadman
         self._telemetry = telemetry
         self._sequence = 0
@@ -54,7 +58,7 @@ class CommandSender:
         self._claimed_at = now
         self._commanded_at = -NEVER
         self._actions: list[frames.ActionFrame] = []
-        self._clear_fault = False  # clear the wheel fault before the next stop
+        self._clear_fault = False  # clear the hold before the next stop
         self._drop_command()
 
     # --- requests ---
@@ -171,11 +175,12 @@ class CommandSender:
             return Stop(now, "", "", False)
         self._drop_command()
         code, cause = HOLDS[hold]
-        return Stop(now, code, cause.format(wheels=self.faulty_wheels or "see its wiring"), True)
+        cause = cause.format(fault=wheel_fault_cause(self.flags), volts=self.battery)
+        return Stop(now, code, cause, True)
 
     def _release(self, now: int) -> None:
         """A command during a hold is the operator's consent to end it: claim the commands again."""
-        self._clear_fault = self._hold is ModeCode.FAULT
+        self._clear_fault = self._hold in (ModeCode.FAULT, ModeCode.BATTERY)
         self._hold = None
         self.claim(now)
 

@@ -4,7 +4,7 @@
 from enum import IntEnum
 from typing import Annotated, NamedTuple, Self
 
-VERSION = 1
+VERSION = 2
 CHECK_POLYNOMIAL = 0x5D6DCB
 CHECK_START = 0xFEDCBA
 CHECK_BYTES = 3
@@ -13,8 +13,8 @@ TICK_NANOSECONDS = 64000  # unit of board time in frames and of edge ages
 SPEED_ONE = 256  # 1 rad/s in frames
 DUTY_ONE = 32767  # full duty in a `duty` frame
 GAIN_ONE = 32768  # full duty in the gains: duty, duty per rad/s
-INTEGRAL_ONE = 83886  # a gain of 1 duty per rad: 65536 * 32768 / 256 a second / 100 periods
-GAIN_MAXIMUM = 24576  # of every gain: 0.75 duty, or duty per rad/s; 0.29 duty per rad
+INTEGRAL_ONE = 5243  # a gain of 1 duty per rad: 16 * 32768 / 100 periods a second
+GAIN_MAXIMUM = 24576  # of every gain: 0.75 duty, or duty per rad/s; 4.69 duty per rad
 COMMAND_AGE_NANOSECONDS = 128000  # unit of a command's age
 AGE_NONE = 65535  # no edge yet, or its age does not fit
 COMMAND_AGE_NONE = 4095  # the age of the command does not fit
@@ -25,11 +25,16 @@ DEADMAN_MINIMUM = 100  # ms
 DEADMAN_MAXIMUM = 500  # ms
 TELEMETRY_MAXIMUM = 100  # Hz
 GLITCH_MAXIMUM = 50000  # us; at 20 slots and 100 rpm one slot lasts 15 ms
+GLITCH_MINIMUM = 50  # us; a shorter time means no filter, since an interrupt takes 15
 SLOTS_MAXIMUM = 10000  # counts per turn; ten times those of a hobby encoder
 FLAG_STORED = 16  # the settings are stored in the EEPROM
 FLAG_BUTTON = 32  # the stop button is pressed
-FLAG_LEFT_FAULT = 64  # the left motor was driven and its encoder gave no edges
-FLAG_RIGHT_FAULT = 128  # the same on the right
+FLAG_LEFT_STALL = 64  # the left motor was driven and its encoder gave no edges
+FLAG_RIGHT_STALL = 128  # the same on the right
+FLAG_LEFT_STORM = 256  # the pin of the left encoder changes faster than a wheel can turn
+FLAG_RIGHT_STORM = 512  # the same on the right
+FLAG_BATTERY = 1024  # the battery is below battery_low
+RECEIVE_MOST = 96  # bytes of the longest payload that a board of this version takes
 CAPTURE_EDGES = 8  # edges in one capture frame
 CAPTURE_TIME = 16383  # mask of the time in an edge
 
@@ -72,9 +77,10 @@ class ModeCode(ProtocolCode):
     SPEED = 2, "the wheel-speed loop runs"
     DUTY = 3, "raw duty"
     EXPIRED = 4, "stopped by the dead-man timeout: no valid command in time"
-    FAULT = 5, "a motor had power and its encoder gave no edges"
+    FAULT = 5, "a wheel fault, of which the bits FLAG_... tell more"
     OVERRULED = 6, "another link stopped it"
     BUTTON = 7, "the stop button is pressed"
+    BATTERY = 8, "stopped for a low battery"
 
 
 class ResetCode(ProtocolCode):
@@ -100,6 +106,7 @@ class RefusalCode(ProtocolCode):
     PIN_TWICE = 7, "the pin is used twice"
     RANGE = 8, "the value is out of range"
     OWNED = 9, "another link owns the commands"
+    UNKNOWN = 10, "the firmware does not know this value"
 
 
 class ItemCode(ProtocolCode):
@@ -121,7 +128,7 @@ class ActionCode(ProtocolCode):
     """Codes of `action`."""
 
     LIGHT = 0, "LED: 0 off, 1 on, 2 toggle"
-    CLEAR = 1, "clear a wheel fault"
+    CLEAR = 1, "clear a wheel fault, or the stop for a low battery"
     CAPTURE = 2, "raw edges: 0 off, 1 on"
 
 
@@ -130,6 +137,30 @@ class BoardCode(ProtocolCode):
 
     UNKNOWN = 0
     MEGA2560 = 1, "Arduino Mega 2560"
+    ATMEGA328P = 2, "Arduino Uno or Nano"
+
+
+class CapabilityCode(ProtocolCode):
+    """Codes of `capability`."""
+
+    EDGE_TIMES = 0, "state frames with edge ages"
+    CAPTURE = 1, "raw edges"
+    STORMS = 2, "detects encoder pins that change too fast"
+    BATTERY_STOP = 3, "stops for a low battery"
+    QUADRATURE = 4, "encoders with two channels"
+    ENABLE_IN1_IN2 = 8, "motor driver with an enable input and two direction inputs, as an L298N"
+    ENABLE_DIRECTION = 9, "with a PWM input and one direction input, as a DRV8838"
+    TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
+    STANDBY = 11, "standby input of the motor driver, as a TB6612 has"
+    ANALOG_RANGE = 16, "distance sensor with a voltage, as a Sharp"
+
+
+class DriverCode(ProtocolCode):
+    """Codes of `driver`."""
+
+    ENABLE_IN1_IN2 = 0, "enable with PWM, in1, in2"
+    ENABLE_DIRECTION = 1, "enable with PWM; in1 is the direction, in2 none"
+    TWO_PWM = 2, "in1 and in2 with PWM, enable none"
 
 
 class EdgeCode(ProtocolCode):
@@ -199,6 +230,7 @@ class SettingsFrame(NamedTuple):
     button_high: Uint1  # pressed is high (a normally closed contact to ground)
     reserved: Uint2  # zero
     baud: Uint8  # of UART1
+    driver: Uint8  # code
     left_enable: Uint8  # pin with PWM
     left_in1: Uint8  # pin
     left_in2: Uint8  # pin
@@ -213,15 +245,20 @@ class SettingsFrame(NamedTuple):
     range: Uint8  # analog channel (A0 is 0), or none
     battery: Uint8  # analog channel, or none
     telemetry: Uint16  # Hz
-    slots: Uint16  # counts per turn of the wheel
+    left_slots: Uint16  # counts per turn of the wheel
+    right_slots: Uint16  # counts per turn of the wheel
     glitch: Uint16  # us that a level must last for the edge at its end to count
     deadman: Uint16  # ms
+    battery_low: Uint16  # analog reading below which the battery is low; 0: never
     left_start: Uint16  # duty that just moves the wheel, 1/32768
     left_gain: Uint16  # duty per rad/s, 1/32768
+    left_proportional: Uint16  # duty per rad/s of error, 1/32768
+    left_integral: Uint16  # duty per rad of error, 1/INTEGRAL_ONE
     right_start: Uint16  # duty that just moves the wheel, 1/32768
     right_gain: Uint16  # duty per rad/s, 1/32768
-    proportional: Uint16  # duty per rad/s of error, 1/32768
-    integral: Uint16  # duty per rad of error, 1/INTEGRAL_ONE
+    right_proportional: Uint16  # duty per rad/s of error, 1/32768
+    right_integral: Uint16  # duty per rad of error, 1/INTEGRAL_ONE
+    standby: Uint8  # pin of the standby input, counted from 1; 0: none
 
 
 class StateFrame(NamedTuple):
@@ -266,7 +303,7 @@ class StatusFrame(NamedTuple):
 
 
 class HelloFrame(NamedTuple):
-    """Identity of the board and its state."""
+    """Identity of the board and its state; to a host of version 1, as long as in that version."""
 
     boot: Uint4  # changes at each restart
     version: Uint8  # of the protocol
@@ -278,6 +315,9 @@ class HelloFrame(NamedTuple):
     mode: Uint4  # code
     uart: Uint8  # UART that sends this frame
     settings: Uint32  # checksum of the settings in use, 0: none
+    receive: Uint8  # bytes of the longest payload that the board takes
+    settings_size: Uint8  # bytes of the settings frame that the board knows
+    capabilities: Uint32  # bits: codes of `capability`
 
 
 class AnswerFrame(NamedTuple):
@@ -313,6 +353,10 @@ Frame = (
     | AnswerFrame
     | CaptureFrame
 )
+# Bytes of payload in version 1, where a board of that version must be understood.
+VERSION_1_BYTES: dict[type[Frame], int] = {
+    HelloFrame: 12,
+}
 OF_TYPE: dict[int, type[Frame]] = {
     1: CommandFrame,
     2: DutyFrame,

@@ -12,14 +12,16 @@ from typing import assert_never
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.board_search import (
     BaudSearch,
+    other_board,
     refused_setting,
     settings_timeout,
     wrong_version,
 )
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
-from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, RefusalCode, ResetCode
-from diffbotctl.links.diffbot_settings import FIRST_BAUD, BoardSettings, settings_name
+from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, storm_text
+from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
+from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
 from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
@@ -59,7 +61,10 @@ class DiffbotHost:
         self._settings_frame = settings.frame()
         self._settings_mark = settings.mark()
         rates = (
-            (settings.baud, FIRST_BAUD, USB_BAUD) if settings.uart else (USB_BAUD, settings.baud)
+            # The board keeps the baud rate of the settings that it was given last.
+            (settings.baud, FIRST_BAUD, USB_BAUD, *BAUDS)
+            if settings.uart or settings.shares_usb
+            else (USB_BAUD, settings.baud)
         )
         self._search = BaudSearch(rates)
         self.baud = self._search.rate
@@ -68,6 +73,7 @@ class DiffbotHost:
         self._commands = CommandSender(settings.deadman, self._telemetry)
         self._boot: int | None = None
         self._was_up = False
+        self._silence = SILENT  # why the link became stale
         self._forget_board(0)
 
     def _forget_board(self, now: int) -> None:
@@ -100,9 +106,19 @@ class DiffbotHost:
             self._search.receive(data)
         output: LinkOutput = []
         for frame in self._decoder.feed(data):
+            if self._has_unknown_mode(frame):
+                continue
             self._last_frame_at = self._quiet_until = now
             output += self._on_frame(now, frame)
         return output
+
+    def _has_unknown_mode(self, frame: frames.Frame) -> bool:
+        """True for a state that does not tell what the motors do; it counts as no frame at all."""
+        if not isinstance(frame, frames.StateFrame | frames.CountsFrame):
+            return False
+        is_unknown = ModeCode.find(frame.mode) is None
+        self._silence = f"the board reports an unknown mode, {frame.mode}" if is_unknown else SILENT
+        return is_unknown
 
     # --- commands ---
 
@@ -245,9 +261,14 @@ class DiffbotHost:
         if hello.version != frames.VERSION:
             self._search.begin(now, self.baud)  # the baud rate is right
             return self._refuse(now, HostEvent.VERSION_DIFFERS, wrong_version(hello.version))
+        if hello.board != self.settings.board:
+            self._search.begin(now, self.baud)
+            refusal = other_board(hello.board, self.settings.board)
+            return self._refuse(now, HostEvent.VERSION_DIFFERS, refusal)
         self._ask_at = NEVER
         restart = self._on_restart(now, hello) if self._boot not in (None, hello.boot) else ""
         self._boot, self.hello = hello.boot, hello
+        self._settings_mark = self.settings.mark(hello.settings_size)
         if hello.settings == self._settings_mark:
             self._settings_at = NEVER
             return self._link_up(now, hello, restart)
@@ -279,7 +300,8 @@ class DiffbotHost:
         if refusal is RefusalCode.NONE and answer.settings == self._settings_mark:
             self._settings_at = NEVER
             self.hello = hello._replace(settings=answer.settings)
-            self._change_baud(self.settings.baud if hello.uart else USB_BAUD)
+            has_rate = hello.uart or self.settings.shares_usb
+            self._change_baud(self.settings.baud if has_rate else USB_BAUD)
             return self._link_up(now, self.hello)
         if refusal in (RefusalCode.MOVING, RefusalCode.OWNED):
             cause = f"settings wait: {refusal.meaning}"
@@ -307,19 +329,25 @@ class DiffbotHost:
     def _on_status(self, now: int, status: frames.StatusFrame) -> LinkOutput:
         value = status.value
         if status.item == ItemCode.FLAGS:
-            flags = {"left": frames.FLAG_LEFT_FAULT, "right": frames.FLAG_RIGHT_FAULT}
-            faulty = [side for side, flag in flags.items() if value & flag]
-            self._commands.faulty_wheels = " and ".join(faulty)
-        elif status.item == ItemCode.DROPPED:
+            return self._on_flags(now, value)
+        if status.item == ItemCode.DROPPED:
             return [("link", self.link(now))]
-        elif status.item == ItemCode.BATTERY:
+        if status.item == ItemCode.BATTERY:
             return self._on_battery(now, value)
         return []
+
+    def _on_flags(self, now: int, flags: int) -> LinkOutput:
+        before, self._commands.flags = self._commands.flags, flags
+        texts = [storm_text(flags)] if storm_text(flags) != storm_text(before) else []
+        if flags & ~before & frames.FLAG_BATTERY:
+            texts.append(f"the battery is low{self._commands.battery}; {BATTERY_STOP_TEXT}")
+        return [("text", Text(now, text)) for text in texts if text]
 
     def _on_battery(self, now: int, value: int) -> LinkOutput:
         if self.settings.battery_channel is None or value == frames.ANALOG_NONE:
             return []  # no divider, or not measured yet
         volts = volts_of(value) * self.settings.battery_divider
+        self._commands.battery = f": {volts:.1f} V, below {self.settings.battery_low:g} V"
         return [("battery", Battery(now, volts, volts < self.settings.battery_low))]
 
     # --- time ---
@@ -331,11 +359,13 @@ class DiffbotHost:
         match self.state:
             case HostState.UP:
                 self._ask_at = min(self._ask_at, now)
-                return self._enter(now, HostEvent.SILENCE, "no frames from the board")
+                is_silent = self._silence == SILENT
+                cause = "no frames from the board" if is_silent else self._silence
+                return self._enter(now, HostEvent.SILENCE, cause)
             case HostState.STALE:
                 self._forget_board(now)
                 self._commands.claim(now)  # a board that comes back receives a stop first
-                self._enter(now, HostEvent.SILENCE, SILENT)
+                self._enter(now, HostEvent.SILENCE, self._silence)
                 return [("link", self.link(now)._replace(state="lost"))]
             case HostState.OPENING | HostState.SEARCHING:
                 return self._try_next_rate(now)

@@ -12,16 +12,16 @@ from diffbotctl.time import MICROSECOND, MILLISECOND
 UINT16_MAX = 0xFFFF
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before the board has settings
-REFERENCE_V = 5.0  # full scale of an analog input of a Mega 2560
+REFERENCE_V = 5.0  # full scale of an analog input
 
 
 @dataclass(frozen=True)
 class WheelSettings:
-    """One wheel's motor and encoder; pins are the board's numbers (A0 is 54 on a Mega 2560)."""
+    """One wheel's motor and encoder; pins are the board's numbers (A0 of a Mega 2560 is 54)."""
 
-    enable: int
+    enable: int | None
     in1: int
-    in2: int
+    in2: int | None
     encoder: int
     """pin of the encoder's (first) channel"""
     encoder_b: int | None = None
@@ -34,19 +34,28 @@ class WheelSettings:
     """duty that just moves the wheel, kS of the speed loop"""
     gain: float = 0.086
     """duty per rad/s above that, kV of the speed loop"""
+    proportional: float = 0.086
+    """kP, duty per rad/s of error"""
+    integral: float = 0.86
+    """kI, duty per rad of error"""
+    slots: int = 20
+    """counts per turn of the wheel"""
 
     def fields(self) -> dict[str, int]:
         """Fields of the settings frame, without the prefix `left_` or `right_`."""
         return {
             "reversed": int(self.reversed),
             "encoder_reversed": int(self.encoder_reversed),
-            "enable": self.enable,
+            "enable": _pin(self.enable),
             "in1": self.in1,
-            "in2": self.in2,
+            "in2": _pin(self.in2),
             "encoder": self.encoder,
             "encoder_b": _pin(self.encoder_b),
             "start": _gain("start", self.start),
             "gain": _gain("gain", self.gain),
+            "proportional": _gain("proportional", self.proportional),
+            "integral": _gain("integral", self.integral, frames.INTEGRAL_ONE),
+            "slots": _uint16("slots", self.slots),
         }
 
 
@@ -56,8 +65,8 @@ class BoardSettings:
 
     left: WheelSettings
     right: WheelSettings
-    slots: int = 20
-    """counts per turn of the wheel"""
+    board: frames.BoardCode = frames.BoardCode.MEGA2560
+    """the board that the pins are those of"""
     edge: str = "rising"
     """edges that count: `rising`, `falling` or `both`"""
     glitch: int = 2_000_000
@@ -68,10 +77,10 @@ class BoardSettings:
     """state frames a second"""
     edge_times: bool = True
     """whether frames carry the ages of the last edges"""
-    proportional: float = 0.0
-    """kP, duty per rad/s of error"""
-    integral: float = 0.02
-    """kI, duty per rad of error"""
+    driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2
+    """inputs of the motor driver"""
+    standby: int | None = None
+    """pin of its standby input"""
     brake: bool = False
     """brake at rest rather than coast"""
     enable_inverted: bool = False
@@ -93,7 +102,9 @@ class BoardSettings:
     uart: int = 1
     """the board's UART that the host is connected to: 0 is USB, 1 the radio module"""
     baud: int = FIRST_BAUD
-    """baud rate of UART1"""
+    """baud rate of UART1, or of the only UART"""
+    shares_usb: bool = False
+    """true when USB cable and radio module share the only UART, whose rate is `baud` then"""
 
     def frame(self) -> frames.SettingsFrame:
         """Settings frame, as it is sent and as the board stores it.
@@ -119,17 +130,29 @@ class BoardSettings:
             range=_pin(self.range_channel),
             battery=_pin(self.battery_channel),
             telemetry=_uint16("telemetry", self.telemetry),
-            slots=_uint16("slots", self.slots),
             glitch=_uint16("glitch", round(self.glitch / MICROSECOND)),
             deadman=_uint16("dead-man", round(self.deadman / MILLISECOND)),
-            proportional=_gain("proportional", self.proportional),
-            integral=_gain("integral", self.integral, frames.INTEGRAL_ONE),
+            battery_low=self._battery_low_reading(),
+            driver=self.driver,
+            standby=0 if self.standby is None else self.standby + 1,
             **wheels,
         )
 
-    def mark(self) -> int:
-        """Checksum of the settings; a board that uses them sends it in its hello."""
-        return checksum(pack(self.frame()))
+    def _battery_low_reading(self) -> int:
+        """The board's reading at `battery_low`; 0 when it is not measured."""
+        if self.battery_channel is None:
+            return 0
+        reading = self.battery_low / self.battery_divider / REFERENCE_V * frames.ANALOG_ONE
+        return min(round(reading), frames.ANALOG_ONE)
+
+    def mark(self, size: int = 0) -> int:
+        """Checksum of the settings; a board that uses them sends it in its hello.
+
+        `size`: bytes of the settings frame that the board knows, 0 for those of this version.
+        Fields that only one of both knows are zero.
+        """
+        payload = pack(self.frame())
+        return checksum(payload.ljust(size, b"\0")[:size] if size else payload)
 
 
 def settings_name(mark: int) -> str:

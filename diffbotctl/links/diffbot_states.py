@@ -26,7 +26,7 @@ class HostEvent(StrEnum):
     SETTINGS_MATCH = auto()  # the board uses the robot's settings
     SETTINGS_DIFFER = auto()  # it uses others, or none
     SETTINGS_REJECTED = auto()  # it cannot use them, or not now
-    VERSION_DIFFERS = auto()  # it uses another version of the protocol
+    VERSION_DIFFERS = auto()  # another version of the protocol, or another type of board
     FRAME = auto()  # a state frame
     SILENCE = auto()  # frames have been missing for the time that the state allows
     TIMEOUT = auto()  # the search or the settling takes too long; it goes on

@@ -9,7 +9,7 @@ one command for each frame of the board, and a command is shorter than any frame
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from diffbotctl.messages import Duty, Message, Wheels
 
@@ -36,11 +36,6 @@ def capacity(baud: int) -> float:
     """Bytes per second at the board's actual rate for `baud`: its clock divider is an integer."""
     divider = round(CRYSTAL_HZ / 8 / baud)
     return CRYSTAL_HZ / 8 / divider / BITS_PER_BYTE
-
-
-def baud_of(link: Any) -> int:
-    """Baud rate of the line that the `link` section of a robot file declares."""
-    return USB_BAUD if link.uart == 0 else int(link.baud)
 
 
 class Refusal(NamedTuple):

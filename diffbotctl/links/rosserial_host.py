@@ -13,6 +13,7 @@ from math import isfinite, nan
 
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, LinkOutput, Refusal
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
+from diffbotctl.links.rosserial_stop import StopOrder
 from diffbotctl.links.rosserial_topics import (
     FIRST_TOPIC,
     LOG,
@@ -39,6 +40,8 @@ STALE_TIMEOUT = SECOND  # without ticks; the board is asked for its topics again
 PAIR_TIMEOUT = 40 * MILLISECOND  # both ticks of one pass arrive 12.5 ms apart at 9600 baud
 STANDSTILL_TIME = 300 * MILLISECOND  # without a new count
 REPORT_PERIOD = SECOND  # of the Link message
+# A board that lost the first stops gets 20 more in this time, and its wheels coast to rest.
+MOTION_TIME = 1_500 * MILLISECOND
 VOLTAGE_MAX_V = 5.5  # a 5 V board's input at the upper end of its supply's tolerance
 RANGE_CONSTANT_V_CM = 13.0  # the sketch's centimetres are this over the volts
 LEVELS = ("debug", "information", "warning", "error", "fatal")
@@ -177,6 +180,16 @@ class RosserialHost:
         """Bytes that stop this board; empty while its topics are not known."""
         topics = self._speed_topics()
         return pair_frames(topics, 0, 0) if topics else b""
+
+    def stop_order(self) -> StopOrder | None:
+        """How another process stops this board; None while its topics are not known."""
+        ticks = [self.topics.numbers.get(name, 0) for name in self.counts]
+        frames = self.stop_frame()
+        return StopOrder(frames, *ticks) if frames else None
+
+    def may_move(self, now: int) -> bool:
+        """True when the wheels turn or will: a duty waits, or was sent in the last MOTION_TIME."""
+        return not self._stopped and self.speeds.moves_within(now, MOTION_TIME)
 
     # --- writing ---
 

@@ -48,6 +48,7 @@ class SpeedSender:
         self._sent_at = -NEVER
         self._period = 0  # index
         self._sent: deque[tuple[int, int, int]] = deque([(-NEVER, 0, 0)])
+        self._moving_sent_at = -NEVER  # when a pair other than zeros was sent last
 
     def set_target(self, now: int, left: float, right: float) -> None:
         """Set the duties to send, -1 to 1; a value that is not finite is sent as 0."""
@@ -68,10 +69,16 @@ class SpeedSender:
         left, right = self._target if moving else (0, 0)
         self._period = (self._period + 1) % len(SEND_PERIODS)
         self._sent_at = now
+        if left or right:
+            self._moving_sent_at = now
         self.due = now + (self._gap if urgent else SEND_PERIODS[self._period])
         if (left, right) != self._sent[-1][1:]:
             self._sent.append((now + self._delay, left, right))
         return pair_frames(topics, left, right)
+
+    def moves_within(self, now: int, span: int) -> bool:
+        """Whether a duty other than zero is the target, or was sent in the last `span` ns."""
+        return self._target != (0, 0) or now - self._moving_sent_at <= span
 
     def in_force(self, now: int) -> SpeedInForce:
         """Duties in force at `now`, from what was sent and when."""

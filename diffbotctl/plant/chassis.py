@@ -11,6 +11,10 @@ from diffbotctl.plant.robot_parameters import PlantParameters
 
 SLIP_STEP = 0.004  # m of travel between draws of slip: fine against an encoder pitch of 10 mm
 
+PATCH_SIZE = 0.25  # m, of the floor's patches
+# Slip on the two thirds that are smooth and the third that is rough, relative to the mean square.
+SMOOTH_FACTOR, ROUGH_FACTOR = 0.5, 1.5811
+
 
 class Pose(NamedTuple):
     """Position (m) and unwrapped heading (rad) of base_link in the frame `odom`."""
@@ -44,6 +48,7 @@ class Chassis:
     __slots__ = (
         "_left_angle",
         "_left_since_slip",
+        "_play",
         "_right_angle",
         "_right_since_slip",
         "_rng",
@@ -59,13 +64,22 @@ class Chassis:
     )
 
     def __init__(
-        self, track: float, left_radius: float, right_radius: float, slip: float, rng: Random
+        self,
+        track: float,
+        left_radius: float,
+        right_radius: float,
+        slip: float,
+        rng: Random,
+        backlash: float = 0.0,
     ) -> None:
-        """`slip`: standard deviation in m per square root of a metre of each wheel's travel."""
+        """`slip`: standard deviation in m per square root of a metre of each wheel's travel.
+
+        `backlash`: play between encoder and wheel, rad.
+        """
         self.track, self.left_radius, self.right_radius = track, left_radius, right_radius
         self.x = self.y = self.heading = 0.0
         self.travel = self.turned = 0.0
-        self._slip, self._rng = slip, rng
+        self._slip, self._rng, self._play = slip, rng, 0.5 * backlash
         self._left_angle = self._right_angle = 0.0
         self._left_since_slip = self._right_since_slip = 0.0
 
@@ -75,7 +89,10 @@ class Chassis:
         return Pose(self.x, self.y, self.heading)
 
     def roll(self, left_angle: float, right_angle: float) -> None:
-        """Move on to these wheel angles (rad since the start)."""
+        """Move on to these angles of the encoders' shafts (rad since the start)."""
+        if self._play:
+            left_angle = self._behind_play(self._left_angle, left_angle)
+            right_angle = self._behind_play(self._right_angle, right_angle)
         if left_angle == self._left_angle and right_angle == self._right_angle:
             return
         left = (left_angle - self._left_angle) * self.left_radius
@@ -90,6 +107,14 @@ class Chassis:
             if self._right_since_slip > SLIP_STEP:
                 right += self._draw_slip(self._right_since_slip)
                 self._right_since_slip = 0.0
+        self._move(left, right)
+
+    def _behind_play(self, wheel: float, shaft: float) -> float:
+        """The angle of a wheel that stands at `wheel` when its shaft turns to `shaft`."""
+        return min(max(wheel, shaft - self._play), shaft + self._play)
+
+    def _move(self, left: float, right: float) -> None:
+        """Move by an arc, from the distances that the wheels roll."""
         distance = 0.5 * (left + right)
         turn = (right - left) / self.track
         half = 0.5 * turn
@@ -106,6 +131,43 @@ class Chassis:
         return self._rng.gauss(0.0, self._slip * sqrt(travel))
 
 
+class PatchedFloorChassis(Chassis):
+    """A chassis on a floor with smooth and rough patches, moved along chords.
+
+    A wheel slips much less on the one than on the other; over a long way the standard deviation is
+    that of `slip`.
+    """
+
+    __slots__ = ("_seed",)
+
+    def __init__(
+        self,
+        track: float,
+        left_radius: float,
+        right_radius: float,
+        slip: float,
+        rng: Random,
+        backlash: float = 0.0,
+    ) -> None:
+        super().__init__(track, left_radius, right_radius, slip, rng, backlash)
+        self._seed = rng.getrandbits(16)
+
+    def _move(self, left: float, right: float) -> None:
+        turn = (right - left) / self.track
+        distance, middle = 0.5 * (left + right), self.heading + 0.5 * turn
+        self.x += distance * cos(middle)
+        self.y += distance * sin(middle)
+        self.heading += turn
+        self.travel += abs(distance)
+        self.turned += abs(turn)
+
+    def _draw_slip(self, travel: float) -> float:
+        row, column = int(self.x // PATCH_SIZE), int(self.y // PATCH_SIZE)
+        is_rough = (row * 7919 + column * 104729 + self._seed) % 3 == 0
+        factor = ROUGH_FACTOR if is_rough else SMOOTH_FACTOR
+        return factor * super()._draw_slip(travel)
+
+
 def draw_chassis(parameters: PlantParameters, simulation: Simulation, rng: Random) -> Chassis:
     """Wheels and axle with their true lengths."""
     truth = simulation.geometry
@@ -114,4 +176,6 @@ def draw_chassis(parameters: PlantParameters, simulation: Simulation, rng: Rando
         0.5 * diameter * (1.0 + rng.uniform(-1.0, 1.0) * truth.diameter_spread)
         for diameter in (parameters.left_diameter, parameters.right_diameter)
     ]
-    return Chassis(track, radii[0], radii[1], simulation.slip, Random(rng.getrandbits(64)))
+    chassis = Chassis if simulation.equations == "exponential" else PatchedFloorChassis
+    own_rng, backlash = Random(rng.getrandbits(64)), simulation.motor.backlash
+    return chassis(track, radii[0], radii[1], simulation.slip, own_rng, backlash)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import cos, hypot, inf, sin
 from typing import NamedTuple
 
+from diffbotctl.geometry.footprint import distance_to_segment
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.world import Wall, World
 
@@ -52,7 +53,7 @@ def clearance(outline: BodyOutline, pose: Pose, world: World, within: float = in
         distance = outline.to_point(x * c + y * s, y * c - x * s) - pillar.radius
         nearest = min(nearest, max(distance, 0.0))
     for wall in world.walls:
-        if to_segment((pose.x, pose.y), wall) - reach >= nearest:
+        if distance_to_segment(pose.x, pose.y, *wall) - reach >= nearest:
             continue
         x1, y1, x2, y2 = wall.x1 - pose.x, wall.y1 - pose.y, wall.x2 - pose.x, wall.y2 - pose.y
         in_base = Wall(x1 * c + y1 * s, y1 * c - x1 * s, x2 * c + y2 * s, y2 * c - x2 * s)
@@ -65,7 +66,7 @@ def to_wall(outline: BodyOutline, wall: Wall) -> float:
     if crosses(outline, wall):
         return 0.0
     ends = min(outline.to_point(wall.x1, wall.y1), outline.to_point(wall.x2, wall.y2))
-    return min(ends, *(to_segment(corner, wall) for corner in outline.corners))
+    return min(ends, *(distance_to_segment(*corner, *wall) for corner in outline.corners))
 
 
 def crosses(outline: BodyOutline, wall: Wall) -> bool:
@@ -86,13 +87,3 @@ def crosses(outline: BodyOutline, wall: Wall) -> bool:
         else:
             last = min(last, margin / step)
     return first <= last
-
-
-def to_segment(point: Point, wall: Wall) -> float:
-    """Distance from a point to a wall."""
-    along_x, along_y = wall.x2 - wall.x1, wall.y2 - wall.y1
-    from_x, from_y = point[0] - wall.x1, point[1] - wall.y1
-    length_squared = along_x * along_x + along_y * along_y
-    ratio = (from_x * along_x + from_y * along_y) / length_squared if length_squared else 0.0
-    ratio = min(max(ratio, 0.0), 1.0)
-    return hypot(from_x - ratio * along_x, from_y - ratio * along_y)

@@ -1,16 +1,18 @@
 """The components of a simulated robot, drawn at random about what the robot file states."""
 
-from __future__ import annotations
-
 from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.simulation import Simulation
 from diffbotctl.model.laser_scanners import LASER_SCANNERS
+from diffbotctl.plant.battery import RecoveringBattery, SimulatedBattery
 from diffbotctl.plant.chassis import Chassis, draw_chassis
+from diffbotctl.plant.drive_train import DriveTrain, ExponentialDrive
+from diffbotctl.plant.encoder_disc import EncoderDisc, draw_disc, draw_eccentric
 from diffbotctl.plant.range_sensors import RangeSensors, draw_scanners, draw_sharps
 from diffbotctl.plant.robot_parameters import PlantParameters
-from diffbotctl.plant.wheel import EncoderDisc, MotorModel, WheelModel, draw_disc, draw_motors
+from diffbotctl.plant.torque_drive import TorqueDrive, TorqueWheel, draw_setup, draw_torque_motor
+from diffbotctl.plant.wheel import MotorModel, WheelModel, draw_motors
 from diffbotctl.plant.world import World
 
 OVERHEAD_CAMERA = "overhead_camera"
@@ -22,7 +24,8 @@ class PlantComponents(NamedTuple):
     motors: tuple[MotorModel, MotorModel]
     discs: tuple[EncoderDisc, ...]
     chassis: Chassis
-    wheels: tuple[WheelModel, ...]
+    drive: DriveTrain
+    battery: SimulatedBattery
     sensors: RangeSensors
     cameras: tuple[str, ...]  # names of the overhead cameras
     board_rng: Random
@@ -33,8 +36,9 @@ def draw_components(
 ) -> PlantComponents:
     """Draw all components. The order of the draws defines which robot a seed stands for."""
     motors = draw_motors(parameters.rated, simulation.motor, rng)
-    slots = simulation.encoder.slots or parameters.disc or parameters.slots
-    discs = tuple(draw_disc(simulation.encoder, slots, rng) for _ in range(2))
+    built = simulation.encoder.slots
+    slots = (built, built) if built else parameters.disc or parameters.slots
+    discs = tuple(draw_disc(simulation.encoder, count, rng) for count in slots)
     chassis = draw_chassis(parameters, simulation, rng)
     sharps = [
         sensor
@@ -44,18 +48,48 @@ def draw_components(
     drawn_sharps = draw_sharps(sharps, simulation.sensors, rng)
     # Own generators for what happens often: the draws of one wheel do not change the other's.
     seeds = [rng.getrandbits(64) for _ in range(3)]
-    wheels = tuple(
-        WheelModel(motor, disc, Random(seed), falling=parameters.falling)
-        for motor, disc, seed in zip(motors, discs, seeds, strict=False)
-    )
+    if simulation.equations == "torque":
+        discs = tuple(
+            draw_eccentric(disc, simulation.encoder.slot_spread, Random(seeds[0])) for disc in discs
+        )
+    battery, drive = _draw_drive(parameters, simulation, motors, discs, chassis, seeds)
     scanners = draw_scanners(parameters.sensors, simulation.sensors, rng)
     cameras = (sensor.name for sensor in parameters.sensors if sensor.kind == OVERHEAD_CAMERA)
     return PlantComponents(
         motors,
         discs,
         chassis,
-        wheels,
+        drive,
+        battery,
         RangeSensors(world, drawn_sharps, scanners),
         tuple(cameras),
         Random(seeds[2]),
     )
+
+
+def _draw_drive(
+    parameters: PlantParameters,
+    simulation: Simulation,
+    motors: tuple[MotorModel, MotorModel],
+    discs: tuple[EncoderDisc, ...],
+    chassis: Chassis,
+    seeds: list[int],
+) -> tuple[SimulatedBattery, DriveTrain]:
+    """Battery and wheels, with the equations of `simulation`. `seeds`: left, right, both."""
+    falling = parameters.falling
+    if simulation.equations == "exponential":
+        return SimulatedBattery(simulation.battery, parameters.full), ExponentialDrive(
+            tuple(
+                WheelModel(motor, disc, Random(seed), falling=falling)
+                for motor, disc, seed in zip(motors, discs, seeds, strict=False)
+            )
+        )
+    battery = RecoveringBattery(simulation.battery, parameters.full)
+    rng = Random(seeds[2] ^ 1)
+    radii = (chassis.left_radius, chassis.right_radius)
+    setup = draw_setup(radii, chassis.track, parameters.brakes, rng)
+    left, right = (
+        TorqueWheel(draw_torque_motor(motor, rng), disc, Random(seed), falling)
+        for motor, disc, seed in zip(motors, discs, seeds, strict=False)
+    )
+    return battery, TorqueDrive((left, right), setup, battery)

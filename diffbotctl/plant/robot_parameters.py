@@ -1,7 +1,5 @@
 """The parameters of a plant, from the robot file."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
@@ -9,6 +7,8 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
 from diffbotctl.plant.simulated_board import BoardKind
 from diffbotctl.time import SECOND
+
+USUAL_BATTERY = 7.6  # V; two charged lithium cells under a light load
 
 
 class MountedSensor(NamedTuple):
@@ -31,8 +31,8 @@ class PlantParameters(NamedTuple):
     track: float  # m
     left_diameter: float  # m
     right_diameter: float  # m
-    rated: float  # rad/s at full duty
-    slots: int
+    rated: tuple[float, float]  # rad/s at full duty, left and right
+    slots: tuple[int, int]  # left and right
     glitch: int  # ns
     deadman: int  # ns
     gains: tuple[SpeedGains, SpeedGains]  # of the board's speed loops, left and right
@@ -40,7 +40,7 @@ class PlantParameters(NamedTuple):
     sensors: tuple[MountedSensor, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
     period: int | None = None  # ns between two frames; None: that of the kind of board
-    disc: int = 0  # nominal slots of the discs; 0: as many as `slots`
+    disc: tuple[int, int] | None = None  # nominal slots of the discs; None: as many as `slots`
     # Outputs of the motor driver, and sockets of the encoders, that the board uses for left and
     # right; 0 is the one built for the left side, 1 for the right.
     channels: tuple[int, int] = (0, 1)
@@ -48,6 +48,9 @@ class PlantParameters(NamedTuple):
     divider: float | None = None  # factor for the board's readings; None: no pin
     built_divider: float = 1.0  # nominal
     low: float = 0.0  # V
+    full: float = USUAL_BATTERY  # V; nominal, at which the motors reach their rated speed
+    brakes: bool = False  # the motors' windings are shorted at duty 0
+    has_button: bool = False  # a stop button is connected to the board
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -72,24 +75,28 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         track=built.track,
         left_diameter=built.left.wheel.diameter,
         right_diameter=built.right.wheel.diameter,
-        rated=built.left.motor.rated,
-        slots=left.encoder.slots,
+        rated=(built.left.motor.rated, built.right.motor.rated),
+        slots=(left.encoder.slots, right.encoder.slots),
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         gains=(speed_gains(left.motor), speed_gains(right.motor)),
         reversed=(left.motor.reversed, right.motor.reversed),
-        # A real board has its own period; one that exists in the simulator alone has the file's.
-        period=round(SECOND / board.telemetry) if board.type == SIMULATED else None,
+        period=round(SECOND / board.telemetry),
         falling=left.encoder.edge == "falling",
         sensors=tuple(
             MountedSensor(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
             for name, sensor in robot.sensors.items()
         ),
-        disc=built.left.encoder.slots,
+        disc=(built.left.encoder.slots, built.right.encoder.slots),
         divider=None if battery.pin is None else battery.divider or 1.0,
         built_divider=nominal.battery.divider or 1.0,
         low=battery.low,
-        channels=_assignment(*(side.motor.enable for side in (left, built.left, built.right))),
+        full=nominal.battery.full or USUAL_BATTERY,
+        brakes=left.motor.idle == "brake",
+        has_button=board.stop_button is not None,
+        channels=_assignment(
+            *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
+        ),
         sockets=_assignment(*(side.encoder.pin for side in (left, built.left, built.right))),
     )
 

@@ -5,13 +5,12 @@
 the time of each wheel's last edge. All times are logical nanoseconds.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from random import Random
 from typing import Literal, NamedTuple
 
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
+from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import NEVER
@@ -20,6 +19,8 @@ COMMAND_WIRE_TIME = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's div
 RADIO_DELAY = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a count loop
 JITTER_MAX_SD = 2  # standard deviations of the arrival; keeps frames in order
 
+
+STALL_FLAGS = (frames.FLAG_LEFT_STALL, frames.FLAG_RIGHT_STALL)
 
 BoardKind = Literal["stock", "counts", "edges", "simulated"]
 
@@ -97,7 +98,7 @@ class BoardSide:
             self.is_duty = command.is_duty
             loop.command(command.time, 0.0)  # a command of the other kind begins from rest
         if self.is_duty:
-            loop.set_duty(command.time, command.value)
+            loop.set_duty(command.value)
         else:
             loop.command(command.time, command.value)
         self.direction = loop.direction
@@ -107,30 +108,35 @@ class BoardSide:
 class SimulatedBoard:
     """Both sides of a board, its link and its dead-man's stop.
 
-    `due` is when something next happens on the board; `serve` makes it happen.
+    `due` is when something next happens on the board; `serve` makes it happen. `fault_flags` are
+    the bits FLAG_... of a wheel fault, which holds the motors off until `clear_fault`. The stop
+    button holds them off while it is pressed.
     """
 
     def __init__(
         self,
         model: BoardModel,
         gains: tuple[SpeedGains, SpeedGains],
-        slots: int,
+        slots: tuple[int, int],
         glitch: int,
         deadman: int,
         rng: Random,
         boot: int = 0,
         now: int = 0,
     ) -> None:
-        """`glitch`, `deadman` in ns; `gains` left and right; started at `now`."""
+        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; started at `now`."""
         self.model = model
         self.boot = boot
+        self.fault_flags = 0
+        self.button_pressed = False
         self._glitch, self._deadman, self._rng = glitch, deadman, rng
         self.sides = tuple(
-            BoardSide(WheelSpeedLoop(gain, slots) if model.has_speed_loop else None)
-            for gain in gains
+            BoardSide(WheelSpeedLoop(gain, count) if model.has_speed_loop else None)
+            for gain, count in zip(gains, slots, strict=True)
         )
         self._deadman_due = NEVER
         self._loop_due = (now // LOOP_PERIOD + 1) * LOOP_PERIOD if model.has_speed_loop else NEVER
+        # Commands that the driver of a stock board assumes: (ns, left, right).
         self._sent: deque[tuple[int, float, float]] = deque([(-NEVER, 0.0, 0.0)])
         self.due = self._loop_due
 
@@ -143,7 +149,8 @@ class SimulatedBoard:
         if not is_duty and not self.model.has_speed_loop:
             raise TypeError(f"this board does not take {type(command).__name__}")
         arrival, spread = now + self.model.command_delay, self.model.command_spread
-        self._sent.append((arrival, command.left, command.right))
+        if not self.model.has_speed_loop:
+            self._sent.append((arrival, command.left, command.right))
         for side, value in zip(self.sides, (command.left, command.right), strict=True):
             time = arrival + (self._rng.randint(-spread, spread) if spread else 0)
             if side.pending:
@@ -151,11 +158,26 @@ class SimulatedBoard:
             side.pending.append(PendingCommand(time, value, is_duty))
         self._update_due()
 
+    def press(self, now: int, pressed: bool) -> None:
+        """Press or release the stop button. The published firmware knows none."""
+        self.button_pressed = pressed and self.model.has_speed_loop
+        if self.button_pressed:
+            for side in self.sides:
+                self._apply(side, PendingCommand(now, 0.0, side.is_duty))
+
+    def clear_fault(self) -> None:
+        """End a wheel fault; the motors stay off until the next command."""
+        self.fault_flags = 0
+        for side in self.sides:
+            if side.loop is not None:
+                side.loop.clear_fault()
+
     def serve(self, now: int) -> None:
         """Let everything happen that is due at `now`."""
         for side in self.sides:
-            while side.pending and side.pending[0].time <= now:
-                self._receive(side, side.pending.popleft())
+            pending = side.pending
+            while pending and pending[0].time <= now:
+                self._receive(side, pending.popleft())
         if now >= self._deadman_due:
             self._deadman_due = NEVER
             for side in self.sides:
@@ -180,7 +202,9 @@ class SimulatedBoard:
             return self._stock_sample(now)
         left, right = self.sides
         times = self.model.edge_times
-        since = [side.command_time for side in self.sides if side.command_time is not None]
+        since = left.command_time
+        if since is None or (right.command_time is not None and right.command_time > since):
+            since = right.command_time
         return Encoders(
             now,
             left.count,
@@ -190,7 +214,7 @@ class SimulatedBoard:
             left.command,
             right.command,
             "duty" if left.is_duty else "wheels",
-            max(since) if since and times else None,
+            since if times else None,
             self.boot,
         )
 
@@ -206,8 +230,13 @@ class SimulatedBoard:
     def _receive(self, side: BoardSide, command: PendingCommand) -> None:
         """Restart the dead-man's time; a command equal to the one in force changes nothing else."""
         self._deadman_due = command.time + self._deadman if self.model.has_speed_loop else NEVER
-        in_force = (side.command, side.is_duty)
-        if in_force != (command.value, command.is_duty) or side.command_time is None:
+        if self.fault_flags or self.button_pressed:
+            return
+        if (
+            side.command != command.value
+            or side.is_duty is not command.is_duty
+            or side.command_time is None
+        ):
             self._apply(side, command)
 
     def _apply(self, side: BoardSide, command: PendingCommand) -> None:
@@ -218,21 +247,24 @@ class SimulatedBoard:
     def _run_loops(self, now: int) -> None:
         """Run the speed loops, and not again before a command comes if they have come to rest."""
         at_rest = True
-        for side in self.sides:
+        for side, flag in zip(self.sides, STALL_FLAGS, strict=True):
             loop = side.loop
             if loop is None:
                 continue
-            if side.is_duty:
-                at_rest = at_rest and not loop.check_stall(now, side.duty)
-                side.duty = loop.duty
-            else:
-                side.duty = loop.tick(now)
-                at_rest = at_rest and loop.is_at_rest
+            side.duty = loop.tick_duty() if side.is_duty else loop.tick(now)
+            at_rest = at_rest and loop.is_at_rest
+            if loop.fault and not self.fault_flags:  # the first one ends the drive, as on the board
+                self.fault_flags = flag
+        if self.fault_flags:
+            for side in self.sides:
+                self._apply(side, PendingCommand(now, 0.0, side.is_duty))
+            at_rest = True
         self._loop_due = NEVER if at_rest else now + LOOP_PERIOD
 
     def _update_due(self) -> None:
         due = self._loop_due if self._loop_due < self._deadman_due else self._deadman_due
         for side in self.sides:
-            if side.pending and side.pending[0].time < due:
-                due = side.pending[0].time
+            pending = side.pending
+            if pending and pending[0].time < due:
+                due = pending[0].time
         self.due = due

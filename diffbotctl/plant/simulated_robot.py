@@ -1,7 +1,5 @@
 """A whole simulated robot: wheels, chassis, sensors, a board and its link, in virtual time."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from random import Random
@@ -10,12 +8,15 @@ from typing import NamedTuple
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.simulation import Simulation
 from diffbotctl.messages import Battery, Duty, Message, Odometry, Volts, Wheels
+from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.components import draw_components
+from diffbotctl.plant.disturbances import DisturbanceSchedule
+from diffbotctl.plant.drive_train import Wheel
+from diffbotctl.plant.encoder_disc import LevelChange
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
-from diffbotctl.plant.wheel import LevelChange
-from diffbotctl.plant.wiring import PlantWiring, SimulatedBattery, read_analog
+from diffbotctl.plant.wiring import PlantWiring
 from diffbotctl.plant.world import World
 
 NO_COVARIANCE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of a pose that is known exactly
@@ -66,16 +67,18 @@ class SimulatedRobot:
         model = BOARD_MODELS[kind]
         if parameters.period is not None:
             model = model._replace(period=parameters.period)
-        self._model, self._rng, self._simulation = model, rng, simulation
+        self._model, self._rng, self.simulation = model, rng, simulation
         self.parameters = parameters
         self.now = 0
         self._start = start or _start_pose(simulation)
         components = draw_components(parameters, simulation, rng, world or World())
         self.motors, self.discs = components.motors, components.discs
-        self.chassis, self.wheels = components.chassis, components.wheels
+        self.chassis, self.drive = components.chassis, components.drive
         self._sensors, self._cameras = components.sensors, components.cameras
         self._board_rng = components.board_rng
-        self._battery = SimulatedBattery(simulation.battery)
+        self._battery = components.battery
+        self._disturbances = DisturbanceSchedule(simulation.disturbances)
+        self.button_pressed = False
         self.board = self._new_board(0)
         self._wiring = PlantWiring(simulation.wiring, parameters, rng)
         self._motor_duties = (0.0, 0.0)
@@ -87,11 +90,17 @@ class SimulatedRobot:
         self._next_frame = model.period
         self._arriving: deque[tuple[int, str, Message]] = deque()
 
+    @property
+    def wheels(self) -> Sequence[Wheel]:
+        """The left and the right wheel."""
+        return self.drive.wheels
+
     def restart_board(self, parameters: PlantParameters) -> None:
         """Restart the board with other settings; of `parameters` only those of the board count."""
         self._turn_wheels(self.now)
         self.parameters = parameters
         self.board = self._new_board(self.board.boot + 1)
+        self.board.press(self.now, self.button_pressed)
         self._wiring.set_board(parameters)
         self._arriving.clear()
         self._update_motor_duties()
@@ -114,18 +123,15 @@ class SimulatedRobot:
         """Let time pass until `until`."""
         if until <= self.now:
             return
-        board, sensors = self.board, self._sensors
+        board, sensors, disturbances = self.board, self._sensors, self._disturbances
+        rare = min(sensors.next_sharp, sensors.next_scan, disturbances.due)
         while True:
-            at = min(
-                self._next_roll,
-                self._next_frame,
-                sensors.next_sharp,
-                sensors.next_scan,
-                board.due,
-            )
+            at = min(self._next_roll, self._next_frame, board.due, rare)
             if at > until:
                 break
             self._turn_wheels(at)
+            if at == disturbances.due:
+                self._disturb(at)
             if at == board.due:
                 board.serve(at)
                 self._update_motor_duties()
@@ -136,6 +142,8 @@ class SimulatedRobot:
                 self._measure(at)
             if at == sensors.next_scan:
                 self._scan(at)
+            if at == rare:
+                rare = min(sensors.next_sharp, sensors.next_scan, disturbances.due)
             if at == self._next_frame:
                 self._next_frame += self._model.period
                 self._send_frame(at)
@@ -177,10 +185,12 @@ class SimulatedRobot:
         Returns the changes of the encoders' pins, in order: `capture` must be on. For a board that
         is not simulated here; not to be mixed with `advance`.
         """
+        if self.now >= self._disturbances.due:
+            self._disturb(self.now)
         self._motor_duties = self._duties_of(left, right)
         changes: list[CapturedEdge] = []
-        for number, wheel in enumerate(self.wheels):
-            wheel.advance(until, self._motor_duties[number])
+        self.drive.advance(until, self._motor_duties)
+        for number in range(2):
             socket = self._wiring.socket(number)
             changes += [
                 CapturedEdge(time, socket, level)
@@ -257,14 +267,18 @@ class SimulatedRobot:
 
     def _turn_wheels(self, until: int) -> None:
         """Turn the wheels until `until`; the board counts their edges, the chassis stays."""
-        for number, wheel in enumerate(self.wheels):
-            edges = wheel.advance(until, self._motor_duties[number])
-            if edges or self._wiring.pickups or self._is_capturing:
-                self._count_edges(number, edges, until)
+        left, right = self.drive.advance(until, self._motor_duties)
+        needs_levels = self._is_capturing or bool(self._wiring.pickups)
+        if left or needs_levels:
+            self._count_edges(0, left, until, needs_levels)
+        if right or needs_levels:
+            self._count_edges(1, right, until, needs_levels)
 
-    def _count_edges(self, number: int, edges: Sequence[int], until: int) -> None:
+    def _count_edges(
+        self, number: int, edges: Sequence[int], until: int, needs_levels: bool
+    ) -> None:
         """Pass the counted `edges` of a wheel, or of its floating wire, to the board's pin."""
-        changes = self._level_changes(number, until)
+        changes = self._level_changes(number, until) if needs_levels else []
         if number in self._wiring.pickups:
             edges = [time for time, level in changes if level]
         side = self._wiring.pins[number]
@@ -302,9 +316,18 @@ class SimulatedRobot:
     def _set_pose_in_world(self, pose: Pose) -> None:
         self.chassis.x, self.chassis.y, self.chassis.heading = self._start.from_parent(pose)
 
+    def _disturb(self, now: int) -> None:
+        """Begin and end the disturbances that are due."""
+        state = self._disturbances.update(now)
+        self._battery.supply = state.supply
+        self.drive.set_drag(state.left_drag, state.right_drag)
+        self.button_pressed = state.button and self.parameters.has_button
+        self.board.press(now, self.button_pressed)
+        self._update_motor_duties()
+
     def _update_motor_duties(self) -> None:
-        left, right = (self.board.sides[side].duty for side in self.parameters.channels)
-        self._motor_duties = self._duties_of(left, right)
+        (a, b), sides = self.parameters.channels, self.board.sides
+        self._motor_duties = self._duties_of(sides[a].duty, sides[b].duty)
 
     def _duties_of(self, left: float, right: float) -> tuple[float, float]:
         """Share of the battery's rest voltage at each motor, forward positive, for the outputs."""

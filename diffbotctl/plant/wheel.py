@@ -5,22 +5,19 @@ an exponential exactly, so that neither the angle nor the time of an edge depend
 cuts time into steps. Speeds are rad/s, angles rad, times integer nanoseconds.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_right
-from collections import deque
 from collections.abc import Sequence
 from math import copysign, exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.config.simulation import EncoderTruth, MotorTruth
+from diffbotctl.config.simulation import MotorTruth
+from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
 from diffbotctl.time import NEVER, SECOND
 
 RIPPLE_STEP = 10_000_000  # ns that the ripple is held: a twentieth of its period at 100 rpm
 RIPPLE_CYCLES = 3  # per wheel turn: the last gear but one of a 1:48 box turns about so often
 REST_SPEED = 0.1  # rad/s (3 mm/s with a 65 mm wheel); below it friction holds an undriven wheel
-BOUNCE_EDGES = 3  # additional edges of a bouncing one
 CROSSING_TOLERANCE_S = 1e-10  # a tenth of the clock's nanosecond
 
 
@@ -41,31 +38,17 @@ class MotorModel(NamedTuple):
     coulomb: bool = False
 
 
-class LevelChange(NamedTuple):
-    """An encoder's pin goes to `level` (0 or 1) at `time` (ns)."""
-
-    time: int
-    level: int
-
-
-class EncoderDisc(NamedTuple):
-    """A slotted disc. `edges`: angles in one turn (rad), rising and falling alternately."""
-
-    edges: tuple[float, ...]
-    start: float  # rad; the disc's angle under the light barrier at the start
-    jitter: float  # s; standard deviation of an edge's delay
-    bounce: float = 0.0  # s; longest time that an edge bounces
-
-
-def draw_motors(rated: float, truth: MotorTruth, rng: Random) -> tuple[MotorModel, MotorModel]:
-    """The left and the right motor, of one make. `rated`: nominal speed at full duty, rad/s."""
+def draw_motors(
+    rated: tuple[float, float], truth: MotorTruth, rng: Random
+) -> tuple[MotorModel, MotorModel]:
+    """The left and the right motor. `rated`: their nominal speeds at full duty, rad/s."""
     lag = rng.uniform(*truth.lag)
     motors = []
-    for _ in range(2):
+    for nominal in rated:
         start = rng.uniform(*truth.start_duty)
         motors.append(
             MotorModel(
-                speed=rated * (1.0 + rng.uniform(-1.0, 1.0) * truth.gain_spread),
+                speed=nominal * (1.0 + rng.uniform(-1.0, 1.0) * truth.gain_spread),
                 lag=lag * (1.0 + rng.uniform(-1.0, 1.0) * truth.lag_spread),
                 start=start,
                 keep=start * truth.keep_share,
@@ -75,20 +58,6 @@ def draw_motors(rated: float, truth: MotorTruth, rng: Random) -> tuple[MotorMode
             )
         )
     return motors[0], motors[1]
-
-
-def draw_disc(truth: EncoderTruth, slots: int, rng: Random) -> EncoderDisc:
-    """Draw a disc with `slots` slots."""
-    pitch = 2 * pi / slots
-    duty = _within(rng.gauss(0.5, truth.duty_spread), 0.3, 0.7)
-    edges = []
-    for slot in range(slots):
-        # The limits keep the order of slots and bars.
-        place = slot + _within(rng.gauss(0.0, truth.slot_spread), -0.12, 0.12)
-        end = slot + duty + _within(rng.gauss(0.0, truth.slot_spread), -0.12, 0.12)
-        edges += [place * pitch, end * pitch]
-    start = rng.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
-    return EncoderDisc(tuple(edges), start, truth.jitter, truth.bounce)
 
 
 class WheelModel:
@@ -103,20 +72,19 @@ class WheelModel:
     """
 
     __slots__ = (
-        "_changes",
-        "_counted",
         "_disc",
+        "_drag",
         "_edge_index",
         "_excess_speed",
-        "_hand_motion",
+        "_hand_speed",
+        "_hand_until",
         "_keep",
         "_lag",
         "_next_edge",
-        "_pending",
         "_phase",
+        "_pin",
         "_previous_edge",
         "_ripple",
-        "_rng",
         "_scale",
         "_settled_speed",
         "_start_angle",
@@ -141,18 +109,15 @@ class WheelModel:
     ) -> None:
         """`falling`: the board counts falling edges of the pin instead of rising ones."""
         self.motor = motor
-        self._counted = int(falling)  # parity of the edges that count going forward
         self._disc = disc
-        self._rng = rng
+        self._pin = EncoderPin(disc, falling, rng)
         self.now = now
         self.angle = self.speed = self.duty = 0.0
-        self._pending: deque[int] = deque()
-        self._changes: deque[LevelChange] | None = None
-        self._keep, self._lag = motor.keep, motor.lag
+        self._keep, self._lag, self._drag = motor.keep, motor.lag, 0.0
         self._ripple, self._phase = motor.ripple, motor.ripple_phase
         self._scale = motor.speed / (1.0 - motor.keep)
         self._step_decay = exp(-RIPPLE_STEP * 1e-9 / motor.lag)
-        self._hand_motion = (0, 0.0)  # until when (ns) a hand turns it, and at which rad/s
+        self._hand_until, self._hand_speed = 0, 0.0  # a hand turns it until then (ns), rad/s
         self._edge_index = bisect_right(disc.edges, disc.start)
         # The first edge of a disc may lie a little before its zero.
         while self._edge_angle(self._edge_index) <= 0.0:
@@ -166,23 +131,29 @@ class WheelModel:
         """Level of the pin: 1 while a slot is open."""
         return self._edge_index % 2
 
+    def stop_counting(self) -> None:
+        """Ignore all edges from now on, for a run that looks at the truth alone."""
+        self._previous_edge, self._next_edge = -inf, inf
+
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
-        self._changes = deque() if on else None
+        self._pin.watch(on)
 
     def changes(self, until: int) -> list[LevelChange]:
         """Changes of the watched pin since the last call, until `until`; after `advance`."""
-        changes: list[LevelChange] = []
-        while self._changes and self._changes[0].time <= until:
-            changes.append(self._changes.popleft())
-        return changes
+        return self._pin.changes(until)
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
         until = self.now + round(abs(angle) / speed * SECOND)
-        self._hand_motion = (until, speed if angle > 0.0 else -speed)
+        self._hand_until, self._hand_speed = until, speed if angle > 0.0 else -speed
         self._begin_stretch()
         return until
+
+    def set_drag(self, drag: float) -> None:
+        """From now on a friction brakes it that it takes `drag` (duty) to overcome."""
+        self._drag, self._keep = drag, self.motor.keep + drag
+        self._begin_stretch()
 
     def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
@@ -199,20 +170,19 @@ class WheelModel:
             self.now = until
         elif until > self.now:
             self._follow(until)
-        return self._take_pending(until) if self._pending else ()
+        return self._pin.take(until) if self._pin.pending else ()
 
     def _begin_stretch(self) -> None:
         """Start a stretch of exact exponential motion at `now`."""
         now, angle, speed, duty = self.now, self.angle, self.speed, self.duty
         self._stretch_start, self._start_angle = now, angle
         self._stops_at_end = False
-        if now < self._hand_motion[0]:
-            self._settled_speed, self._excess_speed = self._hand_motion[1], 0.0
-            self._stretch_end = min(self._hand_motion[0], (now // RIPPLE_STEP + 1) * RIPPLE_STEP)
-            self._stops_at_end = self._stretch_end == self._hand_motion[0]
+        if now < self._hand_until:
+            self._settled_speed, self._excess_speed = self._hand_speed, 0.0
+            self._stretch_end = min(self._hand_until, (now // RIPPLE_STEP + 1) * RIPPLE_STEP)
+            self._stops_at_end = self._stretch_end == self._hand_until
             return
-        start = self.motor.start
-        if speed == 0.0 and -start <= duty <= start:
+        if speed == 0.0 and abs(duty) <= self.motor.start + self._drag:
             self._settled_speed = self._excess_speed = 0.0
             self._stretch_end = NEVER
             return
@@ -221,11 +191,11 @@ class WheelModel:
         if duty > self._keep and speed >= 0.0:  # the usual case first
             settled = self._scale * (duty - self._keep)
         else:
-            settled = settled_speed(self.motor, duty, speed)
+            settled = settled_speed(self.motor, duty, speed, self._drag)
         self._settled_speed, self._excess_speed = settled, speed - settled
         self._stretch_end = (now // RIPPLE_STEP + 1) * RIPPLE_STEP
         # Only a slowing wheel can come to rest within this stretch.
-        if speed != 0.0 and ((settled > 0.0) != (speed > 0.0) or settled == 0.0):
+        if speed * settled <= 0.0 and speed != 0.0:
             self._end_at_rest(speed, settled)
 
     def _end_at_rest(self, speed: float, settled: float) -> None:
@@ -256,16 +226,16 @@ class WheelModel:
 
         Only those that count are timed, unless the pin is watched.
         """
-        watched = self._changes is not None
+        watched, counted = self._pin.is_watched, self._pin.counted_level
         while angle >= self._next_edge:
-            if watched or self._edge_index % 2 == self._counted:
+            if watched or 1 - self._edge_index % 2 == counted:
                 self._record_edge(self._next_edge, angle, elapsed, 1 - self._edge_index % 2)
             self._edge_index += 1
             self._previous_edge = self._next_edge
             self._next_edge = self._edge_angle(self._edge_index)
         while angle < self._previous_edge:
             self._edge_index -= 1
-            if watched or self._edge_index % 2 != self._counted:
+            if watched or self._edge_index % 2 == counted:
                 self._record_edge(self._previous_edge, angle, elapsed, self._edge_index % 2)
             self._next_edge = self._previous_edge
             self._previous_edge = self._edge_angle(self._edge_index - 1)
@@ -274,19 +244,7 @@ class WheelModel:
         """Record the edge at angle `place`, after which the pin is at `level`."""
         guess = elapsed * (place - self._start_angle) / (angle - self._start_angle)
         time = self._stretch_start + round(self._crossing_time(place, guess, elapsed) * SECOND)
-        if self._disc.jitter:
-            # A light barrier can only be late. A mean delay is the same for every edge.
-            time += int(abs(self._rng.gauss(0.0, self._disc.jitter)) * SECOND)
-        times = [time]
-        if self._disc.bounce:
-            window = self._disc.bounce * SECOND
-            times += sorted(time + int(self._rng.random() * window) for _ in range(BOUNCE_EDGES))
-        if level != self._counted:
-            if self._pending:
-                times[0] = max(time, self._pending[-1])
-            self._pending.extend(times)
-        if self._changes is not None:
-            _append_changes(self._changes, times, level)
+        self._pin.record(time, level)
 
     def _crossing_time(self, place: float, elapsed: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).
@@ -316,29 +274,16 @@ class WheelModel:
         turn, place = divmod(index, len(self._disc.edges))
         return self._disc.edges[place] + turn * 2 * pi - self._disc.start
 
-    def _take_pending(self, until: int) -> list[int]:
-        times = []
-        while self._pending and self._pending[0] <= until:
-            times.append(self._pending.popleft())
-        return times
 
+def settled_speed(motor: MotorModel, duty: float, speed: float, drag: float = 0.0) -> float:
+    """Speed (rad/s) towards which a wheel tends that turns at `speed` and is driven with `duty`.
 
-def _append_changes(changes: deque[LevelChange], times: Sequence[int], level: int) -> None:
-    """Append the pin's changes: it goes to `level` at all these times, and back in between."""
-    earliest = changes[-1].time if changes else 0
-    for before, time in zip([None, *times], times, strict=False):
-        if before is not None:
-            changes.append(LevelChange(max(earliest, (before + time) // 2), 1 - level))
-        changes.append(LevelChange(max(earliest, time), level))
-
-
-def settled_speed(motor: MotorModel, duty: float, speed: float) -> float:
-    """Speed (rad/s) towards which a wheel tends that turns at `speed` and is driven with `duty`."""
+    `drag`: further friction, in duty, that brakes it also without drive.
+    """
+    scale = motor.speed / (1.0 - motor.keep)
     friction = copysign(motor.keep, speed if motor.coulomb and speed else duty)
+    if drag:
+        friction += copysign(drag, speed or duty)
     if abs(duty) <= motor.keep and not (motor.coulomb and speed):
-        return 0.0
-    return motor.speed / (1.0 - motor.keep) * (duty - friction)
-
-
-def _within(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)
+        return -copysign(drag, speed) * scale if drag and speed else 0.0
+    return scale * (duty - friction)

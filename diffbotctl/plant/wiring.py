@@ -1,46 +1,18 @@
-"""The electrics of a simulated robot: its battery, and its wiring with faults."""
+"""The wiring of a simulated robot, with faults."""
 
 from __future__ import annotations
 
 from random import Random
 
-from diffbotctl.config.simulation import BatteryTruth, WiringTruth
+from diffbotctl.config.simulation import WiringTruth
+from diffbotctl.plant.encoder_disc import LevelChange
 from diffbotctl.plant.robot_parameters import PlantParameters
-from diffbotctl.plant.wheel import LevelChange
 
 MAINS_PERIOD = 20_000_000  # ns; 50 Hz
 MAINS_HIGH_TIME = MAINS_PERIOD // 4  # ns; the pin's threshold lies above the middle of the sine
 MAINS_JITTER = 1_000_000  # ns, standard deviation
 
-ADC_REFERENCE = 5.0  # V; the board's analog inputs read up to this
-ADC_STEPS = 1023
-
 MotorRow = tuple[float, float]
-
-
-class SimulatedBattery:
-    """The motor supply: its voltage drops in proportion to the duties of both motors."""
-
-    def __init__(self, truth: BatteryTruth) -> None:
-        self._truth = truth
-
-    def voltage_ratio(self, left: float, right: float) -> float:
-        """Voltage under the load of two duties, relative to the rest voltage."""
-        return 1.0 - self._truth.sag * 0.5 * (abs(left) + abs(right))
-
-    def voltage(self, left: float, right: float) -> float:
-        """Voltage (V) under the load of two duties."""
-        return self._truth.volts * self.voltage_ratio(left, right)
-
-    def pin_voltage(self, voltage: float, divider: float) -> float:
-        """Voltage (V) at the board's pin, behind a divider that is nominally `divider`."""
-        return voltage / (divider * (1.0 + self._truth.divider_error))
-
-
-def read_analog(voltage: float) -> float:
-    """A pin's voltage (V) as the board's converter rounds it."""
-    steps = min(round(voltage / ADC_REFERENCE * ADC_STEPS), ADC_STEPS)
-    return steps / ADC_STEPS * ADC_REFERENCE
 
 
 class MainsPickup:

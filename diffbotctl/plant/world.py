@@ -1,7 +1,5 @@
 """Walls and round obstacles around the simulated robot, and ray casting. Metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple

@@ -40,7 +40,7 @@ RELEASE_FIXES = {
 }
 PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM_PROGRAM = "rfcomm"  # keeps the port that it made open; others may use it
-BOARD_ROLES = (PortRole.MEGA, PortRole.CHIP)
+BOARD_ROLES = (PortRole.BOARD, PortRole.CHIP)
 PTY_FOLDER = "/dev/pts/"
 
 
@@ -166,10 +166,10 @@ def _chip_problems(port: SerialPort) -> Iterator[Problem]:
         fix = "leave it alone; name another port with --port"
         yield _port_problem(port.device, "W-PORT-OTHER", cause, fix)
     elif chip.role == PortRole.OTHER_BOARD:
-        cause = f"an {chip.title} is not a Mega 2560"
+        cause = f"our firmware does not run on an {chip.title}"
         fix = (
-            "the firmware of diffbotctl needs a Mega 2560; with the firmware of the book this "
-            "board works as book_2wd_stock"
+            "use a Mega 2560, an Uno or a Nano; with the firmware of the book this board works as "
+            "book_2wd_stock"
         )
         yield _port_problem(port.device, "W-PORT-BOARD", cause, fix)
 
@@ -245,7 +245,7 @@ def _portless_problem(root: Path, usb: UsbDevice, chip: UsbChip) -> Problem:
 
 def _board_count_problems(ports: list[SerialPort], has_portless: bool) -> Iterator[Problem]:
     boards = [port for port in ports if port.role in BOARD_ROLES]
-    boards = [port for port in boards if port.role == PortRole.MEGA] or boards
+    boards = [port for port in boards if port.role == PortRole.BOARD] or boards
     if len(boards) > 1:
         cause = f"{len(boards)} ports may be the board: {', '.join(port.name for port in boards)}"
         fix = "choose one with --port; to identify them, unplug one and list the ports again"

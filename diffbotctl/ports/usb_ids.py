@@ -9,7 +9,7 @@ from typing import NamedTuple
 class PortRole(StrEnum):
     """What a port or a USB device leads to."""
 
-    MEGA = "mega"
+    BOARD = "board"  # one that our firmware runs on
     CHIP = "chip"  # a serial chip of a clone, or of any other device
     OTHER_BOARD = "other_board"
     DFU = "dfu"
@@ -28,9 +28,9 @@ class UsbChip(NamedTuple):
 
 
 ARDUINO, ARDUINO_ORG, RASPBERRY_PI, ATMEL, WCH = 0x2341, 0x2A03, 0x2E8A, 0x03EB, 0x1A86
-MEGA_2560 = UsbChip("Arduino Mega 2560", PortRole.MEGA)
+MEGA_2560 = UsbChip("Arduino Mega 2560", PortRole.BOARD)
 MEGA_ADK = UsbChip("Arduino Mega ADK", PortRole.OTHER_BOARD)
-UNO = UsbChip("Arduino Uno", PortRole.OTHER_BOARD)
+UNO = UsbChip("Arduino Uno", PortRole.BOARD)
 LEONARDO = UsbChip("Arduino Leonardo", PortRole.OTHER_BOARD)
 PICO = UsbChip("Raspberry Pi Pico", PortRole.OTHER_BOARD)
 

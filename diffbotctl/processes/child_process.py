@@ -13,6 +13,7 @@ import select
 import signal
 import socket
 import struct
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
@@ -21,6 +22,10 @@ BUFFER_BYTES = 4 << 20  # of the socket: seconds of a fast run
 BACKLOG_MAX_BYTES = 16 << 20  # that may wait for the child; then the channel is given up
 SILENCE_PERIOD_S = 0.7  # with what the engine gathers, a power cut costs less than a second
 LENGTH = struct.Struct("<I")
+ANSWER_TIMEOUT_S = 30.0  # for a writer that the engine waits for: a slow disk, not a suspended one
+EXIT_TIMEOUT_S = 10.0  # for a child whose channel has been closed
+EXIT_POLL_PERIOD_S = 0.002
+NO_ANSWER = "the recorder does not answer"
 
 
 def fork(run: Callable[[], int]) -> int:
@@ -64,6 +69,25 @@ def fork_with_channel(
     return ours, pid
 
 
+def resume(pid: int) -> None:
+    """Let a child that was suspended run again, so that it can finish its work."""
+    with suppress(OSError):
+        os.kill(pid, signal.SIGCONT)
+
+
+def wait_for_exit(pid: int, timeout: float = EXIT_TIMEOUT_S) -> bool:
+    """Wait for a child to exit, and kill it after `timeout` s. True if it exited by itself."""
+    deadline = time.monotonic() + timeout
+    with suppress(ChildProcessError):
+        while os.waitpid(pid, os.WNOHANG) == (0, 0):
+            if time.monotonic() > deadline:
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+                return False
+            time.sleep(EXIT_POLL_PERIOD_S)
+    return True
+
+
 def close_inherited_files(kept: set[int], niceness: int) -> None:
     """Close every file but `kept` and the standard ones, and raise the niceness.
 
@@ -82,9 +106,9 @@ def close_inherited_files(kept: set[int], niceness: int) -> None:
 class ChildSender:
     """Sends items to a child process, and receives the texts that the child reports.
 
-    `waits`: sending blocks until the child has room; otherwise what does not fit waits here, up to
-    BACKLOG_MAX_BYTES. `on_loss` is called once, with the reason, when something was lost; nothing
-    is sent after that.
+    `waits`: sending blocks until the child has room, for ANSWER_TIMEOUT_S; otherwise what does not
+    fit waits here, up to BACKLOG_MAX_BYTES. `on_loss` is called once, with the reason, when
+    something was lost; nothing is sent after that.
     """
 
     def __init__(self, channel: socket.socket, waits: bool, on_loss: Callable[[str], None]) -> None:
@@ -92,7 +116,7 @@ class ChildSender:
         self.on_loss = on_loss
         self.backlog = bytearray()
         self.lost: str | None = None
-        channel.setblocking(waits)
+        channel.settimeout(ANSWER_TIMEOUT_S if waits else 0.0)
 
     def send(self, item: Any) -> None:
         """Queue `item` and send as much as the channel accepts."""
@@ -107,7 +131,7 @@ class ChildSender:
             if len(self.backlog) > BACKLOG_MAX_BYTES:
                 self.give_up("the recorder could not keep up")
         except TimeoutError:
-            self.give_up("the recorder does not answer")
+            self.give_up(NO_ANSWER)
         except (BrokenPipeError, ConnectionResetError):
             self.give_up("the recorder has ended")
 
@@ -116,12 +140,9 @@ class ChildSender:
 
         A child that has ended counts as a loss.
         """
-        if self.lost is not None:
+        if self.lost is not None or not select.select([self.channel], [], [], 0)[0]:
             return None
-        try:
-            data = self._receive(socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            return None
+        data = self._receive()
         if not data and self.lost is None:
             self.give_up("the recorder has ended")
         return data.decode() or None
@@ -131,17 +152,23 @@ class ChildSender:
         self.channel.shutdown(socket.SHUT_WR)
 
     def close(self) -> str:
-        """Wait until the child closes its end. Returns the rest of its reports."""
+        """Wait until the child closes its end. Returns the rest of its reports.
+
+        A child that does not within ANSWER_TIMEOUT_S counts as a loss.
+        """
         data = b""
-        self.channel.setblocking(True)
-        while self.lost is None and (part := self._receive()):
-            data += part
+        self.channel.settimeout(ANSWER_TIMEOUT_S)
+        try:
+            while self.lost is None and (part := self._receive()):
+                data += part
+        except TimeoutError:
+            self.give_up(NO_ANSWER)
         self.channel.close()
         return data.decode()
 
-    def _receive(self, flags: int = 0) -> bytes:
+    def _receive(self) -> bytes:
         try:
-            return self.channel.recv(1 << 10, flags)
+            return self.channel.recv(1 << 10)
         except ConnectionResetError:  # it died before it had read everything
             self.give_up("the recorder has ended")
             return b""

@@ -22,6 +22,7 @@ from diffbotctl.time import MILLISECOND
 LOG_LINES_MAX = 200  # that wait for a screen; one that is suspended gets the newest
 SNAPSHOT_PERIOD = 100 * MILLISECOND  # of logical time
 SNAPSHOT_MAX_BYTES = 1 << 18
+FINISH_TIMEOUT_S = 2.0  # for a screen that draws, not for a terminal that takes nothing
 DRIVING_NICENESS = 2  # the control path has priority; a late drive command would stop the robot
 
 
@@ -78,8 +79,8 @@ class ScreenFeed:
             self._send_snapshot(now)
 
     def finish(self, now: int) -> None:
-        """Send the last snapshot, waiting for the screen, and end the feed."""
-        self.channel.setblocking(True)
+        """Send the last snapshot, waiting a moment for the screen, and end the feed."""
+        self.channel.settimeout(FINISH_TIMEOUT_S)
         self._send_snapshot(now)
         self._send(None)
         self.channel.close()
@@ -93,7 +94,7 @@ class ScreenFeed:
         """Send one datagram. False when it was dropped because the channel is full."""
         try:
             self.channel.send(pickle.dumps(snapshot, pickle.HIGHEST_PROTOCOL))
-        except BlockingIOError:
+        except (BlockingIOError, TimeoutError):
             return False
         except (ConnectionRefusedError, BrokenPipeError, ConnectionResetError):
             on_exit, self.on_exit = self.on_exit, None

@@ -11,12 +11,21 @@ simulated or emulated robot with a simulated tool, with `noise` (standard deviat
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import yaml
 
-from diffbotctl.errors import Problem, RunError, UsageError, UserError
+from diffbotctl.config.yaml_reader import parse_any, read_text
+from diffbotctl.errors import (
+    ConfigurationError,
+    Problem,
+    RunError,
+    Source,
+    UsageError,
+    UserError,
+)
 from diffbotctl.prompts.question import (
     Answer,
     AnswerError,
@@ -29,12 +38,16 @@ from diffbotctl.units import UnitError, quantity
 
 
 class MeasuringTools(Protocol):
-    """Reads the actual state of a simulated robot and moves it, as a person would."""
+    """Reads the actual state of a simulated robot and moves it, as a person would.
+
+    `offer`: what the usual instrument reads for a question, as text; empty if none can.
+    """
 
     def mark(self) -> None: ...
     def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
     def roll(self, wheel: str, turns: float) -> None: ...
     def place(self, sensor: str, distance: float) -> None: ...
+    def offer(self, question: Question) -> str: ...
 
 
 class AnswersFile:
@@ -83,7 +96,7 @@ class AnswersFile:
         try:
             if isinstance(entry, Mapping):
                 return self._measure(entry, question)
-            return question.parse(self._next(name, entry))
+            return question.parse(self._next(name, entry, question.is_repeated))
         except AnswerError as error:
             raise self._problem(name, str(error)) from None
 
@@ -92,10 +105,10 @@ class AnswersFile:
         names = (".".join(parts[:count]) for count in range(len(parts), 0, -1))
         return next((name for name in names if name in self.answers), None)
 
-    def _next(self, name: str, entry: Any) -> Any:
+    def _next(self, name: str, entry: Any, is_repeated: bool) -> Any:
         if not isinstance(entry, list):
             return entry
-        number = self._used.get(name, 0)
+        number = self._used.get(name, 0) - is_repeated
         if number >= len(entry):
             raise AnswerError(f"it was asked {number + 1} times, but has {number} answers")
         self._used[name] = number + 1
@@ -120,9 +133,13 @@ class AnswersFile:
 def _read(path: Path, code: str) -> dict[str, Any]:
     """Entries by the name of the question. Raises UsageError."""
     try:
+        text = read_text(str(path), str(path))
+        parse_any(Source(str(path), text), text)  # refuses what is too large or too deep
         # Every scalar stays a string: the question determines its type.
-        entries = yaml.load(path.read_text(), Loader=yaml.CBaseLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        entries = yaml.load(text, Loader=yaml.CBaseLoader)
+    except ConfigurationError as error:
+        raise UsageError(replace(problem, code=code) for problem in error.problems) from error
+    except yaml.YAMLError as error:
         cause = f"cannot be read: {' '.join(str(error).split())}"
     else:
         if isinstance(entries, dict) and all(isinstance(name, str) for name in entries):

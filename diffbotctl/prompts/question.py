@@ -75,6 +75,8 @@ class Question:
     """quantity that a simulated tool measures for this question"""
     default: Answer | None = None
     """answer for an empty line"""
+    is_repeated: bool = False
+    """whether the last answer was contradicted; an answers file gives the same again"""
 
     def parse(self, answer: object) -> Answer:
         """The answer as a number in SI or a choice. Raises AnswerError with the reason."""
@@ -92,6 +94,14 @@ class Question:
         if self.choices:
             return join_words(self.choices, "or")
         return f"a number in {self.default_unit}" if self.default_unit else "a number"
+
+    def format_answer(self, answer: Answer) -> str:
+        """The answer as a person would write it: a choice, or a number with its unit."""
+        if isinstance(answer, str):
+            return answer
+        scale = UNITS[self.default_unit][1] if self.default_unit in UNITS else 1.0
+        digits = 2 if self.default_unit in ("V", "cm") else 1
+        return f"{answer / scale:.{digits}f} {self.default_unit}".strip()
 
     def _parse_choice(self, answer: str) -> str:
         word = answer.strip().lower()

@@ -5,8 +5,6 @@ SNAPSHOT_PERIOD. The child side, in diffbotctl.recording.black_box_store, keeps 
 writes them to a file when the robot is stopped.
 """
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Callable
 from typing import Any, NamedTuple

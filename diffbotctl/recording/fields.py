@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple, get_args
 
 from diffbotctl.errors import Problem, UsageError, closest_match, join_words
-from diffbotctl.messages import BUILT_IN, fields
+from diffbotctl.message_types import is_record, is_tuple, parts, type_name
+from diffbotctl.messages import fields
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import NEVER, SECOND
 
@@ -23,10 +24,12 @@ class Column(NamedTuple):
     unit: str
 
     def of(self, message: Any) -> Any:
-        """The field's value in `message`; None where a list is shorter than the index."""
+        """The field's value in `message`; None where it has none at these steps."""
         value = message
         for step in self.steps:
-            if step.isdigit():
+            if value is None:
+                return None
+            if step.isdecimal():
                 value = value[int(step)] if int(step) < len(value) else None
             else:
                 value = getattr(value, step)
@@ -40,7 +43,7 @@ def column_wires(path: Path) -> dict[str, type]:
     """
     reader = RecordingReader(path)
     topics = {channel.topic for channel, _ in reader.records()}
-    return {wire: BUILT_IN[kind] for wire, (kind, _) in reader.wires.items() if wire in topics}
+    return {wire: kind for wire, kind in reader.kinds.items() if wire in topics}
 
 
 def choose_columns(names: Sequence[str], wires: dict[str, type]) -> list[Column]:
@@ -74,20 +77,36 @@ def table_rows(path: Path, columns: Sequence[Column]) -> Iterator[tuple[int, lis
 
 
 def _topic_columns(wire: str, kind: type) -> list[Column]:
-    columns: list[Column] = []
-    for name, (hint, declaration) in fields(kind).items():
-        if name == "time":
-            continue
-        indices: list[tuple[str, ...]] = [()]
-        if get_origin(hint) is tuple:
-            item_types = get_args(hint)
-            if item_types[0] is not float or item_types[-1] is ...:
-                continue  # a list of any length makes no columns; its items can be named
-            indices = [(str(place),) for place in range(len(item_types))]
-        for index in indices:
-            steps = (name, *index)
-            columns.append(Column(".".join((wire, *steps)), wire, steps, declaration.unit))
-    return columns
+    """A column for each single value; a list of any length makes none, its items can be named."""
+    return [
+        Column(".".join((wire, *steps)), wire, steps, unit)
+        for name, (hint, declaration) in fields(kind).items()
+        if name != "time"
+        for steps, unit in _single_values((name,), hint, declaration.unit)
+    ]
+
+
+def _single_values(
+    steps: tuple[str, ...], hint: Any, unit: str
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """The steps to each single value in a field of type `hint`, and its unit."""
+    kind = _without_none(hint)
+    if is_tuple(kind):
+        items = get_args(kind)
+        if items[-1:] != (...,):
+            for place, item in enumerate(items):
+                yield from _single_values((*steps, str(place)), item, unit)
+    elif is_record(kind):
+        for name, (item, declaration) in fields(kind).items():
+            yield from _single_values((*steps, name), item, declaration.unit)
+    else:
+        yield steps, unit
+
+
+def _without_none(hint: Any) -> Any:
+    """The one type of an optional tuple or NamedTuple; other types as they are."""
+    compound = [part for part in parts(hint) if is_tuple(part) or is_record(part)]
+    return compound[0] if compound else hint
 
 
 def _column(name: str, wires: dict[str, type]) -> Column:
@@ -101,27 +120,29 @@ def _column(name: str, wires: dict[str, type]) -> Column:
     declared = fields(wires[wire])
     if field not in declared:
         near = closest_match(field, declared)
-        cause = f"{wire} carries {wires[wire].__name__} with {join_words(declared, 'and')}"
+        cause = f"{wire} carries {type_name(wires[wire])} with {join_words(declared, 'and')}"
         raise _unknown_field(name, cause, None if near is None else f"{wire}.{near}")
     hint, declaration = declared[field]
-    if not _is_path_in(hint, rest):
+    unit = _unit_at(hint, rest, declaration.unit)
+    if unit is None:
         cause = f"'{'.'.join(rest)}' does not exist in the field '{field}'"
         raise _unknown_field(name, cause, f"{wire}.{field}")
-    return Column(name, wire, (field, *rest), declaration.unit)
+    return Column(name, wire, (field, *rest), unit)
 
 
-def _is_path_in(hint: Any, steps: Sequence[str]) -> bool:
-    """Whether `steps`, an index and a field name at most, lead to a value in a `hint`."""
+def _unit_at(hint: Any, steps: Sequence[str], unit: str) -> str | None:
+    """The unit of what `steps` lead to in a field of type `hint`; None if they lead nowhere."""
     if not steps:
-        return True
-    if get_origin(hint) is not tuple or not steps[0].isdigit():
-        return False
-    item_types = get_args(hint)
-    if item_types[-1] is not ... and int(steps[0]) >= len(item_types):
-        return False
-    return len(steps) == 1 or (
-        len(steps) == 2 and steps[1] in getattr(item_types[0], "_fields", ())
-    )
+        return unit
+    kind, step = _without_none(hint), steps[0]
+    if is_tuple(kind) and step.isdecimal():
+        items = get_args(kind)
+        place = 0 if items[-1:] == (...,) else int(step)
+        return _unit_at(items[place], steps[1:], unit) if place < len(items) else None
+    if is_record(kind) and step in fields(kind):
+        item, declaration = fields(kind)[step]
+        return _unit_at(item, steps[1:], declaration.unit)
+    return None
 
 
 def _unknown_field(name: str, cause: str, near: str | None) -> UsageError:

@@ -6,8 +6,6 @@ are ns since 1970, because viewers show the time of day. Values that are not fin
 JSON cannot represent them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable, Iterator
 from math import cos, isfinite, sin

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.message_types import type_name
 from diffbotctl.messages import BUILT_IN, Message
 from diffbotctl.recording.json_codec import message_decoder
+from diffbotctl.recording.message_schema import message_class
+from diffbotctl.recording.run_metadata import check_end, check_run
 from diffbotctl.recording.writer import STATE, VIEWER
 from diffbotctl.time import SECOND
 
+TIME_MAX = 10 * 365 * 86_400 * SECOND  # ns; a run is shorter
 ORIGINS = ("driver", "block", VIEWER)  # in the order in which topics are listed
 
 
@@ -31,69 +36,142 @@ class RecordingReader:
 
     The attributes are filled while `messages` or `records` runs, and are complete at its end:
     `about`, `end` and `recovered` are metadata of the run, of its end (None when cut) and of the
-    recovery; `wires` maps a wire to (message class name, origin); `cut` is why reading ended early;
-    `state` is the state, as (time in ns, bytes), from which a replay begins.
+    recovery; `wires` maps a wire to (message class name, origin), `kinds` to the message class;
+    `cut` is why reading ended early; `state` is the state, as (time in ns, bytes), from which a
+    replay begins.
+
+    A message of another package is of the class in `known` for its wire, if that has the recorded
+    name; otherwise of a class made from the schema in the recording.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, known: Mapping[str, type] | None = None) -> None:
         self.path = path
+        self.known = known or {}
+        self.kinds: dict[str, type] = {}
         self.about: dict[str, str] = {}
         self.end: dict[str, str] | None = None
         self.recovered: dict[str, str] | None = None
         self.wires: dict[str, tuple[str, str]] = {}
         self.cut: str | None = None
         self.state: tuple[int, bytes] | None = None
+        self._place = 0  # first byte of the record that is being read
+        self._channels: dict[int, Any] = {}
+        self._schemas: dict[int, bytes] = {}
+        self._recorded_classes: dict[tuple[str, bytes], type] = {}
 
     def messages(self) -> Iterator[RecordedMessage]:
         """All messages of the run in the order of writing, without those for viewers.
 
-        Raises RunError when the file cannot be read or is not a recording.
+        Raises RunError when the file cannot be read, is not a recording or is malformed.
         """
         decoders: dict[int, Any] = {}
         for channel, record in self.records():
-            if channel.metadata.get("from") == VIEWER:
+            origin = channel.metadata.get("from")
+            if origin not in ("driver", "block"):
                 continue
             if channel.id not in decoders:
-                decoders[channel.id] = message_decoder(BUILT_IN[channel.metadata["kind"]])
+                decoders[channel.id] = message_decoder(self.kinds[channel.topic])
+            try:
+                message = decoders[channel.id](record.data)
+            except (ValueError, RecursionError) as error:
+                cause = f"a message of {channel.topic} cannot be read: {error}"
+                raise self._malformed(self._place, cause) from error
             yield RecordedMessage(
-                record.log_time - int(self.about["epoch"]),
+                self.time(record),
                 channel.topic,
-                channel.metadata["from"] == "driver",
-                decoders[channel.id](record.data),
+                origin == "driver",
+                message,
                 record.data,
                 record.sequence,
             )
 
     def records(self) -> Iterator[tuple[Any, Any]]:
         """Each message's MCAP channel and record, not decoded. Raises RunError as `messages`."""
-        from mcap.records import Attachment, Channel, Message, Metadata  # heavy
-        from mcap.stream_reader import StreamReader
+        # Heavy: a command that reads no recording does without.
+        from diffbotctl.recording import mcap_records
 
-        channels: dict[int, Any] = {}
+        self._channels, self._schemas = {}, {}
         with open_recording(self.path) as file:
-            for record in self._until_cut(StreamReader(file, validate_crcs=True).records):
-                if isinstance(record, Metadata):
-                    self._read_metadata(record.name, dict(record.metadata))
-                elif isinstance(record, Attachment) and record.name == STATE:
-                    self.state = (record.log_time - int(self.about["epoch"]), record.data)
-                elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = record
-                    origin = record.metadata.get("from", "")
-                    if origin in ("driver", "block"):
-                        self.wires[record.topic] = (record.metadata["kind"], origin)
-                elif isinstance(record, Message):
+            try:
+                for whole in mcap_records.file_records(file):
+                    self._place = whole.place
+                    for record in mcap_records.records_in(whole):
+                        if hasattr(record, "sequence"):  # a message
+                            self._require_metadata()
+                            if record.channel_id not in self._channels:
+                                cause = f"a message has the unknown channel {record.channel_id}"
+                                raise self._malformed(whole.place, cause)
+                            yield self._channels[record.channel_id], record
+                        else:
+                            self._add(record)
+            except mcap_records.CutError as error:
+                self.cut = str(error)
+            except mcap_records.MalformedError as error:
+                if not self.about and not error.place:
                     self._require_metadata()
-                    yield channels[record.channel_id], record
+                raise self._malformed(error.place, str(error)) from error
         self._require_metadata()
 
+    def _add(self, record: Any) -> None:
+        """Take metadata, an attachment or a channel."""
+        match type(record).__name__:
+            case "Metadata":
+                self._read_metadata(record.name, dict(record.metadata))
+            case "Attachment" if record.name == STATE:
+                self._require_metadata()
+                self.state = (self.time(record), record.data)
+            case "Schema":
+                self._schemas.setdefault(record.id, record.data)
+            case "Channel" if record.id not in self._channels:
+                self._channels[record.id] = record
+                origin, name = record.metadata.get("from"), record.metadata.get("kind", "")
+                if origin in ("driver", "block"):
+                    kind = self._message_class(record, name)
+                    if self.wires.setdefault(record.topic, (name, origin)) != (name, origin):
+                        cause = f"{record.topic} has messages of two classes or origins"
+                        raise self._malformed(self._place, cause)
+                    self.kinds.setdefault(record.topic, kind)
+
+    def _message_class(self, channel: Any, name: str) -> type:
+        """The class called `name` of the messages in a channel. Raises RunError."""
+        if name in BUILT_IN:
+            return BUILT_IN[name]
+        known = self.known.get(channel.topic)
+        if known is not None and type_name(known) == name:
+            return known
+        schema = self._schemas.get(channel.schema_id, b"")
+        try:
+            if (name, schema) not in self._recorded_classes:
+                self._recorded_classes[name, schema] = message_class(name, schema)
+        except ValueError as error:
+            cause = f"{channel.topic} has messages of an unknown class '{name[:40]}': {error}"
+            raise self._malformed(self._place, cause) from error
+        return self._recorded_classes[name, schema]
+
     def _read_metadata(self, name: str, values: dict[str, str]) -> None:
-        match name:
-            case "run":
-                self.about = values
-            case "end":
-                self.end = values
-            case "recovered":
-                self.recovered = values
+        try:
+            match name:
+                case "run":
+                    check_run(values)
+                    self.about = values
+                case "end":
+                    check_end(values)
+                    self.end = values
+                case "recovered":
+                    self.recovered = values
+        except ValueError as error:
+            raise self._malformed(self._place, f"metadata '{name}': {error}") from error
+
+    def time(self, record: Any) -> int:
+        """Logical time (ns) of a record. Raises RunError beyond what any run lasts."""
+        time: int = record.log_time - int(self.about["epoch"])
+        if abs(time) > TIME_MAX:
+            raise self._malformed(self._place, "a time is years away from the start of the run")
+        return time
+
+    def _malformed(self, place: int, cause: str) -> RunError:
+        fix = "`diffbotctl bag recover` keeps what can be read"
+        return RunError(Problem("E-RECORDING", f"{self.path}, byte {place}", cause, fix))
 
     def _require_metadata(self) -> None:
         if not self.about:
@@ -101,22 +179,11 @@ class RecordingReader:
             fix = "make one: diffbotctl run goal --record FILE"
             raise RunError(Problem("E-RECORDING", str(self.path), cause, fix))
 
-    def _until_cut(self, records: Any) -> Iterator[Any]:
-        iterator = iter(records)
-        while True:
-            try:
-                yield next(iterator)
-            except StopIteration:
-                return
-            except Exception as error:  # the reader raises whatever its decompressor raises
-                self.cut = f"{type(error).__name__}: {error}"
-                return
-
 
 def open_recording(path: Path) -> IO[bytes]:
-    """Open the file `path`. Raises RunError when that fails."""
+    """Open the file `path`. Raises RunError when that fails, or it is a device or a pipe."""
     try:
-        return path.open("rb")
+        return open_regular(path)
     except OSError as error:
         cause = f"cannot read it: {error.strerror}"
         raise RunError(Problem("E-RECORDING", str(path), cause)) from error
@@ -162,7 +229,7 @@ def recording_info(path: Path) -> RecordingInfo:
     spans: dict[str, tuple[int, int, int]] = {}  # count, first and last time by topic
     kinds: dict[str, tuple[str, str]] = {}
     for channel, record in reader.records():
-        time = record.log_time - int(reader.about["epoch"])
+        time = reader.time(record)
         count, first, _ = spans.get(channel.topic, (0, time, time))
         spans[channel.topic] = (count + 1, first, time)
         kinds[channel.topic] = (channel.metadata.get("kind", ""), channel.metadata.get("from", ""))
@@ -176,9 +243,13 @@ def recording_info(path: Path) -> RecordingInfo:
         reader.recovered,
         min((first for _, first, _ in spans.values()), default=0),
         max((last for _, _, last in spans.values()), default=0),
-        tuple(sorted(topics, key=lambda topic: (ORIGINS.index(topic.origin), topic.name))),
+        tuple(sorted(topics, key=lambda topic: (_origin_rank(topic.origin), topic.name))),
         reader.cut,
     )
+
+
+def _origin_rank(origin: str) -> int:
+    return ORIGINS.index(origin) if origin in ORIGINS else len(ORIGINS)
 
 
 def _topic_info(name: str, kind: str, origin: str, count: int, first: int, last: int) -> TopicInfo:

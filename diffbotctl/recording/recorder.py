@@ -16,7 +16,7 @@ from diffbotctl.engine.loop import INTERRUPTED, RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Sink
 from diffbotctl.messages import LogLevel, LogLine
-from diffbotctl.processes.child_process import ChildSender
+from diffbotctl.processes.child_process import ANSWER_TIMEOUT_S, ChildSender
 from diffbotctl.recording.writer import start_log_writer
 from diffbotctl.time import MILLISECOND
 
@@ -67,7 +67,7 @@ class Recorder:
 
         Without loss a recording ends complete, with `summary` in it.
         """
-        self.sender.channel.setblocking(True)
+        self.sender.channel.settimeout(ANSWER_TIMEOUT_S)
         self._check_child()
         self.sender.send(self.pending)
         if summary is not None:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import Writer
 
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.recording import mcap_records
 from diffbotctl.recording.reader import open_recording
-
-RECORD_MAX_BYTES = 256 << 20  # a damaged length may ask for more
 
 
 class RecoveryResult(NamedTuple):
@@ -36,26 +34,20 @@ class _DamagedFile:
         self.damaged = 0
         self.cut: str | None = None
 
-    def records(self, file: Any) -> Iterator[Any]:
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_MAX_BYTES)
-        records = iter(reader.records)
-        while True:
-            try:
-                record = next(records)
-            except StopIteration:
-                return
-            except Exception as error:  # the reader raises anything where a file is cut
-                self.cut = f"{type(error).__name__}: {error}".rstrip(": ")
-                return
-            if not isinstance(record, Chunk):
-                yield record
-                continue
-            try:
-                chunk_records = breakup_chunk(record, validate_crc=True)
-            except Exception:  # the decompressor raises anything
-                self.damaged += 1
-                continue
-            yield from chunk_records
+    def records(self, file: IO[bytes]) -> Iterator[Any]:
+        """The records; of a chunk with a wrong record none."""
+        try:
+            for whole in mcap_records.file_records(file):
+                try:
+                    records = list(mcap_records.records_in(whole))
+                except mcap_records.MalformedError:
+                    self.damaged += 1
+                    continue
+                yield from records
+        except mcap_records.CutError as error:
+            self.cut = str(error)
+        except mcap_records.MalformedError as error:
+            self.cut = f"byte {error.place}: {error}"
 
 
 class _Copy:
@@ -75,7 +67,7 @@ class _Copy:
                 self.schemas[record.id] = self.writer.register_schema(
                     record.name, record.encoding, record.data
                 )
-            case Channel() if record.id not in self.channels:
+            case Channel() if record.id not in self.channels and record.schema_id in self.schemas:
                 self.channels[record.id] = self.writer.register_channel(
                     record.topic,
                     record.message_encoding,
@@ -102,15 +94,11 @@ class _Copy:
 
 
 def recover(source: Path, target: Path) -> RecoveryResult:
-    """Write every message of `source` that can be read to the new file `target`.
+    """Write every message of `source` that can be read to the file `target`, another one.
 
     A recording without an end stays without one: messages may be missing, so that `replay --check`
-    refuses it. Raises RunError when `source` is not a recording, or `target` exists or cannot be
-    written.
+    refuses it. Raises RunError when `source` is not a recording, or `target` cannot be written.
     """
-    if target.exists():
-        cause = "the file exists already"
-        raise RunError(Problem("E-RECORD", str(target), cause, "give another with --output"))
     draft = target.with_name(target.name + ".part")
     damaged_file = _DamagedFile()
     try:

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from math import exp, inf, pi
+from types import SimpleNamespace
 from typing import Any
 
 from diffbotctl.blocks.goal_follower import GoalFollower
 from diffbotctl.blocks.obstacle_stop import ObstacleStop
 from diffbotctl.control.goal_pursuit import Coast, Pursuit
-from diffbotctl.control.speed_loop import SpeedGains, SpeedLoopMirror
+from diffbotctl.control.speed_loop import (
+    SpeedGains,
+    SpeedLoop,
+    SpeedLoopMirror,
+    default_gains,
+)
+from diffbotctl.estimation.edge_faults import NO_FAULTS
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
+from diffbotctl.estimation.wheel_odometer import WheelOdometer
+from diffbotctl.estimation.wheel_side import LinkTiming
 
 # (module, class) then and now.
 CLASSES = {
@@ -88,10 +100,10 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "turned_back": "is_reversed",
     },
     "SpeedLoopMirror": {
-        "before": "previous_edge",
+        "before": None,
         "duty": None,
         "gathered": "integral",
-        "last": "last_edge",
+        "last": None,
         "loop": None,
         "slope": None,
     },
@@ -147,7 +159,7 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "free": "free_readings",
         "held": None,
         "last_range": "last_range_time",
-        "react_within": "total_reaction",
+        "react_within": None,
         "setback": "sensor_setback",
         "told": "reported_code",
     },
@@ -155,6 +167,33 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
     "WheelSpeed": {"rated": None, "slots": None, "static": None, "sums": "integrals"},
 }
 ATTRIBUTES["CountWheelOdometer"] = ATTRIBUTES["WheelOdometer"]
+
+
+# What later versions added to the states of their classes, with its value in a state of 0.1.
+ADDED: dict[str, dict[str, Any]] = {
+    "EdgeHypothesis": {
+        "faults": NO_FAULTS,
+        "unseen_edges": 0,
+        "is_timed": False,
+        "coasting_speed": inf,
+    },
+    "WheelKalman": {
+        "is_typical": True,
+        "is_driven": True,
+        "driven_noise": 1.0,
+        "coasting_noise": 1.0,
+        "elapsed": 0.0,
+    },
+    "PoseFilter": {"geometry": (), "unit_effects": NO_EFFECTS},
+    "WheelOdometer": {
+        "late_correction": 0.0,
+        "variance": 0.0,
+        "added_variance": 0.0,
+        "end_variance": 0.0,
+        "disagreement": 0.0,
+        "fault_share": 0.0,
+    },
+}
 
 
 def reader_class(kind: type) -> type:
@@ -177,16 +216,47 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     names = ATTRIBUTES.get(kind.__name__, {})
     renamed = {names.get(name, name): value for name, value in attributes.items()}
     present = {name: value for name, value in renamed.items() if name is not None}
+    present.update(ADDED.get(kind.__name__, {}))
+    if kind is PoseFilter:
+        present["certain"] = (present["x"], present["y"], present["heading"])
+    if issubclass(kind, WheelOdometer):
+        present["reported_motion"] = present["filter"].motion
+        present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}
     if kind is ObstacleStop:
         present["code"], present["cause"] = attributes["held"]
     if kind is SpeedLoopMirror:
-        loop = attributes["loop"]
-        present["gains"] = SpeedGains(
-            loop.static, attributes["slope"], loop.proportional, loop.integral
-        )
+        return _speed_loop_mirror(attributes["loop"], attributes["slope"], present)
     return present
+
+
+def _counting(present: dict[str, Any]) -> FineWheelOdometer:
+    """Counts beside the model of a wheel, which begin at this state."""
+    hypothesis = present["filter"].hypotheses[0]
+    motor = SimpleNamespace(
+        rated=present["rated"],
+        lag=exp(hypothesis.motion.log_lag),
+        loop=SimpleNamespace(static=present["static"]),
+    )
+    slots = round(2.0 * pi * present["pitches_per_rad"])
+    side: Any = SimpleNamespace(
+        motor=motor,
+        wheel=SimpleNamespace(diameter=present["pitch"] * slots / pi),
+        encoder=SimpleNamespace(slots=slots),
+    )
+    timing = LinkTiming(0.0, 0.0, hypothesis.motion.priors.has_edge_times)
+    counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing)
+    counting.position = hypothesis.motion.travel
+    return counting
+
+
+def _speed_loop_mirror(loop: Any, slope: float, present: dict[str, Any]) -> dict[str, Any]:
+    """The state of a mirror, whose measurement of the speed begins anew."""
+    gains = SpeedGains(loop.static, slope, *default_gains(slope))
+    mirror = SpeedLoopMirror(gains, 1, present["time"])
+    names = (*SpeedLoop.__slots__, *SpeedLoopMirror.__slots__)
+    return {**{name: getattr(mirror, name) for name in names}, **present}
 
 
 def _goal_follower(old: dict[str, Any]) -> dict[str, Any]:

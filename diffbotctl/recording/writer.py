@@ -4,8 +4,6 @@ A child outlives a killed engine until it has written what had reached it. When 
 reports that once over its channel, and after that only drains the channel.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import socket
@@ -15,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from diffbotctl.message_types import type_name
 from diffbotctl.messages import LogLine
 from diffbotctl.processes.child_process import (
     SILENCE_PERIOD_S,
@@ -24,7 +23,8 @@ from diffbotctl.processes.child_process import (
     report,
 )
 from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
-from diffbotctl.recording.json_codec import json_schema, message_encoder
+from diffbotctl.recording.json_codec import message_encoder
+from diffbotctl.recording.message_schema import json_schema
 from diffbotctl.time import SECOND
 
 VIEWER = "viewer"  # origin of messages that are written for viewers and are no part of the run
@@ -65,9 +65,10 @@ class RecordingWriter:
         schemas: dict[type, int] = {}
         for place, (wire, kind) in enumerate(header.wires.items()):
             if kind not in schemas:
-                schemas[kind] = self._schema(kind.__name__, json.dumps(json_schema(kind)).encode())
+                schema_text = json.dumps(json_schema(kind)).encode()
+                schemas[kind] = self._schema(type_name(kind), schema_text)
             origin = "driver" if place < header.sources else "block"
-            channel = self._channel(wire, schemas[kind], origin, kind.__name__)
+            channel = self._channel(wire, schemas[kind], origin, type_name(kind))
             self.channels.append((channel, message_encoder(kind)))
         self.viewers = ViewerMessages(self.epoch, header.wires, header.mounts)
         self.viewer_channels = {

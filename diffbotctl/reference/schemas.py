@@ -16,7 +16,7 @@ from diffbotctl.config.configuration import Pipeline
 from diffbotctl.config.node_ports import NODE_NAME
 from diffbotctl.config.robot import Robot
 from diffbotctl.params import BOUNDS, Declaration, Pin, Section, declared
-from diffbotctl.units import NUMBER, of_kind
+from diffbotctl.units import NUMBER, magnitude_max, of_kind
 
 Schema = dict[str, Any]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -191,8 +191,23 @@ def _of_kind(kind: Any, declaration: Declaration, definitions: Schema) -> Schema
     return _leaf(kind, declaration)
 
 
+def _bounds(declaration: Declaration) -> Schema:
+    """The bounds of a number: the declared ones, and the largest magnitude of its kind.
+
+    An angle needs its unit, so only 0 may be written as a number.
+    """
+    if declaration.unit == "rad":
+        return {"minimum": 0, "maximum": 0}
+    limit = magnitude_max(declaration.unit)
+    bounds = declaration.bounds
+    lower = {} if {"above", "minimum"} & bounds.keys() else {"minimum": -limit}
+    upper = {} if {"below", "maximum"} & bounds.keys() else {"maximum": limit}
+    stated = {BOUNDS[bound].keyword: value for bound, value in bounds.items()}
+    return {**stated, **lower, **upper}
+
+
 def _leaf(kind: Any, declaration: Declaration) -> Schema:
-    bounds = {BOUNDS[bound].keyword: limit for bound, limit in declaration.bounds.items()}
+    bounds = _bounds(declaration)
     if declaration.choices:
         return {"enum": list(declaration.choices)}
     if kind is float:
@@ -216,6 +231,8 @@ def _pattern(unit: str) -> str:
         of_kind(unit) + [name.replace("2", "²") for name in of_kind(unit) if "2" in name]
     )
     number = NUMBER.replace("\\d", "[0-9]")
+    if unit == "rad":  # only 0 has no unit
+        return f"^\\s*({number}\\s*({'|'.join(units)})|0)\\s*$"
     return f"^\\s*{number}\\s*({'|'.join(units)})?\\s*$" if units else f"^\\s*{number}\\s*$"
 
 

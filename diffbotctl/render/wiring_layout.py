@@ -28,21 +28,6 @@ LEFT_ROWS = {
     "right motor": 4,
     CELLS: 8,
 }  # top row of each part in the first column
-DRIVER_ROWS = {
-    "OUT1": 1,
-    "OUT2": 2,
-    "OUT3": 5,
-    "OUT4": 6,
-    "ENA": 1,
-    "IN1": 2,
-    "IN2": 3,
-    "IN3": 4,
-    "IN4": 5,
-    "ENB": 6,
-    "5V": 8,
-    "12V": 9,
-    "GND": 10,
-}
 SUPPLIES = ("VCC", "GND")
 
 
@@ -115,8 +100,8 @@ def _driver(harness: Harness) -> PlacedPart:
         for pin, other in ((wire.start, wire.end), (wire.end, wire.start)):
             if pin.part == DRIVER:
                 side = right if other.part == BOARD else left
-                side[DRIVER_ROWS[pin.name]] = pin.name
-    bottom = max(DRIVER_ROWS.values()) + 1
+                side[harness.driver_rows[pin.name]] = pin.name
+    bottom = max(harness.driver_rows.values()) + 1
     return PlacedPart(harness.parts[DRIVER], DRIVES, 0, bottom, left, right)
 
 
@@ -130,7 +115,7 @@ def _senses(harness: Harness) -> Iterator[PlacedPart]:
         part = harness.parts[key]
         names = sorted(part.pins, key=lambda name: (name not in SUPPLIES, name == "RXD"))
         rows = {top + 1 + number: name for number, name in enumerate(names)}
-        divided = any(wire.through for wire in harness.of(BOARD, key))
+        divided = any(wire.through is not None for wire in harness.of(BOARD, key))
         bottom = top + len(names) + 1 + divided  # a row for the resistor to ground
         yield PlacedPart(part, SENSES, top, bottom, rows, {})
         top = bottom + 1
@@ -141,7 +126,7 @@ def _runs(harness: Harness, senses: dict[str, PlacedPart]) -> Iterator[WireRun]:
     for wire in harness.wires:
         ends = {wire.start.part: wire.start.name, wire.end.part: wire.end.name}
         if DRIVER in ends:
-            row = DRIVER_ROWS[ends[DRIVER]]
+            row = harness.driver_rows[ends[DRIVER]]
             yield WireRun(wire, DRIVES if BOARD in ends else SOURCES, row, row)
             continue
         (key,) = ends.keys() - {BOARD}

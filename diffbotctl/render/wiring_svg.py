@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
 
-from diffbotctl.config.harness import BOARD, CELLS, DRIVER, GROUND, RADIO, SUPPLY, Harness
+from diffbotctl.config.harness import BOARD, CELLS, DRIVER, GROUND, RADIO, SUPPLY, Divider, Harness
 from diffbotctl.render.svg import element, svg_document, text_element
 from diffbotctl.render.wiring_layout import Layout, PlacedPart, WireRun, layout
 
@@ -13,6 +13,8 @@ from diffbotctl.render.wiring_layout import Layout, PlacedPart, WireRun, layout
 BOXES = ((30, 150), (220, 380), (480, 650), (860, 1010))
 RAILS = {SUPPLY: 700, GROUND: 728}
 RESISTORS, NODE = 750, 822  # left end of the resistors of the divider, and the node between them
+# The same where the node is the board's pin: the series resistor is right of the node.
+NODE_AT_BOARD, SERIES_AT_BOARD = 803, 808
 RESISTOR_WIDTH, RESISTOR_HEIGHT = 48, 16
 WIDTH, ROW, TOP, MARGIN = 1040, 28, 92, 30
 PIN, WIRE, HALO, NOTE = 5, 4, 9, 21
@@ -28,6 +30,7 @@ PAINTS = {
     "purple": "#8e3bb5",
     "yellow": "#f4c20d",
     "white": "#ffffff",
+    "pink": "#d9679b",
     "grey": "#8a98a0",
     "brown": "#8a5a3c",
 }
@@ -85,8 +88,8 @@ def _wires(plan: Layout) -> Iterator[str]:
     for run in plan.runs:
         if run.is_railed:
             yield _dot(RAILS[run.wire.colour], _y(run.end), run.wire.colour)
-        if run.wire.through:
-            yield from _divider(run)
+        if run.wire.through is not None:
+            yield from _divider(run, run.wire.through)
 
 
 def _wire(run: WireRun) -> Iterator[str]:
@@ -110,17 +113,18 @@ def _dot(x: float, y: float, colour: str) -> str:
     return element("circle", cx=x, cy=y, r=PIN, fill=PAINTS[colour])
 
 
-def _divider(run: WireRun) -> Iterator[str]:
-    """A voltage divider: 1 kOhm in the wire, then 2 kOhm to the ground rail."""
+def _divider(run: WireRun, divider: Divider) -> Iterator[str]:
+    """A voltage divider: one resistor in the wire, one from its node to the ground rail."""
     x, y, below = RAILS[GROUND], _y(run.start), _y(run.start + 1)
-    route = f"M{NODE} {y} V{below} H{x}"
+    node, series = (NODE_AT_BOARD, SERIES_AT_BOARD) if divider.is_at_board else (NODE, RESISTORS)
+    route = f"M{node} {y} V{below} H{x}"
     yield element("path", d=route, stroke=PAINTS[GROUND], stroke_width=WIRE)
     yield _dot(x, below, GROUND)
-    yield _dot(NODE, y, run.wire.colour)
-    for height, ohms in ((y, "1 kΩ"), (below, "2 kΩ")):
+    yield _dot(node, y, run.wire.colour)
+    for left, height, ohms in ((series, y, divider.series), (RESISTORS, below, divider.parallel)):
         yield element(
             "rect",
-            x=RESISTORS,
+            x=left,
             y=height - RESISTOR_HEIGHT // 2,
             width=RESISTOR_WIDTH,
             height=RESISTOR_HEIGHT,
@@ -128,7 +132,7 @@ def _divider(run: WireRun) -> Iterator[str]:
             fill="#ecd9b0",
             stroke="#7c6a45",
         )
-        yield text_element(RESISTORS + RESISTOR_WIDTH / 2, height + 4, ohms, class_="ohm")
+        yield text_element(left + RESISTOR_WIDTH / 2, height + 4, ohms, class_="ohm")
 
 
 def _part(placed: PlacedPart) -> Iterator[str]:

@@ -10,6 +10,7 @@ from diffbotctl.render.wiring_layout import BRAIN, SENSES, Layout, PlacedPart, W
 # First and last character column of each column of parts; the wires are in the gaps.
 BOXES = ((0, 12), (16, 30), (36, 51), (64, 79))
 RAILS = {SUPPLY: 54, GROUND: 56}
+NODE_AT_BOARD = 60  # the node of a divider at the board's pin
 RESISTOR, NODE = 58, 61  # of the divider: its resistors, and the node between them
 KEY_GAP = 2  # rows between the lowest part on the left and the colour key
 STYLES = {
@@ -82,7 +83,7 @@ def _rails(plan: Layout) -> Rails:
         if run.is_railed:
             first, last = rails.get(run.wire.colour, (run.start, run.end))
             rails[run.wire.colour] = (first, max(last, run.end))
-        elif run.wire.through:
+        elif run.wire.through is not None:
             first, last = rails[GROUND]
             rails[GROUND] = (first, max(last, run.end + 1))
     return rails
@@ -102,11 +103,17 @@ def _level(canvas: _Canvas, first: int, last: int, run: WireRun, row: int, rails
 
 def _straight(canvas: _Canvas, run: WireRun, rails: Rails) -> None:
     _level(canvas, BOXES[run.column][1] + 1, BOXES[run.column + 1][0], run, run.start, rails)
-    if run.wire.through:
-        canvas.put(RESISTOR, run.start, "1k", "bold")
-        canvas.put(NODE, run.start, "●", STYLES[run.wire.colour])
-        canvas.put(RAILS[GROUND], run.start + 1, "●────╯", STYLES[GROUND])
-        canvas.put(RESISTOR, run.start + 1, "2k", "bold")
+    divider = run.wire.through
+    if divider is None:
+        return
+    node, series, parallel = NODE, RESISTOR, RESISTOR
+    if divider.is_at_board:
+        node, series, parallel = NODE_AT_BOARD, NODE_AT_BOARD + 1, RAILS[GROUND] + 1
+    canvas.put(series, run.start, divider.series, "bold")
+    canvas.put(node, run.start, "●", STYLES[run.wire.colour])
+    level = "─" * (node - RAILS[GROUND] - 1)
+    canvas.put(RAILS[GROUND], run.start + 1, f"●{level}╯", STYLES[GROUND])
+    canvas.put(parallel, run.start + 1, divider.parallel, "bold")
 
 
 def _tap(canvas: _Canvas, run: WireRun, rails: Rails) -> None:

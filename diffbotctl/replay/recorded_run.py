@@ -14,9 +14,11 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Goal, Message
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.recording.reader import RecordedMessage, RecordingReader
+from diffbotctl.recording.run_metadata import check_replayable
 from diffbotctl.time import NEVER
 
 CLIENT_WIRES = {  # with messages that only a client of the control socket causes
@@ -43,6 +45,7 @@ class RecordedRun(NamedTuple):
     state: tuple[int, bytes] | None
     operator_messages: tuple[tuple[str, Message], ...]
     wires: tuple[str, ...]
+    has_published_messages: bool = False  # of clients and programs, on inputs of the pipeline
 
     @property
     def begins(self) -> str:
@@ -84,11 +87,19 @@ def read_run(path: Path) -> RecordedRun:
     """Read the recording at `path`. Raises RunError for a file that is none."""
     reader = RecordingReader(path)
     operator_messages: list[tuple[str, Message]] = []
+    has_published_messages = False
     last = 0
     for item in reader.messages():
         last = max(last, item.time)
         if item.wire.startswith("operator."):
             operator_messages.append((item.wire, item.message))
+        elif item.from_driver and not item.wire.startswith("robot."):
+            has_published_messages = True
+    try:
+        check_replayable(reader.about)
+    except ValueError as error:
+        cause = f"metadata 'run': {error}"
+        raise RunError(Problem("E-RECORDING", str(path), cause)) from error
     if reader.end is not None:
         last = int(reader.end["last"])
     return RecordedRun(
@@ -99,6 +110,7 @@ def read_run(path: Path) -> RecordedRun:
         reader.state,
         tuple(operator_messages),
         tuple(reader.wires),
+        has_published_messages,
     )
 
 

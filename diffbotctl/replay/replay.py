@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,14 +14,18 @@ from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Sink
+from diffbotctl.message_types import type_name
 from diffbotctl.params import declared
 from diffbotctl.processes import screen
+from diffbotctl.processes.child_process import wait_for_exit
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
-from diffbotctl.recording import snapshot
-from diffbotctl.recording.comparison import Difference, ReplayChecker, RunDigest
+from diffbotctl.recording.comparison import Difference, ReplayChecker
+from diffbotctl.recording.digest import RunDigest
 from diffbotctl.recording.metrics import Metrics, MetricsAccumulator, final_true_position
 from diffbotctl.recording.reader import RecordedMessage, RecordingReader
 from diffbotctl.recording.recorder import Recorder
+from diffbotctl.recording.snapshot import StateError
+from diffbotctl.recording.snapshot_restore import restore_snapshot
 from diffbotctl.replay.recorded_run import (
     RecordedRun,
     ReplayDriver,
@@ -176,8 +179,12 @@ class _ReplayRun:
     def _inputs(self) -> Iterator[RecordedMessage]:
         """The recorded messages after the state in which the replay begins."""
         first = -1 if self.run.state is None else self.start
-        messages = RecordingReader(self.run.path).messages()
-        return (message for message in messages if message.time > first)
+        for item in RecordingReader(self.run.path, self.graph.kinds).messages():
+            if item.from_driver and self.graph.kinds.get(item.wire) is not type(item.message):
+                cause = f"its pipeline has no input {item.wire} for {type_name(type(item.message))}"
+                raise RunError(Problem("E-RECORDING", str(self.run.path), cause))
+            if item.time > first:
+                yield item
 
     def _clock(self) -> Clock:
         if self.options.speed is None:
@@ -225,7 +232,7 @@ class _ReplayRun:
             self.control_socket.channel.close()
             self.control_socket.end()
         for pid in self.children:
-            os.waitpid(pid, 0)
+            wait_for_exit(pid)
 
 
 def _restore_state(
@@ -235,8 +242,8 @@ def _restore_state(
     overrides = _block_parameters(engine.graph, sets)
     time, data = state
     try:
-        snapshot.restore_snapshot(data, engine)
-    except snapshot.StateError as error:
+        restore_snapshot(data, engine)
+    except StateError as error:
         cause = f"the state at its beginning cannot be read: {error}"
         raise RunError(Problem("E-RECORDING", str(path), cause)) from error
     for block, name, value in overrides:

@@ -24,6 +24,8 @@ def why_not_resimulable(run: RecordedRun) -> str | None:
         return "the recording does not begin at the start of the run"
     if run.is_driven():
         return "a client drove or sent goals, and would have reacted to another motion"
+    if run.has_published_messages:
+        return "other programs published messages, and would have reacted to another motion"
     if "goals" not in run.about:
         return "the recording does not contain the goals of the run"
     return None

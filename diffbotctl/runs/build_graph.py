@@ -17,13 +17,18 @@ from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook
-from diffbotctl.messages import Range, Resume, Stop
+from diffbotctl.messages import Encoders, Range, Resume, Stop
 from diffbotctl.recording.foxglove import SensorMount
+from diffbotctl.time import SECOND
 
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
 UNPROVEN_SPEED_MAX = 0.1  # m/s; slow enough to catch a robot whose motor turns the wrong way
 MISSED_FRAMES_MAX = 4  # telemetry frames that noise may swallow before the robot is stopped
-DEFAULT_WIRES: dict[type, str] = {Stop: "operator.stop", Resume: "operator.resume"}
+DEFAULT_WIRES: dict[type, str] = {
+    Stop: "operator.stop",
+    Resume: "operator.resume",
+    Encoders: "robot.encoders",
+}
 """Source of an optional input of this message class that the pipeline leaves open."""
 
 AnyBlock = TypeVar("AnyBlock", bound=Block)
@@ -49,11 +54,16 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
         if is_duty_board(robot):
             nodes.append(wheel_speed_node(robot))
             command = f"{WHEEL_SPEED}.duty"
-    return Assembly(Graph(nodes, sources(robot), Logbook()), command, unproven)
+    wires = sources(robot) | {use.wire: use.kind for use in configuration.inputs}
+    # A neutral message holds until another one comes.
+    lifetimes = {
+        use.wire: round(use.timeout * SECOND) for use in configuration.inputs if use.neutral is None
+    }
+    return Assembly(Graph(nodes, wires, Logbook(), lifetimes), command, unproven)
 
 
 def sources(robot: Robot | None) -> dict[str, type]:
-    """Every wire that a driver delivers on, with its message class."""
+    """Every wire that a driver of this package delivers on, with its message class."""
     wires = {f"operator.{port}": kind for port, kind in node_ports.OPERATOR.items()}
     if robot is not None:
         ports = node_ports.robot(robot).outputs

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import time
 from typing import Any
 
 from diffbotctl import __version__
@@ -15,14 +13,15 @@ from diffbotctl.control_socket.command_driver import ControlClientDriver
 from diffbotctl.control_socket.engine_channel import EngineChannel
 from diffbotctl.control_socket.run_state import RunInfo
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.processes.child_process import wait_for_exit
 from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.render.map_scene import describe_scene
 from diffbotctl.runs.build_graph import Assembly
 from diffbotctl.runs.options import SocketOptions
 
 EXIT_TIMEOUT_S = 1.5  # the server gives its clients half a second to read the rest
-POLL_PERIOD_S = 0.005
 
 
 class RunControlSocket:
@@ -63,21 +62,15 @@ class RunControlSocket:
         self.channel = EngineChannel(end)
 
     def client_driver(
-        self, operator: Operator, changes: LiveChanges, wakes: bool
+        self, operator: Operator, changes: LiveChanges, wakes: bool, inputs: InputLeases
     ) -> ControlClientDriver:
         """A driver that follows the commands of the clients."""
-        return ControlClientDriver(self.channel, operator, changes, wakes)
+        return ControlClientDriver(self.channel, operator, changes, wakes, inputs)
 
     def end(self) -> None:
         """Wait EXIT_TIMEOUT_S for the server process to exit, then kill it."""
         remove_socket(self.path)
-        deadline = time.monotonic() + EXIT_TIMEOUT_S
-        while os.waitpid(self.pid, os.WNOHANG) == (0, 0):
-            if time.monotonic() > deadline:
-                os.kill(self.pid, signal.SIGKILL)
-                os.waitpid(self.pid, 0)
-                return
-            time.sleep(POLL_PERIOD_S)
+        wait_for_exit(self.pid, EXIT_TIMEOUT_S)
 
 
 def _drivers(port: str) -> dict[str, type]:

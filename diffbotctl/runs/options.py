@@ -1,7 +1,5 @@
 """What a run is asked to do, and what it comes to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +9,7 @@ from diffbotctl.messages import Goal, Link, Odometry, Stop
 
 if TYPE_CHECKING:
     from diffbotctl.plant.simulated_robot import PlantTruth
+    from diffbotctl.programs.driver import ProgramsDriver
 
 
 class SocketOptions(NamedTuple):
@@ -36,6 +35,8 @@ class RunOptions(NamedTuple):
     log: Path | None = None
     levels: tuple[tuple[str, str], ...] = ()  # (source, level) of the log
     flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
+    # The driver of the pipeline's programs, if they may run; without it the run is refused.
+    programs: "type[ProgramsDriver] | None" = None
 
 
 class RunResult(NamedTuple):
@@ -48,7 +49,7 @@ class RunResult(NamedTuple):
     stops: tuple[Stop, ...]
     odometry: Odometry | None  # the last estimate
     # of a simulated robot, its pose in the frame in which the goals were given
-    truth: PlantTruth | None
+    truth: "PlantTruth | None"
     path: float  # m, driven by odometry
     link: Link | None  # the last state of the link
     digest: str | None

@@ -10,7 +10,6 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,16 +21,17 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import LOG, Sink
 from diffbotctl.messages import Goal
 from diffbotctl.processes import child_process, screen
+from diffbotctl.processes.child_process import resume, wait_for_exit
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
 from diffbotctl.recording.black_box import BlackBox
 from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
-from diffbotctl.recording.comparison import RunDigest
 from diffbotctl.recording.recorder import Recorder, last_line, log_sink, open_log
 from diffbotctl.recording.writer import RecordingHeader, start_recorder
 from diffbotctl.runs.build_graph import Assembly, mounts
 from diffbotctl.runs.options import RunOptions
 
 if TYPE_CHECKING:
+    from diffbotctl.recording.digest import RunDigest
     from diffbotctl.runs.control_socket import RunControlSocket
 
 Report = Callable[[str], None]
@@ -70,7 +70,7 @@ class RunOutputs:
         self.black_box: BlackBox | None = None
         self.log_file: Recorder | None = None
         self.control_socket: RunControlSocket | None = None
-        self.digest = RunDigest(assembly.graph.kinds) if options.digest else None
+        self.digest = _start_digest(assembly.graph.kinds) if options.digest else None
         if show is not None:
             channel, pid = screen.start_screen(show, options.dash)
             self.children.append(pid)
@@ -172,6 +172,7 @@ class RunOutputs:
 
         `last` is the time of the last instant, `truth` the JSON text of the simulated robot's pose.
         """
+        self._resume_children()
         line = last_line(ending)
         if self.log_file is not None:
             self.log_file.record(line)
@@ -194,13 +195,19 @@ class RunOutputs:
             self.screen.add_line(ending.time, line)
             self.screen.finish(max(last, 0))
 
+    def _resume_children(self) -> None:
+        """A suspended child would keep what it has received, and the end of the run waiting."""
+        for pid in self.children:
+            resume(pid)
+        if self.control_socket is not None:
+            resume(self.control_socket.pid)
+
     def close(self) -> None:
-        """Wait for the children to end."""
+        """Wait for the children to end; one that does not is killed."""
         if self.control_socket is not None:
             self.control_socket.end()
         for pid in self.children:
-            with suppress(ChildProcessError):
-                os.waitpid(pid, 0)
+            wait_for_exit(pid)
         if self.black_box is not None:  # last: no screen is left to draw over what it announces
             self.black_box.close()
 
@@ -262,3 +269,10 @@ def start_black_box(
 
     box = BlackBox(ours, len(graph.sources), reports.take_snapshot, reports.announce, lost)
     return box, store
+
+
+def _start_digest(wires: dict[str, type]) -> RunDigest:
+    # Imported late: hashlib loads OpenSSL, 9 ms and 3 MB, and few runs want a digest.
+    from diffbotctl.recording.digest import RunDigest
+
+    return RunDigest(wires)

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_duty_board
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.driver import Driver, RobotDriver
+from diffbotctl.engine.instant_monitor import InstantLimits, instant_limits
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine, RunOutcome, SignalSource
+from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.graph import Sink
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Path, Stop, Wheels
 from diffbotctl.recording import snapshot
@@ -26,6 +29,20 @@ from diffbotctl.time import NEVER, SECOND
 if TYPE_CHECKING:
     from diffbotctl.control_socket.command_driver import ControlClientDriver
     from diffbotctl.plant.simulated_robot import PlantTruth, SimulatedRobot
+    from diffbotctl.programs.driver import ProgramsDriver
+
+
+def _check_programs(configuration: Configuration, options: RunOptions) -> None:
+    """Raise RunError where the programs of a pipeline may not or cannot run."""
+    if not configuration.programs:
+        return
+    names = join_words([use.name for use in configuration.programs], "and")
+    if options.programs is None:
+        cause = f"this pipeline starts programs, which were not allowed: {names}"
+        raise RunError(Problem("E-PROGRAM-CONSENT", "programs", cause, "give --allow-programs"))
+    if options.fast:
+        cause = f"{names} cannot keep up with a run that is faster than real time"
+        raise RunError(Problem("E-PROGRAM", "programs", cause, "run it without --fast"))
 
 
 class PortRobot(NamedTuple):
@@ -76,13 +93,17 @@ class Run:
         self.assembly = assemble(configuration, self.is_real)
         self.estimates = wires_of(self.assembly, Odometry)
         self.monitor = RunMonitor()
+        self.is_driving = False
         self.goals = list(options.goals) or [
             Goal(0, 0, goal.x, goal.y, goal.heading) for goal in configuration.goals
         ]
         self.operator = Operator(self.goals, self._end, stay=options.stay)
         for source, level in options.levels:
             self.operator.set_level(0, source, level)
+        _check_programs(configuration, options)
         self.outputs = self._start_outputs(show, screen_closed)
+        self.inputs = InputLeases(configuration.inputs, self.operator)
+        self.programs = self._start_programs()
         self.robot, self.plant = self._open_robot()
         named_drivers = {} if self.robot is None else {"robot": self.robot}
         self.changes = LiveChanges(self.assembly.graph, named_drivers)
@@ -109,7 +130,14 @@ class Run:
         return RunOutputs(self.configuration, self.assembly, self.options, reports, show)
 
     def _build_engine(self, signals: SignalSource | None) -> Engine:
-        drivers: list[Driver | None] = [self.robot, self.operator, self.client]
+        inputs = self.inputs if self.configuration.inputs else None
+        drivers: list[Driver | None] = [
+            self.robot,
+            self.operator,
+            self.client,
+            self.programs,
+            inputs,
+        ]
         return Engine(
             self.assembly.graph,
             [driver for driver in drivers if driver is not None],
@@ -119,7 +147,16 @@ class Run:
             record=self.outputs.record(),
             idle=self._idle(),
             signals=signals,
+            limits=self._instant_limits(),
+            is_driving=lambda: self.is_driving,
         )
+
+    def _instant_limits(self) -> InstantLimits | None:
+        """Limits of the time that an instant may take; none for a run that follows no clock."""
+        robot = self.configuration.robot
+        if robot is None or self.options.fast:
+            return None
+        return instant_limits(robot.board.deadman, robot.board.telemetry, self.is_real)
 
     def go(self) -> RunResult:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
@@ -174,8 +211,15 @@ class Run:
         control_socket = self.outputs.control_socket
         if control_socket is None:
             return None
-        wakes = self.is_real or self.robot is None
-        return control_socket.client_driver(self.operator, self.changes, wakes)
+        wakes = self.is_real or self.robot is None or bool(self.configuration.inputs)
+        return control_socket.client_driver(self.operator, self.changes, wakes, self.inputs)
+
+    def _start_programs(self) -> ProgramsDriver | None:
+        """The programs of the pipeline; forked before a port is open, started with the run."""
+        uses, driver = self.configuration.programs, self.options.programs
+        if not uses or driver is None:
+            return None
+        return driver(uses, self.assembly.graph.kinds, self.inputs, self.operator)
 
     def _clock(self) -> Clock:
         if self.is_real:
@@ -202,6 +246,8 @@ class Run:
             sinks[wire].append(sink)
         if self.configuration.robot is not None:
             sinks["robot.link"].append(self.monitor.on_link)
+        for wire, sink in ({} if self.programs is None else self.programs.sinks()).items():
+            sinks[wire].append(sink)
         for wire, sink in self.outputs.sinks():
             sinks[wire].append(sink)
         return sinks
@@ -218,22 +264,25 @@ class Run:
         )
 
         def send(now: int, command: Wheels | Duty) -> None:
-            if self.engine.ending is not None:
-                return  # the final stop is under way
+            if self.engine.ending is not None or self.engine.stop_waits:
+                return  # a stop is under way
             if takes_duty and not (abs(command.left) <= 1.0 and abs(command.right) <= 1.0):
                 command = Duty(now, 0.0, 0.0)
                 self._end(1, "a motor duty is beyond 1 or not a number")
+            self.is_driving = bool(command.left or command.right)
             robot.command(now, command)
 
         return send
 
     def _idle(self) -> Callable[[], None] | None:
         """What the engine calls in its idle time: first the client's commands, then the outputs."""
-        client, outputs_idle = self.client, self.outputs.idle()
-        if client is None and outputs_idle is None:
+        client, outputs_idle, programs = self.client, self.outputs.idle(), self.programs
+        if client is None and outputs_idle is None and programs is None:
             return None
 
         def idle() -> None:
+            if programs is not None:
+                programs.idle()
             if client is not None:
                 client.idle(self.engine.last_instant)
             if outputs_idle is not None:

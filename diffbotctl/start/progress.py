@@ -7,7 +7,10 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.errors import Problem, RunError
+
+STATE_MAX_BYTES = 1 << 20
 
 
 class GuideProgress:
@@ -61,8 +64,9 @@ def state_path() -> Path:
 
 
 def _read(path: Path) -> dict[str, object]:
-    with suppress(OSError, ValueError):
-        entries = json.loads(path.read_text())
+    with suppress(OSError, ValueError, RecursionError):
+        with open_regular(path) as file:
+            entries = json.loads(file.read(STATE_MAX_BYTES))
         if isinstance(entries, dict):
             return entries
     return {}

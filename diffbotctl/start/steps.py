@@ -54,7 +54,7 @@ CHAPTERS = (
     Chapter(
         ChapterKey.BOARD,
         "The board",
-        "the Mega 2560 is searched on the USB ports",
+        "the board is searched on the USB ports",
         "the board is on {port}",
     ),
     Chapter(

@@ -6,6 +6,8 @@ import threading
 from abc import ABC, abstractmethod
 from typing import Self
 
+from diffbotctl.processes.real_time import prefer
+
 
 class BackgroundDevice(ABC):
     """A fake device with its own thread. A constructor calls `begin` as its last step."""
@@ -23,8 +25,12 @@ class BackgroundDevice(ABC):
     def begin(self) -> None:
         """Start the thread."""
         self.over = threading.Event()
-        self._thread = threading.Thread(target=self.live, daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
+
+    def _run(self) -> None:
+        prefer()
+        self.live()
 
     def close(self) -> None:
         """End the thread, and release what it used."""

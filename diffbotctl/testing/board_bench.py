@@ -2,26 +2,74 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.emulator.process import Emulator, MotorChange, PinTransition, StepResult
+from diffbotctl.emulator.emulated_robot import board_emulator
+from diffbotctl.emulator.process import MotorChange, PinTransition, StepResult
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
 
 MS = 1_000_000
+# The wheels of the bench do not follow the duty: only the feed-forward is used.
 BOOK = BoardSettings(
-    WheelSettings(5, 6, 7, 2, reversed=True),
-    WheelSettings(8, 9, 10, 3),
+    WheelSettings(5, 6, 7, 2, reversed=True, proportional=0.0, integral=0.0),
+    WheelSettings(8, 9, 10, 3, proportional=0.0, integral=0.0),
     range_channel=0,
     range_name="front",
 )
+# The same on an Uno, whose A0 is pin 14, with the radio module on its only port.
+UNO = replace(
+    BOOK,
+    board=frames.BoardCode.ATMEGA328P,
+    left=replace(BOOK.left, in1=7, in2=8),
+    right=replace(BOOK.right, enable=6),
+    uart=0,
+    shares_usb=True,
+)
+UNO_ROBOT = str(Path(__file__).with_name("uno.yaml"))
 MOTORS = [(5, 6, 7), (8, 9, 10)]
 ENCODERS = (2, 3)
 BAUDS = (115200, 9600)
 # What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).
 REAL_BAUDS = (117647, 9615)
 RADIO, USB = 1, 0
+
+
+class BenchBoard(NamedTuple):
+    """The board that trials run on: its settings on the bench, and its robot file."""
+
+    settings: BoardSettings
+    robot: str
+
+    @property
+    def ports(self) -> tuple[int, ...]:
+        """Its serial ports: RADIO, and USB if that is another one."""
+        return (RADIO,) if self.settings.shares_usb else (RADIO, USB)
+
+
+MEGA_BOARD, UNO_BOARD = BenchBoard(BOOK, "book_2wd"), BenchBoard(UNO, UNO_ROBOT)
+_board = ContextVar("board of the trials", default=MEGA_BOARD)
+
+
+def trial_board() -> BenchBoard:
+    """The board that trials run on at present."""
+    return _board.get()
+
+
+@contextmanager
+def trials_on(board: BenchBoard) -> Iterator[None]:
+    """Run trials on this board."""
+    token = _board.set(board)
+    try:
+        yield
+    finally:
+        _board.reset(token)
 
 
 class BenchFrame(NamedTuple):
@@ -33,15 +81,21 @@ class BenchFrame(NamedTuple):
 
 
 class BoardBench:
-    """One board. `duty` is what the motors get now, forward positive as the settings have it."""
+    """One board. `duty` is what the motors get now, forward positive as the settings have it.
 
-    def __init__(self, eeprom: bytes | None = None, settings: BoardSettings = BOOK) -> None:
-        self.emulator = Emulator(MOTORS)
+    On a board with one port RADIO and USB both mean that port.
+    """
+
+    def __init__(self, eeprom: bytes | None = None, settings: BoardSettings | None = None) -> None:
+        """`settings`: default is those of `trial_board`."""
+        settings = settings or trial_board().settings
+        self.emulator = board_emulator(settings)
         if eeprom is not None:
             self.emulator.set_eeprom(eeprom)
             self.emulator.reset(1)
         self.settings = settings
-        self.decoders = [FrameDecoder(), FrameDecoder()]
+        decoder = FrameDecoder()
+        self.decoders = [decoder, decoder if settings.shares_usb else FrameDecoder()]
         self.heard: list[BenchFrame] = []
         self.changes: list[MotorChange] = []
         self.duty = [0.0, 0.0]
@@ -59,10 +113,14 @@ class BoardBench:
     def now(self) -> int:
         return self.emulator.now
 
+    def uart(self, port: int) -> int:
+        """The board's UART that RADIO or USB leads to."""
+        return 0 if self.settings.shares_usb else port
+
     def send(self, uart: int, *messages: frames.Frame | bytes) -> None:
         """Bytes or frames that begin to arrive when time goes on."""
         for each in messages:
-            self.pending[uart] += each if isinstance(each, bytes) else encode(each)
+            self.pending[self.uart(uart)] += each if isinstance(each, bytes) else encode(each)
 
     def run(self, until: int, millivolts: dict[int, int] | None = None) -> list[BenchFrame]:
         """Let time pass until `until` (ns); what came in the meantime."""
@@ -113,7 +171,7 @@ class BoardBench:
     def claim(self, uart: int = RADIO, sequence: int = 15) -> None:
         """Own the commands."""
         self.send(uart, b"\0", frames.StopFrame(sequence))
-        self.wait(8)
+        self.wait(12)  # 7 bytes at 9600 baud, and a period of the main loop
 
     def ready(self, uart: int = RADIO) -> None:
         """Settings in use, commands owned."""

@@ -10,6 +10,7 @@ import heapq
 import os
 import select
 import socket
+import threading
 import time
 import tty
 from contextlib import suppress
@@ -20,6 +21,7 @@ from typing import NamedTuple
 from diffbotctl.testing.background import BackgroundDevice
 
 BUFFER = 1024  # bytes that the module keeps of each direction; it has no flow control
+TIMEOUT_S = 60.0  # of what the module's thread does at once
 POLL_PERIOD_S = 0.002  # s between two looks at both ends
 END = b"\0"  # of a frame
 
@@ -84,6 +86,7 @@ class RadioModule(BackgroundDevice):
         self.up, self.down = (RadioDirection(rng, delay, loss) for _ in range(2))
         self.away_until = 0.0
         self.refusing = False
+        self.broken = threading.Event()
         self.passed = []
         self.outages = []  # (begin, end)
         self.begin()
@@ -95,11 +98,13 @@ class RadioModule(BackgroundDevice):
         self.away_until = now + seconds
 
     def hang_up(self):
-        """The connection breaks, and the module takes no other."""
+        """Break the connection and take no other. Returns once it is broken."""
         self.refusing = True
+        assert self.broken.wait(TIMEOUT_S)
 
     def come_back(self):
         """The module may be called again."""
+        self.broken.clear()
         self.refusing = False
 
     def silences(self, to_host):
@@ -138,6 +143,7 @@ class RadioModule(BackgroundDevice):
             self.host = None
         with suppress(BlockingIOError):
             self.server.accept()[0].close()
+        self.broken.set()
 
     def _once(self, now):
         away = now < self.away_until

@@ -15,9 +15,11 @@ import struct
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from math import log
 from random import Random
 
+from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import SECOND
 
 MS = 1_000_000  # ns
@@ -26,6 +28,7 @@ LOOP_PAUSE = 20 * MS
 PUBLISH_AFTER = 50 * MS
 SEND_BUFFER = 64  # bytes
 HALF_READ_LIFE = 20  # ms
+LINE_BYTES_MAX = 16  # that a late reader may take at once
 SYNC_EVERY = 2500 * MS
 SYNC_LOST = 11 * SECOND
 BOOT = 1200 * MS
@@ -276,10 +279,19 @@ def _int16(value: int) -> int:
 
 
 class RosserialDevicePort:
-    """The device on one end of a pseudo-terminal, in real time; `with OnTerminal(device, fd):`."""
+    """The device on one end of a pseudo-terminal, in real time; `with OnTerminal(device, fd):`.
 
-    def __init__(self, device: RosserialDevice, fd: int) -> None:
-        self.device, self.fd = device, fd
+    It takes bytes at the baud rate's pace: the others wait in the kernel, where the host can still
+    discard them. `on_pass` is called with the time (ns) after each step of the device.
+    """
+
+    def __init__(
+        self,
+        device: RosserialDevice,
+        fd: int,
+        on_pass: Callable[[int], None] = lambda now: None,
+    ) -> None:
+        self.device, self.fd, self.on_pass = device, fd, on_pass
         self.over = threading.Event()
         self.thread = threading.Thread(target=self._run, daemon=True)
 
@@ -292,12 +304,21 @@ class RosserialDevicePort:
         self.thread.join()
 
     def _run(self) -> None:
+        prefer()
         begin = time.monotonic_ns()
+        line_free = 0
         while not self.over.is_set():
             ready, _, _ = select.select([self.fd], [], [], 0.001)
             now = time.monotonic_ns() - begin
-            if ready:
-                self.device.hear(now, os.read(self.fd, 4096))
+            room = (now - line_free) // self.device.byte_time
+            if ready and room > 0:
+                data = os.read(self.fd, min(room, LINE_BYTES_MAX))
+                self.device.hear(now, data)
+                line_free = max(line_free, now - LINE_BYTES_MAX * self.device.byte_time)
+                line_free += len(data) * self.device.byte_time
+            elif ready:
+                time.sleep(0.0005)
             arrived = self.device.advance(now)
             if arrived:
                 os.write(self.fd, arrived)
+            self.on_pass(now)

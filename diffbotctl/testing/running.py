@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -10,8 +11,9 @@ from contextlib import contextmanager
 
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 OPEN_FIELD = ["--set", "world.walls=[]"]
+LIVE_LINE = re.compile(r" *\d+\.\d\d s ")  # begins with the run's time
 LONGEST_WAIT = 60  # s that a test waits for a state of the run
-REPLY_TIMEOUT_S = 10  # s that a test waits for what must come; it fails by itself afterwards
+REPLY_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itself afterwards
 
 
 def command(folder, *words):
@@ -38,8 +40,9 @@ def running(folder, *words, name="test"):
     )
     try:
         assert process.stdout is not None
-        process.stdout.readline()  # the headline
-        process.stdout.readline()  # the first live line: the socket is there
+        for line in process.stdout:
+            if LIVE_LINE.match(line):  # the first one after the headline: the socket is there
+                break
         yield process
     finally:
         process.kill()

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import TYPE_CHECKING
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from diffbotctl.calibrate.step import CurvePlot
+from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.plot.plots import render_curve, render_scatter
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
+    from diffbotctl.calibrate.simulated_truth import ComparedValue
     from diffbotctl.calibrate.step import CurvePlot, ScatterPlot, StepProgress
 
 
 class CalibrationScreen:
     """A terminal; without one, plain lines and no bar."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self.console = console or Console(highlight=False)
+    def __init__(self, console: PrintableConsole | None = None) -> None:
+        self.console = console or PrintableConsole(highlight=False)
         self.bar: Progress | None = None
 
     def say(self, text: str) -> None:
@@ -65,6 +66,19 @@ class CalibrationScreen:
 MM = 1000.0  # mm in a m
 
 
+def truth_report(values: Sequence[ComparedValue]) -> Iterator[str]:
+    """The calibrated values of a simulated robot beside the true ones."""
+    yield "SIMULATED: what was found, and the truth"
+    yield f"{'':<32} {'found':>10} {'truth':>10} {'error':>10}  in sd"
+    for value in values:
+        scale, unit = (MM, "mm") if value.unit == "m" else (1.0, value.unit)
+        numbers = (value.found, value.true, value.found - value.true)
+        columns = " ".join(f"{scale * number:>10.5g}" for number in numbers[:2])
+        deviation = "" if value.deviation is None else f"{value.deviation:+6.1f}"
+        error = f"{scale * numbers[2]:>+10.2g}"
+        yield f"{value.field:<32} {columns} {error} {deviation:>6}  {unit if unit != '1' else ''}"
+
+
 def fit_report(fit: GeometryFit) -> Iterator[str]:
     """The fitted geometry beside the stated one, and the end error of each drive with both."""
     if notes := list(_notes(fit)):
@@ -81,20 +95,22 @@ def fit_report(fit: GeometryFit) -> Iterator[str]:
     half = confidence.ratio.half_width
     ratios = f"{stated.ratio:>10.5f} {fitted.ratio:>10.5f}"
     yield f"{'right over left':<24} {ratios}   +- {fitted.ratio * half:.5f} ({100 * half:.3f} %)"
+    half, before, after = (
+        confidence.track_over_mean.half_width,
+        stated.track / stated.mean,
+        fitted.track / fitted.mean,
+    )
+    name = "track over mean diameter"
+    yield f"{name:<24} {before:>10.5f} {after:>10.5f}   +- {after * half:.5f} ({100 * half:.3f} %)"
     yield ""
     yield from _drives(fit)
 
 
 def _notes(fit: GeometryFit) -> Iterator[str]:
     """What the user should know before the figures."""
-    if fit.swapped:
-        yield "The columns of the left and the right wheel are swapped; this was corrected."
-    if fit.track_ratio == 2:
-        yield "The stated track is half of the actual one: measure from tyre to tyre."
-    elif fit.track_ratio != 1:
-        yield "The stated track is twice the actual one: measure from tyre to tyre once."
     if not fit.sees_diameter:
-        yield "These drives do not determine the mean wheel diameter: it is kept as stated."
+        yield "These drives do not determine the mean wheel diameter: it is kept as stated, and all"
+        yield "lengths are as uncertain as it is; `diffbotctl calibrate distance` measures it."
     if len(fit.drives) == 1:
         yield "Only one drive: its repeatability is unknown."
 

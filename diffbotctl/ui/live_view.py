@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
@@ -15,6 +15,7 @@ from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.time import SECOND
 from diffbotctl.ui import run_text
+from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.map.layers import draw_map, overview_camera
 from diffbotctl.ui.map.state import MapState
 
@@ -76,7 +77,7 @@ def facts_table(snapshot: RunSnapshot) -> Table:
 
 def show_live(scene: Scene, snapshots: Iterator[RunSnapshot]) -> None:
     """Draw snapshots on the terminal until they end; the lines of the log stay above them."""
-    console = Console(file=sys.stdout)
+    console = PrintableConsole(file=sys.stdout)
     view = LiveView(scene)
     with Live(console=console, auto_refresh=False, transient=True) as live:
         for snapshot in snapshots:

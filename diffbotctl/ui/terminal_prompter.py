@@ -12,37 +12,75 @@ from diffbotctl.prompts.question import AnswerError
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
+    from diffbotctl.prompts.answers_file import MeasuringTools
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.prompts.question import Answer, ManualAction, MarkFloor, MotionNotice, Question
 
 ANY_KEY = "Any key stops the robot. Press Enter to start"
 ANSWER_ATTEMPTS_MAX = 5
+CONSENTS = ("", "y")  # Enter or y; no other text may start a motor
+# What a person would measure with, and what it does.
+INSTRUMENTS = {
+    "forward": "tape reads",
+    "left": "tape reads",
+    "distance": "tape reads",
+    "facing": "protractor reads",
+    "gap": "ruler reads",
+    "battery": "meter reads",
+    "wheel": "eye sees:",
+}
+REFUSALS = ("n", "no", "q", "quit", "stop")
 
 
 class TerminalPrompter:
-    """A prompter at a terminal. `agreed`: motions need no further consent (--yes)."""
+    """A prompter at a terminal. `agreed`: motions need no further consent (--yes).
 
-    def __init__(self, keyboard: Keyboard | None = None, agreed: bool = False) -> None:
+    `tools`: of a simulated robot; they do what a hand would do, and their readings are offered as
+    answers.
+    """
+
+    def __init__(
+        self,
+        keyboard: Keyboard | None = None,
+        agreed: bool = False,
+        tools: MeasuringTools | None = None,
+    ) -> None:
         self.keyboard = keyboard
         self.agreed = agreed
+        self.tools = tools
 
     def confirm_motion(self, notice: MotionNotice) -> None:
-        """Wait for Enter. Raises RunError if the person refuses."""
-        if self.agreed:
-            return
-        typed = self._type(f"{ANY_KEY}, or type no")
-        if typed.strip().lower() in ("n", "no", "q", "quit"):
-            raise RunError(
-                Problem("E-CALIBRATE-STOPPED", "calibrate", "the motion was refused", "")
-            )
+        """Wait for Enter or y. Raises RunError if the person refuses."""
+        if not self.agreed:
+            self._consent(f"{ANY_KEY}, or type no")
 
     def mark_floor(self, mark: MarkFloor) -> None:
-        """Wait until it is marked."""
-        self._type("Press Enter when you are ready")
+        """Wait for Enter or y: the robot moves next. Raises RunError if the person refuses."""
+        self._consent("Press Enter when you are ready")
+        if self.tools is not None:
+            self.tools.mark()
 
     def act(self, action: ManualAction) -> None:
-        """Wait until it is done."""
-        self._type("Press Enter when it is done")
+        """Wait until it is done. Raises RunError if the person refuses."""
+        if self.tools is None or (action.roll is None and action.place is None):
+            self._consent("Press Enter when it is done")
+            return
+        self._consent("SIMULATED: press Enter, and the simulator does it")
+        if action.roll is not None:
+            self.tools.roll(*action.roll)
+        if action.place is not None:
+            self.tools.place(*action.place)
+
+    def _consent(self, text: str) -> None:
+        """Wait for Enter or y; other text is asked again. Raises RunError on a refusal."""
+        for _ in range(ANSWER_ATTEMPTS_MAX):
+            typed = self._type(text).strip().lower()
+            if typed in CONSENTS:
+                return
+            if typed in REFUSALS:
+                break
+            click.echo(fold_text("Nothing moves: only Enter or y continues, no ends this step."))
+        raise RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", "the motion was refused", ""))
 
     def answer(self, question: Question) -> Answer:
         """A valid answer; an invalid one is followed by the reason and the same question.
@@ -51,7 +89,11 @@ class TerminalPrompter:
         """
         reason = ""
         text = fold_text(f"{question.text} ({question.expected})", hang=2)
-        default = "" if question.default is None else str(question.default)
+        default = "" if question.default is None else question.format_answer(question.default)
+        reading = "" if self.tools is None else self.tools.offer(question)
+        if reading:
+            click.echo(fold_text(f"SIMULATED: the {INSTRUMENTS[question.quantity]} {reading}"))
+            default = reading
         for _ in range(ANSWER_ATTEMPTS_MAX):
             try:
                 return question.parse(self._type(text, default))

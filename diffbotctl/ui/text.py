@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from textwrap import wrap
 
 from diffbotctl.errors import WIDTH
+from diffbotctl.printable import printable
 
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
@@ -43,7 +44,8 @@ def fold_text(text: str, hang: int = 0, width: int = WIDTH) -> str:
     `hang`: columns by which continued lines are indented further. A word that is longer than a
     line, such as a path, stays whole, so that it can be copied.
     """
-    return "\n".join(part for line in text.split("\n") for part in _parts(line, hang, width))
+    lines = printable(text).split("\n")
+    return "\n".join(part for line in lines for part in _parts(line, hang, width))
 
 
 def _parts(line: str, hang: int, width: int) -> list[str]:

@@ -14,7 +14,6 @@
 #include "pins.h"
 
 #define SUPPLY_MILLIVOLTS 5000
-#define BOOT_START 0x3E000
 #define MCUSR 0x54
 #define PORF 1
 #define EXTRF 2
@@ -23,7 +22,6 @@
 /* `rjmp` to itself: a program that hangs with its interrupts running. */
 #define HANG_LOW 0xFF
 #define HANG_HIGH 0xCF
-#define HANG_AT 0x3DFFE /* last word below the bootloader */
 
 static void do_not_sleep(avr_t *avr, avr_cycle_count_t how_long)
 {
@@ -46,10 +44,13 @@ static void quiet_interrupts(avr_t *avr)
         avr_extint_set_strict_lvl_trig(avr, number, 0);
 }
 
+static void start_trains(board_t *board);
+
 /* After a reset of any cause all timers of simavr are gone. */
 static void restarted(board_t *board)
 {
     quiet_interrupts(board->avr);
+    start_trains(board);
     lines_reset(board);
     board->flags |= FLAG_RESET;
     motors_poll(board);
@@ -67,9 +68,10 @@ void board_reset(board_t *board, uint8_t cause)
 
 void board_hang(board_t *board)
 {
-    board->avr->flash[HANG_AT] = HANG_LOW;
-    board->avr->flash[HANG_AT + 1] = HANG_HIGH;
-    board->avr->pc = HANG_AT;
+    uint32_t at = board->options.chip->hang;
+    board->avr->flash[at] = HANG_LOW;
+    board->avr->flash[at + 1] = HANG_HIGH;
+    board->avr->pc = at;
     if (board->avr->state == cpu_Sleeping)
         board->avr->state = cpu_Running;
 }
@@ -102,7 +104,8 @@ static void save_eeprom(board_t *board)
 
 void board_eeprom_get(board_t *board, uint8_t *bytes)
 {
-    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = EEPROM_SIZE};
+    memset(bytes, 0xFF, EEPROM_SIZE);
+    avr_eeprom_desc_t all = {.ee = bytes, .offset = 0, .size = board->options.chip->eeprom_size};
     avr_ioctl(board->avr, AVR_IOCTL_EEPROM_GET, &all);
 }
 
@@ -110,16 +113,17 @@ void board_eeprom_set(board_t *board, const uint8_t *bytes)
 {
     uint8_t copy[EEPROM_SIZE];
     memcpy(copy, bytes, sizeof copy);
-    avr_eeprom_desc_t all = {.ee = copy, .offset = 0, .size = EEPROM_SIZE};
+    avr_eeprom_desc_t all = {.ee = copy, .offset = 0, .size = board->options.chip->eeprom_size};
     avr_ioctl(board->avr, AVR_IOCTL_EEPROM_SET, &all);
 }
 
 void board_begin(board_t *board, const options_t *options)
 {
     board->options = *options;
-    avr_t *avr = board->avr = avr_make_mcu_by_name("atmega2560");
+    pins_begin(options->chip);
+    avr_t *avr = board->avr = avr_make_mcu_by_name(options->chip->mcu);
     if (!avr) {
-        fprintf(stderr, "simavr has no atmega2560\n");
+        fprintf(stderr, "simavr has no %s\n", options->chip->mcu);
         exit(1);
     }
     avr_init(avr);
@@ -132,8 +136,7 @@ void board_begin(board_t *board, const options_t *options)
     if (options->hex)
         flash_load(board, options->hex);
     if (options->boot) {
-        flash_load(board, options->boot);
-        avr->reset_pc = BOOT_START; /* fuse BOOTRST, as delivered */
+        avr->reset_pc = flash_load(board, options->boot); /* fuse BOOTRST, as delivered */
     }
     avr->codeend = avr->flashend; /* code that a bootloader writes is code */
     lines_begin(board);
@@ -186,6 +189,54 @@ void board_transition(board_t *board, uint64_t time, uint8_t pin, uint8_t level)
 {
     board->transitions[board->last] = (transition_t){time, pin, level};
     board->last = (board->last + 1) % TRANSITIONS;
+}
+
+static uint64_t random_bits(pulse_train_t *train)
+{
+    /* xorshift64: Marsaglia, "Xorshift RNGs" (2003) */
+    train->random_state ^= train->random_state << 13;
+    train->random_state ^= train->random_state >> 7;
+    train->random_state ^= train->random_state << 17;
+    return train->random_state;
+}
+
+static avr_cycle_count_t toggle(avr_t *avr, avr_cycle_count_t when, void *value)
+{
+    pulse_train_t *train = value;
+    (void)avr;
+    train->level = !train->level;
+    drive(train->board, train->pin, train->level);
+    uint32_t more = train->jitter ? random_bits(train) % (train->jitter + 1) : 0;
+    return when + (train->level ? train->high : train->low) + more;
+}
+
+static void start_train(pulse_train_t *train)
+{
+    avr_cycle_timer_cancel(train->board->avr, toggle, train);
+    if (train->high && train->low)
+        avr_cycle_timer_register(train->board->avr, train->low, toggle, train);
+}
+
+static void start_trains(board_t *board)
+{
+    for (unsigned i = 0; i < PULSE_TRAINS; i++)
+        if (board->trains[i].board)
+            start_train(&board->trains[i]);
+}
+
+bool board_pulses(board_t *board, uint8_t pin, uint32_t high, uint32_t low, uint32_t jitter)
+{
+    pulse_train_t *train = NULL;
+    for (unsigned i = 0; i < PULSE_TRAINS && !train; i++)
+        if (!board->trains[i].board || board->trains[i].pin == pin)
+            train = &board->trains[i];
+    if (!train)
+        return false;
+    *train = (pulse_train_t){.board = board, .pin = pin, .random_state = pin + 1u,
+                             .high = (uint32_t)ns_to_cycles(high), .low = (uint32_t)ns_to_cycles(low),
+                             .jitter = (uint32_t)ns_to_cycles(jitter)};
+    start_train(train);
+    return true;
 }
 
 void board_analog(board_t *board, uint8_t channel, uint16_t millivolts)

@@ -10,16 +10,27 @@
 #include <simavr/sim_io.h>
 
 #define MOTORS 2
-#define EEPROM_SIZE 4096
+#define EEPROM_SIZE 4096 /* of the largest chip; requests always carry as much */
+#define UARTS 2
 #define EVENTS 4096
 #define BYTES 16384
 #define TRANSITIONS 65536
+#define PULSE_TRAINS 4
+
+/* What differs between the chips. */
+typedef struct {
+    const char *mcu;
+    unsigned uarts, eeprom_size;
+    uint32_t page;       /* bytes of a flash page */
+    uint32_t hang;       /* a word that neither program nor bootloader uses */
+} chip_t;
 
 typedef struct {
+    const chip_t *chip;
     const char *hex, *boot, *eeprom;
     bool pty;
     unsigned motors;
-    uint8_t motor[MOTORS][3]; /* pins of enable, in1, in2 */
+    uint8_t motor[MOTORS][5]; /* pins of enable, in1, in2; kind of driver; pin of standby; 255: none */
 } options_t;
 
 typedef struct {
@@ -34,6 +45,15 @@ typedef struct {
 } transition_t;
 
 typedef struct board board_t;
+
+/* Pulses at a pin that the emulator makes itself. Times are cycles. */
+typedef struct {
+    board_t *board;
+    uint8_t pin, level; /* level at present */
+    uint32_t high, low; /* of each level; 0 and 0: no pulses */
+    uint32_t jitter;    /* largest random addition to each of them */
+    uint64_t random_state;
+} pulse_train_t;
 
 /* One UART: bytes that wait to be received, and its pseudo-terminal. */
 typedef struct {
@@ -58,7 +78,7 @@ typedef struct {
 struct board {
     avr_t *avr;
     options_t options;
-    line_t uarts[2];
+    line_t uarts[UARTS];
     flash_t flash;
     event_t events[EVENTS];
     unsigned event_count;
@@ -69,6 +89,7 @@ struct board {
     unsigned byte_count;
     transition_t transitions[TRANSITIONS];
     unsigned first, last;
+    pulse_train_t trains[PULSE_TRAINS];
     uint32_t dirty_writes;
     uint8_t flags;
     int16_t duty[MOTORS];

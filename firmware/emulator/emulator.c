@@ -1,7 +1,7 @@
-/* An Arduino Mega 2560 on simavr: runs a real image in lockstep with requests on standard
-   input, or paced to real time, with both UARTs as messages or as pseudo-terminals.
+/* An Arduino Mega 2560, Uno or Nano on simavr: runs a real image in lockstep with requests on standard
+   input, or paced to real time, with its UARTs as messages or as pseudo-terminals.
 
-   emulator [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2]...
+   emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2,KIND,STANDBY]...
 
    Requests (little-endian), one reply each:
      'S' u64 until_ns, u16 transitions, u16 analogs, u16 bytes0, u16 bytes1, then
@@ -12,8 +12,10 @@
          bytes of (u32 ns since the step began, at its stop bit, u8 uart, u8 byte)
      'R' u8 MCUSR bits: reset.    'H': the program hangs from now on.
      'Q': reply 4096 bytes of EEPROM.    'W' 4096 bytes: set the EEPROM.
+     'P' u8 pin, u32 ns high, u32 ns low, u32 ns of random addition to each: pulses at a pin from now
+         on, without requests for each of them; all 0 ends them.
      'F' u32 offset, u32 length: reply the flash.    'D': reply u32 writes to unerased flash.
-   'R', 'H', 'W' are replied to with one zero byte. */
+   'R', 'H', 'W', 'P' are replied to with one zero byte. */
 #define _GNU_SOURCE
 #include "board.h"
 
@@ -29,6 +31,11 @@
 #include "lines.h"
 
 #define PACE_NS 1000000            /* step of real time when paced */
+
+static const chip_t chips[] = {
+    {.mcu = "atmega2560", .uarts = 2, .eeprom_size = 4096, .page = 256, .hang = 0x3DFFE},
+    {.mcu = "atmega328p", .uarts = 1, .eeprom_size = 1024, .page = 128, .hang = 0x77FE},
+};
 
 static board_t board;
 
@@ -118,15 +125,26 @@ static bool step(void)
             return false;
         board_analog(&board, analog.channel, analog.millivolts);
     }
-    for (unsigned uart = 0; uart < 2; uart++) {
+    for (unsigned uart = 0; uart < UARTS; uart++) {
         uint8_t bytes[UINT16_MAX];
         if (!read_all(bytes, head.bytes[uart]))
             return false;
-        lines_receive(&board, uart, bytes, head.bytes[uart]);
+        if (uart < board.options.chip->uarts)
+            lines_receive(&board, uart, bytes, head.bytes[uart]);
     }
     board_run(&board, head.until);
     answer_step(began);
     return true;
+}
+
+static bool pulses(void)
+{
+    struct __attribute__((packed)) {
+        uint8_t pin;
+        uint32_t high, low, jitter;
+    } train;
+    return read_all(&train, sizeof train)
+        && board_pulses(&board, train.pin, train.high, train.low, train.jitter);
 }
 
 static bool answer_flash(void)
@@ -166,6 +184,10 @@ static bool handle_request(void)
             return false;
         board_eeprom_set(&board, eeprom);
         break;
+    case 'P':
+        if (!pulses())
+            return false;
+        break;
     case 'F':
         return answer_flash();
     case 'D':
@@ -204,16 +226,25 @@ static void run_paced(void)
     }
 }
 
+/* The chip called `name`, or null. */
+static const chip_t *chip_named(const char *name)
+{
+    for (unsigned i = 0; i < sizeof chips / sizeof *chips; i++)
+        if (!strcmp(chips[i].mcu, name))
+            return &chips[i];
+    return NULL;
+}
+
 static void usage(void)
 {
-    fprintf(stderr, "emulator [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] "
-                    "[--motor EN,IN1,IN2]...\n");
+    fprintf(stderr, "emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] "
+                    "[--motor EN,IN1,IN2,KIND,STANDBY]...\n");
     exit(2);
 }
 
 int main(int count, char **words)
 {
-    options_t options = {0};
+    options_t options = {.chip = chips};
     bool paced = false;
     for (int i = 1; i < count; i++) {
         const char *value = i + 1 < count ? words[i + 1] : NULL;
@@ -228,22 +259,26 @@ int main(int count, char **words)
         if (!value)
             usage();
         i++;
-        if (!strcmp(words[i - 1], "--hex"))
+        if (!strcmp(words[i - 1], "--chip") && chip_named(value))
+            options.chip = chip_named(value);
+        else if (!strcmp(words[i - 1], "--hex"))
             options.hex = value;
         else if (!strcmp(words[i - 1], "--boot"))
             options.boot = value;
         else if (!strcmp(words[i - 1], "--eeprom"))
             options.eeprom = value;
         else if (!strcmp(words[i - 1], "--motor") && options.motors < MOTORS
-                 && sscanf(value, "%hhu,%hhu,%hhu", &options.motor[options.motors][0],
-                           &options.motor[options.motors][1], &options.motor[options.motors][2]) == 3)
+                 && sscanf(value, "%hhu,%hhu,%hhu,%hhu,%hhu", &options.motor[options.motors][0],
+                           &options.motor[options.motors][1], &options.motor[options.motors][2],
+                           &options.motor[options.motors][3], &options.motor[options.motors][4]) == 5)
             options.motors++;
         else
             usage();
     }
     board_begin(&board, &options);
     if (options.pty) {
-        printf("%s %s\n", board.uarts[0].name, board.uarts[1].name);
+        for (unsigned uart = 0; uart < options.chip->uarts; uart++)
+            printf("%s%c", board.uarts[uart].name, uart + 1 < options.chip->uarts ? ' ' : '\n');
         fflush(stdout);
     }
     if (paced)

@@ -8,7 +8,6 @@
 
 #include "flash.h"
 
-#define PAGE 256
 #define SPMCSR 0x57 /* data address */
 enum { SPMEN = 1, PGERS = 2, PGWRT = 4, BLBSET = 8, RWWSRE = 16 };
 
@@ -21,13 +20,14 @@ static int store(avr_io_t *io, uint32_t request, void *value)
     flash_t *flash = (flash_t *)io;
     avr_t *avr = flash->board->avr;
     uint32_t z = avr->data[R_ZL] | (uint32_t)avr->data[R_ZH] << 8
-        | (uint32_t)avr->data[avr->rampz] << 16;
-    uint8_t *page = avr->flash + (z & ~(uint32_t)(PAGE - 1) & avr->flashend);
+        | (avr->rampz ? (uint32_t)avr->data[avr->rampz] << 16 : 0);
+    uint32_t size = flash->board->options.chip->page;
+    uint8_t *page = avr->flash + (z & ~(size - 1) & avr->flashend);
     uint8_t control = avr->data[SPMCSR];
     if (control & PGERS) {
-        memset(page, 0xFF, PAGE);
+        memset(page, 0xFF, size);
     } else if (control & PGWRT) {
-        for (unsigned i = 0; i < PAGE / 2; i++) {
+        for (unsigned i = 0; i < size / 2; i++) {
             if (!flash->filled[i])
                 continue;
             uint8_t low = (uint8_t)flash->page[i], high = (uint8_t)(flash->page[i] >> 8);
@@ -40,7 +40,7 @@ static int store(avr_io_t *io, uint32_t request, void *value)
     } else if (control & (RWWSRE | BLBSET)) {
         memset(flash->filled, 0, sizeof flash->filled);
     } else if (control & SPMEN) {
-        unsigned word = (z & (PAGE - 1)) / 2;
+        unsigned word = (z & (size - 1)) / 2;
         flash->page[word] = (uint16_t)(avr->data[0] | avr->data[1] << 8);
         flash->filled[word] = true;
     }
@@ -68,7 +68,7 @@ static int read_quietly(const char *file, ihex_chunk_p *chunks)
     return count;
 }
 
-void flash_load(board_t *board, const char *file)
+uint32_t flash_load(board_t *board, const char *file)
 {
     ihex_chunk_p chunks = NULL;
     int count = read_quietly(file, &chunks);
@@ -76,12 +76,16 @@ void flash_load(board_t *board, const char *file)
         fprintf(stderr, "%s: no Intel hex file\n", file);
         exit(1);
     }
+    uint32_t lowest = board->avr->flashend;
     for (int i = 0; i < count; i++) {
         if (chunks[i].baseaddr + chunks[i].size > board->avr->flashend + 1) {
             fprintf(stderr, "%s: larger than the flash\n", file);
             exit(1);
         }
         memcpy(board->avr->flash + chunks[i].baseaddr, chunks[i].data, chunks[i].size);
+        if (chunks[i].baseaddr < lowest)
+            lowest = chunks[i].baseaddr;
     }
     free_ihex_chunks(chunks);
+    return lowest;
 }

@@ -5,6 +5,7 @@
 #include "board_state.h"
 
 void flash_begin(board_t *board);
-void flash_load(board_t *board, const char *file);
+/* Loads an Intel hex file; its lowest address. */
+uint32_t flash_load(board_t *board, const char *file);
 
 #endif

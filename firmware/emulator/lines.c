@@ -13,6 +13,7 @@
 #define QUEUE 65536u
 #define BITS_PER_BYTE 10
 #define SHORT_BYTE 16 /* cycles */
+#define CPU_HZ 16000000
 
 /* Data addresses of UCSRnA. */
 static const uint16_t registers[2] = {0xC0, 0xC8};
@@ -80,6 +81,33 @@ void lines_receive(board_t *board, unsigned number, const uint8_t *bytes, unsign
     }
 }
 
+/* Baud rate that the client of a pseudo-terminal has set; 0 for one without a number here. */
+static unsigned client_baud(const line_t *line)
+{
+    static const struct {
+        speed_t speed;
+        unsigned baud;
+    } speeds[] = {{B9600, 9600}, {B19200, 19200}, {B38400, 38400}, {B57600, 57600}, {B115200, 115200}};
+    struct termios settings;
+    if (tcgetattr(line->slave, &settings))
+        return 0;
+    for (unsigned i = 0; i < sizeof speeds / sizeof *speeds; i++)
+        if (speeds[i].speed == cfgetospeed(&settings))
+            return speeds[i].baud;
+    return 0;
+}
+
+/* What the receiver makes of a byte sent at another rate: on the USB port, bits of another byte. On the
+   radio's port the rate of the client does not matter: Bluetooth has none. */
+static uint8_t as_received(const line_t *line, uint8_t byte)
+{
+    unsigned baud = client_baud(line);
+    avr_cycle_count_t cycles = byte_cycles(line);
+    uint64_t expected = baud ? (uint64_t)CPU_HZ * BITS_PER_BYTE / baud : cycles;
+    bool same = expected * 100 < cycles * 104 && cycles * 100 < expected * 104;
+    return same || line->number != 0 ? byte : (uint8_t)~(byte << 1);
+}
+
 /* simavr reports a byte at its start bit; it is complete one byte time later. */
 static void sent(avr_irq_t *irq, uint32_t value, void *parameter)
 {
@@ -88,7 +116,7 @@ static void sent(avr_irq_t *irq, uint32_t value, void *parameter)
     (void)irq;
     correct_speed(line);
     if (line->master >= 0) {
-        uint8_t byte = (uint8_t)value;
+        uint8_t byte = as_received(line, (uint8_t)value);
         if (write(line->master, &byte, 1) < 0 && errno != EAGAIN && errno != EIO)
             perror("pseudo-terminal");
         return;
@@ -130,7 +158,7 @@ static void open_pty(line_t *line)
 
 void lines_begin(board_t *board)
 {
-    for (unsigned number = 0; number < 2; number++) {
+    for (unsigned number = 0; number < board->options.chip->uarts; number++) {
         line_t *line = &board->uarts[number];
         uint32_t flags = 0; /* no sleeping when polled, no echo to standard output */
         line->board = board;
@@ -150,7 +178,7 @@ void lines_begin(board_t *board)
 
 void lines_reset(board_t *board)
 {
-    for (unsigned number = 0; number < 2; number++) {
+    for (unsigned number = 0; number < board->options.chip->uarts; number++) {
         line_t *line = &board->uarts[number];
         line->feeding = false; /* the reset removed the timer */
         line->head = line->tail = 0;
@@ -175,20 +203,22 @@ static void poll_line(line_t *line)
     if (room > sizeof bytes)
         room = sizeof bytes;
     got = read(line->master, bytes, room);
+    for (ssize_t i = 0; i < got; i++)
+        bytes[i] = as_received(line, bytes[i]);
     if (got > 0)
         lines_receive(line->board, line->number, bytes, (unsigned)got);
 }
 
 void lines_poll(board_t *board)
 {
-    for (unsigned number = 0; number < 2; number++)
+    for (unsigned number = 0; number < board->options.chip->uarts; number++)
         if (board->uarts[number].master >= 0)
             poll_line(&board->uarts[number]);
 }
 
 void lines_end(board_t *board)
 {
-    for (unsigned number = 0; number < 2; number++)
+    for (unsigned number = 0; number < board->options.chip->uarts; number++)
         if (board->uarts[number].master >= 0) {
             close(board->uarts[number].slave);
             close(board->uarts[number].master);

@@ -4,6 +4,8 @@
 #include "pins.h"
 
 #define FULL 32767
+#define NO_PIN 255
+enum { ENABLE_IN1_IN2, ENABLE_DIRECTION, TWO_PWM }; /* kinds of drivers */
 
 /* simavr has no signal for the third PWM channel of a timer and none for phase-correct PWM, so duty
    is read from the registers: it works for every channel. */
@@ -28,20 +30,40 @@ static int enabled(const board_t *board, uint8_t pin)
     return inverting ? FULL - duty : duty;
 }
 
+/* Truth tables of the drivers' data sheets. Duty, positive when the first input drives. */
+static int driven(const board_t *board, const uint8_t *pins, uint8_t *brake)
+{
+    uint8_t kind = pins[3], standby = pins[4];
+    *brake = 0;
+    if (standby != NO_PIN && !level(board, standby))
+        return 0;
+    if (kind == TWO_PWM) {
+        int first = enabled(board, pins[1]), second = enabled(board, pins[2]);
+        *brake = first == FULL && second == FULL;
+        return first - second;
+    }
+    int duty = enabled(board, pins[0]);
+    if (kind == ENABLE_DIRECTION) {
+        *brake = duty == 0;
+        return level(board, pins[1]) ? duty : -duty;
+    }
+    int first = level(board, pins[1]), second = level(board, pins[2]);
+    /* A TB6612, which has a standby input, brakes with both inputs high; an L298N when they are equal. */
+    *brake = first == second && duty != 0 && (first || standby == NO_PIN);
+    return (first - second) * duty;
+}
+
 static void measure(board_t *board, unsigned motor)
 {
-    const uint8_t *pins = board->options.motor[motor];
-    int duty = enabled(board, pins[0]);
-    int forward = level(board, pins[1]) - level(board, pins[2]);
-    uint8_t brake = forward == 0 && duty != 0;
-    int16_t driven = (int16_t)(forward * duty);
-    if (driven == board->duty[motor] && brake == board->brake[motor])
+    uint8_t brake;
+    int16_t duty = (int16_t)driven(board, board->options.motor[motor], &brake);
+    if (duty == board->duty[motor] && brake == board->brake[motor])
         return;
-    board->duty[motor] = driven;
+    board->duty[motor] = duty;
     board->brake[motor] = brake;
     if (board->event_count < EVENTS)
         board->events[board->event_count++] =
-            (event_t){board_now(board), (uint8_t)motor, brake, driven};
+            (event_t){board_now(board), (uint8_t)motor, brake, duty};
 }
 
 void motors_poll(board_t *board)

@@ -1,8 +1,8 @@
-/* Arduino pin numbers of a Mega 2560: port, bit, PWM registers. */
+/* Arduino pin numbers of the boards: port, bit, PWM registers. */
 #ifndef PINS_H
 #define PINS_H
 
-#include <stdint.h>
+#include "board_state.h"
 
 typedef struct {
     char port;
@@ -10,6 +10,9 @@ typedef struct {
     uint16_t control, compare; /* data addresses of TCCRnA and OCRnx; 0 without PWM */
     uint8_t connect;           /* bit COMnx1 */
 } place_t;
+
+/* Chooses the table of a chip. */
+void pins_begin(const chip_t *chip);
 
 place_t pin_place(uint8_t pin);
 uint16_t pin_address(char port); /* of PINx */

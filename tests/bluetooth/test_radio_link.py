@@ -23,7 +23,7 @@ def driving(link, name):
     """A run over the radio, as fast as the robot goes, that ends with the block. It is not the
     follower's to say that the robot is stuck: a busy machine lets it stand now and then."""
     sets = ("--set", "robot.drive.polarity=checked_by_hand", "--set", "follower.stuck_after=60 s")
-    driver = start(*run(link.device, *sets, "--goal", "3 0", "--name", name))
+    driver = start(*run(link.device, *sets, "--goal", "30 0", "--name", name))
     try:
         yield driver
     finally:

@@ -50,7 +50,7 @@ class Relay(BackgroundDevice):
 
 
 def drive(relay):
-    words = run(relay.device, "--goal", "9 0", "--set", "robot.drive.polarity=checked_by_hand")
+    words = run(relay.device, "--goal", "30 0", "--set", "robot.drive.polarity=checked_by_hand")
     return start(*(word if word != "book_2wd" else "book_2wd_stock" for word in words))
 
 
@@ -58,10 +58,10 @@ def test_the_guardian_stops_a_board_whose_host_was_killed(tmp_path):
     stock = BookBoardPort(BookBoard(distance=25.0))
     with Relay(stock.name, tmp_path / "radio") as relay:
         driver = drive(relay)
-        stock.wait_for(lambda board: board.speed["left"] > 3, 30)
+        stock.wait_for(lambda board: board.speed["left"] > 3, 60)
         driver.kill()
         driver.communicate()
-        stock.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 10)
+        stock.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 60)
     stock.close()
 
 
@@ -70,9 +70,9 @@ def test_an_ended_run_hangs_up_and_the_next_one_drives(tmp_path):
     with Relay(stock.name, tmp_path / "radio") as relay:
         for _ in range(2):
             driver = drive(relay)
-            stock.wait_for(lambda board: board.speed["left"] > 3, 30)
+            stock.wait_for(lambda board: board.speed["left"] > 3, 60)
             driver.terminate()
-            said, _ = driver.communicate(timeout=30)
+            said, _ = driver.communicate(timeout=60)
             assert "final stop confirmed" in said
             assert stock.board.pwm == {"left": 0, "right": 0}
     stock.close()

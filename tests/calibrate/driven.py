@@ -5,7 +5,12 @@ from random import Random
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import TAPE_MEASURE, Geometry, RecordedDrive
+from diffbotctl.calibrate.dead_reckoning import (
+    MOTION_CAPTURE,
+    TAPE_MEASURE,
+    Geometry,
+    RecordedDrive,
+)
 
 STATED = Geometry(0.065, 0.065, 0.140)
 STEP = 0.005  # m that a wheel rolls from one row to the next
@@ -61,7 +66,7 @@ def drive(name, ways, true, used=STATED, slip=0.0, ticks=None, seed=0, all_poses
         rows,
         np.array(poses)[keep][rows],
         (tick, tick),
-        TAPE_MEASURE,
+        MOTION_CAPTURE if all_poses else TAPE_MEASURE,
     )
 
 

@@ -60,7 +60,7 @@ def test_a_default_needs_no_entry(file):
     assert file("{}").answer(asked) == "yes"
 
 
-def test_a_hand_turns_a_wheel(file):
+def test_a_wheel_turned_by_the_user(file):
     instruments = Fixed(0)
     file("{}", instruments).act(ManualAction("encoders.left_turns", "turn it", ("left", 10.0)))
     assert instruments.rolled == [("left", 10.0)]

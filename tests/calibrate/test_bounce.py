@@ -24,9 +24,9 @@ ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open 
         ([0, 3, 6, 9], [9]),  # each follows closely on the one before
     ],
 )
-def test_flanks_that_follow_closely_are_one_that_chatters(times, lengths):
-    found = encoder_fit.bounce_times([round(time * MS) for time in times])
-    assert found == pytest.approx([length / 1000 for length in lengths])
+def test_close_edges_are_one_edge_that_bounces(times, lengths):
+    finding = encoder_fit.bounce_times([round(time * MS) for time in times])
+    assert finding == pytest.approx([length / 1000 for length in lengths])
 
 
 def chattering(milliseconds, wheel=0):
@@ -48,19 +48,19 @@ def chattering(milliseconds, wheel=0):
     ],
 )
 def test_a_glitch_time_that_covers_the_chatter(milliseconds, glitch):
-    found = encoder_fit.measure_glitch(chattering(milliseconds), ROBOT)
-    assert found.faults == []
-    values = [each.value for each in found.findings]
+    finding = encoder_fit.measure_glitch(chattering(milliseconds), ROBOT)
+    assert finding.faults == []
+    values = [each.value for each in finding.findings]
     assert values == ([] if glitch is None else pytest.approx([glitch, glitch]))
 
 
 def test_chatter_as_long_as_a_slot_needs_a_capacitor():
     edges = [RawEdge((40 * number + late) * MS, 0, 0) for number in range(30) for late in (0, 3, 6)]
-    found = encoder_fit.measure_glitch(edges, ROBOT)
-    assert found.findings == [] and "100 nF" in found.faults[0]
+    finding = encoder_fit.measure_glitch(edges, ROBOT)
+    assert finding.findings == [] and "100 nF" in finding.faults[0]
 
 
-def test_few_flanks_tell_nothing():
+def test_few_edges_are_not_enough():
     assert encoder_fit.measure_glitch(chattering(2.4)[:10], ROBOT) == PartResult([], [], [])
 
 
@@ -70,7 +70,7 @@ class Quiet:
     def draw(self, drawing): ...
 
 
-def test_the_firmwares_capture_shows_it(tmp_path):
+def test_bounce_is_measured_from_the_firmware_s_capture(tmp_path):
     robot, answers = tmp_path / "mine.yaml", tmp_path / "answers.yaml"
     robot.write_text(
         "format: 1\nkind: robot\ninclude: book_2wd\nsimulation: {encoder: {bounce: 2.4 ms}}\n"
@@ -79,10 +79,10 @@ def test_the_firmwares_capture_shows_it(tmp_path):
     made, truths = open_session(load_robot(str(robot)), "emulated", seed=1)
     try:
         step = EncoderStep(turns=2, rolls=2)
-        found = run_step(step, made, AnswersFile(answers, truths), Quiet())
+        finding = run_step(step, made, AnswersFile(answers, truths), Quiet())
     finally:
         made.close()
         assert made.stop_confirmed
-    values = {each.field: each.value for each in found.findings}
+    values = {each.field: each.value for each in finding.findings}
     assert values["drive.left.encoder.glitch"] == pytest.approx(0.004)
-    assert found.faults == [] and values["drive.polarity"] == "calibrated"
+    assert finding.faults == [] and values["drive.polarity"] == "calibrated"

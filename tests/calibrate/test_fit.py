@@ -14,9 +14,9 @@ TRUE = STATED.reshaped(1.004, 0.140 * 1.02)
 TRACK_WITHIN, RATIO_WITHIN = 0.0015, 0.0005
 
 
-def assert_near(found, true, share=1.0):
-    assert found.track == pytest.approx(true.track, rel=TRACK_WITHIN * share)
-    assert found.ratio == pytest.approx(true.ratio, rel=RATIO_WITHIN * share)
+def assert_near(fit, true, share=1.0):
+    assert fit.track == pytest.approx(true.track, rel=TRACK_WITHIN * share)
+    assert fit.ratio == pytest.approx(true.ratio, rel=RATIO_WITHIN * share)
 
 
 @settings(max_examples=8, deadline=None)
@@ -24,9 +24,9 @@ def assert_near(found, true, share=1.0):
 @example(1.0, 1.0)  # other tracks close the same squares: nobody has made a mistake
 def test_exact_squares_give_the_geometry(ratio, track):
     true = STATED.reshaped(ratio, STATED.track * track)
-    found = fit_geometry(squares(true, each_way=1), STATED)
-    assert_near(found.geometry, true, share=0.01)
-    assert found.geometry.mean == pytest.approx(STATED.mean, rel=1e-3)
+    fit = fit_geometry(squares(true, each_way=1), STATED)
+    assert_near(fit.geometry, true, share=0.01)
+    assert fit.geometry.mean == pytest.approx(STATED.mean, rel=1e-3)
 
 
 @pytest.mark.parametrize("every", [1, 7, 50])
@@ -35,34 +35,38 @@ def test_exact_paths_give_every_length_at_any_rate_of_rows(every):
     # step of steady curvature is a chord, exactly; the curvature changes every 100 rows, so steps
     # of 7 rows see it change within them, and are a little off.
     true = Geometry(0.0655, 0.0652, 0.1417)
-    found = fit_geometry([drive("one", wander(5), true, all_poses=True, every=every)], STATED)
-    assert found.sees_diameter
-    share = 1.0 if every == 7 else 0.1
-    assert_near(found.geometry, true, share)
-    assert found.geometry.mean == pytest.approx(true.mean, rel=1e-3 * share)
+    fit = fit_geometry([drive("one", wander(5), true, all_poses=True, every=every)], STATED)
+    assert fit.sees_diameter
+    share = 1.0 if every == 7 else 0.25
+    assert_near(fit.geometry, true, share)
+    assert fit.geometry.mean == pytest.approx(true.mean, rel=1e-3)
 
 
 def test_the_end_of_one_drive_proves_little():
     # Three figures, three unknowns: they fit exactly, and the tape may still be 5 mm off in 3 m.
     true = Geometry(0.0655, 0.0652, 0.1417)
-    found = fit_geometry([drive("one", wander(5), true)], STATED)
-    assert not found.sees_diameter
-    assert found.confidence.track.half_width > 0.002
+    fit = fit_geometry([drive("one", wander(5), true)], STATED)
+    assert not fit.sees_diameter
+    assert fit.confidence.track.half_width > 0.002
 
 
 def test_slip_leaves_the_truth_within_the_stated_confidence():
-    found = fit_geometry(squares(TRUE, slip=0.0005), STATED)
-    assert found.outliers == []
-    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half_width
-    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half_width
-    assert found.confidence.ratio.half_width < 0.001
-    assert found.confidence.track.half_width < 0.003
+    fit = fit_geometry(squares(TRUE, slip=0.0005), STATED)
+    assert fit.outliers == []
+    assert abs(fit.geometry.ratio / TRUE.ratio - 1) < fit.confidence.ratio.half_width
+    shape = fit.confidence.track_over_mean
+    fitted, true = fit.geometry, TRUE
+    assert abs(fitted.track / fitted.mean / (true.track / true.mean) - 1) < shape.half_width
+    assert fit.confidence.ratio.half_width < 0.001
+    assert shape.half_width < 0.003
+    # The drives do not show the size of the wheels: all lengths are as uncertain as the stated one.
+    assert 0.02 < fit.confidence.track.half_width < 0.05
 
 
 def test_squares_leave_the_mean_diameter_as_stated():
-    found = fit_geometry(squares(TRUE, slip=0.001), STATED)
-    assert not found.sees_diameter
-    assert found.geometry.mean == pytest.approx(STATED.mean, rel=1e-4)
+    fit = fit_geometry(squares(TRUE, slip=0.001), STATED)
+    assert not fit.sees_diameter
+    assert fit.geometry.mean == pytest.approx(STATED.mean, rel=1e-4)
 
 
 def test_odd_drives_are_named_and_change_little():
@@ -70,33 +74,39 @@ def test_odd_drives_are_named_and_change_little():
     poses = drives[3].poses + np.array([[0, 0, 0], [0.3, -0.2, 0.1]])  # it was kicked
     drives[3] = replace(drives[3], poses=poses)
     drives[7] = replace(drives[7], turns=drives[7].turns * (1.05, 1.0))  # a wheel slipped
-    found = fit_geometry(drives, STATED)
-    assert {stray.name for stray in found.outliers} == {drives[3].name, drives[7].name}
-    assert len(found.drives) == len(found.offsets) == 8
-    assert_near(found.geometry, TRUE, share=2)
+    fit = fit_geometry(drives, STATED)
+    assert {stray.name for stray in fit.outliers} == {drives[3].name, drives[7].name}
+    assert len(fit.drives) == len(fit.offsets) == 8
+    assert_near(fit.geometry, TRUE, share=2)
 
 
 @pytest.mark.parametrize("all_poses", [True, False])
-@pytest.mark.parametrize("swapped", [True, False])
-@pytest.mark.parametrize("times", [0.5, 1.0, 2.0])
-def test_swapped_columns_and_a_wrong_half_are_recognised(all_poses, swapped, times):
-    # The robot was driven with the wrong geometry too, so its squares were no squares.
+def test_swapped_columns_are_named_and_not_corrected_silently(all_poses):
+    drives = squares(TRUE, slip=0.0003, each_way=2, all_poses=all_poses)
+    # An arc at the end, or the mirror image of a square is a square.
+    drives += [
+        drive(f"arc-{k}", wander(k), TRUE, slip=0.0003, seed=k, all_poses=all_poses) for k in (1, 2)
+    ]
+    with pytest.raises(ValueError, match="left and the right wheel are exchanged"):
+        fit_geometry([each.swapped() for each in drives], STATED)
+    assert_near(fit_geometry(drives, STATED).geometry, TRUE, share=4)
+
+
+@pytest.mark.parametrize("times", [0.5, 2.0])
+@pytest.mark.parametrize("each_way", [2, 4])
+def test_a_track_of_half_or_twice_the_stated_one_is_refused(times, each_way):
     used = STATED._replace(track=STATED.track / times)
-    drives = squares(TRUE, used, slip=0.0003, each_way=2, all_poses=all_poses)
-    if not all_poses:  # an arc at the end, or the mirror image of a square is a square
-        drives += [drive(f"arc-{k}", wander(k), TRUE, slip=0.0003, seed=k) for k in (1, 2)]
-    found = fit_geometry([each.swapped() if swapped else each for each in drives], used)
-    assert (found.swapped, found.track_ratio) == (swapped, times)
-    assert_near(found.geometry, TRUE, share=4)
+    with pytest.raises(ValueError):
+        fit_geometry(squares(TRUE, used, slip=0.0003, each_way=each_way), used)
 
 
 def test_a_late_clock_is_found_and_costs_nothing():
     # Rows are 20 ms apart; the counts come five of them late, which is 100 ms.
     true = drive("late", wander(8), TRUE, all_poses=True)
     turns = np.concatenate([np.zeros((5, 2)), true.turns[:-5]])
-    found = fit_geometry([replace(true, turns=turns)], STATED)
-    assert found.offsets == [pytest.approx(-0.1, abs=0.006)]
-    assert_near(found.geometry, TRUE, share=4)
+    fit = fit_geometry([replace(true, turns=turns)], STATED)
+    assert fit.offsets == [pytest.approx(-0.1, abs=0.006)]
+    assert_near(fit.geometry, TRUE, share=4)
 
 
 def test_twenty_slots_on_known_paths():
@@ -104,9 +114,9 @@ def test_twenty_slots_on_known_paths():
     drives = [
         drive(f"run-{k}", wander(k, 2000), TRUE, ticks=20, seed=k, all_poses=True) for k in range(6)
     ]
-    found = fit_geometry(drives, STATED)
-    assert abs(found.geometry.track / TRUE.track - 1) < found.confidence.track.half_width
-    assert abs(found.geometry.ratio / TRUE.ratio - 1) < found.confidence.ratio.half_width
+    fit = fit_geometry(drives, STATED)
+    assert abs(fit.geometry.track / TRUE.track - 1) < fit.confidence.track.half_width
+    assert abs(fit.geometry.ratio / TRUE.ratio - 1) < fit.confidence.ratio.half_width
 
 
 def test_slopes_are_those_of_the_end():
@@ -130,9 +140,9 @@ def test_a_spin_by_hand():
         Geometry(0.1, 0.1, 0.1),
         Geometry(0.1, 0.1, 0.1),
     )
-    found = dead_reckon(whole_drive(spin), Geometry(0.1, 0.1, 0.1))
-    assert found.end == pytest.approx((0, 0, pi), abs=1e-12)
-    assert found.jacobian[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))
+    fit = dead_reckon(whole_drive(spin), Geometry(0.1, 0.1, 0.1))
+    assert fit.end == pytest.approx((0, 0, pi), abs=1e-12)
+    assert fit.jacobian[2] == pytest.approx((pi / 2 / 0.1, pi / 2 / 0.1, -pi / 0.1))
 
 
 def test_too_little_to_fit():

@@ -33,49 +33,49 @@ def prepared(tmp_path):
             "drive: {polarity: checked_by_hand}\n"
         )
         answers.write_text(ANSWERS)
-        made, truths = open_session(load_robot(str(robot)), "sim", seed)
+        converted, truths = open_session(load_robot(str(robot)), "sim", seed)
         prompter = AnswersFile(answers, truths)
-        run_step(make_step("motors"), made, prompter, Quiet())
-        return made, prompter, truths._plant.chassis
+        run_step(make_step("motors"), converted, prompter, Quiet())
+        return converted, prompter, truths._plant.chassis
 
     return prepare
 
 
 def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
-    made, prompter, body = prepared()
-    run_step(make_step("geometry", how="spin", repeats=1), made, prompter, Quiet())
+    converted, prompter, body = prepared()
+    run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
     # It turns by way over track: with the stated diameter the track is off by as much as that.
     true = body.track * 0.065 / (body.left_radius + body.right_radius)
-    assert made.file.robot.drive.track == pytest.approx(true, rel=0.003)
+    assert converted.file.robot.drive.track == pytest.approx(true, rel=0.003)
     assert abs(true / 0.125 - 1) > 0.01  # there was something to find
 
 
 def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
-    made, prompter, body = prepared()
-    run_step(make_step("geometry", how="straight"), made, prompter, Quiet())
-    drive = made.file.robot.drive
+    converted, prompter, body = prepared()
+    run_step(make_step("geometry", how="straight"), converted, prompter, Quiet())
+    drive = converted.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.0015)
     assert drive.right.wheel.diameter + drive.left.wheel.diameter == pytest.approx(0.13)
 
 
 def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(prepared):
-    made, prompter, body = prepared()
-    run_step(make_step("geometry", how="spin", repeats=1), made, prompter, Quiet())
-    found = run_step(make_step("distance", repeats=3), made, prompter, Quiet())
-    drive = made.file.robot.drive
+    converted, prompter, body = prepared()
+    run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
+    outcome = run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
+    drive = converted.file.robot.drive
     assert drive.left.wheel.diameter == drive.right.wheel.diameter
     assert drive.left.wheel.diameter == pytest.approx(
         body.left_radius + body.right_radius, rel=0.003
     )
     assert drive.track == pytest.approx(body.track, rel=0.005)
-    assert {each.field for each in found.findings} >= {"drive.track"}
+    assert {each.field for each in outcome.findings} >= {"drive.track"}
 
 
 def test_squares_on_a_board_with_the_books_firmware(prepared):
-    made, prompter, body = prepared("book_2wd_stock")
-    run_step(make_step("geometry", runs=3, side=0.8), made, prompter, Quiet())
-    drive = made.file.robot.drive
+    converted, prompter, body = prepared("book_2wd_stock")
+    run_step(make_step("geometry", runs=3, side=0.8), converted, prompter, Quiet())
+    drive = converted.file.robot.drive
     ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
     assert ratio == pytest.approx(body.right_radius / body.left_radius, abs=0.003)
 
@@ -89,6 +89,8 @@ def test_squares_on_a_board_with_the_books_firmware(prepared):
     ],
 )
 def test_speeds_go_out_as_the_board_takes_them(base, command):
-    made = wheel_command(load_robot(base).robot, 5.0, -5.0)
-    assert type(made) is type(command)
-    assert (made.left, made.right) == pytest.approx((command.left, command.right), rel=1e-4)
+    converted = wheel_command(load_robot(base).robot, 5.0, -5.0)
+    assert type(converted) is type(command)
+    assert (converted.left, converted.right) == pytest.approx(
+        (command.left, command.right), rel=1e-4
+    )

@@ -35,12 +35,12 @@ def stock(seed, delay):
 @pytest.mark.parametrize("seed, delay", [(1, 100), (2, 30), (3, 180)])
 def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
-    found = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
+    fitted = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
     lag = sum(motor.lag for motor in plant.motors) / 2
     # Each wheel takes each of 24 commands up to 25 ms early or late: 2 ms of their mean.
-    assert found.lag + found.dead_time == pytest.approx(lag + delay / 1000, abs=0.01)
-    assert found.dead_time == pytest.approx(delay / 1000, abs=3.5 * found.split_sd)
-    assert 0.002 < found.split_sd < 0.008
+    assert fitted.lag + fitted.dead_time == pytest.approx(lag + delay / 1000, abs=0.01)
+    assert fitted.dead_time == pytest.approx(delay / 1000, abs=3.5 * fitted.split_sd)
+    assert 0.002 < fitted.split_sd < 0.008
 
 
 def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
@@ -48,14 +48,14 @@ def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
     answers = tmp_path / "answers.yaml"
     answers.write_text("{}")
     outcome = run_step(MotorStep(), made, AnswersFile(answers, None), SilentScreen())
-    found = {each.field: each for each in outcome.findings}
-    delay = found["link.command_delay"]
+    fitted = {each.field: each for each in outcome.findings}
+    delay = fitted["link.command_delay"]
     assert delay.value == pytest.approx(0.06, abs=3.5 * delay.sd)
     assert made.file.robot.link.command_delay == pytest.approx(delay.value)
-    assert found["drive.left.motor.lag"].value == found["drive.right.motor.lag"].value
+    assert fitted["drive.left.motor.lag"].value == fitted["drive.right.motor.lag"].value
 
 
-def test_wheels_that_stand_tell_nothing():
+def test_wheels_at_rest_are_not_enough():
     frames = [Encoders(60 * MS * number, 5, 5, None, None) for number in range(40)]
     steps = [motor_fit.StepResponse(frames, 1.0, up) for up in (True, False)] * 2
     with pytest.raises(ValueError, match="did not increase with the duty"):

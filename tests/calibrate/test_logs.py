@@ -30,35 +30,35 @@ def written(folder, name, text, encoding="utf-8"):
 
 def test_counts_begin_at_nought(tmp_path):
     # 20 counts a turn right, 10 left.
-    found = read_counts(written(tmp_path, "a.csv", COUNTED, "utf-8-sig"), (20, 10))
-    assert found.name == "a"
-    assert found.times.tolist() == [0, 0.5, 1]
-    assert found.turns.tolist() == [[0, 0], [0.5, 0.5], [1, -1]]
-    assert found.tick == (0.05, 0.1)
-    assert found.poses is None
+    log = read_counts(written(tmp_path, "a.csv", COUNTED, "utf-8-sig"), (20, 10))
+    assert log.name == "a"
+    assert log.times.tolist() == [0, 0.5, 1]
+    assert log.turns.tolist() == [[0, 0], [0.5, 0.5], [1, -1]]
+    assert log.tick == (0.05, 0.1)
+    assert log.poses is None
 
 
 def test_poses_beside_the_counts_where_known(tmp_path):
     text = "time,right,left,x,y,heading\n0,0,0,0,0,0\n1,1,1,,,\n2,2,2,0.1,0,3.1\n3,3,3,0.1,0,-3.1\n"
-    found = with_own_poses(read_counts(written(tmp_path, "a.csv", text), (20, 20)))
-    assert found.rows.tolist() == [0, 2, 3]
-    assert found.poses[:, 2] == pytest.approx([0, 3.1, 2 * pi - 3.1])  # unwrapped
+    log = with_own_poses(read_counts(written(tmp_path, "a.csv", text), (20, 20)))
+    assert log.rows.tolist() == [0, 2, 3]
+    assert log.poses[:, 2] == pytest.approx([0, 3.1, 2 * pi - 3.1])  # unwrapped
 
 
 def test_truth_of_its_own_rate(tmp_path):
     truth = "time,x,y,heading\n-0.1,9,9,9\n0,0,0,0\n0.25,1,0,0\n1.0,2,0,0\n1.1,9,9,9\n"
     counts = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 10))
-    found = with_truth(counts, written(tmp_path, "t.csv", truth))
-    assert found.times.tolist() == [0, 0.25, 0.5, 1]
-    assert found.rows.tolist() == [0, 1, 3]
-    assert found.turns[1].tolist() == [0.25, 0.25]  # half way to the next row
+    log = with_truth(counts, written(tmp_path, "t.csv", truth))
+    assert log.times.tolist() == [0, 0.25, 0.5, 1]
+    assert log.rows.tolist() == [0, 1, 3]
+    assert log.turns[1].tolist() == [0.25, 0.25]  # half way to the next row
 
 
 def test_ends_by_hand(tmp_path):
     text = "recording, x, y, heading_deg\na.mcap, 0.01, -0.02, 90\nb, 0, 0,\n"
-    found = read_ends(written(tmp_path, "ends.csv", text))
-    assert found["a"] == pytest.approx((0.01, -0.02, pi / 2))
-    assert found["b"] == pytest.approx((0, 0, nan), nan_ok=True)
+    log = read_ends(written(tmp_path, "ends.csv", text))
+    assert log["a"] == pytest.approx((0.01, -0.02, pi / 2))
+    assert log["b"] == pytest.approx((0, 0, nan), nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_ends_by_hand(tmp_path):
         ("", "does not name time, right and left"),
     ],
 )
-def test_files_that_cannot_serve(tmp_path, text, said):
+def test_unusable_files_are_refused(tmp_path, text, said):
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_counts(written(tmp_path, "a.csv", text), (20, 20))
     assert said in " ".join(str(raised.value).split())
@@ -118,11 +118,11 @@ def test_session_of_optiodom(tmp_path):
     # 43.7 x 64 = 2796.8 ticks a turn; 27968 ticks are ten turns. Ticks are of each cycle.
     folder = session(tmp_path / "7")
     assert is_session(folder) and not is_session(tmp_path)
-    found = read_session(folder)
-    assert (found.name, found.side) == ("7", 1.7)
-    assert found.nominal == (0.084, 0.085, 0.2)
-    assert found.drives[0].turns == pytest.approx(np.array([[0, 0], [10, -5], [20, -5]]))
-    assert found.drives[0].poses[:, 2].tolist() == [0, 0.2, 0.3]
+    log = read_session(folder)
+    assert (log.name, log.side) == ("7", 1.7)
+    assert log.nominal == (0.084, 0.085, 0.2)
+    assert log.drives[0].turns == pytest.approx(np.array([[0, 0], [10, -5], [20, -5]]))
+    assert log.drives[0].poses[:, 2].tolist() == [0, 0.2, 0.3]
 
 
 def test_session_without_its_description(tmp_path):
@@ -153,13 +153,13 @@ def test_command_names_track_and_stray(tmp_path):
         if each.name == "ccw-1":
             x += 1.0
         ends.append(f"{each.name}.csv,{x},{y},{heading}")
-    told = written(tmp_path, "ends.csv", "\n".join(ends))
-    arguments = ["calibrate", "from-log", *files, "--robot", ROBOT, "--ends", str(told)]
-    done = CliRunner().invoke(program, arguments, catch_exceptions=False)
-    assert done.exit_code == 0
-    lines = {line[:24].strip(): line for line in done.output.splitlines()}
+    ends_file = written(tmp_path, "ends.csv", "\n".join(ends))
+    arguments = ["calibrate", "from-log", *files, "--robot", ROBOT, "--ends", str(ends_file)]
+    result = CliRunner().invoke(program, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    lines = {line[:24].strip(): line for line in result.output.splitlines()}
     fitted = float(lines["track"].split()[3]) / 1000
     assert fitted == pytest.approx(true.track, rel=0.003)
     assert float(lines["right over left"].split()[4]) == pytest.approx(1.004, abs=0.001)
     assert any(line.startswith("ccw-1 ") and "left out" in line for line in lines.values())
-    assert "kept as stated" in done.output
+    assert "kept as stated" in result.output

@@ -47,14 +47,14 @@ def calibrate(step: str, answers=ANSWERS, *more: str):
 
 def test_the_sensor_s_block_reads_what_was_found(robot):
     before = robot.read_bytes()
-    done = calibrate("range")
-    assert done.exit_code == 0, done.output
+    result = calibrate("range")
+    assert result.exit_code == 0, result.output
     curve = load_robot(str(robot)).robot.sensors["front"].curve
     # The card stands where the rule says to 0.2 mm; 3 mm to 20 cm, 2 % beyond, and that
     for place, volts in CURVE:
         if 0.04 <= place <= 0.30:
-            told = distance_at(volts + 0.12, curve.a, curve.b, curve.c)
-            assert told == pytest.approx(place, abs=max(0.003, 0.02 * place) + 0.0004)
+            distance = distance_at(volts + 0.12, curve.a, curve.b, curve.c)
+            assert distance == pytest.approx(place, abs=max(0.003, 0.02 * place) + 0.0004)
     use = next(use for use in load("goal", str(robot)).blocks if use.name == "range")
     block = use.cls(**use.values)
     block.reset()
@@ -66,26 +66,26 @@ def test_the_sensor_s_block_reads_what_was_found(robot):
 def test_a_card_in_the_fold_is_named(robot):
     """Where the rule says 4 cm the card stands at 7, and the other way round: the voltage rises."""
     placed = {**ANSWERS, "range.distance": ["7 cm", "4 cm", "10 cm", "16 cm", "25 cm", "30 cm"]}
-    done = calibrate("range", placed)
-    assert isinstance(done.exception, RunError)
-    assert "falls again" in str(done.exception.problems[0].cause)
+    result = calibrate("range", placed)
+    assert isinstance(result.exception, RunError)
+    assert "falls again" in str(result.exception.problems[0].cause)
     assert "curve" not in robot.read_text()
 
 
 def test_a_distance_that_no_rule_shows_is_refused(robot):
-    done = calibrate("range", {"range.distance": "4 m"})
-    assert isinstance(done.exception, RunError)
-    assert "is the unit cm?" in done.exception.problems[0].cause
+    result = calibrate("range", {"range.distance": "4 m"})
+    assert isinstance(result.exception, RunError)
+    assert "is the unit cm?" in result.exception.problems[0].cause
 
 
-def test_the_meter_tells_the_divider(robot):
+def test_the_divider_follows_from_the_meter_s_reading(robot):
     """3 is stated, 3.18 true: the board sees less at its pin than it should."""
-    done = calibrate("battery")
-    assert done.exit_code == 0, done.output
-    found = load_robot(str(robot)).robot
-    assert found.battery.divider == pytest.approx(3.18, rel=0.005)
-    assert found.battery.low == pytest.approx(2 * 3.3)
-    assert found.calibration["battery.divider"].volts == "7.6 V"
+    result = calibrate("battery")
+    assert result.exit_code == 0, result.output
+    calibrated = load_robot(str(robot)).robot
+    assert calibrated.battery.divider == pytest.approx(3.18, rel=0.005)
+    assert calibrated.battery.low == pytest.approx(2 * 3.3)
+    assert calibrated.calibration["battery.divider"].volts == "7.6 V"
 
 
 def test_other_steps_note_the_voltage_where_the_board_measures_it(robot):
@@ -97,22 +97,22 @@ def test_other_steps_note_the_voltage_where_the_board_measures_it(robot):
 
 def test_without_a_pin_there_is_nothing_to_calibrate(robot):
     robot.write_text(robot.read_text().replace("pin: A1, ", ""))
-    done = calibrate("battery", {"battery.chemistry": "unknown"})
-    assert done.exit_code == 0
-    assert "does not measure its battery" in done.output
+    result = calibrate("battery", {"battery.chemistry": "unknown"})
+    assert result.exit_code == 0
+    assert "does not measure its battery" in result.output
     assert not load_robot(str(robot)).robot.calibration
 
 
 @pytest.mark.parametrize(
-    "told, meter, word",
+    "board_volts, meter, word",
     [
         ([0.1, 0.1], 7.6, "is it connected"),  # 0.03 V at the pin
         ([15.0, 15.0], 20.0, "5 V or more"),  # 5 V at the pin: the converter's end
     ],
 )
-def test_a_divider_that_cannot_be_is_refused(told, meter, word):
+def test_a_divider_that_cannot_be_is_refused(board_volts, meter, word):
     with pytest.raises(RunError, match=word):
-        divider_finding(told, meter, 3.0)
+        divider_finding(board_volts, meter, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_how_many_cells_a_voltage_allows(volts, kind, cells):
 
 
 def test_the_discs_are_found_and_written(robot):
-    done = calibrate("discs")
-    assert done.exit_code == 0, done.output
+    result = calibrate("discs")
+    assert result.exit_code == 0, result.output
     drive = load_robot(str(robot)).robot.drive
     for side in (drive.left, drive.right):
         assert len(side.encoder.slot_errors) == len(side.encoder.back_errors) == 20
@@ -138,6 +138,6 @@ def test_the_discs_are_found_and_written(robot):
 
 def test_discs_need_the_times_of_edges(robot):
     robot.write_text(robot.read_text().replace("edge_times: true", "edge_times: false"))
-    done = calibrate("discs")
-    assert isinstance(done.exception, RunError)
-    assert "edge_times" in done.exception.problems[0].cause
+    result = calibrate("discs")
+    assert isinstance(result.exception, RunError)
+    assert "edge_times" in result.exception.problems[0].cause

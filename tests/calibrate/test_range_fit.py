@@ -43,11 +43,10 @@ def noisy(chance, offset, readings):
     return points
 
 
-def worst(found, offset):
+def worst(fit, offset):
     """The largest error on all of the data sheet's points, against what is allowed there."""
     return max(
-        abs(distance_at(volts + offset, found.a, found.b, found.c) - distance)
-        / error_limit(distance)
+        abs(distance_at(volts + offset, fit.a, fit.b, fit.c) - distance) / error_limit(distance)
         for distance, volts in KNOWN.items()
     )
 
@@ -69,18 +68,18 @@ def test_an_offset_is_all_in_c():
 @settings(max_examples=50, deadline=None)
 def test_points_of_a_curve_give_that_curve_back(a, b, c):
     points = [RulerPoint(each, volts_at(each, a, b, c), 0.0, 1) for each in RULER_DISTANCES_M]
-    found = fit_curve(points)
-    assert (found.a, found.b, found.c) == pytest.approx((a, b, c), rel=1e-3, abs=1e-4)
-    assert not found.bad_points()
+    fit = fit_curve(points)
+    assert (fit.a, fit.b, fit.c) == pytest.approx((a, b, c), rel=1e-3, abs=1e-4)
+    assert not fit.bad_points()
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_10_mv_of_noise_averaged_over_2_seconds_of_telemetry(seed):
     chance = Random(seed)
     offset = chance.uniform(-0.15, 0.15)
-    found = fit_curve(noisy(chance, offset, 80))
-    assert worst(found, offset) <= 1.0
-    assert found.noise == pytest.approx(0.010, rel=0.2)
+    fit = fit_curve(noisy(chance, offset, 80))
+    assert worst(fit, offset) <= 1.0
+    assert fit.noise == pytest.approx(0.010, rel=0.2)
 
 
 def test_deviations_are_those_of_many_fits():
@@ -109,7 +108,7 @@ def test_points_of_no_such_sensor_are_refused(points, word):
         fit_curve(points)
 
 
-def test_a_point_that_stood_in_the_fold_is_missed_by_the_curve():
+def test_a_point_in_the_folded_range_is_off_the_curve():
     # 2 cm read as 4 cm: 2.22 V where the other points ask for 2.72 V
-    found = fit_curve([RulerPoint(0.04, 2.22, 0.0, 1), *exact()[1:]])
-    assert found.bad_points()
+    fit = fit_curve([RulerPoint(0.04, 2.22, 0.0, 1), *exact()[1:]])
+    assert fit.bad_points()

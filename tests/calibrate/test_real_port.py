@@ -39,7 +39,7 @@ def robot(tmp_path, monkeypatch):
 
 def test_wires_are_proven_over_the_radio(robot):
     with board.board() as virtual:
-        code, said = board.diffbotctl(
+        code, output = board.diffbotctl(
             "calibrate",
             "encoders",
             "--robot",
@@ -52,8 +52,8 @@ def test_wires_are_proven_over_the_radio(robot):
             0,
             "--yes",
         )
-        assert code == 0, said
-        assert "SIMULATED" not in said and "match the robot file" in said
+        assert code == 0, output
+        assert "SIMULATED" not in output and "match the robot file" in output
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
     assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
     # What whoever has no robot before their eyes is asked for.
@@ -64,7 +64,7 @@ def test_wires_are_proven_over_the_radio(robot):
     ]
 
 
-def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
+def test_a_question_at_a_terminal_has_no_time_limit(robot):
     with board.board() as virtual:
         words = board.command(
             "calibrate", "encoders", "--rolls", 0, "--robot", robot, "--port", virtual.usb
@@ -84,7 +84,7 @@ def test_a_person_at_a_terminal_may_think_for_as_long_as_they_like(robot):
     assert len(times) > 100 and all(a < b for a, b in pairwise(times))
 
 
-def test_who_interrupts_is_told_that_the_robot_stands(robot):
+def test_an_interrupt_reports_that_the_robot_stands_still(robot):
     words = board.command("calibrate", "distance", "--robot", robot, "--port", "sim")
     with Terminal(words) as terminal:
         terminal.until(lambda text: "Any key stops the robot" in text)

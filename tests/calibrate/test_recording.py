@@ -23,15 +23,15 @@ def test_counts_of_a_recorded_run(tmp_path):
         str(file),
         "--fast",
     ]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    assert done.returncode == 0, done.stderr
-    found = read_counts(file, (20, 20))
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert result.returncode == 0, result.stderr
+    log = read_counts(file, (20, 20))
     # The goal is 1 m ahead or so: each wheel of 0.065 m turns some five times.
-    assert 3 < found.turns[-1].mean() < 10
-    assert (found.turns * 20 == (found.turns * 20).round()).all()
+    assert 3 < log.turns[-1].mean() < 10
+    assert (log.turns * 20 == (log.turns * 20).round()).all()
 
 
-def test_what_is_no_recording(tmp_path):
+def test_a_file_that_is_not_a_recording(tmp_path):
     file = tmp_path / "run.mcap"
     file.write_text("nonsense")
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG"):

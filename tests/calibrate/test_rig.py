@@ -3,7 +3,7 @@
 import os
 import select
 import shutil
-from math import pi
+from math import hypot, pi
 from pathlib import Path
 
 import pytest
@@ -41,7 +41,7 @@ def robot(tmp_path):
 
 
 @pytest.fixture
-def made(robot):
+def session(robot):
     one, truths = open_session(robot, "sim", seed=1)
     one.connect()
     yield one, truths
@@ -53,8 +53,8 @@ def stands(one, truths):
     return truths.truth.left_speed == truths.truth.right_speed == 0.0
 
 
-def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itself(made):
-    one, truths = made
+def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itself(session):
+    one, truths = session
     heard = one.run_for(FORWARD, 1.0)
     assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
     one.listen(2.0)  # nobody says stop: the dead-man does, after 300 ms
@@ -71,16 +71,16 @@ class Wall(VirtualClock):
         return max(now, self.passed), ready
 
 
-def test_a_person_who_thinks_for_long_takes_nothing_from_the_next_movement(made):
-    one, truths = made
+def test_a_long_wait_for_an_answer_does_not_shorten_the_next_motion(session):
+    one, truths = session
     one.clock = Wall()
     one.clock.passed = one.now + 100 * SECOND
     heard = one.run_for(FORWARD, 1.0)
     assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
 
 
-def test_counts_are_those_of_now_when_a_wheel_was_turned_while_a_person_thought(made):
-    one, _ = made
+def test_counts_are_current_after_a_wheel_was_turned_during_a_question(session):
+    one, _ = session
     before = one.latest_frame()
     one.driver.robot.turn_by_hand(0, 6 * pi, 2 * pi)  # three turns in three seconds
     one.clock = Wall()
@@ -102,7 +102,7 @@ def test_a_key_stops_it(robot):
     assert one.stop_confirmed
 
 
-def test_a_key_stops_an_outing(robot):
+def test_a_key_stops_an_autonomous_drive(robot):
     keys = Pipe()
     one, truths = open_session(robot, "sim", seed=1, key=keys)
     one.connect()
@@ -114,8 +114,8 @@ def test_a_key_stops_an_outing(robot):
     assert stands(one, truths)
 
 
-def test_nothing_turns_further_than_was_announced(made):
-    one, truths = made
+def test_nothing_turns_further_than_was_announced(session):
+    one, truths = session
     one.limit_turns(2.0)
     with pytest.raises(RunError, match="more than the announced 2 turns"):
         one.run_for(FORWARD, 60.0)
@@ -123,11 +123,30 @@ def test_nothing_turns_further_than_was_announced(made):
     assert truths.truth.left_angle / 6.2832 < 2.6  # it rolls out a little
 
 
-def test_an_outing_ends_where_its_reach_ends(made):
-    one, truths = made
+def test_an_autonomous_drive_ends_at_its_distance_limit(session):
+    one, truths = session
     with pytest.raises(RunError, match=r"further than the announced 0\.5 m"):
         autonomous_drive.drive_to(one, [(2.0, 0.0, None)], 0.5)
     assert truths.truth.pose.x < 0.6 and stands(one, truths)
+
+
+GEOMETRY = """calibration:
+  drive.track: {value: 125 mm, sd: 2 mm, method: geometry, volts: not measured}
+  drive.left.wheel.diameter: {value: 65 mm, sd: 0.3 mm, method: geometry, volts: not measured}
+  drive.right.wheel.diameter: {value: 65 mm, sd: 0.3 mm, method: geometry, volts: not measured}
+"""
+
+
+def test_an_autonomous_drive_goes_on_from_a_waypoint_with_an_uncertain_position(robot):
+    text = robot.file.read_text().split("calibration: {}")[0] + GEOMETRY
+    robot.file.write_text(text)
+    one, truths = open_session(load_robot(str(robot.file)), "sim", seed=1)
+    one.connect()
+    # Counted slots of 10 mm do not give a heading that is good enough for 10 mm after 2 m.
+    style = autonomous_drive.DriveStyle(tolerance=0.01, method="count")
+    end = autonomous_drive.drive_to(one, [(2.0, 0.0, None), (2.0, 0.5, None)], 3.0, style)
+    assert hypot(end.x - 2.0, end.y - 0.5) < 0.02 and stands(one, truths)
+    one.close()
 
 
 def test_a_cable_that_is_pulled_ends_the_movement_and_the_board_stops_by_itself(robot):
@@ -146,8 +165,8 @@ def test_a_cable_that_is_pulled_ends_the_movement_and_the_board_stops_by_itself(
         one.driver.close()
 
 
-def test_findings_go_to_the_board_and_add_up(made):
-    one, _ = made
+def test_findings_are_sent_to_the_board_and_accumulate(session):
+    one, _ = session
     one.try_findings([Finding("drive.left.motor.loop.static", 0.2)])
     one.try_findings([Finding("drive.right.motor.loop.static", 0.3)])
     drive = one.file.robot.drive
@@ -157,14 +176,14 @@ def test_findings_go_to_the_board_and_add_up(made):
     assert [gains.static for gains in one.driver.robot.parameters.gains] == [0.2, 0.3]
 
 
-def test_what_is_not_plausible_is_not_tried(made):
-    one, _ = made
+def test_what_is_not_plausible_is_not_tried(session):
+    one, _ = session
     with pytest.raises(ConfigurationError, match="times the stated"):
         one.try_findings([Finding("drive.track", 0.25)])
 
 
-def test_an_unproven_robot_drives_slowly(made):
-    one, _ = made
+def test_an_unproven_robot_drives_slowly(session):
+    one, _ = session
     fastest = []
     note = one.on_frame
     one.on_frame = lambda now, frame: (note(now, frame), fastest.append(frame.left_command))
@@ -197,8 +216,8 @@ class Deaf:
             raise KeyboardInterrupt
 
 
-def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(made):
-    one, truths = made
+def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(session):
+    one, truths = session
     with pytest.raises(KeyboardInterrupt):
         run_step(Breaking(), one, Deaf(), Deaf())
     assert stands(one, truths)

@@ -37,7 +37,7 @@ def robot(tmp_path, monkeypatch):
     return path
 
 
-def test_an_entry_tells_value_deviation_and_where_they_come_from():
+def test_an_entry_has_value_deviation_and_origin():
     assert ENTRY == (
         '{value: 0.1263 m, sd: 0.0002 m, date: "2026-05-01T09:30Z", method: geometry, '
         'volts: 7.4 V, recording: "4fd1"}'
@@ -126,9 +126,9 @@ def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
 
 def test_one_value_of_its_own_is_written_and_undone(robot):
     first = robot.read_text()
-    made = plan_value_change(robot, ("link", "baud"), "57600")
-    assert "+link: {protocol: diffbot, uart: 1, baud: 57600}" in made.difference()
-    write_change(made)
+    plan = plan_value_change(robot, ("link", "baud"), "57600")
+    assert "+link: {protocol: diffbot, uart: 1, baud: 57600}" in plan.difference()
+    write_change(plan)
     assert robot.read_text() == first.replace("baud: 9600}", "baud: 57600}") != first
     undo(robot)
     assert robot.read_text() == first
@@ -149,10 +149,10 @@ def test_a_file_that_was_edited_since_is_not_undone(robot):
 
 
 def test_a_file_that_is_edited_meanwhile_is_not_written(robot):
-    made = plan_change(robot, [TRACK], ORIGIN)
+    plan = plan_change(robot, [TRACK], ORIGIN)
     robot.write_bytes(robot.read_bytes() + b"# mine\n")
     with pytest.raises(RunError, match="meanwhile"):
-        write_change(made)
+        write_change(plan)
     assert robot.read_bytes().endswith(b"# mine\n")
 
 
@@ -173,7 +173,7 @@ def test_what_cannot_be_true_is_refused_with_the_reason(robot, finding, why):
     assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
 
 
-def test_what_ships_is_copied_to_the_person_s_own_folder(tmp_path, monkeypatch):
+def test_a_shipped_robot_is_copied_to_the_user_s_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mine, was_copied = writable_copy(load_robot("book_2wd").file)
     assert (mine, was_copied) == (Path("robots/book_2wd.yaml"), True)
@@ -187,8 +187,8 @@ def test_what_ships_is_copied_to_the_person_s_own_folder(tmp_path, monkeypatch):
 )
 def test_age_in_words(minutes, words):
     now = datetime(2026, 5, 3, 0, 0, tzinfo=UTC).timestamp() + 60 * minutes
-    said = format_age("2026-05-03T00:00Z", datetime.fromtimestamp(now, UTC))
-    assert said.startswith(words)
+    age_text = format_age("2026-05-03T00:00Z", datetime.fromtimestamp(now, UTC))
+    assert age_text.startswith(words)
 
 
 def test_the_commands_show_and_undo(robot):

@@ -34,7 +34,7 @@ def turning(pitches, part, wheel=0, pitch=50.0):
 
 
 @pytest.mark.parametrize(
-    "changes, counted, found",
+    "changes, counted, shares",
     [
         ([], 1, []),
         ([(0, 1), (10, 0)], 1, []),  # no whole pitch
@@ -49,20 +49,20 @@ def turning(pitches, part, wheel=0, pitch=50.0):
         ([(0, 1), (10, 0), (40, 1), (60, 0), (80, 1), (90, 0), (500, 1)], 1, [0.25, 0.5]),
     ],
 )
-def test_pitches_by_hand(changes, counted, found):
-    assert list(encoder_fit.slot_duties(flanks(*changes), 0.002, counted)) == pytest.approx(found)
+def test_pitches_by_hand(changes, counted, shares):
+    assert list(encoder_fit.slot_duties(flanks(*changes), 0.002, counted)) == pytest.approx(shares)
 
 
 def test_each_disc_has_its_own_share():
-    found = encoder_fit.measure_slot_duty([*turning(60, 0.4), *turning(60, 0.55, wheel=1)], ROBOT)
-    values = {each.field: each.value for each in found.findings}
+    shares = encoder_fit.measure_slot_duty([*turning(60, 0.4), *turning(60, 0.55, wheel=1)], ROBOT)
+    values = {each.field: each.value for each in shares.findings}
     assert values == pytest.approx(
         {
             "drive.left.encoder.open_share": 0.4,
             "drive.right.encoder.open_share": 0.55,
         }
     )
-    assert found.faults == [] and len(found.report) == 2
+    assert shares.faults == [] and len(shares.report) == 2
 
 
 def test_a_few_pitches_tell_nothing():
@@ -70,9 +70,9 @@ def test_a_few_pitches_tell_nothing():
 
 
 @pytest.mark.parametrize("part", [0.1, 0.9])
-def test_a_light_barrier_that_sees_the_rim_is_a_fault(part):
-    found = encoder_fit.measure_slot_duty(turning(60, part), ROBOT)
-    assert found.findings == [] and "90% of a pitch: move the light barrier" in found.faults[0]
+def test_a_light_barrier_at_the_rim_is_a_fault(part):
+    shares = encoder_fit.measure_slot_duty(turning(60, part), ROBOT)
+    assert shares.findings == [] and "90% of a pitch: move the light barrier" in shares.faults[0]
 
 
 @pytest.mark.parametrize(
@@ -93,10 +93,10 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
         )
     finally:
         made.close()
-    found = {each.field: each.value for each in outcome.findings}
+    shares = {each.field: each.value for each in outcome.findings}
     for side, disc in zip(("left", "right"), truths._plant.discs, strict=True):
         ups, downs = disc.edges[::2], disc.edges[1::2]
         high = sum(b - a for a, b in zip(ups, downs, strict=True)) / (2 * pi)
         wanted = high if edge == "rising" else 1.0 - high
         # An eighth of a slot in a hundred pitches, and the mean of ratios for the ratio of means.
-        assert found[f"drive.{side}.encoder.open_share"] == pytest.approx(wanted, abs=0.008)
+        assert shares[f"drive.{side}.encoder.open_share"] == pytest.approx(wanted, abs=0.008)

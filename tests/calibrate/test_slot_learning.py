@@ -50,20 +50,23 @@ def scatter(true, learnt, first):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_both_flanks_of_each_slot_are_learnt_in_one_order(seed):
-    """To about a quarter of what they are cut to (0.03); both rows begin at the same slot."""
+def test_both_edges_of_each_slot_are_learnt_in_one_order(seed):
+    """To less than half of what they are cut to (0.03); both rows begin at the same slot.
+
+    The board's speed loop answers each uneven slot a little, which adds to the torque ripple.
+    """
     robot, frames = turned(seed)
     for found, disc in zip(learn_discs(learner(), frames), robot.discs, strict=True):
         places = [flank / PITCH - number / 2 for number, flank in enumerate(disc.edges)]
         forward, backward = places[0::2], places[1::2]
         first = min(range(SLOTS), key=lambda each: scatter(forward, found.forward, each))
-        assert scatter(forward, found.forward, first) < 0.012
-        assert scatter(backward, found.backward, first) < 0.012
+        assert scatter(forward, found.forward, first) < 0.015
+        assert scatter(backward, found.backward, first) < 0.015
         assert fmean(found.forward) == pytest.approx(0.0, abs=1e-12)
-        assert found.sd < 0.012
+        assert found.sd < 0.015
 
 
-def test_one_way_alone_leaves_the_other_flanks_unknown():
+def test_one_direction_leaves_the_other_edges_unknown():
     _, frames = turned(0, ways=(1.0,))
     for found in learn_discs(learner(), frames):
         assert len(found.forward) == SLOTS
@@ -79,6 +82,6 @@ def test_one_way_alone_leaves_the_other_flanks_unknown():
         ([Encoders(0, 5, 5, boot=1), Encoders(25 * MS, 0, 0, boot=2)], "restarted"),
     ],
 )
-def test_what_tells_nothing_is_refused(frames, word):
+def test_data_without_information_is_refused(frames, word):
     with pytest.raises(ValueError, match=word):
         learn_discs(learner(), frames)

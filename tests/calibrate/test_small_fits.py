@@ -33,11 +33,11 @@ ROBOT = load_robot("book_2wd").robot  # 20 slots
     ],
 )
 def test_slots_from_ten_turns_by_hand(rolls, findings, fault):
-    made = encoder_fit.count_slots(rolls, 10, ROBOT)
-    assert {f.field: f.value for f in made.findings} == {
+    slot_count = encoder_fit.count_slots(rolls, 10, ROBOT)
+    assert {f.field: f.value for f in slot_count.findings} == {
         f"drive.{side}.encoder.slots": count for side, count in findings.items()
     }
-    assert fault in " ".join(made.faults) and bool(fault) == bool(made.faults)
+    assert fault in " ".join(slot_count.faults) and bool(fault) == bool(slot_count.faults)
 
 
 def test_a_stray_roll_is_named():
@@ -46,23 +46,23 @@ def test_a_stray_roll_is_named():
 
 
 def test_a_mean_leaves_out_a_stray_reading():
-    found = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], sd_min=0.001)
-    assert found.outliers == (4,)
-    assert found.value == pytest.approx(0.99975)
+    fit = robust_mean([0.998, 1.002, 1.000, 0.999, 1.100], sd_min=0.001)
+    assert fit.outliers == (4,)
+    assert fit.value == pytest.approx(0.99975)
     # four readings, sd 0.0017: 0.00085 of the mean, times t = 3.18 for three degrees of freedom
-    assert found.half_width == pytest.approx(3.18 * 0.000854, rel=0.01)
+    assert fit.half_width == pytest.approx(3.18 * 0.000854, rel=0.01)
 
 
 def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
-    found = robust_mean([1.0] * 4, sd_min=0.002)
-    assert found.sd == pytest.approx(0.001)  # 0.002 over the root of four
+    fit = robust_mean([1.0] * 4, sd_min=0.002)
+    assert fit.sd == pytest.approx(0.001)  # 0.002 over the root of four
 
 
 def test_a_line_through_exact_points_is_found_again():
     # duty = 0.1 + 0.08 speed; the wheel that did not turn tells nothing
-    found = motor_fit.fit_line([(0.05, 0.0), (0.3, 2.5), (0.5, 5.0), (0.9, 10.0), (-0.9, -10.0)])
-    assert (found.static, found.slope) == pytest.approx((0.1, 0.08))
-    assert found.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
+    fit = motor_fit.fit_line([(0.05, 0.0), (0.3, 2.5), (0.5, 5.0), (0.9, 10.0), (-0.9, -10.0)])
+    assert (fit.static, fit.slope) == pytest.approx((0.1, 0.08))
+    assert fit.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def steps(lag, dead, uneven=0.0, seed=1):
     """Edges of a disc with 20 slots that steps between 3 and 8 rad/s, with `lag` and `dead` s."""
     chance, pitch = Random(seed), 2 * pi / 20
     places = [chance.gauss(0.0, uneven) for _ in range(20)]
-    made, angle, speed, now, wanted, count = [], 0.1, 3.0, 0.0, 3.0, 0
+    slot_count, angle, speed, now, wanted, count = [], 0.1, 3.0, 0.0, 3.0, 0
     frames, last, at, up = [], None, 0.0, True
     tick = 0.0005  # s; half a millisecond of a lag of 60 and more
     for number in range(9):
@@ -101,18 +101,18 @@ def steps(lag, dead, uneven=0.0, seed=1):
                 last = round((now - over / speed) * SECOND)
                 frames.append(Encoders(round(now * SECOND), count, count, last, last))
         if number:
-            made.append(motor_fit.StepResponse(list(frames), at, up))
-    return made
+            slot_count.append(motor_fit.StepResponse(list(frames), at, up))
+    return slot_count
 
 
 @pytest.mark.parametrize(
     "lag, dead, uneven", [(0.06, 0, 0), (0.15, 0, 0), (0.10, 0, 0.03), (0.08, 0.03, 0.01)]
 )
 def test_a_lag_is_found_again(lag, dead, uneven):
-    found = motor_fit.fit_lag(steps(lag, dead, uneven), True, 20)
-    assert found.lag + found.dead_time == pytest.approx(lag + dead, abs=0.003)
-    assert found.lag == pytest.approx(lag, rel=0.1)
-    assert found.dead_time == pytest.approx(dead, abs=0.008)
+    fit = motor_fit.fit_lag(steps(lag, dead, uneven), True, 20)
+    assert fit.lag + fit.dead_time == pytest.approx(lag + dead, abs=0.003)
+    assert fit.lag == pytest.approx(lag, rel=0.1)
+    assert fit.dead_time == pytest.approx(dead, abs=0.008)
 
 
 def test_steps_without_edges_are_refused():
@@ -136,11 +136,11 @@ def ends_of(true, side=1.0):
 @given(ERROR, ERROR)
 def test_squares_without_noise_tell_track_and_ratio(track, ratio):
     true = USED.reshaped(1 + 0.005 * ratio, USED.track * (1 + 0.02 * track))
-    found = umbmark.fit_umbmark(ends_of(true), USED)
+    fit = umbmark.fit_umbmark(ends_of(true), USED)
     # The rules are averaged over x and y, which the model meets both; a ten thousandth is left.
-    assert found.geometry.track == pytest.approx(true.track, rel=2e-5)
-    assert found.geometry.ratio == pytest.approx(true.ratio, abs=1e-5)
-    assert found.after <= 1e-3 * found.before + 1e-9
+    assert fit.geometry.track == pytest.approx(true.track, rel=2e-5)
+    assert fit.geometry.ratio == pytest.approx(true.ratio, abs=1e-5)
+    assert fit.after <= 1e-3 * fit.before + 1e-9
 
 
 def test_a_second_round_goes_on_from_the_first():
@@ -180,7 +180,7 @@ def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
         assert not umbmark.squares_look_swapped(noise)
 
 
-def test_squares_nobody_read_tell_nothing():
+def test_squares_without_readings_are_refused():
     nothing = [EndError(nan, nan, nan)]
     with pytest.raises(ValueError, match="neither places nor headings"):
         umbmark.fit_umbmark(umbmark.SquareErrors(1.0, nothing, nothing), USED)

@@ -36,18 +36,18 @@ ROBOT = Geometry(0.065, 0.065, 0.140)
     ],
 )
 def test_angles_by_positions(clockwise, counter, alpha, beta):
-    found = angles_from_positions(1.0, clockwise, counter)
-    assert found.alpha == pytest.approx(alpha, abs=1e-12)
-    assert found.beta == pytest.approx(beta, abs=1e-12)
+    result = angles_from_positions(1.0, clockwise, counter)
+    assert result.alpha == pytest.approx(alpha, abs=1e-12)
+    assert result.beta == pytest.approx(beta, abs=1e-12)
 
 
 def test_angles_by_headings():
     # Four sides gain beta each, whichever way round; four turns miss alpha each, in their own
     # direction: clockwise 4 (beta + alpha), counter-clockwise 4 (beta - alpha).
-    found = angles_from_headings(
+    result = angles_from_headings(
         1.0, EndError(0, 0, 4 * (0.003 + 0.01)), EndError(0, 0, 4 * (0.003 - 0.01))
     )
-    assert found == pytest.approx((0.01, 0.003))
+    assert result == pytest.approx((0.01, 0.003))
 
 
 def test_correction_by_hand():
@@ -56,13 +56,13 @@ def test_correction_by_hand():
     # the wheels run at 50.07 and 49.93 m.
     from math import asin
 
-    found = correct_geometry(ROBOT, 1.0, Angles(pi / 2 / 51, 2 * asin(0.01)))
-    assert found.track == pytest.approx(0.140 * 1.02)
-    assert found.ratio == pytest.approx(50.07 / 49.93)
-    assert found.mean == pytest.approx(0.065)
+    result = correct_geometry(ROBOT, 1.0, Angles(pi / 2 / 51, 2 * asin(0.01)))
+    assert result.track == pytest.approx(0.140 * 1.02)
+    assert result.ratio == pytest.approx(50.07 / 49.93)
+    assert result.mean == pytest.approx(0.065)
 
 
-def test_hopeless_ends_are_refused():
+def test_implausible_ends_are_refused():
     with pytest.raises(ValueError, match="too far off"):
         correct_geometry(ROBOT, 1.0, Angles(pi / 2, 0.0))
     with pytest.raises(ValueError, match="at least one run"):

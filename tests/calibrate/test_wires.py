@@ -9,7 +9,7 @@ from diffbotctl.config.load import load_robot
 QUIET = {"left": 0, "right": 0}
 
 
-def found(left, right, resting=QUIET):
+def detect(left, right, resting=QUIET):
     """`left`, `right`: what was seen and the counts of both sockets, by the channel pulsed."""
     pulses = {
         channel: MotorPulse(channel, WheelMotion(seen), {"left": a, "right": b})
@@ -41,10 +41,10 @@ def begins(faults):
         (("left forward", 4, 1), ("right forward", 1, 4), []),
     ],
 )
-def test_what_settings_can_mend(left, right, mended):
-    made = found(left, right)
-    assert begins(made.corrections) == mended
-    assert made.faults == [] and made.is_complete
+def test_faults_that_settings_correct(left, right, mended):
+    detected = detect(left, right)
+    assert begins(detected.corrections) == mended
+    assert detected.faults == [] and detected.is_complete
 
 
 @pytest.mark.parametrize(
@@ -90,15 +90,15 @@ def test_what_settings_can_mend(left, right, mended):
         ),
     ],
 )
-def test_what_only_a_hand_can_mend(left, right, resting, faults, mended):
-    made = found(left, right, resting)
-    assert (begins(made.faults), begins(made.corrections)) == (faults, mended)
+def test_faults_that_need_rewiring(left, right, resting, faults, mended):
+    detected = detect(left, right, resting)
+    assert (begins(detected.faults), begins(detected.corrections)) == (faults, mended)
 
 
 def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
     robot = load_robot("book_2wd").robot  # left 5, 6, 7, reversed; right 8, 9, 10
-    made = found(("right forward", 0, 4), ("left backward", 4, 0))
-    values = {each.field: each.value for each in wiring_detection.wiring_findings(made, robot)}
+    detected = detect(("right forward", 0, 4), ("left backward", 4, 0))
+    values = {each.field: each.value for each in wiring_detection.wiring_findings(detected, robot)}
     assert values == {
         "drive.right.motor.enable": "5",
         "drive.right.motor.in1": "6",
@@ -112,15 +112,15 @@ def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
 
 
 def test_encoders_change_their_pins():
-    made = found(("left forward", 0, 4), ("right forward", 4, 0))
+    detected = detect(("left forward", 0, 4), ("right forward", 4, 0))
     values = {
         e.field: e.value
-        for e in wiring_detection.wiring_findings(made, load_robot("book_2wd").robot)
+        for e in wiring_detection.wiring_findings(detected, load_robot("book_2wd").robot)
     }
     assert values == {"drive.left.encoder.pin": "3", "drive.right.encoder.pin": "2"}
 
 
-def test_nothing_is_exchanged_on_half_a_proof():
-    made = found(("none", 0, 0), ("left forward", 4, 0))
-    assert not made.is_complete
-    assert wiring_detection.wiring_findings(made, load_robot("book_2wd").robot) == []
+def test_nothing_is_exchanged_on_incomplete_evidence():
+    detected = detect(("none", 0, 0), ("left forward", 4, 0))
+    assert not detected.is_complete
+    assert wiring_detection.wiring_findings(detected, load_robot("book_2wd").robot) == []

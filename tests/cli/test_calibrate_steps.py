@@ -191,9 +191,107 @@ def test_whoever_says_no_moves_nothing(robot):
     assert person.close() == 1
 
 
+@pytest.mark.parametrize("typed", ["wait, stop", "yes please", "0", "start", "\x1b[A", "nein"])
+def test_nothing_but_enter_or_y_starts_a_motor(robot, typed):
+    person = Terminal("motors", "--robot", robot, "--port", "sim", "--dry-run")
+    person.wait_for("Press Enter to start")
+    person.type(typed)
+    person.wait_for("Nothing moves: only Enter or y continues")
+    person.wait_for("Press Enter to start")  # it has asked again, and waits
+    person.type("no")
+    person.wait_for("the motion was refused")
+    assert person.close() == 1
+
+
+def test_at_the_mark_too_other_words_start_no_motor(robot):
+    person = Terminal("distance", "--robot", robot, "--port", "sim", "--repeats", 1, "--dry-run")
+    person.wait_for("Press Enter to start")
+    person.type("Y")
+    person.wait_for("Press Enter when you are ready")
+    person.type("wait, stop")
+    person.wait_for("Nothing moves")
+    person.wait_for("Press Enter when you are ready")
+    person.type("stop")
+    person.wait_for("the motion was refused")
+    assert person.close() == 1
+    assert not list(Path("recordings").glob("*.csv"))
+
+
 def test_where_nothing_can_be_kept_is_said_before_anything_moves(robot):
     Path("recordings").write_text("no folder")
     done = calibrate(
         "distance", "--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes"
     )
     assert "E-CALIBRATE-WRITE" in str(done.exception) and done.output == ""
+
+
+def test_an_answer_that_the_counts_contradict_is_asked_again(robot):
+    person = Terminal("encoders", "--robot", robot, "--port", "sim", "--rolls", 0, "--dry-run")
+    person.wait_for("Press Enter to start")
+    person.type("")
+    person.wait_for("The left motor is driven now")
+    person.wait_for("Press Enter when you are ready")
+    person.type("")
+    person.wait_for("[left forward]")
+    person.type("none")
+    person.wait_for("The encoders counted edges, so a wheel turned. Look again")
+    person.wait_for("The left motor is driven now")
+    person.wait_for("Press Enter when you are ready")
+    person.type("")
+    person.wait_for("[left forward]")
+    person.type("")
+    person.wait_for("The right motor is driven now")
+    person.wait_for("Press Enter when you are ready")
+    person.type("")
+    person.wait_for("[right forward]")
+    person.type("left forward")
+    person.wait_for("With the other motor another encoder counted")
+    person.wait_for("Press Enter when you are ready")
+    person.type("no")
+    assert person.close() == 1
+
+
+def press_enter(*words, until):
+    """Walk through a command at a terminal by pressing Enter at each prompt."""
+    person = Terminal(*words)
+    screen, answered, deadline = "", "", time.monotonic() + 4 * LONGEST
+    while until not in screen:
+        assert time.monotonic() < deadline, screen[-2000:]
+        if not select.select([person.end], [], [], 0.2)[0]:
+            continue
+        try:
+            new = os.read(person.end, 4096).decode()
+        except OSError:
+            break
+        screen += new
+        if screen.endswith(": ") and screen != answered:  # every prompt ends so
+            answered = screen
+            person.type("")
+    assert person.close() == 0, screen[-2000:]
+    return screen.replace("\r\n", "\n")
+
+
+def test_a_simulated_robot_is_calibrated_by_pressing_enter(robot):
+    text = robot.read_text().replace("diameter_spread: 0}", "diameter_spread: 0.02}")
+    robot.write_text(text)
+    skipped = ("--skip", "motors", "--skip", "discs", "--skip", "geometry", "--skip", "battery")
+    screen = press_enter("--robot", robot, "--port", "sim", *skipped, until="the truth\n")
+    assert "SIMULATED: the eye sees: left forward" in screen
+    assert re.search(
+        r"SIMULATED: the tape reads 9\d\d\.\d mm|SIMULATED: the tape reads 10\d\d", screen
+    )
+    assert re.search(
+        r"SIMULATED: the ruler reads 24\.\d+|SIMULATED: the ruler reads 25\.\d+", screen
+    )
+    calibration = load_robot(str(robot)).robot.calibration
+    assert {"drive.polarity", "drive.left.wheel.diameter", "sensors.front.curve.a"} <= {
+        *calibration
+    }
+
+
+def test_the_truth_stands_beside_what_was_found(robot):
+    screen = press_enter(
+        *("distance", "--robot", robot, "--port", "sim", "--repeats", 2, "--dry-run"),
+        until="left.wheel.diameter",
+    )
+    assert "found" in screen and "truth" in screen and "in sd" in screen

@@ -104,7 +104,8 @@ def test_blocks_show_says_all_that_is_declared():
     for words in (
         "range   Range (fresh for the parameter stale_after)",
         "twist  Twist  The safe velocity.",
-        "margin       m, default 0.05 m, at least 0 m, may change while running.",
+        "margin       m, default 0.05 m, at least 0.01 m, at most 1 m, may change while\n"
+        "      running.",
         "one of by_itself, wait",
         "limits.braking",
     ):

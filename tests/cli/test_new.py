@@ -1,7 +1,9 @@
 """New files work as they stand, and a new block is found where its package is installed."""
 
 import os
+import re
 import resource
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +14,7 @@ from click.testing import CliRunner
 from diffbotctl.cli import check, new
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import UserError
+from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 
@@ -77,7 +80,7 @@ def test_names_that_cannot_be(words, code):
     assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
 
 
-@pytest.mark.parametrize("kind", ["robot", "pipeline", "block"])
+@pytest.mark.parametrize("kind", ["robot", "pipeline", "block", "message", "program"])
 def test_nothing_is_written_over(kind):
     run(new.command, kind, "mine")
     before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
@@ -109,9 +112,7 @@ def python(*words, path):
     return done.returncode, done.stdout + done.stderr
 
 
-def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
-    run(new.command, "block", "half_speed")
-    folder, target = tmp_path / "half_speed", tmp_path / "installed"
+def pip_install(folder, target):
     code, said = python(
         "-m",
         "pip",
@@ -127,6 +128,60 @@ def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
         path=[],
     )
     assert code == 0, said
+
+
+def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
+    run(new.command, "message", "gas")
+    folder, target = tmp_path / "gas", tmp_path / "installed"
+    pip_install(folder, target)
+    program = ["-c", "from diffbotctl.cli.main import main; main()"]
+    line = ["run", folder / "gas.yaml", "--fast", "--quiet", "--record", "gas.mcap"]
+    code, said = python(*program, *line, path=[target, ROOT])
+    assert (code, "INCOMPLETE" in said) == (0, False), said
+    code, said = python(*program, "replay", "gas.mcap", "--check", path=[target, ROOT])
+    assert (code, "same" in said) == (0, True), said
+    code, said = python(*program, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
+    assert said.startswith("time,gas.gas.distance,gas.gas.state,gas.gas.turns\n"), said
+    assert ",far," in said  # the goal is 1.1 m away, and `far` begins at 0.5 m
+
+
+def test_a_new_message_s_own_test_passes(tmp_path):
+    run(new.command, "message", "gas")
+    folder = tmp_path / "gas"
+    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert (code, "4 passed" in said) == (0, True), said
+
+
+@pytest.mark.parametrize("language", ["python", "c", "node"])
+def test_a_new_program_runs_as_it_stands(language, tmp_path):
+    if language == "node" and shutil.which("node") is None:
+        pytest.skip("no Node.js on this machine: `node` is not found")
+    run(new.command, "program", "nose", "--language", language)
+    folder = tmp_path / "nose"
+    build = re.search(r"^    (cc .*)$", (folder / "README.md").read_text(), re.M)
+    if build:
+        flags = " -std=c99 -Wall -Wextra -Werror -pedantic"
+        subprocess.run(build[1] + flags, shell=True, cwd=folder, check=True)
+    program = ["-c", "from diffbotctl.cli.main import main; main()"]
+    words = ["run", folder / "nose.yaml", "--quiet", "--for", "2s", "--record", "nose.mcap"]
+    code, said = python(*program, *words, path=[ROOT])
+    assert code == 1 and "E-PROGRAM-CONSENT" in said
+    code, said = python(*program, *words, "--allow-programs", path=[ROOT])
+    assert "final stop confirmed" in said, said
+    heard = [
+        item.message.text
+        for item in RecordingReader(Path("nose.mcap")).messages()
+        if item.wire == "listener.heard"
+    ]
+    assert len(heard) > 5 and all("m from the start" in text for text in heard)
+    code, said = python(*program, "replay", "nose.mcap", "--check", path=[ROOT])
+    assert (code, "same" in said) == (0, True), said
+
+
+def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
+    run(new.command, "block", "half_speed")
+    folder, target = tmp_path / "half_speed", tmp_path / "installed"
+    pip_install(folder, target)
     program = ["-c", "from diffbotctl.cli.main import main; main()"]
     code, said = python(*program, "blocks", path=[target, ROOT])
     assert "half_speed      Scale the requested velocity." in said, said
@@ -141,4 +196,4 @@ def test_a_new_block_s_own_test_passes(tmp_path):
     folder = tmp_path / "half_speed"
     code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert code == 0, said
-    assert "3 passed" in said
+    assert "6 passed" in said

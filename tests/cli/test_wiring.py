@@ -60,7 +60,7 @@ limits: {speed: 0.25 m/s, acceleration: 0.4 m/s2, braking: 0.4 m/s2}
 """,
     "cable, no divider needed": "link: {uart: 0}\nboard: {supply: usb}\n",
     "Nano": """
-board: {type: atmega328p, edge_times: false, telemetry: 16 Hz}
+board: {type: nano, edge_times: false, telemetry: 16 Hz}
 link: {protocol: rosserial, uart: 0, radio: hc05, baud: 57600}
 drive:
   left: {motor: {enable: 10, in1: 6, in2: 7}, encoder: {pin: 2}}
@@ -266,8 +266,27 @@ def test_the_divider_is_drawn_where_there_is_one(tmp_path):
 
 def test_a_divided_wire_says_so(robot):
     wire = [wire for wire in harness(robot).wires if wire.end == (RADIO, "RXD")]
-    assert all(each.start.part == BOARD and "1k" in each.through for each in wire)
+    assert all(each.start.part == BOARD and each.through.series == "1k" for each in wire)
     assert len(wire) == bool(robot.link.uart or robot.link.radio)
+
+
+@pytest.mark.parametrize(
+    ("battery", "series"),
+    [
+        # full / 5 V x 1.1 - 1 = 0.848, and the next larger value of E24 for 10 kOhm below
+        ("{pin: A1, full: 8.4 V}", "9k1"),
+        ("{pin: A1, divider: 3.02}", "20k"),
+        ("{pin: A1}", "18k"),  # 12.6 V: 1.77
+    ],
+)
+def test_the_divider_of_the_battery_is_drawn(tmp_path, battery, series):
+    file = tmp_path / "robot.yaml"
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\nbattery: {battery}\n")
+    robot = load_robot(str(file)).robot
+    lines = lines_of(robot)
+    above = next(i for i, line in enumerate(lines) if f"●{series}┤ +" in line)
+    assert "A1 ├" in lines[above] and "●10k╯" in lines[above + 1]
+    assert any(f"{series} from the battery's + to A1" in note for note in notes(robot))
 
 
 # The command.

@@ -18,6 +18,8 @@ NOT_FROM_FILES = {
     "E-BLOCK-CLASH",
     "E-BLOCK-IMPORT",
     "E-BLOCK-RAISED",
+    "E-BLOCK-OUTPUT",  # found while it runs
+    "E-WATCHDOG",  # found while it runs
     "E-BUSY",
     "E-CODE",
     "E-DEFECT",
@@ -29,6 +31,7 @@ NOT_FROM_FILES = {
     "E-FILE-WRITE",
     "E-HELD",
     "E-LOG",
+    "E-MESSAGE-TYPE",  # of an installed package
     "E-NO-ANSWER",
     "E-NO-BOARD",
     "E-NO-ENGINE",
@@ -36,6 +39,7 @@ NOT_FROM_FILES = {
     "E-SEVERAL-ENGINES",
     "E-OUTPUT",
     "E-PICTURE",
+    "E-PROGRAM-CONSENT",
     "E-PROTOCOL",
     "E-RECORD",
     "E-RECORDING",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.config.board_pins import ATMEGA_328P, BOARDS, MEGA_2560
+from diffbotctl.config.board_pins import BOARDS, MEGA_2560, NANO
 from diffbotctl.config.checks import graph
 from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.checks.pins import pins_for
@@ -123,9 +123,10 @@ def test_loops(sources, expected):
         # The clock of our firmware is timer 1 (11, 12), that of the Arduino core timer 0 (4, 13).
         (MEGA_2560, "pwm", "diffbot", "2 3 4 5 6 7 8 9 10 13 44 45 46"),
         (MEGA_2560, "pwm", "rosserial", "2 3 5 6 7 8 9 10 11 12 44 45 46"),
-        (ATMEGA_328P, "interrupt", "rosserial", "2 3"),
-        (ATMEGA_328P, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 use the timer of the clock
-        (ATMEGA_328P, "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
+        (NANO, "interrupt", "rosserial", "2 3"),
+        (NANO, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 use the timer of the clock
+        (NANO, "pwm", "diffbot", "5 6 9 10"),  # 3 and 11 use the timer of the clock
+        (NANO, "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
     ],
 )
 def test_pins_for_each_role(board, role, protocol, pins):
@@ -149,8 +150,8 @@ def test_the_tables_contain_only_pins_of_the_board(board):
         (MEGA_2560, "69", "A15"),
         (MEGA_2560, "70", "70"),
         (MEGA_2560, "A3", "A3"),
-        (ATMEGA_328P, "14", "A0"),
-        (ATMEGA_328P, "13", "13"),
+        (NANO, "14", "A0"),
+        (NANO, "13", "13"),
     ],
 )
 def test_analog_pins_have_two_names(board, number, name):

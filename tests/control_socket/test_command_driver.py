@@ -52,16 +52,16 @@ class Desk:
 
     def instant(self, now):
         """What both drivers deliver at `now`, by wire; the gate's stops come back at once."""
-        found = {}
+        delivered = {}
         for driver in (self.operator, self.person):
             if driver.due() <= now:
-                found.update({wire: message for wire, message in driver.deliver(now)})
-        halt = found.get("operator.halt")
+                delivered.update({wire: message for wire, message in driver.deliver(now)})
+        halt = delivered.get("operator.halt")
         if halt is not None:
             self.operator.stop_sink("gate.stop")(now, halt)
-        if "operator.resume" in found:
+        if "operator.resume" in delivered:
             self.operator.stop_sink("gate.stop")(now, Stop(now, "", "", False))
-        return found
+        return delivered
 
 
 def test_the_robot_is_stopped_exactly_when_the_lease_ends():
@@ -71,9 +71,9 @@ def test_the_robot_is_stopped_exactly_when_the_lease_ends():
     assert desk.instant(1000 * MS + 1)["operator.twist"].linear == 0.2
     assert desk.person.due() == 1000 * MS + DRIVE_TIMEOUT
     assert desk.instant(1000 * MS + DRIVE_TIMEOUT - 1) == {}
-    found = desk.instant(1000 * MS + DRIVE_TIMEOUT)
-    assert (found["operator.twist"].linear, found["operator.twist"].angular) == (0.0, 0.0)
-    halt = found["operator.halt"]
+    delivered = desk.instant(1000 * MS + DRIVE_TIMEOUT)
+    assert (delivered["operator.twist"].linear, delivered["operator.twist"].angular) == (0.0, 0.0)
+    halt = delivered["operator.halt"]
     assert (halt.code, halt.latched) == ("operator_lost", True)
     assert halt.cause == "ann was driving and sent no command for 300 ms"
     assert desk.person.due() == NEVER
@@ -99,7 +99,7 @@ def test_the_robot_is_stopped_when_the_driving_client_disconnects_and_no_other()
     assert desk.instant(11)["operator.halt"].cause == "ann was driving and disconnected"
 
 
-def test_a_dead_server_is_a_lost_operator_only_while_a_client_drives():
+def test_a_dead_server_counts_as_a_lost_operator_only_while_a_client_drives():
     watched, driven = Desk(), Desk()
     driven.send(DriveRequest(0.2, 0.0))
     driven.idle(0)
@@ -121,8 +121,8 @@ def test_a_goal_is_paused_until_resume_while_a_client_drives_and_after_it_is_los
     desk.send(DriveRequest(0.2, 0.0))
     desk.send(ResumeRequest(), number=2)
     assert desk.idle(20 + DRIVE_TIMEOUT) == [ResultCode.STOPPED, ""]
-    found = desk.instant(21 + DRIVE_TIMEOUT)
-    assert found["operator.goal"].number == 1 and "operator.resume" in found
+    delivered = desk.instant(21 + DRIVE_TIMEOUT)
+    assert delivered["operator.goal"].number == 1 and "operator.resume" in delivered
 
 
 def test_another_client_is_refused_unless_it_takes_over():

@@ -9,7 +9,7 @@ import pytest
 from diffbotctl.cli.stop import resume_result
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
-FAR = ("goal", "--stay", "--goal", "2 0")
+FAR = ("goal", "--stay", "--goal", "30 0")
 
 
 def children_of(pid):
@@ -80,8 +80,8 @@ PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
 )
 def test_what_resume_says_and_whether_it_did_anything(before, after, done, words):
     names = ("held", "operator.goal", "goal_state")
-    said = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
-    assert resume_result(*said)[0] == done and words in resume_result(*said)[1]
+    statuses = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
+    assert resume_result(*statuses)[0] == done and words in resume_result(*statuses)[1]
 
 
 def test_without_an_engine_and_with_several(tmp_path):
@@ -114,11 +114,12 @@ def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
             os.kill(process.pid, signal.SIGSTOP)
         code, out, complaint = cli(tmp_path, "stop")
         assert code == 0, complaint
-        assert "ended" in out and process.wait(timeout=20) == 130
+        assert "ended" in out and process.wait(timeout=60) == 130
         rest = process.stdout.read()
         assert "final stop confirmed" in rest
-        # The black box is lost with the server process, and the run reports that.
-        assert ("BLACK BOX STOPPED" in rest) == broken.startswith("hub")
+        # The black box is lost with a server process that was killed, and the run reports that; one
+        # that was suspended is resumed at the end.
+        assert ("BLACK BOX STOPPED" in rest) == (broken == "hub killed")
     assert not list((tmp_path / "diffbotctl").glob("test.socket"))
 
 

@@ -7,12 +7,15 @@ import stat
 import subprocess
 import sys
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from diffbotctl.control_socket.address import group_folder
 from diffbotctl.control_socket.protocol import LINE_MAX_BYTES
+from diffbotctl.control_socket.server import CLIENTS_MAX, STOP_SEATS
 from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
+from diffbotctl.testing.trials import hostile_sockets
 
 NOBODY = 65534  # a user that every Debian has, with no rights at all
 ROOT_ONLY = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
@@ -20,9 +23,9 @@ ROOT_ONLY = pytest.mark.skipif(os.getuid() != 0, reason="only root can become an
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("hostile")
-    with running(made, "goal", "--stay", "--goal", "0 0"):
-        yield made
+    runtime_folder = tmp_path_factory.mktemp("hostile")
+    with running(runtime_folder, "goal", "--stay", "--goal", "0 0"):
+        yield runtime_folder
 
 
 @pytest.fixture(autouse=True)
@@ -32,19 +35,19 @@ def others_are_unaffected(folder):
     client.request("subscribe", topic="gate.wheels")
     yield
     client.send('{"id": "last", "method": "status"}')
-    while (said := client.read()).get("id") != "last":
-        wheels = said["message"]
+    while (reply := client.read()).get("id") != "last":
+        wheels = reply["message"]
         assert (wheels["left"], wheels["right"]) == (0.0, 0.0)
-    assert said["held"] is None
+    assert reply["held"] is None
     client.close()
 
 
 def refusal_to(folder, data):
     client = PlainClient(folder)
     client.send(data)
-    said = client.read()
+    reply = client.read()
     client.close()
-    return said
+    return reply
 
 
 @pytest.mark.parametrize(
@@ -85,9 +88,9 @@ def refusal_to(folder, data):
     ],
 )
 def test_invalid_requests_are_refused_with_a_cause(folder, data, words):
-    said = refusal_to(folder, data)
-    assert said["ok"] is False and words in said["cause"], said
-    assert said["error"] in ("E-PROTOCOL", "E-REQUEST")
+    reply = refusal_to(folder, data)
+    assert reply["ok"] is False and words in reply["cause"], reply
+    assert reply["error"] in ("E-PROTOCOL", "E-REQUEST")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +212,7 @@ import os, socket, sys
 os.setgroups([int(each) for each in sys.argv[2:]])
 os.setgid(65534); os.setuid(65534)
 made = socket.socket(socket.AF_UNIX)
-made.settimeout(10)
+made.settimeout(60)
 try:
     made.connect(sys.argv[1])
     print(made.makefile().readline())
@@ -236,8 +239,8 @@ def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_server(fol
     try:
         assert as_nobody(path) == "refused: Permission denied\n"  # by the file's own mode
         path.chmod(0o666)
-        said = json.loads(as_nobody(path))  # and by the server, which knows the uid
-        assert said["error"] == "E-SOCKET" and "only the user" in said["cause"]
+        reply = json.loads(as_nobody(path))  # and by the server, which knows the uid
+        assert reply["error"] == "E-SOCKET" and "only the user" in reply["cause"]
     finally:
         path.chmod(0o600)
         for each, mode in modes.items():
@@ -276,3 +279,74 @@ def test_a_folder_that_belongs_to_another_user_is_not_used(tmp_path):
 def test_a_name_with_a_slash_is_refused(tmp_path):
     code, _, complaint = cli(tmp_path, "run", "goal", "--name", "../x")
     assert code == 1 and "not a valid name" in complaint
+
+
+def test_a_seat_is_kept_for_stop_when_all_others_are_taken(folder):
+    crowd = [PlainClient(folder) for _ in range(CLIENTS_MAX)]
+    assert crowd[-1].request("status")["ok"]
+    for _ in range(2 * STOP_SEATS):  # also when those seats are taken and kept
+        late = PlainClient(folder)
+        refusal = late.request("goto", x=1.0, y=0.0)
+        assert refusal["error"] == "E-BUSY" and "stop" in refusal["cause"]
+        assert late.request("stop", reason="a person in the way")["ok"]
+        late.until(lambda status: status["gate.stop"] is not None and status["gate.stop"]["code"])
+    assert crowd[0].request("resume")["ok"]
+    for client in crowd:
+        client.close()
+
+
+def test_strangers_take_no_seat_from_who_greets(folder):
+    strangers = [socket.socket(socket.AF_UNIX) for _ in range(2 * CLIENTS_MAX)]
+    for stranger in strangers:
+        stranger.connect(str(folder / "diffbotctl" / "test.socket"))
+    client = PlainClient(folder)
+    assert client.request("list_topics")["ok"], "an ordinary seat"
+    for stranger in strangers:
+        stranger.close()
+    client.close()
+
+
+def test_texts_with_control_characters_are_refused(folder):
+    client = PlainClient(folder)
+    refusal = client.request("stop", reason="\x1b[2J\x07x")
+    assert not refusal["ok"] and "printable" in refusal["cause"]
+    assert client.request("status")["gate.stop"] is None or not held_code(client)
+    client.close()
+
+
+def held_code(client):
+    return client.request("status")["gate.stop"]["code"]
+
+
+def test_a_runtime_folder_whose_name_is_too_long_is_named(tmp_path):
+    long = tmp_path / ("x" * 100)
+    long.mkdir()
+    code, _, complaint = cli(long, "run", "hello", "--for", "1s")
+    assert code == 1
+    assert "E-SOCKET" in complaint and "XDG_RUNTIME_DIR" in complaint and "107" in complaint
+    assert cli(long, "run", "hello", "--for", "0.1s", "--no-socket")[0] == 0
+
+
+def test_a_flood_of_clients_does_not_keep_a_stop_waiting(tmp_path):
+    attack = hostile_sockets.flood(tmp_path, repeats=2)
+    assert attack.survived and attack.failures == [] and len(attack.stops) == 2
+    assert attack.peak_bytes <= 100 << 20
+
+
+def test_any_lines_in_any_order_leave_the_run_alive(tmp_path):
+    attack = hostile_sockets.attack(tmp_path, Random(5), connections=15, lines=20)
+    assert attack.survived and attack.failures == [] and attack.requests > 100
+    assert attack.peak_bytes <= 100 << 20
+
+
+def test_a_client_that_asks_and_never_reads_is_disconnected(folder):
+    client = socket.socket(socket.AF_UNIX)
+    client.settimeout(REPLY_TIMEOUT_S)
+    client.connect(str(folder / "diffbotctl" / "test.socket"))
+    client.sendall(b'{"hello": 2, "name": "deaf"}\n')
+    with pytest.raises(OSError) as ended:
+        client.sendall(b'{"id": 1, "method": "status"}\n' * 100_000)
+    assert not isinstance(ended.value, TimeoutError)
+    client.close()
+    log = (folder / "diffbotctl" / "test.log").read_text()
+    assert "reads no replies" in log and "deaf" in log

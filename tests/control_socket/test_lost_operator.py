@@ -25,7 +25,7 @@ def drives(status):
 def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
     path = tmp_path / "lost.mcap"
     line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
-    with running(tmp_path, "goal", "--stay", "--goal", "2 0", "--record", str(path)) as process:
+    with running(tmp_path, "goal", "--stay", "--goal", "30 0", "--record", str(path)) as process:
         watcher = PlainClient(tmp_path)
         watcher.until(moves)
         driver = subprocess.Popen(line, env=environment)
@@ -39,9 +39,9 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
         driver.kill()
         driver.wait()
         assert cli(tmp_path, "resume")[0] == 0
-        assert watcher.until(moves)["operator.goal"]["x"] == 2.0
+        assert watcher.until(moves)["operator.goal"]["x"] == 30.0
         process.terminate()
-        process.wait(timeout=20)
+        process.wait(timeout=60)
     words = [item for item in RecordingReader(path).messages() if item.wire != "robot.encoders"]
     lost = next(i.time for i in words if isinstance(i.message, Stop) and i.message.code)
     last = max(
@@ -57,7 +57,7 @@ def test_a_lost_driver_stops_the_robot_and_the_goal_waits(tmp_path, number):
 
 def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
     line, environment = command(tmp_path, "topic", "echo", "*", "--json")
-    with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
+    with running(tmp_path, "goal", "--stay", "--goal", "30 0"):
         client = PlainClient(tmp_path)
         watchers = [
             subprocess.Popen(line, env=environment, stdout=subprocess.PIPE) for _ in range(3)
@@ -78,7 +78,7 @@ def test_a_watcher_that_is_killed_or_frozen_changes_nothing(tmp_path):
 
 def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
     line, environment = command(tmp_path, "drive", "--v", "-0.15", "--for", "60s")
-    with running(tmp_path, "goal", "--stay", "--goal", "2 0"):
+    with running(tmp_path, "goal", "--stay", "--goal", "30 0"):
         client = PlainClient(tmp_path)
         client.until(moves)
         ours, theirs = os.openpty()
@@ -96,4 +96,4 @@ def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
         os.close(ours)  # the terminal closes: the kernel sends SIGHUP
         held = client.until(lambda status: status["held"])["held"]
         assert held["code"] == "operator_lost"
-        driver.wait(timeout=20)
+        driver.wait(timeout=60)

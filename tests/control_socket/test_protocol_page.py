@@ -51,24 +51,24 @@ def test_every_method_is_in_the_table():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("page")
-    with running(made, "goal", "--stay", "--goal", "0 0"):
-        yield made
+    runtime_folder = tmp_path_factory.mktemp("page")
+    with running(runtime_folder, "goal", "--stay", "--goal", "0 0"):
+        yield runtime_folder
 
 
 @pytest.mark.parametrize("carrier", CARRIERS)
-def test_the_client_of_the_page_drives_and_lets_go(folder, tmp_path, carrier):
+def test_the_example_client_drives_and_releases(folder, tmp_path, carrier):
     assert shutil.which(carrier), f"the tests need {carrier}: `make packages` installs it"
     script = re.search(r"```sh\n(.*?)```", PAGE, re.S)[1]
     assert CARRIERS["nc"] in script
     file = tmp_path / "drive.sh"
     file.write_text(script.replace(CARRIERS["nc"], CARRIERS[carrier]))
     words = ["sh", str(file), str(folder / "diffbotctl" / "test.socket")]
-    out = subprocess.run(words, capture_output=True, text=True, timeout=30).stdout
-    said = [json.loads(line) for line in out.splitlines()]
-    assert said[0]["hello"] == 2
-    assert all(each["ok"] for each in said if "ok" in each)
-    places = [each["message"]["x"] for each in said if "message" in each]
+    out = subprocess.run(words, capture_output=True, text=True, timeout=60).stdout
+    replies = [json.loads(line) for line in out.splitlines()]
+    assert replies[0]["hello"] == 2
+    assert all(each["ok"] for each in replies if "ok" in each)
+    places = [each["message"]["x"] for each in replies if "message" in each]
     assert len(places) > 20
     assert abs(places[-1] - places[0]) > 0.02  # a second at 0.1 m/s, less the ramp
     client = PlainClient(folder)

@@ -11,11 +11,11 @@ from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    made = tmp_path_factory.mktemp("tools")
-    with running(made, "goal", "--stay", "--goal", "0 0"):  # it is there already
-        client = PlainClient(made)
+    runtime_folder = tmp_path_factory.mktemp("tools")
+    with running(runtime_folder, "goal", "--stay", "--goal", "0 0"):  # it is there already
+        client = PlainClient(runtime_folder)
         client.until(lambda status: status["time"] > 200_000_000)  # ns: rates need some frames
-        yield made
+        yield runtime_folder
 
 
 def test_topics_are_listed_with_types_and_rates(folder):
@@ -41,11 +41,14 @@ def test_echo_once(folder, topic, known):
 
 
 def test_echo_of_a_field_and_for_a_time(folder):
-    code, out, _ = cli(
-        folder, "topic", "echo", "odometry.odometry.covariance.0", "--for", "1s", "--json"
-    )
-    values = [json.loads(line) for line in out.splitlines()]
-    assert code == 0 and len(values) > 10 and all(isinstance(value, float) for value in values)
+    topic = ("topic", "echo", "odometry.odometry.covariance.0", "--json")
+    for seconds in (1, 4, 16):  # on a busy computer few messages come in one second
+        code, out, _ = cli(folder, *topic, "--for", f"{seconds}s")
+        values = [json.loads(line) for line in out.splitlines()]
+        assert code == 0 and all(isinstance(value, float) for value in values)
+        if len(values) > 10:
+            break
+    assert len(values) > 10
     code, _, complaint = cli(folder, "topic", "echo", "odometry.odometry.z", "--once")
     assert code == 2 and "no field 'z'" in complaint
 
@@ -68,7 +71,7 @@ def test_hz_and_type(folder):
         ("operator.setting", "only operator publishes"),
     ],
 )
-def test_what_others_say_cannot_be_published(folder, topic, words):
+def test_topics_of_others_cannot_be_published(folder, topic, words):
     message = '{"left": 5, "right": 5}'
     code, _, complaint = cli(folder, "topic", "pub", topic, message)
     assert code == 1 and words in " ".join(complaint.split())
@@ -83,7 +86,7 @@ def test_a_goal_can_be_published(folder):
     client.until(lambda status: status["operator.goal"]["number"] == before + 1)
 
 
-def test_a_velocity_said_once_moves_the_robot_and_holds_nothing(folder):
+def test_one_velocity_moves_the_robot_and_expires(folder):
     client = PlainClient(folder)
     before = client.request("snapshot")["messages"]["odometry.odometry"]["x"]
     code, _, complaint = cli(folder, "topic", "pub", "operator.twist", '{"linear": 0.2}')
@@ -97,7 +100,7 @@ def test_live_parameters_are_set_and_the_others_are_not(folder):
     PlainClient(folder).request("status")
     assert json.loads(cli(folder, "param", "get", "guard.margin", "--json")[1])["value"] == 0.08
     for parameter, value, words in (
-        ("guard.margin", "-1", "at least 0 m"),
+        ("guard.margin", "0", "at least 0.01 m"),
         ("guard.margin", "2 s", "is a time"),
         ("guard.resume", "never", "one of by_itself, wait"),
         ("guard.debounce", "1.5", "whole number"),
@@ -146,9 +149,9 @@ def test_actions_are_called_and_wrong_ones_refused(folder):
 @pytest.mark.parametrize(
     "words, seen",
     [
-        (["--v", "0.15", "--distance", "20cm"], lambda d, t: abs(d - 0.2) < 0.04),
+        (["--v", "0.05", "--distance", "10cm"], lambda d, t: abs(d - 0.1) < 0.04),
         (["--v", "-0.15", "--for", "1s"], lambda d, t: 0.02 < d < 0.25),
-        (["--w", "60deg/s", "--angle", "90deg"], lambda d, t: abs(t - 1.571) < 0.25),
+        (["--w", "30deg/s", "--angle", "90deg"], lambda d, t: abs(t - 1.571) < 0.25),
     ],
 )
 def test_drive_for_a_distance_a_time_and_an_angle(folder, words, seen):
@@ -182,6 +185,6 @@ def test_blocks_and_graph_show_rates(folder):
         ("ros2 param list", "diffbotctl param list"),
     ],
 )
-def test_words_of_ros_are_answered_with_ours(typed, ours):
+def test_ros_commands_are_answered_with_ours(typed, ours):
     assert answer(typed.split()).endswith(ours)
     assert answer(["run"]) == ""

@@ -19,9 +19,9 @@ def folder(tmp_path_factory):
 
 def done(folder, *words):
     """Run a command that must succeed."""
-    code, said, complaint = cli(folder, *words)
+    code, output, complaint = cli(folder, *words)
     assert code == 0, complaint
-    return said
+    return output
 
 
 def last(folder, topic):
@@ -44,8 +44,8 @@ def test_it_starts_in_the_middle_of_its_field(folder):
 
 def test_it_is_driven_by_hand_for_a_distance(folder):
     done(folder, "call", "robot.home")
-    said = done(folder, "drive", "--v", "0.5", "--distance", "1m")
-    assert said.startswith("driven 1.0")
+    output = done(folder, "drive", "--v", "0.5", "--distance", "1m")
+    assert output.startswith("driven 1.0")
     at = becomes(folder, "robot.pose", lambda pose: pose["linear"] == 0.0)
     assert at["x"] == pytest.approx(6.544, abs=0.05)
     assert at["y"] == pytest.approx(5.544, abs=0.01)
@@ -87,17 +87,17 @@ def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
     becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [] and sheet["sheet"] == 1)
 
 
-def test_the_burger_wanders_and_gives_way_to_a_person(tmp_path):
+def test_the_turtlebot_wanders_and_manual_driving_has_priority(tmp_path):
     with running(tmp_path, "wander"):
         becomes(tmp_path, "odometry.odometry", lambda pose: pose["linear"] > 0.1)
         scan = last(tmp_path, "robot.scan")
         assert len(scan["distances"]) == 360
-        said = done(tmp_path, "drive", "--v", "0.1", "--distance", "20cm")
-        assert 0.15 < float(said.split()[1]) < 0.30  # it came with 0.176 m/s
+        output = done(tmp_path, "drive", "--v", "0.1", "--distance", "20cm")
+        assert 0.15 < float(output.split()[1]) < 0.30  # it came with 0.176 m/s
 
 
 def test_the_names_of_turtlesim_are_known(folder):
-    code, said, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once", "--json")
+    code, output, complaint = cli(folder, "topic", "echo", "/turtle1/pose", "--once", "--json")
     assert code == 0, complaint
-    assert set(json.loads(said)) >= {"x", "y", "heading"}
+    assert set(json.loads(output)) >= {"x", "y", "heading"}
     assert "/turtle1/pose is robot.pose here" in complaint

@@ -46,16 +46,16 @@ SOURCES = {
 }
 
 
-def told(*deliveries):
+def logged_lines(*deliveries):
     """The lines over instants with one message each: (level, source, text)."""
     wires = {"stop_in": "drive.stop", "state_in": "drive.state"}
     book = Logbook()
     graph = Graph([Node("guard", Ends(), wires)], SOURCES, book)
-    seen = []
-    compiled = graph.compile({}, seen.append, EventLogger(graph, book).sinks())
+    instants = []
+    compiled = graph.compile({}, instants.append, EventLogger(graph, book).sinks())
     for now, (wire, message) in enumerate(deliveries):
         compiled.instant(now, *(message if each == wire else None for each in graph.sources))
-    return [tuple(instant[-1][1:]) for instant in seen if type(instant[-1]) is LogLine]
+    return [tuple(instant[-1][1:]) for instant in instants if type(instant[-1]) is LogLine]
 
 
 HELD, LATCHED = Stop(0, "obstacle", "a wall", False), Stop(0, "link_lost", "pulled", True)
@@ -70,7 +70,7 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
             [("drive.stop", HELD), ("drive.stop", HELD), ("drive.stop", Stop(0, "", "", False))],
             [
                 ("warning", "guard", "STOP obstacle: a wall; ends by itself"),
-                ("info", "guard", "released: obstacle no longer holds the robot"),
+                ("info", "guard", "stop obstacle ended"),
             ],
         ),
         (
@@ -100,16 +100,20 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
         ),
         (
             [("drive.state", GoalState(0, 2, "reached", 0.004, 0.0))],
-            [("info", "guard", "goal 2 reached, 4 mm, 0.0 deg off")],
+            [("info", "guard", "goal 2 reached, error 4 mm, 0.0 deg")],
         ),
         (
             [("drive.state", GoalState(0, 2, "given_up", 0.4, 0.0, "it took 60 s"))],
             [("error", "guard", "goal 2 given up, 400 mm, 0.0 deg away: it took 60 s")],
         ),
         (
+            [("drive.state", GoalState(0, 2, "cancelled", 0.4, 0.0, "replaced by goal 3"))],
+            [("info", "guard", "goal 2 cancelled, 400 mm, 0.0 deg away: replaced by goal 3")],
+        ),
+        (
             [("operator.goal", Goal(0, 1, 1.0, 0.5, None)), ("operator.goal", Goal(0, 0))],
             [
-                ("info", "operator", "goal 1 taken: x 1.000 m  y 0.500 m"),
+                ("info", "operator", "goal 1 accepted: x 1.000 m  y 0.500 m"),
                 ("info", "operator", "the goal is withdrawn"),
             ],
         ),
@@ -144,18 +148,29 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
             ],
         ),
     ],
-    ids=["held", "latched", "states", "anew", "reached", "given up", "goals", "link", "people"],
+    ids=[
+        "held",
+        "latched",
+        "states",
+        "anew",
+        "reached",
+        "given_up",
+        "cancelled",
+        "goals",
+        "link",
+        "clients",
+    ],
 )
 def test_each_event_is_one_line(deliveries, lines):
-    assert told(*deliveries) == lines
+    assert logged_lines(*deliveries) == lines
 
 
-def test_a_driver_is_heard_at_its_source_s_own_level():
+def test_a_driver_is_logged_from_its_own_level():
     book = Logbook()
     graph = Graph([], SOURCES, book)
-    seen = []
-    compiled = graph.compile({}, seen.append, EventLogger(graph, book).sinks())
+    instants = []
+    compiled = graph.compile({}, instants.append, EventLogger(graph, book).sinks())
     book.set_level("engine", "error")
     line = LogLine(0, "info", "engine", "x")
     compiled.instant(0, *(line if wire == "operator.log" else None for wire in graph.sources))
-    assert not [instant for instant in seen if type(instant[-1]) is LogLine]
+    assert not [instant for instant in instants if type(instant[-1]) is LogLine]

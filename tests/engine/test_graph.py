@@ -75,13 +75,13 @@ SOURCES = {"drive.twist": Twist, "drive.other": Twist}
 
 def run(nodes, *instants):
     """Run instants of (now, twist, other) and return what each put on every wire."""
-    seen = []
+    outputs_seen = []
     graph = Graph(nodes, SOURCES)
-    compiled = graph.compile({}, seen.append)
+    compiled = graph.compile({}, outputs_seen.append)
     for now, *values in instants:
         messages = [None if v is None else Twist(now, v, 0.0) for v in values]
         compiled.instant(now, *messages)
-    return graph, compiled, seen
+    return graph, compiled, outputs_seen
 
 
 def test_outputs_are_visible_to_later_blocks_within_the_instant():
@@ -89,25 +89,25 @@ def test_outputs_are_visible_to_later_blocks_within_the_instant():
         Node("second", Double(), {"twist": "first.out"}),
         Node("first", Double(), {"twist": "drive.twist"}),
     ]
-    graph, _, seen = run(nodes, (1, 1.0, None))
+    graph, _, outputs_seen = run(nodes, (1, 1.0, None))
     assert [node.name for node in graph.nodes] == ["first", "second"]
-    values = dict(zip(graph.wires, seen[0][1:], strict=True))
+    values = dict(zip(graph.wires, outputs_seen[0][1:], strict=True))
     assert values["second.out"].linear == 4.0  # doubled twice in one instant
 
 
 def test_sampled_input_is_only_looked_at():
     nodes = [Node("join", Join(), {"twist": "drive.twist", "beside": "drive.other"})]
-    _, _, seen = run(nodes, (1, None, 5.0), (2, 1.0, None), (3, 1.0, 7.0))
-    out = [instant[-1] and instant[-1].linear for instant in seen]
+    _, _, outputs_seen = run(nodes, (1, None, 5.0), (2, 1.0, None), (3, 1.0, 7.0))
+    out = [instant[-1] and instant[-1].linear for instant in outputs_seen]
     assert out == [None, 6.0, 8.0]  # 5 alone wakes nobody; 1 + held 5; 1 + new 7
 
 
 def test_input_goes_stale_at_its_deadline_and_wakes_the_block_once():
     nodes = [Node("fresh", Fresh(), {"twist": "drive.twist"})]
-    _, compiled, seen = run(nodes, (10, 1.0, None))
+    _, compiled, outputs_seen = run(nodes, (10, 1.0, None))
     assert compiled.due() == 10 + 100 * MS
     compiled.instant(10 + 100 * MS)
-    assert [instant[-1].text for instant in seen] == ["fresh", "stale"]
+    assert [instant[-1].text for instant in outputs_seen] == ["fresh", "stale"]
     assert compiled.due() == NEVER
 
 
@@ -119,16 +119,16 @@ def test_a_new_message_moves_the_deadline():
 
 def test_timer_fires_at_nominal_times_and_merges_with_an_arrival():
     nodes = [Node("clock", Clock(), {"twist": "drive.twist"})]
-    _, compiled, seen = run(nodes, (5 * MS, 1.0, None), (20 * MS, 1.0, None))
-    assert [instant[-1].text for instant in seen] == ["None", "20"]
+    _, compiled, outputs_seen = run(nodes, (5 * MS, 1.0, None), (20 * MS, 1.0, None))
+    assert [instant[-1].text for instant in outputs_seen] == ["None", "20"]
     assert compiled.due() == 40 * MS
 
 
 def test_several_outputs_leave_as_a_tuple_and_none_means_no_message():
     nodes = [Node("split", Split(), {"twist": "drive.twist"})]
-    _, _, seen = run(nodes, (1, 1.0, None), (2, -1.0, None))
-    assert seen[0][-2:] == (Wheels(1, 1.0, 1.0), Text(1, "up"))
-    assert seen[1][-2:] == (Wheels(2, -1.0, -1.0), None)
+    _, _, outputs_seen = run(nodes, (1, 1.0, None), (2, -1.0, None))
+    assert outputs_seen[0][-2:] == (Wheels(1, 1.0, 1.0), Text(1, "up"))
+    assert outputs_seen[1][-2:] == (Wheels(2, -1.0, -1.0), None)
 
 
 def test_sinks_get_new_messages_only():
@@ -155,7 +155,7 @@ def test_loop_names_the_blocks_in_order():
     assert all(follows[x] == y for x, y in pairwise(names))
 
 
-def test_culprit_names_the_block_that_raised():
+def test_the_block_that_raised_is_named():
     class Breaks(Double):
         """Raises."""
 
@@ -229,7 +229,7 @@ def test_a_state_of_version_0_1_is_restored():
 
 def test_wires_with_like_names_do_not_share_a_variable():
     nodes = [Node("join", Join(), {"twist": "a_b.c", "beside": "a.b_c"})]
-    seen = []
-    compiled = Graph(nodes, {"a_b.c": Twist, "a.b_c": Twist}).compile({}, seen.append)
+    outputs_seen = []
+    compiled = Graph(nodes, {"a_b.c": Twist, "a.b_c": Twist}).compile({}, outputs_seen.append)
     compiled.instant(1, Twist(1, 1.0, 0.0), Twist(1, 5.0, 0.0))
-    assert seen[0][-1].linear == 6.0
+    assert outputs_seen[0][-1].linear == 6.0

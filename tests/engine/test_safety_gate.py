@@ -4,11 +4,14 @@ from math import inf, nan, pi
 
 import pytest
 
+from diffbotctl.config.load import load_robot
 from diffbotctl.engine.safety_gate import Gate
+from diffbotctl.log import WARNING, Log
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 
 MS = 1_000_000
 RATED = 100 * 2 * pi / 60  # rad/s: 100 rpm
+MOTOR = load_robot("book_2wd").robot.drive.left.motor
 
 
 def gate():
@@ -20,6 +23,16 @@ def gate():
         track=0.125,
         speed=0.3,
         turn_rate=4.0,
+        left_motor=MOTOR,
+        right_motor=MOTOR,
+        left_slots=20,
+        right_slots=20,
+        left_lag=0.1,
+        right_lag=0.1,
+        command_delay=0.015,
+        command_jitter=0.0,
+        telemetry=40.0,
+        protocol="diffbot",
     )
 
 
@@ -41,12 +54,12 @@ def started():
     return held
 
 
-def test_nothing_but_zero_leaves_before_the_first_telemetry():
+def test_only_zero_passes_before_the_first_telemetry():
     wheels, stop = Held().at(5, command=Wheels(5, 3.0, 3.0))
     assert wheels == Wheels(5, 0.0, 0.0) and stop is None
 
 
-def test_a_sound_command_leaves_as_it_is():
+def test_a_valid_command_passes_unchanged():
     command = Wheels(2, 3.0, -3.0)
     assert started().at(2, command=command) == (command, None)
 
@@ -129,3 +142,31 @@ def test_blocks_that_fall_silent_at_rest_do_not():
 def test_a_person_stops_it():
     _, stop = started().at(9, operator=Stop(9, "operator", "stop was asked for", True))
     assert stop.code == "operator" and stop.latched
+
+
+def turned(held, begin, rates, seconds, command):
+    """Frames every 25 ms with wheels at `rates` (counts/s); the stop that comes, and its time."""
+    for frame in range(1, round(seconds * 40)):
+        now = begin + frame * 25 * MS
+        counts = [round(rate * frame / 40) for rate in rates]
+        wheels = Wheels(now, command, command)
+        _, stop = held.at(now, encoders=Encoders(now, *counts), command=wheels)
+        if stop is not None and stop.code:
+            return stop, frame / 40
+    return None, seconds
+
+
+@pytest.mark.parametrize(("rates", "side"), [((9, 33), "right"), ((-33, 9), "left")])
+def test_a_wheel_faster_than_commanded_stops_and_is_named(rates, side):
+    stop, seconds = turned(started(), 2, rates, 6.0, 3.0)
+    assert stop.code == "wheel_runaway" and stop.latched
+    assert stop.cause.startswith(f"the {side} wheel turns at 10.")
+    assert seconds < 3.5
+
+
+def test_a_robot_pushed_by_hand_is_reported_and_not_stopped():
+    held, lines = started(), []
+    held.gate.log = Log("gate", lines, WARNING)
+    assert turned(held, 2, (20, 25), 3.0, 0.0) == (None, 3.0)
+    assert [level for level, _, _ in lines] == [WARNING, WARNING]
+    assert "wheel turns although it was at rest" in lines[0][2]

@@ -37,7 +37,7 @@ def drive(seed: int, direction: float, turned: float, known) -> tuple:
     for side, disc in zip((drive.left, drive.right), robot.discs, strict=True):
         side.encoder.slot_errors = errors(known(disc), 0)
         side.encoder.back_errors = errors(known(disc), 1)
-    robot.wheels = tuple(
+    robot.drive.wheels = tuple(
         WheelModel(wheel.motor, disc._replace(start=turned), Random(seed))
         for wheel, disc in zip(robot.wheels, robot.discs, strict=True)
     )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
+from diffbotctl.estimation.geometry_deviation import GeometryDeviation, geometry_deviations
 from diffbotctl.estimation.pose_filter import PoseFilter, arc
 
 TRACK = 0.125  # m
@@ -16,6 +17,11 @@ class Wheel(NamedTuple):
     start_correction: float = 0.0
     speed: float = 0.0
     variance: float = 0.0
+    late_correction: float = 0.0
+    disagreement: float = 0.0
+    added_variance: float = 0.0
+    end_variance: float = 0.0
+    fault_share: float = 0.0
 
 
 @pytest.mark.parametrize(
@@ -96,3 +102,72 @@ def test_variance_of_a_wheel_adds_variance_of_heading_and_lateral_position():
     assert yh == pytest.approx(hh)
     assert xx == pytest.approx(0.25 * 2e-6)
     assert (xy, xh) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+
+class Entry(NamedTuple):
+    sd: object
+
+
+LENGTHS = (TRACK, 0.065, 0.064)  # m: track, left and right diameter
+
+
+def test_covariance_of_the_geometry_agrees_with_paths_of_a_wrong_geometry():
+    """Central differences of whole paths, one for each independent error."""
+    errors = geometry_deviations(*LENGTHS, {})
+    pose = PoseFilter(TRACK, 0.0, errors)
+    for left, right in FRAMES * 3:
+        pose.move(Wheel(left), Wheel(right))
+    covariance = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
+    entries = [0.0] * 6
+    for error in errors:
+        high, low = (with_error(error, sign) for sign in (1.0, -1.0))
+        x, y, heading = (0.5 * (one - other) for one, other in zip(high, low, strict=True))
+        products = (x * x, x * y, x * heading, y * y, y * heading, heading * heading)
+        entries = [entry + product for entry, product in zip(entries, products, strict=True)]
+    assert covariance == pytest.approx(entries, rel=0.01)
+    pose.set_pose(1.0, 2.0, 3.0)
+    assert pose.message(0, Wheel(0.0), Wheel(0.0)).covariance == (0.0,) * 6
+
+
+def with_error(error: GeometryDeviation, sign: float) -> tuple[float, float, float]:
+    x = y = heading = 0.0
+    for left, right in FRAMES * 3:
+        x, y, heading = arc(
+            *(x, y, heading),
+            left * (1.0 + sign * error.left),
+            right * (1.0 + sign * error.right),
+            TRACK * (1.0 + sign * error.track),
+        )
+    return x, y, heading
+
+
+def test_turns_know_the_track_and_straight_lines_the_diameters():
+    calibration = {
+        "drive.track": Entry("0.25 mm"),
+        "drive.left.wheel.diameter": Entry("65 um"),
+        "drive.right.wheel.diameter": Entry(0.000064),
+    }
+    errors = geometry_deviations(*LENGTHS, calibration)
+    diagonal = [(0.002, 0, 0), (0, 0.001, 0), (0, 0, 0.001)]
+    assert errors == tuple(pytest.approx(row) for row in diagonal)
+    turn, straight = (PoseFilter(TRACK, 0.0, errors) for _ in range(2))
+    for _ in range(100):
+        turn.move(Wheel(-0.01 * TRACK), Wheel(0.01 * TRACK))  # 2 rad
+        straight.move(Wheel(0.01), Wheel(0.01))  # 1 m
+    variance = turn.message(0, Wheel(0.0), Wheel(0.0)).covariance[5]
+    # 2 rad x 0.2 % for the track; 1 rad x 0.1 % for each wheel.
+    assert variance == pytest.approx(0.004**2 + 2 * 0.001**2)
+    xx, _, _, yy, _, hh = straight.message(0, Wheel(0.0), Wheel(0.0)).covariance
+    assert xx == pytest.approx(2 * 0.0005**2)
+    assert hh == pytest.approx(2 * (0.001 / TRACK) ** 2)
+    assert yy == pytest.approx(hh / 4)  # the heading error grows evenly along the metre
+
+
+def test_the_error_of_a_ruler_is_common_to_both_diameters():
+    """A straight metre, not calibrated: length 1 mm of 65, heading 0.5 % of each tyre."""
+    errors = geometry_deviations(TRACK, 0.065, 0.065, {"drive.track": Entry(None)})
+    pose = PoseFilter(TRACK, 0.0, errors)
+    pose.move(Wheel(1.0), Wheel(1.0))
+    xx, *_, hh = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
+    assert xx == pytest.approx((1 / 65) ** 2 + 2 * 0.0025**2)
+    assert hh == pytest.approx(2 * (0.005 / TRACK) ** 2)

@@ -2,8 +2,8 @@
 
    pure codec           lines of hex bytes of a wire  ->  `frame HEX` or `damaged` for each delimiter
    pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
-   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET PERIOD` or
-                        `step PERIOD`                 ->  `DUTY`
+   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET NOW` or
+                        `step NOW EDGES LAST` (ticks) ->  `DUTY STALLED`
    pure pins                                         ->  `PWM INTERRUPT` of each pin from 0 on
    pure fuzz SEED N     N random or half-random inputs to every part; prints `fuzzed N`
    pure damage SEED N   N damaged command frames; prints
@@ -18,6 +18,7 @@
 #include "deadman.h"
 #include "settings.h"
 #include "speed.h"
+#include "storm.h"
 
 #define LINE 4096
 
@@ -62,7 +63,7 @@ static void codec_lines(void)
             if (result != CODEC_FRAME)
                 continue;
             printf("frame ");
-            for (uint8_t j = 0; j < payload_size(codec.bytes[1] & 0xF); j++)
+            for (uint8_t j = 0; j < codec_size(&codec); j++)
                 printf("%02x", codec.bytes[1 + j]);
             puts("");
         }
@@ -87,22 +88,24 @@ static void speed_lines(void)
 {
     static char line[LINE];
     speed_t speed = {0};
-    unsigned slots;
-    ticks_t period;
+    unsigned slots, count;
+    ticks_t now, last;
     int target;
+    bool stalled = false;
     while (fgets(line, sizeof line, stdin)) {
         if (sscanf(line, "gains %hd %hd %hd %hd %u", &speed.start, &speed.gain,
                    &speed.proportional, &speed.integral, &slots) == 5) {
             speed.pitch = speed_pitch((uint16_t)slots);
             continue;
         }
-        if (sscanf(line, "command %d %u", &target, &period) == 2) {
-            bool fresh = speed_command(&speed, (int16_t)target);
-            speed_step(&speed, fresh ? TICKS_UNKNOWN : period, false);
-        } else if (sscanf(line, "step %u", &period) == 1) {
-            speed_step(&speed, period, true);
+        if (sscanf(line, "command %d %u", &target, &now) == 2) {
+            speed_command(&speed, (int16_t)target, now);
+        } else if (sscanf(line, "step %u %u %u", &now, &count, &last) == 3) {
+            speed_edges(&speed, (uint16_t)count, last);
+            speed_step(&speed, now);
+            stalled = speed_stalled(&speed, false);
         }
-        printf("%d\n", speed.duty);
+        printf("%d %d\n", speed.duty, stalled);
     }
 }
 
@@ -113,21 +116,38 @@ static void pins(void)
         printf("%u %u\n", pin.pwm, pin.interrupt);
 }
 
-static void fuzz_speed(speed_t *speed)
+static void fuzz_speed(speed_t *speed, ticks_t *now)
 {
-    ticks_t period = (uint32_t)random_bits() >> (8 + random_bits() % 24);
+    *now += random_bits() % 8 ? 2500 : (ticks_t)random_bits() >> (random_bits() % 32);
     speed->start = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->gain = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->proportional = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->integral = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->pitch = speed_pitch((uint16_t)(1 + random_bits() % 10000));
+    if (random_bits() % 8 == 0)
+        speed_command(speed, (int16_t)random_bits(), *now);
     if (random_bits() & 1)
-        speed_command(speed, (int16_t)random_bits());
-    speed_step(speed, period, random_bits() & 1);
+        speed_edges(speed, (uint16_t)random_bits() >> (random_bits() % 16),
+                    *now - (ticks_t)(random_bits() % 5000));
+    speed_step(speed, *now);
     if (speed->duty != 0 && (speed->duty < 0) != (speed->target < 0) && !speed->slewing)
         exit(3); /* duty against the target */
     if (speed_stalled(speed, random_bits() & 1))
         speed_stop(speed);
+}
+
+/* Any numbers of interrupts and edges: what is admitted between two ticks is bounded. */
+static void fuzz_storm(storm_t *storm)
+{
+    unsigned admitted = 0;
+    while (storm_admits(storm))
+        if (++admitted > UINT8_MAX)
+            exit(6);
+    for (unsigned i = random_bits() % 4; i != 0; i--)
+        storm_tick(storm);
+    storm_check(storm, (uint16_t)random_bits(), (uint16_t)random_bits());
+    if (random_bits() % 64 == 0)
+        storm_begin(storm, (uint32_t)random_bits() >> (4 + random_bits() % 28));
 }
 
 static void fuzz_deadman(deadman_t *deadman, uint32_t *now)
@@ -137,7 +157,7 @@ static void fuzz_deadman(deadman_t *deadman, uint32_t *now)
     switch (random_bits() % 8) {
     case 0: deadman_ready(deadman); break;
     case 1: deadman_stop(deadman, link, sequence, *now); break;
-    case 2: deadman_fault(deadman); break;
+    case 2: deadman_hold(deadman, random_bits() & 1 ? MODE_FAULT : MODE_BATTERY); break;
     case 3: deadman_clear(deadman); break;
     case 4: deadman_button(deadman, random_bits() & 1); break;
     default: {
@@ -155,8 +175,10 @@ static void fuzz(long count)
 {
     codec_t codec = {0};
     speed_t speed = {0};
+    storm_t storm;
     deadman_t deadman;
-    uint32_t now = 0;
+    ticks_t now = 0, speed_now = 0;
+    storm_begin(&storm, 0);
     deadman_begin(&deadman);
     for (long i = 0; i < count; i++) {
         uint8_t bytes[64], field;
@@ -167,7 +189,8 @@ static void fuzz(long count)
         settings_t settings;
         memcpy(&settings, bytes, sizeof settings);
         settings_check(&settings, &field);
-        fuzz_speed(&speed);
+        fuzz_speed(&speed, &speed_now);
+        fuzz_storm(&storm);
         fuzz_deadman(&deadman, &now);
     }
     printf("fuzzed %ld\n", count);
@@ -190,7 +213,7 @@ static void damage_frames(long count)
     long wrong = 0, lost = 0, damaged = 0;
     for (long i = 0; i < count; i++) {
         command_t frame = {.type = TYPE_COMMAND, .sequence = (uint8_t)(i & 0xF)};
-        uint8_t wire[3][WIRE_LONGEST];
+        uint8_t wire[3][WIRE_BYTES(sizeof frame)];
         uint8_t size = 0;
         int accepted = 0;
         frame.left = (int16_t)random_bits();

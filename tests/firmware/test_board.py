@@ -8,7 +8,14 @@ import pytest
 from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, build
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.testing.board_bench import BOOK, MS, RADIO, USB, BoardBench, speed
-from diffbotctl.testing.trials import board, board_restarts, board_runs, frame_damage
+from diffbotctl.testing.trials import (
+    board,
+    board_faults,
+    board_restarts,
+    board_runs,
+    frame_damage,
+    wheel_loop,
+)
 
 
 def mode(bench):
@@ -28,6 +35,12 @@ def mode(bench):
         lambda: board.eeprom_cuts(3, 1),
         lambda: board.restarts(3, 3),
         lambda: board.deadman(3, 18),
+        lambda: board_faults.storms(3, 12),
+        lambda: board_faults.hellos(3, 10),
+        lambda: wheel_loop.starts(3, 30),
+        lambda: wheel_loop.starts(4, 4, emulated=True),
+        lambda: wheel_loop.stalls(3, 20),
+        lambda: wheel_loop.stalls(4, 4, emulated=True),
         lambda: frame_damage.through_binary(3, 60),
         lambda: board_runs.agreement(3, 2),
         lambda: board_runs.same_twice(3),
@@ -42,6 +55,12 @@ def mode(bench):
         "eeprom",
         "restarts",
         "deadman",
+        "encoder storms",
+        "hello after a reset",
+        "healthy starts",
+        "healthy starts of the binary",
+        "stalls",
+        "stalls of the binary",
         "damage",
         "speed loop",
         "same twice",
@@ -86,7 +105,7 @@ def test_settings_are_refused_in_motion():
         bench.turn(2)
         bench.send(RADIO, speed(1, 5, 5))
         bench.wait(30)
-        bench.send(RADIO, replace(BOOK, slots=40).frame())
+        bench.send(RADIO, replace(BOOK, glitch=5 * MS).frame())
         for number in range(4):
             bench.send(RADIO, speed(number, 5, 5))
             bench.wait(60)
@@ -132,10 +151,10 @@ def test_raw_duty():
 
 
 def test_a_driven_wheel_without_edges_is_a_fault():
-    """Duty above 0.3 for 500 ms; then a clear and a stop are needed."""
+    """No edge for 0.95 s at 5 rad/s; then a clear and a stop are needed."""
     with BoardBench() as bench:
         bench.ready()
-        for number in range(12):
+        for number in range(20):
             bench.send(RADIO, speed(number, 5, 0))
             bench.wait(50)
         assert mode(bench) == "fault"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.config.board_pins import MEGA_2560
+from diffbotctl.config.board_pins import MEGA_2560, NANO
 from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
 from diffbotctl.links import diffbot_frames as frames
@@ -15,17 +15,25 @@ from diffbotctl.links.diffbot_settings import BAUDS
 from diffbotctl.testing import firmware_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-TIMERS = (0, 2, 3, 4, 5)  # of three PWM outputs each, in the order of the firmware's numbers
+# Timers of three PWM outputs each, in the order of the firmware's numbers.
+TIMERS = {"mega2560": (0, 2, 3, 4, 5), "atmega328p": (0, 1)}
 NOTHING, LINK = 15, 14  # of board.h
 BOARDS = "diffbotctl/config/board_pins.py"
 BUDGET = "diffbotctl/links/link_protocol.py"
 ROBOT = "diffbotctl/config/robot.py"
 
 
-@pytest.fixture(scope="module")
-def table():
+@pytest.fixture(params=[MEGA_2560, NANO], ids=lambda pins: pins.title)
+def pins(request):
+    """The host's table of a board."""
+    return request.param
+
+
+@pytest.fixture
+def table(pins):
     """(PWM output, interrupt) of each pin in the firmware's table."""
-    return [tuple(map(int, line.split())) for line in firmware_parts.run("pins")]
+    lines = firmware_parts.run("pins", board=pins.chip.lower())
+    return [tuple(map(int, line.split())) for line in lines]
 
 
 def differ(what, host, firmware, place):
@@ -35,36 +43,38 @@ def differ(what, host, firmware, place):
     )
 
 
-def test_the_board_has_the_pins_of_the_host_s_table(table):
-    host = len(MEGA_2560.digital) + len(MEGA_2560.analog)
+def test_the_board_has_the_pins_of_the_host_s_table(pins, table):
+    host = len(pins.digital) + len(pins.analog)
     assert host == len(table), differ("pins", host, len(table), BOARDS)
-    source = (FIRMWARE / "board_mega2560.c").read_text()
+    source = (FIRMWARE / f"board_{pins.chip.lower()}.c").read_text()
     for name, expected in (
-        ("board_first_analog", MEGA_2560.first_analog),
-        ("board_analogs", len(MEGA_2560.analog)),
+        ("board_first_analog", pins.first_analog),
+        ("board_analogs", len(pins.analog)),
     ):
         actual = int(re.search(rf"{name} = (\d+);", source)[1])
         assert expected == actual, differ(name, expected, actual, BOARDS)
+    assert source.count("ANALOG_ONLY") == len(pins.analog_only)
 
 
-def test_pins_with_pwm_and_their_timers(table):
-    expected = {int(pin): MEGA_2560.pwm[pin] for pin in pins_for(MEGA_2560, "pwm", "diffbot")}
-    actual = {number: TIMERS[pwm // 3] for number, (pwm, _) in enumerate(table) if pwm != NOTHING}
+def test_pins_with_pwm_and_their_timers(pins, table):
+    expected = {int(pin): pins.pwm[pin] for pin in pins_for(pins, "pwm", "diffbot")}
+    timers = TIMERS[pins.chip.lower()]
+    actual = {number: timers[pwm // 3] for number, (pwm, _) in enumerate(table) if pwm != NOTHING}
     assert expected == actual, differ("timers of PWM pins", expected, actual, BOARDS)
 
 
-def test_pins_with_interrupts(table):
-    serial = serial_pins(MEGA_2560, 1, "diffbot")
-    expected = {int(pin) for pin in MEGA_2560.interrupts if pin not in serial}
+def test_pins_with_interrupts(pins, table):
+    serial = serial_pins(pins, pins.links["diffbot"][-1], "diffbot")
+    expected = {int(pin) for pin in pins.interrupts if pin not in serial}
     actual = {number for number, (_, line) in enumerate(table) if line < LINK}
     assert expected == actual, differ("pins with interrupts", expected, actual, BOARDS)
 
 
-@pytest.mark.parametrize("uart", MEGA_2560.links["diffbot"])
-def test_pins_of_the_serial_links(table, uart):
-    expected = {int(pin) for pin in serial_pins(MEGA_2560, uart, "diffbot")}
-    actual = {number for number, (_, line) in enumerate(table) if line == LINK}
-    assert expected == actual, differ("pins of serial links", expected, actual, BOARDS)
+def test_pins_of_the_serial_links(pins, table):
+    for uart in pins.links["diffbot"]:
+        expected = {int(pin) for pin in serial_pins(pins, uart, "diffbot")}
+        actual = {number for number, (_, line) in enumerate(table) if line == LINK}
+        assert expected == actual, differ("pins of serial links", expected, actual, BOARDS)
 
 
 @pytest.mark.parametrize(
@@ -84,13 +94,13 @@ def test_bytes_of_a_frame(name, expected, frame):
 
 def test_the_line_s_real_baud_rate():
     """The budget and the firmware have the same clock divider."""
-    source = (FIRMWARE / "link.c").read_text()
+    source = (FIRMWARE / "avr.c").read_text()
     dividers = [int(each) for each in re.search(r"divisors\[\].*\{(.*)\}", source)[1].split(",")]
     for baud, code in BAUDS.items():
         actual = link_protocol.CRYSTAL_HZ / 8 / (dividers[code] + 1) / link_protocol.BITS_PER_BYTE
         assert link_protocol.capacity(baud) == pytest.approx(actual), (
             f"{baud} baud: the budget has {link_protocol.capacity(baud):.0f} bytes/s, "
-            f"the firmware's divider gives {actual:.0f}: correct {BUDGET} or firmware/link.c"
+            f"the firmware's divider gives {actual:.0f}: correct {BUDGET} or firmware/avr.c"
         )
 
 

@@ -8,7 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import WIRE_BYTES, FrameDecoder, checksum, decode, encode, pack
+from diffbotctl.links.diffbot_codec import (
+    WIRE_BYTES,
+    WIRE_BYTES_MAX,
+    FrameDecoder,
+    checksum,
+    decode,
+    encode,
+    encode_payload,
+    pack,
+)
 from diffbotctl.testing import firmware_parts
 from diffbotctl.testing.trials import frame_damage
 
@@ -118,7 +127,7 @@ def test_bytes_without_delimiters_take_no_memory():
     decoder = FrameDecoder()
     for _ in range(100):
         decoder.feed(b"\x55" * 10_000)
-    assert len(decoder._rest) <= 2 * max(WIRE_BYTES.values())
+    assert len(decoder._rest) <= WIRE_BYTES_MAX
     stop = frames.StopFrame(3)
     assert decoder.feed(b"\0" + encode(stop)) == [stop]
 
@@ -143,6 +152,34 @@ def test_the_board_reads_what_the_host_writes(frame):
 def test_malformed_frames_are_refused_on_both_sides(wire):
     assert FrameDecoder().feed(bytes.fromhex(wire)) == []
     assert not any(line.startswith("frame") for line in firmware_parts.run("codec", lines=[wire]))
+
+
+@given(any_frame(), st.binary(min_size=1, max_size=40))
+def test_a_longer_frame_is_read_and_its_end_ignored(frame, more):
+    assert FrameDecoder().feed(encode_payload(pack(frame) + more)) == [frame]
+
+
+@settings(deadline=None, max_examples=20)
+@given(any_frame(), st.binary(min_size=1, max_size=40))
+def test_the_board_reads_longer_frames(frame, more):
+    lines = firmware_parts.run("codec", lines=[encode_payload(pack(frame) + more).hex()])
+    assert lines == [f"frame {(pack(frame) + more).hex()}"]
+
+
+@given(any_frame(), st.data())
+def test_a_shorter_frame_is_refused_but_for_a_hello_of_version_1(frame, data):
+    payload = pack(frame)
+    size = data.draw(st.integers(0, len(payload) - 1))
+    least = frames.VERSION_1_BYTES.get(type(frame), len(payload))
+    decoded = FrameDecoder().feed(encode_payload(payload[:size]))
+    assert len(decoded) == (size >= least > 0)
+
+
+def test_a_hello_of_version_1_is_read():
+    """Boot 3, version 1, firmware 0.1.0, Mega 2560, line reset, stopped, UART 1, settings."""
+    payload = bytes([0x3B, 1, 0, 1, 0, 1, 0x12, 1, 0x78, 0x56, 0x34, 0x12])
+    (hello,) = FrameDecoder().feed(encode_payload(payload))
+    assert hello == frames.HelloFrame(3, 1, 0, 1, 0, 1, 2, 1, 1, 0x12345678, 0, 0, 0)
 
 
 def test_a_type_that_does_not_exist_is_refused():

@@ -14,13 +14,14 @@ from diffbotctl.drivers.board_ports import (
     RefusedError,
     SeveralBoardsError,
     VerifyMismatchError,
-    WrongSignatureError,
 )
 from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
 from diffbotctl.flash import stk500
-from diffbotctl.flash.flasher import Bootloader, flash, load
+from diffbotctl.flash.bootloaders import find_bootloader
+from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex
 from diffbotctl.flash.stk500 import BootloaderRequest
+from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.stk500_frames import BAUD, ReplyParser, message
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice
 from diffbotctl.testing.board_bench import BOOK
@@ -51,7 +52,7 @@ def test_events_show_the_progress(blank):
         assert done == list(range(256, size + 1, 256))
     texts = [event.text for event in events if isinstance(event, JobMessage)]
     assert texts[0].startswith("Mega 2560 on ")
-    assert texts[-1].startswith("diffbot 0.1.0 on Mega 2560, settings ")
+    assert texts[-1].startswith("diffbot 0.2.0 on Mega 2560, settings ")
     assert texts[-1].endswith(", ready")
 
 
@@ -76,9 +77,8 @@ def test_the_former_program_can_be_saved(tmp_path):
         program = bytearray()
         with BoardSession(board.ports[0], BAUD) as session:
             session.reset()
-            port = Bootloader(session)
-            port.synchronise()
-            for progress in port.run(stk500.read(port.device, program)):
+            port = find_bootloader(session, BoardCode.MEGA2560)
+            for progress in port.read(program):
                 if progress.done > 2048:  # the rest is erased; all of it takes half a minute
                     break
         saved.write_text(write_hex(bytes(program).rstrip(b"\xff")))
@@ -141,20 +141,6 @@ def carry_out(procedure, reply_to):
         except StopIteration:
             return
         reply = reply_to(step.body) if isinstance(step, BootloaderRequest) else b""
-
-
-@pytest.mark.parametrize(
-    ("signature", "name"),
-    [("1e9703", "Mega 1280"), ("1e950f", "Uno"), ("000000", "another chip")],
-)
-def test_another_chip_is_refused(signature, name):
-    code = bytes.fromhex(signature)
-
-    def reply(body):
-        return bytes([body[0], 0, 0, 0x30, 0, code[body[6]], 0])
-
-    with pytest.raises(WrongSignatureError, match=name):
-        carry_out(stk500.identify("port"), reply)
 
 
 def test_a_page_that_reads_back_wrong():

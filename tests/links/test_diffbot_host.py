@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import FrameDecoder, encode
+from diffbotctl.links.diffbot_codec import FrameDecoder, encode, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostState
 from diffbotctl.testing.board_bench import BOOK
@@ -11,7 +11,8 @@ from diffbotctl.time import MILLISECOND
 
 
 def hello(settings, version=frames.VERSION, boot=1):
-    return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings))
+    more = (frames.RECEIVE_MOST, len(pack(BOOK.frame())), 0)
+    return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings, *more))
 
 
 def state(sequence, mode=frames.ModeCode.STOPPED, command=0):
@@ -74,6 +75,18 @@ def test_silence_is_stale_then_lost(up):
     assert links(up.on_time(start + 510 * MILLISECOND)) == ["stale"]
     assert links(up.on_time(start + 1260 * MILLISECOND)) == ["lost"]
     assert up.state is HostState.SEARCHING
+
+
+def test_states_with_an_unknown_mode_are_a_problem_of_the_link(up):
+    for number in range(12):
+        output = up.receive((2 + 25 * number) * MILLISECOND, state(number, mode=9))
+        assert output == [], "nothing in the frame can be trusted"
+        output += up.on_time((3 + 25 * number) * MILLISECOND)
+        if output:
+            break
+    ((port, link),) = output
+    assert (port, link.state) == ("link", "stale") and "unknown mode, 9" in link.cause
+    assert links(up.receive(400 * MILLISECOND, state(12))) == ["up"]
 
 
 def test_a_stop_is_confirmed_by_its_number(up):

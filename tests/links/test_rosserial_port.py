@@ -14,7 +14,7 @@ from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 60.0
 
 
 @pytest.fixture

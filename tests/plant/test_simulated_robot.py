@@ -21,8 +21,8 @@ MACHINE = PlantParameters(
     track=0.125,
     left_diameter=0.065,
     right_diameter=0.065,
-    rated=10 * pi / 3,
-    slots=20,
+    rated=(10 * pi / 3, 10 * pi / 3),
+    slots=(20, 20),
     glitch=2 * MS,
     deadman=300 * MS,
     gains=(GAINS, GAINS),
@@ -175,7 +175,7 @@ def test_our_firmware_also_takes_raw_duty():
 def test_a_restarted_board_counts_from_zero_with_a_new_boot_number():
     made = robot()
     driven(made, 1.0, 5.0, 5.0)
-    made.restart_board(made.parameters._replace(slots=30))
+    made.restart_board(made.parameters._replace(slots=(30, 30)))
     made.advance(2 * SECOND)
     last = made.deliver()[-1][1]
     assert last.boot == 1
@@ -260,7 +260,14 @@ def test_drawn_motors_stay_within_their_spread():
     for seed in range(50):
         made = robot(seed=seed)
         for motor in made.motors:
-            assert 0.9 * MACHINE.rated <= motor.speed <= 1.1 * MACHINE.rated
+            assert 0.9 * MACHINE.rated[0] <= motor.speed <= 1.1 * MACHINE.rated[0]
             assert 0.060 * 0.95 <= motor.lag <= 0.150 * 1.05
             assert 0.08 <= motor.start <= 0.16
             assert motor.keep == pytest.approx(0.8 * motor.start)
+
+
+def test_each_motor_has_its_own_rated_speed():
+    unlike = (10.0, 7.0)
+    truth = MotorTruth(gain_spread=0.0)
+    made = robot(machine={"rated": unlike}, motor=truth)
+    assert tuple(motor.speed for motor in made.motors) == unlike

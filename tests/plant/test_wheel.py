@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.config.simulation import EncoderTruth
-from diffbotctl.plant.wheel import REST_SPEED, EncoderDisc, MotorModel, WheelModel, draw_disc
+from diffbotctl.plant.encoder_disc import EncoderDisc, draw_disc
+from diffbotctl.plant.wheel import REST_SPEED, MotorModel, WheelModel
 from diffbotctl.time import SECOND
 
 SLOTS = 20

@@ -7,32 +7,33 @@ import pytest
 from click.testing import CliRunner
 
 from diffbotctl.cli.main import program
+from diffbotctl.cli.output import CSV_MARK
 from diffbotctl.errors import RunError, UsageError
 from diffbotctl.recording.comparison import recording_differences
 from diffbotctl.recording.fields import all_columns, choose_columns, column_wires, table_rows
 from diffbotctl.recording.reader import RecordingReader, recording_info
 
 
-def said(*words):
+def bag_output(*words):
     result = CliRunner().invoke(program, ["bag", *map(str, words)], standalone_mode=False)
     assert result.exception is None, result.exception
     return result.return_value, result.output
 
 
 def test_info_counts_the_messages(goal):
-    seen = recording_info(goal)
+    info = recording_info(goal)
     messages = list(RecordingReader(goal).messages())
-    assert seen.complete and seen.cut is None
-    topics = {topic.name: topic for topic in seen.topics}
+    assert info.complete and info.cut is None
+    topics = {topic.name: topic for topic in info.topics}
     for name in ("robot.encoders", "odometry.odometry", "gate.wheels"):
         times = [item.time for item in messages if item.wire == name]
         assert topics[name].messages == len(times) > 100
         assert topics[name].rate == pytest.approx((len(times) - 1) / (times[-1] - times[0]) * 1e9)
-    assert seen.end["cause"] == "all goals reached"
+    assert info.end["cause"] == "all goals reached"
 
 
 def test_info_in_words(goal):
-    code, text = said("info", goal)
+    code, text = bag_output("info", goal)
     assert code == 0
     for words in ("goal.yaml", "book_2wd", "sim (seed 3)", "all goals reached", "complete"):
         assert words in text
@@ -41,12 +42,12 @@ def test_info_in_words(goal):
 
 
 def test_export_reads_back_as_the_messages(goal):
-    code, text = said("export", goal, "odometry.odometry.x", "range.range.state")
+    code, text = bag_output("export", goal, "odometry.odometry.x", "range.range.state")
     table = list(csv.DictReader(io.StringIO(text)))
     odometry = [i for i in RecordingReader(goal).messages() if i.wire == "odometry.odometry"]
-    told = [row for row in table if row["odometry.odometry.x"]]
-    assert code == 0 and len(told) == len(odometry)
-    for row, item in zip(told, odometry, strict=True):
+    rows_with_x = [row for row in table if row["odometry.odometry.x"]]
+    assert code == 0 and len(rows_with_x) == len(odometry)
+    for row, item in zip(rows_with_x, odometry, strict=True):
         assert float(row["odometry.odometry.x"]) == item.message.x
         whole, part = row["time"].split(".")
         assert int(whole) * 1_000_000_000 + int(part) == item.time
@@ -54,11 +55,12 @@ def test_export_reads_back_as_the_messages(goal):
 
 
 def test_export_of_everything_has_a_column_a_field(goal, tmp_path):
-    said("export", goal, "--output", tmp_path / "all.csv")
+    bag_output("export", goal, "--output", tmp_path / "all.csv")
     with (tmp_path / "all.csv").open() as file:
         head = next(csv.reader(file))
     assert {"time", "odometry.odometry.covariance.5", "gate.wheels.left"} <= set(head)
-    assert len(head) == len(set(head)) == 1 + len(all_columns(column_wires(goal)))
+    assert head[-1] == CSV_MARK
+    assert len(head) == len(set(head)) == 2 + len(all_columns(column_wires(goal)))
 
 
 def test_a_topic_means_all_its_fields(goal):
@@ -104,7 +106,7 @@ def test_a_wrong_field_is_answered_with_the_nearest(goal, name, words):
 
 def test_a_recording_equals_itself(goal):
     assert all(topic.place is None for topic in recording_differences(goal, goal))
-    code, text = said("diff", goal, goal)
+    code, text = bag_output("diff", goal, goal)
     assert code == 0 and text.startswith("same")
 
 
@@ -120,7 +122,7 @@ def test_two_robots_differ_first_where_their_encoders_do(goal, other):
     place = next(n for n, (a, b) in enumerate(zip(*both, strict=False)) if a != b)
     (encoders,) = [topic for topic in topics if topic.name == "robot.encoders"]
     assert encoders.place == place and encoders.one == (both[0][place][0], encoders.one[1])
-    code, text = said("diff", goal, other)
+    code, text = bag_output("diff", goal, other)
     assert code == 1 and "cross track rms" in text
 
 

@@ -78,11 +78,11 @@ def test_what_is_written_when_the_engine_has_ended(tmp_path, keeper, capfd, item
     engine.shutdown(socket.SHUT_WR)
     keeper.read_to_end()
     keeper.channel.close()
-    said = engine.recv(1 << 10)  # the writer holds the other end until it has ended
-    found = [recording_info(path).end["cause"] for path in tmp_path.glob("*.mcap")]
-    assert found == ([] if cause is None else [cause])
+    report = engine.recv(1 << 10)  # the writer holds the other end until it has ended
+    causes = [recording_info(path).end["cause"] for path in tmp_path.glob("*.mcap")]
+    assert causes == ([] if cause is None else [cause])
     is_killed = cause == "the engine was killed"
-    assert bool(said) == (cause is not None and not is_killed)  # a killed engine receives nothing
+    assert bool(report) == (cause is not None and not is_killed)  # a killed engine receives nothing
     assert ("diffbotctl replay" in capfd.readouterr().err) == is_killed
 
 
@@ -103,25 +103,25 @@ def hub(tmp_path, monkeypatch):
     configuration = load("goal")
     assembly = assemble(configuration, real=False)
     facts = run_facts(configuration, RunOptions(), [])
-    told, folder = [], tmp_path / "flights"
+    reports, folder = [], tmp_path / "flights"
     flight, keeper = start_black_box(
         folder,
         configuration,
         assembly,
-        RunReports(facts, lambda: (0, 0), lambda: None, told.append, told.append),
+        RunReports(facts, lambda: (0, 0), lambda: None, reports.append, reports.append),
     )
     station = RunControlSocket(SocketOptions("test"), configuration, assembly, "sim", store=keeper)
     place = assembly.graph.sources.index("robot.encoders")
     values = [None] * len(assembly.graph.sources)
     values[place] = instant(1)[1]
     flight.record((SECOND, *values))
-    yield flight, station, told
+    yield flight, station, reports
     station.channel.close()
     station.end()
 
 
 def test_the_server_continues_when_the_black_box_fails(hub, tmp_path):
-    flight, _, told = hub
+    flight, _, reports = hub
     client = PlainClient(tmp_path)
     flight.sender.channel.settimeout(REPLY_TIMEOUT_S)
     flight.sender.channel.sendall(LENGTH.pack(7) + b"garbage")
@@ -129,13 +129,13 @@ def test_the_server_continues_when_the_black_box_fails(hub, tmp_path):
     assert client.request("status")["ok"]
     assert "UnpicklingError" in (tmp_path / "diffbotctl" / "test.log").read_text()
     flight.finish(DONE)
-    assert told == [
+    assert reports == [
         "BLACK BOX STOPPED: the recorder has ended; the last minutes of this run are not kept"
     ]
 
 
 def test_the_black_box_continues_when_the_server_fails(hub, tmp_path):
-    flight, station, told = hub
+    flight, station, reports = hub
     client = PlainClient(tmp_path)
     station.channel.channel.send(b"garbage")
     assert client.read() is None  # it has let its clients go
@@ -143,17 +143,17 @@ def test_the_black_box_continues_when_the_server_fails(hub, tmp_path):
     flight.close()
     (path,) = (tmp_path / "flights").glob("*.mcap")
     assert recording_info(path).end["cause"] == "gave up"
-    assert told == [f"The whole run so far is in {path}; diffbotctl replay {path}"]
+    assert reports == [f"The whole run so far is in {path}; diffbotctl replay {path}"]
 
 
 def test_a_server_that_reads_nothing_is_given_up_at_the_end(monkeypatch):
     monkeypatch.setattr(black_box_module, "FINISH_TIMEOUT_S", 0.05)
     ours, theirs = socket.socketpair()
-    told = []
-    flight = black_box_module.BlackBox(ours, 1, lambda: None, told.append, told.append)
+    reports = []
+    flight = black_box_module.BlackBox(ours, 1, lambda: None, reports.append, reports.append)
     while not flight.sender.backlog:
         flight.sender.send(bytes(1 << 16))
     flight.finish(DONE)
-    assert told == ["the recorder does not answer"]
+    assert reports == ["the recorder does not answer"]
     theirs.close()
     flight.close()

@@ -49,12 +49,14 @@ def views(tmp_path_factory):
 
 @pytest.mark.parametrize("name", foxglove.SCHEMAS)
 def test_every_message_keeps_to_the_schema_in_the_file(views, name):
-    seen = [(text, message) for kind, text, _, message in views if kind == f"foxglove.{name}"]
-    assert len(seen) > 2
-    (text,) = {text for text, _ in seen}
+    messages_seen = [
+        (text, message) for kind, text, _, message in views if kind == f"foxglove.{name}"
+    ]
+    assert len(messages_seen) > 2
+    (text,) = {text for text, _ in messages_seen}
     assert json.loads(text) == json.loads(schema(name))
     validator = Draft7Validator(json.loads(text))
-    for _, message in seen:
+    for _, message in messages_seen:
         validator.validate(message)
 
 
@@ -65,7 +67,7 @@ def test_a_run_into_a_wall_is_in_the_log(views):
     assert len(lines) < 30  # events, not messages
 
 
-def test_the_frames_hang_together(views):
+def test_the_frames_form_one_tree(views):
     parts = {
         (m["parent_frame_id"], m["child_frame_id"]) for n, _, _, m in views if n.endswith("form")
     }
@@ -136,12 +138,16 @@ def test_a_line_of_the_log(level, number):
 def test_only_one_of_two_odometries_makes_the_transform():
     wires = {"raw.odometry": Odometry, "odometry.odometry": Odometry}
     viewers = ViewerMessages(EPOCH, wires, {})
-    made = list(viewers.messages((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
-    assert [topic for topic, _ in made] == ["tf", "raw.odometry.pose", "odometry.odometry.pose"]
+    output = list(viewers.messages((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
+    assert [topic for topic, _ in output] == [
+        "tf",
+        "raw.odometry.pose",
+        "odometry.odometry.pose",
+    ]
 
 
 def test_sensor_transforms_are_repeated():
     mount = {"range.range": SensorMount("front", 0.08, 0.0, 0.0)}
     viewers = ViewerMessages(EPOCH, {"range.range": Range}, mount)
-    said = [list(viewers.messages((t * 1_000_000_000, None))) for t in range(11)]
-    assert [len(each) for each in said] == [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    batches = [list(viewers.messages((t * 1_000_000_000, None))) for t in range(11)]
+    assert [len(each) for each in batches] == [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]

@@ -10,10 +10,10 @@ from diffbotctl.recording.black_box import EngineState
 from diffbotctl.recording.black_box_store import InputRing
 
 
-def filled(span, most, said):
+def filled(span, most, events_sent):
     """A ring with these items: a number is a batch of one instant, ("state", t) a state."""
     ring = InputRing(span, most, packet_size=1)  # each batch is a packet
-    for each in said:
+    for each in events_sent:
         if isinstance(each, tuple):
             ring.add_state(EngineState(each[1], b"state"))
         else:
@@ -22,7 +22,7 @@ def filled(span, most, said):
 
 
 @pytest.mark.parametrize(
-    "said, begin, times, known",
+    "events_sent, begin, times, known",
     [
         # Younger than the span: all of it, from the start of the run.
         ([1, 2, ("state", 2), 3], None, [1, 2, 3], True),
@@ -42,8 +42,8 @@ def filled(span, most, said):
         ([], None, [], True),
     ],
 )
-def test_the_ring_keeps_a_span_of_ten(said, begin, times, known):
-    ring = filled(10, 1 << 20, said)
+def test_the_ring_keeps_a_span_of_ten(events_sent, begin, times, known):
+    ring = filled(10, 1 << 20, events_sent)
     assert [instant[0] for instant in ring.instants()] == times
     assert (ring.begin.time if ring.begin else None, ring.known) == (begin, known)
 
@@ -53,15 +53,15 @@ EVENTS = st.lists(st.tuples(st.integers(1, 5), st.booleans()), max_size=200)
 
 @given(EVENTS, st.integers(200, 4000))
 def test_its_size_is_bounded_and_its_times_rise(events, most):
-    time, said = 0, []
+    time, events_sent = 0, []
     for step, state in events:
         time += step
-        said.append(time)
+        events_sent.append(time)
         if state:
-            said.append(("state", time))
-    ring = filled(50, most, said)
+            events_sent.append(("state", time))
+    ring = filled(50, most, events_sent)
     kept = [instant[0] for instant in ring.instants()]
-    assert kept == sorted(kept) and kept == [each for each in said if each in kept]
+    assert kept == sorted(kept) and kept == [each for each in events_sent if each in kept]
     parts = [data for _, data in ring.packets] + [state.data for state in ring.states]
     assert ring.size == sum(map(len, parts))
     assert ring.size <= most + 100  # the newest batch always fits

@@ -95,9 +95,9 @@ def measured(said, truth=None):
     ],
 )
 def test_metrics(said, expected):
-    seen = measured(said)
+    result = measured(said)
     for name, value in expected.items():
-        assert getattr(seen, name) == (value if value is None else pytest.approx(value)), name
+        assert getattr(result, name) == (value if value is None else pytest.approx(value)), name
 
 
 def test_the_true_error_is_measured_from_the_last_goal():
@@ -112,6 +112,6 @@ def test_forget_keeps_the_pose_the_goal_and_the_stops():
     measure.forget()
     for item in [stop(5, "obstacle"), at(6, 1.5, 0.5)]:  # still held: no new stop
         measure.take(*item)
-    seen = measure.metrics()
-    assert (seen.stops, seen.path) == (0, pytest.approx(0.5))
-    assert seen.cross_track_rms == pytest.approx(0.5)  # the line still begins at (0, 0)
+    result = measure.metrics()
+    assert (result.stops, result.path) == (0, pytest.approx(0.5))
+    assert result.cross_track_rms == pytest.approx(0.5)  # the line still begins at (0, 0)

@@ -2,7 +2,7 @@
 
 import io
 import sys
-from math import nan
+from math import isfinite, isnan, nan
 from xml.etree import ElementTree
 
 import pytest
@@ -10,14 +10,15 @@ from click.testing import CliRunner
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from diffbotctl.cli import bag
 from diffbotctl.cli.main import program
-from diffbotctl.errors import UsageError
+from diffbotctl.errors import UsageError, UserError
 from diffbotctl.recording.fields import Series, read_series
 from diffbotctl.ui.plot import image as image_module
 from diffbotctl.ui.plot import plots
 from diffbotctl.ui.plot.axes import make_axis
 from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, CharacterCanvas
-from diffbotctl.ui.plot.image import COLOURS, encode_svg, make_figure, save_figure
+from diffbotctl.ui.plot.image import COLOURS, encode_svg, make_figure
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
 
@@ -31,11 +32,21 @@ NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
         (3.0, 3.0, 2, ["2", "4"]),  # a constant gets half its value on both sides: 3 / 2
         (0.0, 0.0, 2, ["-0.5", "0.0", "0.5"]),
         (1.1, 1.3, 1, ["1.1", "1.2", "1.3"]),  # 0.2 would give one tick: the next step down
+        (0.0, 5e-324, 2, ["-0.5", "0.0", "0.5"]),  # the smallest float has no smaller step
+        (0.0, 1e-11, 2, ["0", "5e-12", "1e-11"]),
     ],
 )
 def test_axes(least, most, ticks, labels):
     made = make_axis(least, most, ticks)
     assert [made.label(tick) for tick in made.ticks] == labels
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.floats(), st.integers(1, 12))
+def test_an_axis_of_any_numbers_has_ticks_and_places_every_value(one, other, value, ticks):
+    axis = make_axis(min(one, other), max(one, other), ticks)
+    assert isfinite(axis.minimum) and isfinite(axis.maximum) and len(axis.ticks) >= 2
+    assert all(len(axis.label(tick)) <= 20 for tick in axis.ticks)
+    assert isnan(value) or 0.0 <= axis.share(value) <= 1.0
 
 
 @given(NUMBERS, NUMBERS, st.integers(1, 12))
@@ -141,21 +152,22 @@ def test_a_png_has_the_curve_where_the_picture_has_it():
 
 
 @pytest.mark.parametrize(
-    "name, words",
+    "name, cause",
     [("x.pdf", ".svg or .png"), ("x", ".svg or .png"), ("nowhere/x.svg", "No such file")],
 )
-def test_a_picture_that_cannot_be_written(tmp_path, name, words):
-    with pytest.raises(UsageError, match=words):
-        save_figure(make_figure([RAMP], "t"), tmp_path / name)
+def test_a_picture_that_cannot_be_written(goal, tmp_path, name, cause):
+    with pytest.raises(UserError, match=cause):
+        bag.plot.callback(("odometry.odometry.x",), goal, None, None, tmp_path / name, False, False)
+    assert not list(tmp_path.iterdir())
 
 
-def test_without_pillow_a_png_says_what_to_install(tmp_path, monkeypatch):
+def test_without_pillow_a_png_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "PIL", None)  # as Python has it for what is not installed
     with pytest.raises(UsageError, match="pip install pillow"):
-        save_figure(make_figure([RAMP], "t"), tmp_path / "x.png")
+        image_module.encode_png(make_figure([RAMP], "t"))
 
 
-def test_words_make_no_curve(goal):
+def test_text_fields_cannot_be_plotted(goal):
     with pytest.raises(UsageError, match="texts or lists"):
         read_series(goal, ["range.range.state"])
     assert [each.name for each in read_series(goal, ["range.range"])] == ["range.range.distance"]

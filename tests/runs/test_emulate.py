@@ -84,6 +84,6 @@ def test_the_walls_of_a_pipeline(tmp_path):
         "world: {walls: [{from: [0.35 m, -1 m], to: [0.35 m, 1 m]}]}\n"
     )
     with emulated("book_2wd", "--world", walled) as (_, _, _usb, radio):
-        code, said = diffbotctl(*run(radio, "--goal", "0.6 0", "--for", "8s"))
+        code, said = diffbotctl(*run(radio, "--goal", "0.6 0", "--set", "follower.patience=1 s"))
     assert code == 1, said  # the goal was not reached
     assert "obstacle" in said and "goals 0 of 1" in said, said

@@ -5,16 +5,20 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.config import registry
 from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE
+from diffbotctl.time import SECOND
 
-FAR = ["run", "goal", "--goal", "2 0", "--set", "world.walls=[]"]
+FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
@@ -40,7 +44,7 @@ def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
     process = start(*FAR)
     read_until(process, "driving")
     process.send_signal(number)
-    rest = process.communicate(timeout=20)[0]
+    rest = process.communicate(timeout=60)[0]
     assert "final stop confirmed" in rest
     assert process.returncode == 130
 
@@ -113,7 +117,7 @@ def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
     reader.start()
-    reader.join(timeout=20)  # the children hold the pipe: when it ends they have written all
+    reader.join(timeout=60)  # the children hold the pipe: when it ends they have written all
     recorded = list(RecordingReader(path).messages())
     assert any(item.wire == "gate.wheels" for item in recorded)
     with pytest.raises(RunError, match="incomplete"):
@@ -128,3 +132,31 @@ def test_a_replay_is_the_run_again_bit_for_bit(tmp_path):
     result = Run(load("goal"), RunOptions(fast=True, record=path, digest=True, seed=8)).go()
     again = replay(path, check=True)
     assert again.difference is None and again.digest == result.digest and again.compared > 1000
+
+
+class Sleeps(Block):
+    """Does not return for 0.4 s, once, when it has driven for a while."""
+
+    twist = In(Twist)
+    out = Out(Twist, name="twist")
+
+    def reset(self):
+        self.has_slept = False
+
+    def react(self, now, twist):
+        if now > 1.5 * SECOND and not self.has_slept:
+            self.has_slept = True
+            time.sleep(0.4)
+        return twist
+
+
+def test_a_block_that_sleeps_stops_the_robot_with_its_name(tmp_path, monkeypatch):
+    monkeypatch.setitem(registry.BLOCKS, "sleeps", f"{__name__}:Sleeps")
+    pipeline = tmp_path / "sleeping.yaml"
+    pipeline.write_text(HANGING_PIPELINE.replace("hangs", "sleeps").replace("requested:", "twist:"))
+    options = RunOptions(goals=(Goal(0, 0, 2.0, 0.0),), duration=3.0)
+    result = Run(load(str(pipeline), "book_2wd", ["world.walls=[]"]), options).go()
+    (stop,) = result.stops
+    assert (stop.code, stop.latched) == ("block_overrun", True)
+    assert "block sleeps took 0.4" in stop.cause
+    assert result.odometry.x < 0.6  # 0.3 m/s for 1.5 s, and the way to standstill

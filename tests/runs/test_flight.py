@@ -17,8 +17,9 @@ from diffbotctl.messages import Goal
 from diffbotctl.processes.child_process import ChildSender
 from diffbotctl.recording import snapshot
 from diffbotctl.recording.black_box_store import FILES_MAX, black_box_folder, delete_oldest
-from diffbotctl.recording.comparison import RunDigest
+from diffbotctl.recording.digest import RunDigest
 from diffbotctl.recording.reader import RecordingReader, recording_info
+from diffbotctl.recording.snapshot_restore import restore_snapshot
 from diffbotctl.replay import recorded_run
 from diffbotctl.replay.recorded_run import ReplayDriver
 from diffbotctl.replay.replay import ReplayOptions, replay_run
@@ -207,7 +208,7 @@ def test_a_state_can_do_nothing_but_be_a_state(tmp_path, evil):
     mark = tmp_path / "mark"
     graph = assemble(load("goal"), real=False).graph
     with pytest.raises(snapshot.StateError):
-        snapshot.restore_snapshot(evil(mark), Engine(graph, [], VirtualClock()))
+        restore_snapshot(evil(mark), Engine(graph, [], VirtualClock()))
     assert not mark.exists()
 
 
@@ -237,7 +238,7 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     before, behind = engine(-1, first), engine(half, rest)
     before.run(half + 1)
     data = snapshot.take_snapshot(before)
-    snapshot.restore_snapshot(data, behind)
+    restore_snapshot(data, behind)
     behind.last = half
     behind.run(4_000_000_000)
     digest = RunDigest(before.graph.kinds)

@@ -19,6 +19,7 @@ import pytest
 from diffbotctl.board.jobs import blink
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.errors import RunError
+from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
@@ -28,6 +29,8 @@ from diffbotctl.testing.serial_wire import SerialWire
 from diffbotctl.testing.virtual_board import board, diffbotctl, flash, flat, run
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
+# A board keeps the baud rate of the settings that it was given last, so a radio is tried at all.
+RADIO_RATES = "9600, 115200, 19200, 38400 or 57600"
 
 
 def meet(port, *words):
@@ -69,7 +72,7 @@ def talking(end, line):
 
 
 @pytest.mark.parametrize(
-    ("name", "tried"), [("rfcomm0", "9600 or 115200"), ("ttyUSB0", "115200 or 9600")]
+    ("name", "tried"), [("rfcomm0", RADIO_RATES), ("ttyUSB0", "115200 or 9600")]
 )
 def test_a_silent_port(tmp_path, name, tried):
     with open_end(tmp_path, name) as (port, _):
@@ -107,18 +110,68 @@ def test_a_firmware_that_prints_lines(tmp_path):
         code, said = meet(port)
     assert code == 1
     assert "E-BOARD-UNKNOWN" in said
-    assert "unknown bytes arrive at 9600 or 115200 baud" in said
+    assert f"unknown bytes arrive at {RADIO_RATES} baud" in said
     assert "flash firmware" in said
 
 
-def test_a_radio_at_another_rate(tmp_path):
-    """The same image behind a radio that runs at another rate than board and robot file."""
-    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=38400) as wire:
+@contextmanager
+def echoing(end):
+    """A line whose TX and RX touch: each byte comes back."""
+    over = threading.Event()
+
+    def echo():
+        while not over.wait(0.002):
+            with suppress(BlockingIOError):
+                os.write(end, os.read(end, 4096))
+
+    os.set_blocking(end, False)
+    thread = threading.Thread(target=echo)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize("name", ["rfcomm0", "ttyUSB0"])
+def test_an_echoing_line_is_no_board(tmp_path, name):
+    with open_end(tmp_path, name) as (port, end), echoing(end):
+        code, said = meet(port)
+    assert code == 1
+    assert "E-PORT-ECHO" in said and "returns what is sent" in said
+
+
+def test_a_sketch_that_sends_nothing(tmp_path):
+    """The bootloader answers, starts the program, and that is silent: no noise."""
+    silent = tmp_path / "silent.hex"
+    silent.write_text(write_hex(bytes.fromhex("ffcf")))  # rjmp to itself
+    with board(image=silent) as virtual:
+        code, said = meet(virtual.usb)
+    assert code == 1
+    assert "E-BOARD-UNKNOWN" in said or "E-PORT-SILENT" in said
+    assert "unknown bytes" not in said
+
+
+@pytest.mark.parametrize("rate", [4800, 230400])
+def test_a_radio_at_another_rate(tmp_path, rate):
+    """Behind a radio module at a rate that the board's port cannot have, no rate can be read."""
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
         virtual.board.emulator.reset()  # it speaks at its start
         code, said = meet(wire.name)
     assert code == 1
     assert re.search("E-BOARD-UNKNOWN|E-PORT-SILENT", said)
-    assert "9600 or 115200 baud" in said
+    assert f"{RADIO_RATES} baud" in said
+
+
+@pytest.mark.parametrize("rate", [19200, 38400, 57600])
+def test_a_board_at_the_rate_of_earlier_settings(tmp_path, rate):
+    """It is found at its rate, takes the robot file's settings, and changes to their rate."""
+    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
+        wire.follow(9600)
+        code, said = meet(wire.name)
+        assert wire.rate == 9600
+    assert code == 0, said
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
             "--set",
             "robot.drive.polarity=checked_by_hand",
             "--for",
-            "9s",
+            "30s",  # on a busy machine; it ends at the goal
             "--record",
             log,
             "--digest",
@@ -103,7 +103,7 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
     finally:
         line.close()
         board.close()
-    assert re.search(r"pose x 0\.[01]\d* m", said), said
+    assert float(re.search(r"path ([\d.]+) m", said)[1]) > 0.02, said
     replayed, said = digest("replay", log, "--check")
     assert "bit for bit" in said
     assert replayed == live

@@ -33,7 +33,7 @@ def test_words_stay_words_and_lists_answer_in_turn(answers):
         ("liftet: yes\n", "lifted", "did you mean lifted?"),
         ("wheels.left: yes\n", "lifted", "there is no question"),
         ("- lifted\n", "lifted", "is not a mapping of questions"),
-        ("{", "lifted", "cannot be read"),
+        ("{", "lifted", "invalid YAML"),
     ],
 )
 def test_what_is_wrong_is_said(answers, text, name, words):
@@ -47,5 +47,5 @@ def test_what_is_wrong_is_said(answers, text, name, words):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(UsageError, match="No such file"):
+    with pytest.raises(UsageError, match="no such file"):
         read_answers(tmp_path / "none.yaml")

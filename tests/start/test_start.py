@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.process import IMAGE
 from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.virtual_board import LONGEST, board, command
+from diffbotctl.testing.virtual_board import board, command, diffbotctl
 
 ROOT = Path(__file__).parents[2]
 ALL = """\
@@ -39,17 +38,7 @@ class Person:
         if answers is not None:
             (self.folder / "answers.yaml").write_text(answers)
             words = (*words, "--answers", "answers.yaml")
-        done = subprocess.run(
-            command(*words),
-            cwd=self.folder,
-            env=self.environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=LONGEST,
-        )
-        return done.returncode, done.stdout
+        return diffbotctl(*words, cwd=self.folder, env=self.environment)
 
     def done(self):
         """The chapters on record."""
@@ -69,7 +58,7 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     code, said = person.types("start")
     assert code == 0, said
     assert "SIMULATED" in said and "1 of 1 reached" in said
-    assert "next: the Mega 2560 is searched" in said
+    assert "next: the board is searched" in said
     assert "No board is connected" in said
     assert max(map(len, said.splitlines())) <= 80
     assert person.done() == ["simulated", "robot"]

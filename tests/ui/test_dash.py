@@ -229,7 +229,7 @@ def test_every_exit_path_restores_the_terminal(engine, tmp_path, exit_path):
 def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
-        client.request("goto", x=-3.0, y=0.0)
+        client.request("goto", x=-30.0, y=0.0)
         client.until(lambda status: state(client) == "driving" and moves(status))
         began = client.request("status")["time"]
         terminal.process.kill()
@@ -266,7 +266,7 @@ def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
 
 
 def test_a_run_whose_own_dashboard_is_killed_continues_and_restores_the_terminal(tmp_path):
-    line, environment = command(tmp_path, "run", "goal", "--dash", "--goal", "3 0")
+    line, environment = command(tmp_path, "run", "goal", "--dash", "--goal", "30 0")
     with Terminal(line, environment) as terminal:
         terminal.until(lambda text: "driving" in text, "the way")
         children = os.popen(f"ps --ppid {terminal.process.pid} -o pid=,args=").read()
@@ -305,7 +305,7 @@ def test_a_replay_is_watched_and_cannot_be_commanded(tmp_path):
         "--record",
         str(path),
         "--goal",
-        "3 0",
+        "2 0",
         "--set",
         "world.walls=[]",
     )

@@ -32,7 +32,7 @@ def last_motion(path, start, end):
 def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
     path = tmp_path / "lost.mcap"
     words = ["teleop", "--mode", mode]
-    with running(tmp_path, "goal", "--stay", "--goal", "3 0", "--record", str(path)) as process:
+    with running(tmp_path, "goal", "--stay", "--goal", "30 0", "--record", str(path)) as process:
         watcher = PlainClient(tmp_path)
         watcher.until(moves)
         line, environment = command(tmp_path, *words)
@@ -55,7 +55,7 @@ def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
                     timeout=SCREEN_TIMEOUT_S
                 )  # nothing is left behind a closed window
         assert watcher.request("resume")["ok"]
-        assert watcher.until(moves)["operator.goal"]["x"] == 3.0
+        assert watcher.until(moves)["operator.goal"]["x"] == 30.0
         process.terminate()
         process.wait(timeout=SCREEN_TIMEOUT_S)
     assert last_motion(path, lost_at, stood["time"]) - lost_at <= LIMIT

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from statistics import fmean
 from typing import NamedTuple
 
@@ -20,7 +20,8 @@ from diffbotctl.calibrate.step import Outcome, StepProgress, StepRun
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.slot_errors import SlotErrors
-from diffbotctl.estimation.wheel_odometer import LinkTiming, WheelOdometer
+from diffbotctl.estimation.wheel_odometer import WheelOdometer
+from diffbotctl.estimation.wheel_side import LinkTiming
 from diffbotctl.messages import Battery, Encoders, Wheels
 from diffbotctl.prompts.question import MotionNotice
 from diffbotctl.runs.build_graph import build_block
@@ -57,9 +58,12 @@ class LearningWheel(WheelOdometer):
     def start_learning(self, slots: int) -> LearningWheel:
         """Replace what is known of the disc by wide priors."""
         self.filter.known_edges = None
+        del self.filter.hypotheses[1:]  # at a steady speed the kind of motor does not matter
         motion = self.filter.motion
         priors = motion.priors
-        motion.priors = priors._replace(model_noise=SPEED_WANDER_RATIO * priors.model_noise)
+        motion.priors = priors._replace(
+            model_noise=SPEED_WANDER_RATIO * priors.model_noise, gain_drift=0.0, change_cost=inf
+        )
         motion.disc = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error, learns_backward=True
         )

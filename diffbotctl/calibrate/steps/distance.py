@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import hypot
 
 from diffbotctl.calibrate.autonomous_drive import drive_to
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
+from diffbotctl.calibrate.contradiction import ask_checked, scale_contradiction
+from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
@@ -39,13 +42,14 @@ class DistanceStep:
             f"{reach:.2f} m: clear the floor in front of it.",
             reach=reach,
         )
-        scales = []
+        scales: list[float] = []
         for number in range(self.repeats):
             yield StepProgress("straight drives", number, self.repeats)
             yield MarkFloor("Put the robot at the start. Mark the floor beside both tyres.")
             end = drive_to(session, [(self.metres, 0.0, None)], reach)
             odometry = hypot(end.x, end.y)
-            tape = float((yield self._question(number)))
+            check = partial(scale_contradiction, odometry=odometry, scales=tuple(scales))
+            tape = yield from ask_checked(self._question(number), check)
             scales.append(tape / odometry)
             yield Message(f"odometry: {odometry * MM:.0f} mm, tape: {tape * MM:.0f} mm")
         scale = robust_mean(scales, TAPE_SD_RATIO)
@@ -80,11 +84,20 @@ class DistanceStep:
 
 def _findings(robot: Robot, scale: RobustMean) -> list[Finding]:
     """Both diameters. A track that was calibrated by turning is scaled with them: turning
-    determines the ratio of track and diameter."""
+    determines the ratio of track and diameter.
+
+    The drives show the mean of both wheels; each may differ from it until the ratio is known.
+    """
     drive = robot.drive
     lengths = {RIGHT_DIAMETER: drive.right.wheel.diameter, LEFT_DIAMETER: drive.left.wheel.diameter}
     if TRACK in robot.calibration:
         lengths[TRACK] = drive.track
-    return [
-        Finding(field, length * scale.value, length * scale.sd) for field, length in lengths.items()
-    ]
+    findings = []
+    for field, length in lengths.items():
+        sd = length * scale.sd
+        if field == TRACK:
+            sd = hypot(sd, known_sd(robot, TRACK))
+        else:
+            sd = hypot(sd, length * known_difference_sd(robot, field))
+        findings.append(Finding(field, length * scale.value, sd))
+    return findings

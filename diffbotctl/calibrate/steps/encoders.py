@@ -13,10 +13,16 @@ from math import pi
 from typing import Any
 
 from diffbotctl.calibrate import encoder_fit
+from diffbotctl.calibrate.contradiction import (
+    ATTEMPTS_MAX,
+    pulse_contradiction,
+    turn_contradiction,
+)
 from diffbotctl.calibrate.result import Finding, PartResult
-from diffbotctl.calibrate.session import RobotSession
+from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.wiring_detection import (
+    OTHER_SIDE,
     MotorPulse,
     WheelMotion,
     detect_wiring,
@@ -50,9 +56,11 @@ class EncoderStep:
         session.connect()
         noise = dict(zip(SIDES, session.standstill_counts, strict=True))
         yield _motion_notice(session, "first the left, then the right motor")
-        pulses = {}
+        noisy = {side for side, count in noise.items() if count >= NOISE_COUNTS_MIN}
+        pulses: dict[str, MotorPulse] = {}
         for output in SIDES:
-            pulses[output] = yield from _pulse(session, output)
+            before = pulses.get(SIDES[0])
+            pulses[output] = yield from _pulse(session, output, noisy, before)
         wiring = detect_wiring(pulses, noise)
         for correction in wiring.corrections:
             yield Message(
@@ -106,15 +114,23 @@ class EncoderStep:
 
     def _roll(self, session: RobotSession, side: str, encoder: str) -> Generator[Event, Any, int]:
         """Counts at an input while a wheel is turned by hand."""
-        before = _counts(session)
         turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
         text = (
             f"Turn the {side} wheel forward by hand, exactly {turns}, at most one turn per second. "
             "A mark on the tyre helps."
         )
-        yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
-        session.listen(ROLL_LISTEN_TIME_S)
-        return abs(_counts(session)[encoder] - before[encoder])
+        other = OTHER_SIDE[encoder]
+        for _ in range(ATTEMPTS_MAX):
+            before = _counts(session)
+            yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
+            session.listen(ROLL_LISTEN_TIME_S)
+            after = _counts(session)
+            counts = {socket: abs(after[socket] - before[socket]) for socket in SIDES}
+            reason = turn_contradiction(side, counts[encoder], counts[other])
+            if reason is None or session.is_noisy:
+                break
+            yield Message(f"{reason} Was the other wheel turned? Turn the {side} one again.")
+        return counts[encoder]
 
 
 def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
@@ -130,32 +146,63 @@ def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
     return MotionNotice(text, turns, watched=False)
 
 
-def _pulse(session: RobotSession, output: str) -> Generator[Event, Any, MotorPulse]:
-    """Pulse one motor; with a stronger pulse if nothing moved."""
-    seen, counts = WheelMotion.NONE, dict.fromkeys(SIDES, 0)
-    for duty in (WEAK_DUTY, STRONG_DUTY):
+def _pulse(
+    session: RobotSession, output: str, noisy: set[str], before: MotorPulse | None
+) -> Generator[Event, Any, MotorPulse]:
+    """Pulse one motor; with a stronger pulse if nothing moved.
+
+    An answer that the counts contradict is asked again after the same pulse. `before`: the pulse of
+    the other motor.
+    """
+    duties = [WEAK_DUTY, STRONG_DUTY]
+    answers: list[WheelMotion] = []
+    while True:
+        duty = duties[0]
         yield MarkFloor(f"Look at both wheels. The {output} motor is driven now.")
-        before = _counts(session)
-        pulse = Duty(0, duty, 0.0) if output == "left" else Duty(0, 0.0, duty)
-        session.run_for(pulse, PULSE_TIME_S)
-        session.stop_and_wait()
-        counts = {side: abs(count - before[side]) for side, count in _counts(session).items()}
+        left, right = (duty, 0.0) if output == "left" else (0.0, duty)
+        counts = _drive_pulse(session, Duty(0, left, right))
         seen = yield from _ask_motion(
-            "encoders.wheel", "Which wheel turned, and in which direction?"
+            "encoders.wheel",
+            "Which wheel turned, and in which direction?",
+            is_repeated=bool(answers),
         )
-        if seen is not WheelMotion.NONE:
-            break
-    return MotorPulse(output, seen, counts)
+        reason = pulse_contradiction(seen, counts, noisy, before)
+        if reason is not None and seen not in answers and len(answers) < ATTEMPTS_MAX - 1:
+            answers.append(seen)
+            yield Message(f"{reason} Look again; the same answer is accepted.")
+            continue
+        answers.clear()
+        duties.pop(0)
+        if seen is not WheelMotion.NONE or not duties:
+            return MotorPulse(output, seen, counts)
+
+
+def _drive_pulse(session: RobotSession, duty: Duty) -> dict[str, int]:
+    """Apply a pulse. Returns the counts of both inputs."""
+    before = _counts(session)
+    session.run_for(duty, PULSE_TIME_S)
+    session.stop_and_wait()
+    return {side: abs(count - before[side]) for side, count in _counts(session).items()}
 
 
 def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Finding]]:
     """Drive both motors forward with the findings applied; only a person can see the result."""
     session.connect()
     yield _motion_notice(session, "both at once and forward")
-    yield MarkFloor("Look at both wheels. Both motors are driven forward now.")
-    session.run_for(Duty(0, WEAK_DUTY, WEAK_DUTY), PULSE_TIME_S)
-    session.stop_and_wait()
-    seen = yield from _ask_motion("encoders.proof", "Which wheels turned, and in which direction?")
+    answers: list[WheelMotion] = []
+    while True:
+        yield MarkFloor("Look at both wheels. Both motors are driven forward now.")
+        counts = _drive_pulse(session, Duty(0, WEAK_DUTY, WEAK_DUTY))
+        seen = yield from _ask_motion(
+            "encoders.proof",
+            "Which wheels turned, and in which direction?",
+            is_repeated=bool(answers),
+        )
+        reason = pulse_contradiction(seen, counts, set(), None)
+        if reason is None or seen in answers or len(answers) >= ATTEMPTS_MAX - 1:
+            break
+        answers.append(seen)
+        yield Message(f"{reason} Look again; the same answer is accepted.")
     if seen is WheelMotion.BOTH_FORWARD:
         return [Finding("drive.polarity", "calibrated")]
     cause = f"both motors were driven forward, but the answer was: {seen}"
@@ -163,9 +210,10 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
     raise RunError(Problem("E-CALIBRATE-ROBOT", "encoders", cause, fix))
 
 
-def _ask_motion(name: str, text: str) -> Generator[Event, Any, WheelMotion]:
+def _ask_motion(name: str, text: str, is_repeated: bool) -> Generator[Event, Any, WheelMotion]:
     choices = tuple(motion.value for motion in WheelMotion)
-    return WheelMotion((yield Question(name, text, choices=choices, quantity="wheel")))
+    question = Question(name, text, choices=choices, quantity="wheel", is_repeated=is_repeated)
+    return WheelMotion((yield question))
 
 
 def _counts(session: RobotSession) -> dict[str, int]:

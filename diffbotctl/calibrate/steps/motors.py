@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
 
+from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves
 from diffbotctl.calibrate.motor_experiments import (
     CM,
     DIRECTIONS,
@@ -33,12 +34,11 @@ from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession, drive_sides
 from diffbotctl.calibrate.step import Outcome, StepRun
 from diffbotctl.config.robot import SIDES, Robot
+from diffbotctl.control.speed_loop import default_gains
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.prompts.question import MotionNotice
 
-INTEGRAL_GAIN_RATIO = 0.25  # 1/s; over the feed-forward slope: a deficit is corrected in seconds
-PROPORTIONAL_GAIN_RATIO = 0.0  # the speed over one slot has an error of 4 %, and would be amplified
 SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a weaker battery
 STATIC_DUTY_MAX = 0.75
 DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
@@ -55,8 +55,10 @@ class MotorFit(NamedTuple):
     lines: dict[str, SpeedDutyLine]
     """by direction"""
     line: SpeedDutyLine
-    """for both directions"""
+    """for both directions, under the load of both motors"""
     lag: LagFit
+    curve: MotorCurve
+    """for both directions, at the battery's voltage at rest"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +78,14 @@ class MotorStep:
         speeds = yield from measure_speeds(session)
         steps = yield from record_steps(session)
         lags = _fit_lags(robot, steps)
-        motors = {side: _fit_motor(side, breakaway, speeds, lags[side]) for side in SIDES}
-        findings = [*_motor_findings(robot, motors), *_delay_findings(session.file.nominal, motors)]
+        curves = fit_curves(
+            {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
+        )
+        motors = {
+            side: _fit_motor(side, breakaway, speeds, lags[side], curves.get(side))
+            for side in SIDES
+        }
+        findings = [*motor_findings(robot, motors), *_delay_findings(session.file.nominal, motors)]
         session.try_findings(findings)
         faults = [*_direction_faults(motors), *(yield from check_creep(session))]
         volts = session.listen(BATTERY_LISTEN_TIME_S).battery_volts
@@ -121,7 +129,11 @@ def _unusable_wheel(side: str, error: ValueError) -> RunError:
 
 
 def _fit_motor(
-    side: str, breakaway: dict[Motion, float], speeds: SpeedsByMotion, lag: LagFit
+    side: str,
+    breakaway: dict[Motion, float],
+    speeds: SpeedsByMotion,
+    lag: LagFit,
+    curve: MotorCurve | None,
 ) -> MotorFit:
     """Raises RunError if the wheel did not follow the duties."""
     points = {direction: speeds[side, direction] for direction in DIRECTIONS}
@@ -130,23 +142,33 @@ def _fit_motor(
         line = fit_line([*points["forward"], *points["backward"]])
     except ValueError as error:
         raise _unusable_wheel(side, error) from error
-    return MotorFit({name: breakaway[side, name] for name in DIRECTIONS}, lines, line, lag)
+    starts = {name: breakaway[side, name] for name in DIRECTIONS}
+    return MotorFit(starts, lines, line, lag, curve or line.curve())
 
 
-def _motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
+def _static(motor: MotorFit) -> float:
+    """The static part of the feed-forward."""
+    return min(max(motor.curve.static, 0.0), STATIC_DUTY_MAX)
+
+
+def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """The motor and the loop of each side, and a speed limit that both motors can keep."""
-    slope = sum(motor.line.slope for motor in motors.values()) / len(motors)
+    statics = {side: _static(motor) for side, motor in motors.items()}
+    slopes = [motors[side].line.slope_above(static)[0] for side, static in statics.items()]
+    # Gains that belong to the feed-forward: with a curved line its own slope is far too steep.
+    slope = sum(slopes) / len(slopes)
+    proportional, integral = default_gains(slope)
     findings = []
     for side, motor in motors.items():
-        line, path = motor.line, f"drive.{side}.motor"
-        static = min(max(line.static, 0.0), STATIC_DUTY_MAX)
+        line, curve, path = motor.line, motor.curve, f"drive.{side}.motor"
+        static = statics[side]
         findings += [
-            Finding(f"{path}.rated", line.rated, line.rated * line.slope_sd / line.slope),
+            Finding(f"{path}.rated", curve.rated, curve.rated_sd),
             Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.split_sd)),
-            Finding(f"{path}.loop.static", static, line.static_sd),
-            Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
-            Finding(f"{path}.loop.proportional", PROPORTIONAL_GAIN_RATIO * slope),
-            Finding(f"{path}.loop.integral", INTEGRAL_GAIN_RATIO * slope),
+            Finding(f"{path}.loop.static", static, curve.static_sd),
+            Finding(f"{path}.loop.speed", *line.slope_above(static)),
+            Finding(f"{path}.loop.proportional", proportional),
+            Finding(f"{path}.loop.integral", integral),
         ]
     speed = min(
         motors[side].line.rated * section.wheel.diameter / 2

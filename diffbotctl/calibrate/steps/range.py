@@ -173,7 +173,7 @@ def _report(sensor: str, fit: RangeFit) -> list[str]:
 def _question(distance: str) -> Question:
     return Question(
         "range.distance",
-        f"Distance from the front of the sensor to the card? Press Enter for {distance}",
+        "Distance from the front of the sensor to the card?",
         unit="m",
         default_unit="cm",
         minimum=DISTANCE_MIN_M,

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
+from diffbotctl.calibrate.known_lengths import known_mean_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
@@ -22,7 +23,6 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
 from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 from diffbotctl.render.svg import end_error_svg
-from diffbotctl.units import quantity
 
 RUNS_PER_DIRECTION = 5
 REACH_RATIO = sqrt(2.0) + 0.25  # of the side: the diagonal, and a margin for a wrong geometry
@@ -68,6 +68,7 @@ class SquaresStep:
         report: list[str] = []
         findings: list[Finding] = []
         pictures = {}
+        before = session.file.robot
         for number in range(1, self.rounds + 1):
             squares = yield from self._drive_squares(session, side)
             used = stated_geometry(session.file.robot)
@@ -77,7 +78,7 @@ class SquaresStep:
                 fix = "was every end measured from the start mark, with its sign, in millimetres?"
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
-            findings = _findings(session.file.robot, result, side)
+            findings = _findings(before, result, side)
             report += _report(side, used, result)
             plot = _end_plot(squares)
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
@@ -150,7 +151,7 @@ def stated_geometry(robot: Robot) -> Geometry:
 def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]:
     """Both diameters and the track, with their standard deviations.
 
-    Squares do not change the uncertainty of the mean diameter.
+    Squares do not change the mean diameter, and determine the track in multiples of it.
     """
     geometry = result.geometry
     # A quarter turn misses alpha of pi/2; along a side, beta changes the heading by b/L of the
@@ -158,17 +159,13 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
     track_sd = geometry.track * result.sd.alpha / (pi / 2)
     ratio_sd = geometry.track / side * result.sd.beta
     diameters = {RIGHT_DIAMETER: geometry.right, LEFT_DIAMETER: geometry.left}
+    mean_sds = {field: known_mean_sd(robot, field, value) for field, value in diameters.items()}
     findings = [
-        Finding(field, diameter, hypot(diameter * ratio_sd / 2, _known_sd(robot, field)))
+        Finding(field, diameter, hypot(diameter * ratio_sd / 2, mean_sds[field]))
         for field, diameter in diameters.items()
     ]
-    return [*findings, Finding(TRACK, geometry.track, track_sd)]
-
-
-def _known_sd(robot: Robot, field: str) -> float:
-    """Standard deviation (m) of a length from an earlier step; 0 if there is none."""
-    entry = robot.calibration.get(field)
-    return 0.0 if entry is None or entry.sd is None else quantity(str(entry.sd), "m")
+    scale_sd = max(mean_sds.values()) / geometry.mean
+    return [*findings, Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd))]
 
 
 POSITION_QUESTIONS = {

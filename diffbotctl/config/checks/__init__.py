@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from diffbotctl.config.checks import block_needs, board, calibration, drive, graph, pins
+from diffbotctl.config.checks import (
+    block_needs,
+    board,
+    calibration,
+    drive,
+    graph,
+    pins,
+    proportions,
+    world,
+)
 from diffbotctl.config.checks.context import CheckContext
 
 CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     graph.check_names,
+    graph.check_message_types,
     graph.check_wires,
     graph.check_loops,
     block_needs.check_fields,
@@ -17,13 +27,20 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     board.check_budget,
     drive.check_deadman,
     drive.check_speed,
+    proportions.check_proportions,
     drive.check_outline,
     drive.check_reach,
     drive.check_tolerance,
     drive.check_edges,
+    drive.check_glitch,
     drive.check_polarity,
     board.check_radio,
     board.check_led_pin,
+    board.check_driver,
     board.check_supply,
     calibration.check_calibration,
+    world.check_ranges,
+    world.check_walls,
+    world.check_goals,
+    world.check_body,
 )

@@ -44,11 +44,23 @@ def check_fields(context: CheckContext) -> None:
         _check_sensor(context, name, value.name_place)
 
 
+def _is_unread(context: CheckContext, path: str) -> bool:
+    """True when a section on the way to `path` could not be read from the robot file."""
+    value = context.robot
+    for step in path.split("."):
+        if value is None:
+            return True
+        value = value.get(step) if isinstance(value, dict) else getattr(value, step, value)
+    return False
+
+
 def _check_paths(context: CheckContext, name: str, paths: list[str], place: Place) -> None:
     for path in paths:
         try:
             field_value(context.robot, path)
         except (AttributeError, KeyError):
+            if _is_unread(context, path):
+                continue  # that is reported where it is written
             cause = f"'{name}' reads {path}, which is not a field of robot files"
             fix = "correct FromRobot in the code of the block"
             context.error("E-ROBOT-FIELD", place, cause, fix)

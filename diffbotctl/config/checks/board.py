@@ -8,7 +8,8 @@ from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.checks.pins import PINLESS_SENSORS
-from diffbotctl.config.robot import SIDES
+from diffbotctl.config.motor_drivers import MODE_TEXT, MotorDriverFacts, driver_facts
+from diffbotctl.config.robot import SIDES, line_baud
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import join_words
 from diffbotctl.links import link_protocol
@@ -16,7 +17,6 @@ from diffbotctl.links import link_protocol
 # Input of a linear 5 V regulator (Mega's VIN; 78M05 of an L298N board): its dropout is 2 V, and
 # 12 V at 0.2 A dissipate 1.4 W, the maximum without a heat sink.
 SUPPLY_MIN_V, SUPPLY_MAX_V = 7.0, 12.0
-DRIVER_SUPPLY_MAX_V = 35.0  # the L298N board's supply (data sheet of the module)
 LED_PIN = "13"  # pin of the LED L on all these boards
 
 
@@ -28,7 +28,7 @@ def check_budget(context: CheckContext) -> None:
     if values is None or context.robot is None or context.robot.board.type == SIMULATED:
         return
     rate, has_edge_times, protocol, _, _ = values
-    baud = link_protocol.baud_of(context.robot.link)
+    baud = line_baud(context.robot)
     frame = link_protocol.frame_bytes(protocol, has_edge_times)
     load, capacity = rate * frame, link_protocol.capacity(baud)
     if load <= link_protocol.TELEMETRY_LOAD_MAX * capacity:
@@ -134,6 +134,52 @@ def check_led_pin(context: CheckContext) -> None:
         context.warn("W-WIRING-LIGHT", place, cause, "use another pin")
 
 
+def check_driver(context: CheckContext) -> None:
+    """Compare the pins of each motor, and its rest, with the inputs of its driver."""
+    drivers = context.values(*(f"drive.{side}.motor.driver" for side in SIDES))
+    if drivers is None or context.robot is None or drivers[0] == "none":
+        return
+    facts = driver_facts(drivers[0])
+    if drivers[1] != drivers[0]:
+        cause = f"the left motor has the driver {drivers[0]}, the right one {drivers[1]}"
+        place = context.error_place("drive.right.motor.driver", "drive.left.motor.driver")
+        context.error("E-DRIVER", place, cause, "name one driver for both motors")
+        return
+    for side in SIDES:
+        motor = getattr(context.robot.drive, side).motor
+        for name in ("enable", "in2", "standby"):
+            _check_input(context, facts, side, name, getattr(motor, name) is not None)
+    idle = context.values("drive.left.motor.idle")
+    if facts.always_brakes and idle == ("coast",):
+        place = context.error_place("drive.left.motor.idle", "drive.left.motor.driver")
+        cause = f"{facts.with_article} shorts the motors at rest: they cannot turn freely"
+        context.error("E-DRIVER", place, cause, "set idle: brake")
+    if facts.title != "L298N" and context.values("board.supply") == ("regulator",):
+        place = context.error_place("board.supply")
+        cause = f"{facts.with_article} has no 5 V regulator for the board"
+        context.error("E-DRIVER", place, cause, "set supply: vin, or usb")
+
+
+def _check_input(
+    context: CheckContext, facts: MotorDriverFacts, side: str, name: str, is_stated: bool
+) -> None:
+    has_input = facts.standby is not None if name == "standby" else name in facts.inputs()
+    if has_input == is_stated or (name == "standby" and has_input):
+        return  # a standby input may be wired to 5 V
+    path = f"drive.{side}.motor.{name}"
+    if has_input:
+        if context.robot_value("drive", side, "motor", name) is not None:
+            return  # `none` is refused where the pins are checked
+        inputs = MODE_TEXT[facts.mode]
+        cause = f"{facts.with_article} has {inputs}, and {name} of the {side} motor is missing"
+        place = context.error_place(path, f"drive.{side}.motor.driver")
+        context.error("E-DRIVER", place, cause, f"add {name}: and the board's pin")
+        return
+    inputs = MODE_TEXT[facts.mode] if name != "standby" else "no standby input"
+    cause = f"{facts.with_article} has {inputs}, and {name} of the {side} motor is stated"
+    context.error("E-DRIVER", context.error_place(path), cause, f"write {name}: none")
+
+
 def check_supply(context: CheckContext) -> None:
     """Warn of a battery voltage outside the range of the motor driver or the board's regulator."""
     values = context.values("battery.full", "board.supply")
@@ -141,9 +187,15 @@ def check_supply(context: CheckContext) -> None:
         return
     full, supply = values
     place = context.error_place("battery.full", "board.supply")
-    if full > DRIVER_SUPPLY_MAX_V:
-        cause = f"{full:g} V is above the L298N's maximum of {DRIVER_SUPPLY_MAX_V:g} V"
-        context.warn("W-WIRING-SUPPLY", place, cause, "use a battery of 7 to 12 V")
+    drivers = context.values("drive.left.motor.driver")
+    facts = driver_facts(drivers[0] if drivers else "l298n")
+    low, high = facts.supply
+    if not low <= full <= high:
+        bound = f"above the {facts.title}'s maximum of {high:g} V"
+        if full < low:
+            bound = f"below the {facts.title}'s minimum of {low:g} V"
+        fix = f"use a battery of {max(low, SUPPLY_MIN_V):g} to {min(high, SUPPLY_MAX_V):g} V"
+        context.warn("W-WIRING-SUPPLY", place, f"{full:g} V is {bound}", fix)
     elif supply != "usb" and not SUPPLY_MIN_V <= full <= SUPPLY_MAX_V:
         part = "the board's VIN" if supply == "vin" else "the L298N's 5 V regulator"
         effect = "it would overheat"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from math import inf
 from typing import Any, NamedTuple
 
 from diffbotctl.block import robot_fields
+from diffbotctl.config import robot_tree
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.robot import SIDES, Robot
+from diffbotctl.config.robot import SIDES, Calibrated, Robot
 from diffbotctl.errors import join_words
+from diffbotctl.units import UnitError, quantity
 
 
 class PlausibleRatio(NamedTuple):
@@ -62,7 +65,8 @@ def check_calibration(context: CheckContext) -> None:
     """Refuse implausible entries; for a real robot also warn of fields never calibrated."""
     if context.robot is None:
         return
-    for path in context.robot.calibration or {}:
+    for path, calibrated in (context.robot.calibration or {}).items():
+        _check_sd(context, path, calibrated)
         value, stated = context.values(path), context.nominal_values(path)
         if value is None:
             continue
@@ -74,6 +78,24 @@ def check_calibration(context: CheckContext) -> None:
             context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
     if context.real:
         _warn_of_uncalibrated(context, context.robot)
+
+
+def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -> None:
+    """Refuse a standard deviation of a single value that is not a quantity of its unit."""
+    declaration = robot_tree.field(path)
+    if calibrated is None or calibrated.sd is None or declaration is None:
+        return
+    if declaration.kind is not float:
+        return
+    try:
+        sd = quantity(str(calibrated.sd), declaration.unit)
+        cause = "" if 0.0 <= sd < inf else f"{calibrated.sd} is no standard deviation"
+    except UnitError as error:
+        cause = str(error)
+    if cause:
+        entry = context.robot_value("calibration", path, "sd")
+        fix = "calibrate again, or delete the sd"
+        context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
 
 
 def _implausible(path: str, value: Any, stated: Any) -> str | None:

@@ -7,18 +7,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diffbotctl.block import Block
-from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.configuration import InputUse, Pipeline, ProgramUse
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class CheckContext:
     """The configuration to check. Values that could not be read are None.
 
     `real`: a real robot is about to move. `nominal` is the robot before calibration.
-    `block_classes` and `parameters` have an entry for each block whose class was found.
+    `block_classes` and `parameters` have an entry for each block whose class was found,
+    `inputs` for each wire on which another program publishes.
     """
 
     real: bool = False
@@ -30,6 +31,8 @@ class CheckContext:
     nominal: Robot | None = None
     block_classes: dict[str, type[Block]] = field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    inputs: dict[str, InputUse] = field(default_factory=dict)
+    programs: dict[str, ProgramUse] = field(default_factory=dict)
 
     def pipeline_value(self, *steps: str | int) -> Value | None:
         """The value at a path of the pipeline file."""

@@ -13,13 +13,18 @@ from diffbotctl.blocks.obstacle_stop import (
 )
 from diffbotctl.blocks.range_sensor import REACH
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.robot import SIDES
+from diffbotctl.config.robot import SIDES, BoardSection, default_glitch, line_baud, shortest_level
+from diffbotctl.errors import Place, join_words
+from diffbotctl.links import link_protocol
 from diffbotctl.params import declared
 
 COMMANDS_PER_DEADMAN_MIN = 3  # two consecutive ones may be lost without a stop
 # At full speed. Odometry derives the slot of an edge from the previous edge; simulated robots with
 # twice as many edges lost their heading by ten degrees and more.
 EDGES_PER_FRAME_MAX = 1.25
+# Glitch time relative to the shortest level. Slots of 0.4 pitches instead of 0.5 (the widest spread
+# of real discs) and a wheel 10 % above its rated speed shorten a level to 0.73 of it.
+GLITCH_WARNED_RATIO, GLITCH_REFUSED_RATIO = 0.5, 0.7
 RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; a value in rpm without its unit is usually larger
 TYRE_WIDTH_TOLERANCE_M = 0.002  # reading error of a ruler across two soft tyres
 # Uncertainty that remains when the board reports edge times, relative to a slot's: uneven slots and
@@ -71,8 +76,57 @@ def check_edges(context: CheckContext) -> None:
         f"at {speed:g} m/s there are {rate:.0f} edges per second but {telemetry:g} frames; a frame "
         "reports the time of one edge only, so the heading drifts"
     )
-    fix = f"set telemetry to {rate:.0f} Hz, lower limits.speed, or set edge_times: false"
-    context.warn("W-EDGES", place, cause, fix)
+    slower = floor(speed * EDGES_PER_FRAME_MAX * telemetry / rate * 100) / 100
+    options = [f"set telemetry to {rate:.0f} Hz"] if _can_send(context, rate) else []
+    options += [f"lower limits.speed to {slower:g} m/s"] if slower >= 0.05 else []
+    options.append("set edge_times: false")
+    context.warn("W-EDGES", place, cause, join_words(options))
+
+
+def _can_send(context: CheckContext, rate: float) -> bool:
+    """True when the board and its link can send `rate` frames per second with edge times."""
+    maximum = declared(BoardSection)["telemetry"].bounds["maximum"]
+    protocol = context.values("link.protocol")
+    if rate > maximum or protocol is None or context.robot is None:
+        return False
+    frame = link_protocol.frame_bytes(protocol[0], True)
+    capacity = link_protocol.capacity(line_baud(context.robot))
+    return rate * frame <= link_protocol.TELEMETRY_LOAD_MAX * capacity
+
+
+def check_glitch(context: CheckContext) -> None:
+    """Compare the glitch time of each encoder with the shortest level at the rated speed."""
+    if context.values("link.protocol") != ("diffbot",):
+        return  # a rosserial board has no glitch filter that we could set
+    paths = ("encoder.glitch", "encoder.slots", "motor.rated")
+    values = {side: context.values(*(f"drive.{side}.{path}" for path in paths)) for side in SIDES}
+    if values["left"] == values["right"]:
+        del values["right"]
+        title = "encoders keep"
+    else:
+        title = ""
+    for side, value in values.items():
+        if value is not None and value[2] <= RATED_SPEED_MAX_RAD_S:
+            place = context.error_place(*(f"drive.{side}.{path}" for path in paths))
+            _check_side_glitch(context, title or f"{side} encoder keeps", place, *value)
+
+
+def _check_side_glitch(
+    context: CheckContext, title: str, place: Place | str, glitch: float, slots: int, rated: float
+) -> None:
+    level = shortest_level(slots, rated)
+    if glitch <= GLITCH_WARNED_RATIO * level:
+        return
+    cause = (
+        f"at the rated {rated / (2 * pi) * 60:.0f} rpm the {title} a level for "
+        f"{level * 1000:.3g} ms, and a level shorter than {glitch * 1000:g} ms is not counted"
+    )
+    default = default_glitch(slots, rated)
+    fix = f"set glitch to {default * 1e6:.0f} us, or leave it out for this default"
+    if glitch > GLITCH_REFUSED_RATIO * level:
+        context.error("E-GLITCH", place, f"{cause}: edges would be lost", fix)
+    else:
+        context.warn("W-GLITCH", place, f"{cause}: uneven slots would lose edges", fix)
 
 
 def check_polarity(context: CheckContext) -> None:

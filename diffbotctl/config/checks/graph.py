@@ -17,7 +17,8 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.node_ports import RESERVED, ROBOT, NodePorts
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import closest_match, join_words
-from diffbotctl.messages import fields
+from diffbotctl.message_types import full_name, type_name, type_problem
+from diffbotctl.messages import BUILT_IN, fields
 
 
 def check_names(context: CheckContext) -> None:
@@ -98,6 +99,24 @@ def _sources(value: Value) -> dict[str, Value]:
     return sources
 
 
+def check_message_types(context: CheckContext) -> None:
+    """Refuse message classes of other packages that cannot be recorded, and two of one name."""
+    first: dict[str, type] = {}
+    for name, block in context.block_classes.items():
+        ports = node_ports.of_block(block)
+        kinds = {port: declared.kind for port, declared in ports.inputs.items()} | ports.outputs
+        for port, kind in kinds.items():
+            if kind in BUILT_IN.values():
+                continue
+            problem = type_problem(kind)
+            if problem is None and first.setdefault(type_name(kind), kind) is not kind:
+                problem = f"{first[type_name(kind)].__module__} has one too", "rename one of them"
+            value = context.pipeline_value("blocks", name)
+            if problem is not None and value is not None:
+                cause = f"{type_name(kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
+                context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
+
+
 def check_wires(context: CheckContext) -> None:
     """Check both ends of every wire of the pipeline."""
     if context.pipeline_tree is None:
@@ -108,7 +127,11 @@ def check_wires(context: CheckContext) -> None:
     robot = context.pipeline_value("robot")
     if robot is not None:
         nodes["robot"] = node_ports.robot(context.robot)
+    for wire, use in context.inputs.items():
+        node, _, port = wire.partition(".")
+        nodes.setdefault(node, NodePorts({}, {})).outputs[port] = use.kind
     wiring = _Wiring(context, nodes)
+    wiring.check_programs()
     for name, value in nodes_with_inputs(context).items():
         if name in nodes:
             wiring.check_inputs(name, value)
@@ -124,7 +147,7 @@ def nodes_with_inputs(context: CheckContext) -> dict[str, Value]:
     return {**(blocks.entries if blocks else {}), **({"robot": robot} if robot else {})}
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class _Wiring:
     """Checks wires. `nodes` are the ports of every node whose ports could be found, by name."""
 
@@ -148,8 +171,18 @@ class _Wiring:
             elif not declared.optional and port not in misspelt:
                 self._report_unconnected(name, port, declared, wires or value)
 
+    def check_programs(self) -> None:
+        """Check the source of everything that programs read; any message type will do."""
+        for name, use in self.context.programs.items():
+            for port, wire in use.wires.items():
+                source = self.context.pipeline_value("programs", name, "in", port)
+                node, _, output = wire.partition(".")
+                outputs = self.nodes[node].outputs if node in self.nodes else {}
+                if source is not None:
+                    self._check_source(name, port, outputs.get(output, object), source)
+
     def _report_unconnected(self, name: str, port: str, declared: In, value: Value) -> None:
-        kind = declared.kind.__name__
+        kind = type_name(declared.kind)
         outputs = self._outputs_of(declared.kind, name)
         if not outputs:
             fix = f"add a block that outputs a {kind}"
@@ -198,8 +231,8 @@ class _Wiring:
         self, name: str, port: str, source: Value, carried: type, expected: type
     ) -> None:
         cause = (
-            f"{source.data} carries {_with_units(carried)}, "
-            f"but input '{port}' of '{name}' takes {_with_units(expected)}"
+            f"{source.data} carries {_with_units(carried, expected)}, "
+            f"but input '{port}' of '{name}' takes {_with_units(expected, carried)}"
         )
         outputs = self._outputs_of(expected, name)
         fix = "insert a block that converts it"
@@ -231,9 +264,15 @@ def _only_these(kind: str, names: Iterable[str]) -> str:
     return f"its {kind}s are {join_words(texts, 'and')}"
 
 
-def _with_units(kind: type) -> str:
-    """A message class with the units that it carries: `Twist (m/s, rad/s)`."""
+def _with_units(kind: type, other: type) -> str:
+    """A message class with the units that it carries: `Twist (m/s, rad/s)`.
+
+    With its package if the class `other`, which it is compared with, has the same name.
+    """
+    text = full_name(kind) if kind.__name__ == other.__name__ else type_name(kind)
+    if type_problem(kind) is not None:
+        return text
     units = dict.fromkeys(
         field.unit for name, (_, field) in fields(kind).items() if field.unit and name != "time"
     )
-    return f"{kind.__name__} ({', '.join(units)})" if units else kind.__name__
+    return f"{text} ({', '.join(units)})" if units else text

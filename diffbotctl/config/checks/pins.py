@@ -1,17 +1,15 @@
 """Checks of pins: each has the function it is wired for, and only one use."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal, NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS, MOTOR_INPUTS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
 
 PINS_SHOWN_MAX = 6  # pins listed in a fix
-REQUIRED_PINS = (("motor", "enable"), ("motor", "in1"), ("motor", "in2"), ("encoder", "pin"))
 PINLESS_SENSORS = ("lds01", "overhead_camera")
 
 PinRole = Literal["digital", "pwm", "interrupt", "analog"]
@@ -40,12 +38,12 @@ def check_pins(context: CheckContext) -> None:
         return
     board = BOARDS[board_type]
     if uart not in board.uarts:
-        cause = f"a {board.title} has no uart {uart}"
+        cause = f"{board.with_article} has no uart {uart}"
         fix = f"it has uart {join_words(board.uarts)}"
         context.error("E-LINK-UART", context.error_place("link.uart", "board.type"), cause, fix)
     elif uart not in board.links[protocol]:
         ports = join_words(board.links[protocol], "and")
-        cause = f"our firmware uses uart {ports} of a {board.title}, not {uart}"
+        cause = f"our firmware uses uart {ports} of {board.with_article}, not {uart}"
         other = board.links[protocol][-1]
         receive, transmit = board.uarts[other]
         pins = f"its TX to pin {receive}, its RX to pin {transmit}"
@@ -59,9 +57,9 @@ def check_pins(context: CheckContext) -> None:
 
 def _check_required(context: CheckContext) -> None:
     """Refuse `none` for a pin that a robot with a board must have."""
-    paths: list[tuple[str, ...]] = [
-        ("drive", side, *steps) for side in SIDES for steps in REQUIRED_PINS
-    ]
+    paths: list[tuple[str, ...]] = [("drive", side, "encoder", "pin") for side in SIDES]
+    for side in SIDES:
+        paths += [("drive", side, "motor", name) for name in _motor_inputs(context, side)]
     for name, sensor in (context.robot.sensors or {}).items() if context.robot else ():
         if sensor is not None and sensor.type in PINLESS_SENSORS:
             cause = f"{sensor.type} is supported only in the simulator: no board reads it"
@@ -76,6 +74,13 @@ def _check_required(context: CheckContext) -> None:
             cause = "only a robot that exists just in the simulator can omit this pin"
             fix = "set the pin number, or board: {type: simulated}"
             context.error("E-BOARD-PIN", value.place, cause, fix)
+
+
+def _motor_inputs(context: CheckContext, side: str) -> tuple[str, ...]:
+    """The inputs of the driver of this motor, by their keys; all when it is unknown."""
+    values = context.values(f"drive.{side}.motor.driver")
+    facts = MOTOR_DRIVERS.get(values[0]) if values else None
+    return facts.inputs() if facts else MOTOR_INPUTS["enable_in1_in2"]
 
 
 def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
@@ -93,12 +98,18 @@ def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
 
 def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
     """Every pin that the robot file names."""
-    pins: list[tuple[PinRole, str, str]] = [
-        ("digital", f"{side} direction input", f"drive.{side}.motor.{name}")
-        for side in SIDES
-        for name in ("in1", "in2")
-    ]
-    pins += [("pwm", f"{side} motor enable", f"drive.{side}.motor.enable") for side in SIDES]
+    pins: list[tuple[PinRole, str, str]] = []
+    for side in SIDES:
+        inputs = _motor_inputs(context, side)
+        for name in ("in1", "in2"):
+            if name in inputs:
+                role: PinRole = "digital" if "enable" in inputs else "pwm"
+                label = f"{side} direction input" if "enable" in inputs else f"{side} motor {name}"
+                pins.append((role, label, f"drive.{side}.motor.{name}"))
+    for side in SIDES:
+        if "enable" in _motor_inputs(context, side):
+            pins.append(("pwm", f"{side} motor enable", f"drive.{side}.motor.enable"))
+    pins.append(("digital", "driver's standby", "drive.left.motor.standby"))
     pins += [("interrupt", f"{side} encoder", f"drive.{side}.encoder.pin") for side in SIDES]
     for name in (context.robot.sensors or {}) if context.robot else ():
         pins.append(("analog", f"{name} sensor", f"sensors.{name}.pin"))
@@ -134,10 +145,9 @@ class _PinCheck(NamedTuple):
     def _problem(self, use: PinUse) -> tuple[str, str] | None:
         """Code and cause when the pin does not have the function, else None."""
         board, pin = self.board, use.pin
-        title = f"an {board.title}" if board.title.startswith("A") else f"a {board.title}"
         if not board.has(pin):
-            return "E-PIN-UNKNOWN", f"{title} has no pin {pin}"
-        pin_of_board = f"pin {pin} of {title}"
+            return "E-PIN-UNKNOWN", f"{board.with_article} has no pin {pin}"
+        pin_of_board = f"pin {pin} of {board.with_article}"
         if pin in self.serial:
             return "E-PIN-UART", f"{pin_of_board} carries {self.serial[pin]}"
         match use.role:

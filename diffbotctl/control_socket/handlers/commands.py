@@ -11,8 +11,9 @@ from math import isfinite
 from typing import Any, TypeVar
 
 from diffbotctl.block import actions
+from diffbotctl.config.declared_inputs import INPUT
 from diffbotctl.control_socket import requests
-from diffbotctl.control_socket.engine_channel import EngineRequest
+from diffbotctl.control_socket.engine_channel import EngineRequest, PublishInput
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.control_socket.requests import (
     TEXT_MAX_LENGTH,
@@ -23,6 +24,7 @@ from diffbotctl.control_socket.requests import (
 )
 from diffbotctl.control_socket.run_state import RequestContext, suggestion
 from diffbotctl.log import LEVEL
+from diffbotctl.message_parser import MessageError, message_parser
 from diffbotctl.messages import Call, Setting
 from diffbotctl.params import Declaration, declared
 from diffbotctl.units import UnitError, quantity
@@ -79,7 +81,7 @@ def handle_operator_lost(
 
 
 def handle_publish(context: RequestContext, request: requests.PublishRequest) -> EngineRequest:
-    """Publish as the operator; blocks and drivers alone publish on their wires."""
+    """Publish as the operator or on an input; blocks and drivers publish on their own wires."""
     name, message = request.topic, request.message
     if name.strip("/") in ("robot.wheels", "robot.duty", context.info.command):
         cause = f"{name} is a driver's input: motion passes the mux, the limits and the safety gate"
@@ -94,8 +96,22 @@ def handle_publish(context: RequestContext, request: requests.PublishRequest) ->
         case "operator.halt":
             return handle_stop(context, parse_request(requests.StopRequest, message))
     owner = wire.partition(".")[0]
-    fix = f"you may publish to {', '.join(PUBLISHABLE)}"
+    if owner == INPUT:
+        return _input_message(context, wire, message)
+    inputs = [wire for wire in context.state.wires if wire.startswith(f"{INPUT}.")]
+    fix = f"you may publish to {', '.join([*inputs, *PUBLISHABLE])}"
     raise RefusalError("E-REQUEST", f"only {owner} publishes {wire}", fix)
+
+
+def _input_message(context: RequestContext, wire: str, fields: Fields) -> PublishInput:
+    """A message for the declared input `wire`. Raises RefusalError for one of another type."""
+    parsers = context.state.parsers
+    if wire not in parsers:
+        parsers[wire] = message_parser(context.state.wires[wire])
+    try:
+        return PublishInput(wire, parsers[wire](fields))
+    except MessageError as error:
+        raise RefusalError("E-REQUEST", f"{wire}: {error}", "see `topic type`") from None
 
 
 def handle_list_parameters(

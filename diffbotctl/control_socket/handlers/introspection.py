@@ -11,8 +11,10 @@ from diffbotctl.control_socket.requests import ALL
 from diffbotctl.control_socket.run_state import RequestContext
 from diffbotctl.control_socket.stop_explanation import explain_stop
 from diffbotctl.graph import Node
+from diffbotctl.message_types import type_name
 from diffbotctl.messages import LOG_LEVELS, Message
-from diffbotctl.recording.json_codec import json_schema, plain
+from diffbotctl.recording.json_codec import plain
+from diffbotctl.recording.message_schema import json_schema
 
 
 def handle_list_topics(context: RequestContext, request: requests.ListTopicsRequest) -> Fields:
@@ -32,7 +34,7 @@ def handle_describe_topic(
     kind = context.state.wires[wire]
     newest = context.state.newest.get(wire)
     last = None if newest is None else plain(newest)
-    return {"topic": wire, "type": kind.__name__, "schema": json_schema(kind), "last": last}
+    return {"topic": wire, "type": type_name(kind), "schema": json_schema(kind), "last": last}
 
 
 def handle_subscribe(context: RequestContext, request: requests.SubscribeRequest) -> Fields:
@@ -57,7 +59,7 @@ def rate_of(context: RequestContext, wire: str) -> Fields:
     rate = context.state.rate(wire)
     gaps = {"least_gap": rate.least_gap, "most_gap": rate.most_gap}
     return {
-        "type": context.state.wires[wire].__name__,
+        "type": type_name(context.state.wires[wire]),
         "rate": rate.rate,
         **{name: gap if isfinite(gap) else None for name, gap in gaps.items()},
         "messages": rate.messages,

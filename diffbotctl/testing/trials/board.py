@@ -10,18 +10,19 @@ from itertools import pairwise
 from pathlib import Path
 from random import Random
 from statistics import median
+from typing import NamedTuple
 
 from diffbotctl.emulator.process import BROWNOUT, LINE, PinTransition
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
+from diffbotctl.links.diffbot_settings import WheelSettings
 from diffbotctl.testing.board_bench import (
-    BOOK,
     ENCODERS,
     MS,
     RADIO,
-    USB,
     BoardBench,
     speed,
+    trial_board,
     wire_ns,
 )
 from diffbotctl.testing.trials.row import Row
@@ -29,19 +30,23 @@ from diffbotctl.testing.trials.row import Row
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 DEADMAN_TARGET = 320 * MS
 COMMAND_BYTES = 10
-SPARE_STACK = 1024  # bytes; more than any interrupt on top of any function takes
+# Bytes of stack never used; more than any interrupt on top of any function takes.
+SPARE_STACK = {frames.BoardCode.MEGA2560: 1024, frames.BoardCode.ATMEGA328P: 400}
+# Bytes; those of the ATmega328P leave 900 of its 2048 for the stack.
+STATIC_RAM_MAX = {"mega2560": 1400, "atmega328p": 1100}
 
 
 def image() -> Iterator[Row]:
-    """Size of the image, as the build tells it."""
+    """Size of each image, as the build tells it."""
     done = subprocess.run(
         ["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True
     )
-    found = re.search(r"flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
-    assert found is not None, done.stdout
-    flash, ram = int(found[1]), int(found[2])
-    yield Row("image: flash", f"{flash} B", "<= 8192 B", flash <= 8192)
-    yield Row("image: static RAM", f"{ram} B", "<= 1400 B", ram <= 1400)
+    sizes = re.findall(r"(\w+): flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
+    assert {name for name, *_ in sizes} == set(STATIC_RAM_MAX), done.stdout
+    for name, flash, ram in sizes:
+        most = STATIC_RAM_MAX[name]
+        yield Row(f"{name} image: flash", f"{flash} B", "<= 18432 B", int(flash) <= 18_432)
+        yield Row(f"{name} image: static RAM", f"{ram} B", f"<= {most} B", int(ram) <= most)
 
 
 def latency(seed: int, count: int) -> Iterator[Row]:
@@ -99,14 +104,13 @@ def telemetry(seconds: int) -> Iterator[Row]:
         gaps + dropped + damaged == 0,
     )
     stack = min(each.value for each in status if each.item == frames.ItemCode.FREE_STACK)
-    yield Row(
-        "stack never used meanwhile", f"{stack} B", f">= {SPARE_STACK} B", stack >= SPARE_STACK
-    )
+    least = SPARE_STACK[trial_board().settings.board]
+    yield Row("stack never used meanwhile", f"{stack} B", f">= {least} B", stack >= least)
 
 
 def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
     """Edges on both channels at once, without a glitch filter."""
-    with BoardBench(settings=replace(BOOK, glitch=0)) as bench:
+    with BoardBench(settings=replace(trial_board().settings, glitch=0)) as bench:
         bench.ready()
         before = bench.state()
         period, count = 1_000_000_000 // rate, int(rate * seconds)
@@ -186,7 +190,7 @@ def refused_settings(seed: int, count: int) -> Iterator[Row]:
     wrong = kept = refused = 0
     with BoardBench() as bench:
         bench.ready()
-        mark = BOOK.mark()
+        mark = trial_board().settings.mark()
         for _ in range(count):
             bad = spoil(rng)
             answer = bench.configure(bad)
@@ -198,21 +202,38 @@ def refused_settings(seed: int, count: int) -> Iterator[Row]:
     yield Row("old settings kept", f"{kept} of {count}", "all", kept == count and still)
 
 
-LINKS = {0, 1, 18, 19}
-NO_PWM = {*range(70)} - {2, 3, 4, 5, 6, 7, 8, 9, 10, 13, 44, 45, 46}
-NO_INTERRUPT = {*range(70)} - {2, 3, 20, 21}
-MISSING = {*range(70, 255)}
-USED = {5, 6, 7, 2, 8, 9, 10, 3}
+class PinSets(NamedTuple):
+    """Pins of a board, by hand from its drawing; `digital`: how many, `first`: A0."""
+
+    links: set[int]
+    pwm: set[int]
+    interrupts: set[int]
+    digital: int
+    first: int
+    analogs: int
+
+
+PINS = {
+    frames.BoardCode.MEGA2560: PinSets(
+        {0, 1, 18, 19}, {*range(2, 11), 13, 44, 45, 46}, {2, 3, 20, 21}, 70, 54, 16
+    ),
+    frames.BoardCode.ATMEGA328P: PinSets({0, 1}, {5, 6, 9, 10}, {2, 3}, 20, 14, 8),
+}
 
 
 def spoil(rng: Random) -> frames.SettingsFrame:
     """The book robot's settings, one field of them unusable."""
-    good = BOOK.frame()
+    settings = trial_board().settings
+    good, pins = settings.frame(), PINS[settings.board]
+    used = {pin for side in (settings.left, settings.right) for pin in _pins_of(side)}
+    missing = {*range(pins.digital, 255)}
+    no_pwm = {*range(pins.digital)} - pins.pwm
+    no_interrupt = {*range(pins.digital)} - pins.interrupts
     mandatory = {
-        "left_enable": NO_PWM,
-        "right_enable": NO_PWM,
-        "left_encoder": NO_INTERRUPT,
-        "right_encoder": NO_INTERRUPT,
+        "left_enable": no_pwm,
+        "right_enable": no_pwm,
+        "left_encoder": no_interrupt,
+        "right_encoder": no_interrupt,
     }
     choices: dict[str, list[int]] = {}
     for field in (
@@ -225,36 +246,46 @@ def spoil(rng: Random) -> frames.SettingsFrame:
         "right_in2",
         "right_encoder",
     ):
-        bad = LINKS | MISSING | {255} | (USED - {getattr(good, field)})
+        bad = pins.links | missing | {255} | (used - {getattr(good, field)})
         choices[field] = sorted(bad | mandatory.get(field, set()) - {getattr(good, field)})
     for field in ("left_encoder_b", "right_encoder_b", "button"):
-        choices[field] = sorted(LINKS | MISSING | USED | {54})  # 54 is A0, the range sensor's
-    choices["range"] = [*range(16, 255)]
-    choices["battery"] = [0, *range(16, 255)]
+        choices[field] = sorted(pins.links | missing | used | {pins.first})  # the range sensor's
+    choices["range"] = [*range(pins.analogs, 255)]
+    choices["battery"] = [0, *range(pins.analogs, 255)]
     choices["edge"] = [0]
     choices["reserved"] = [1, 2, 3]
     choices["baud"] = [*range(5, 256)]
     choices["telemetry"] = [0, 101, 40_000, 65_535]
-    choices["slots"] = [0, 10_001, 65_535]
+    choices["left_slots"] = choices["right_slots"] = [0, 10_001, 65_535]
+    choices["driver"] = [*range(1, 256)]  # 1 and 2 have other pins
+    choices["standby"] = sorted(pin + 1 for pin in used | pins.links | missing - {254})
+    choices["battery_low"] = [frames.ANALOG_ONE + 1, 65_535]
     choices["glitch"] = [50_001, 65_535]
     choices["deadman"] = [0, 1, 99, 501, 65_535]
     for field in (
         "left_start",
         "left_gain",
+        "left_proportional",
+        "left_integral",
         "right_start",
         "right_gain",
-        "proportional",
-        "integral",
+        "right_proportional",
+        "right_integral",
     ):
         choices[field] = [frames.GAIN_MAXIMUM + 1, 32_768, 65_535]
     field = rng.choice(sorted(choices))
     return good._replace(**{field: rng.choice(choices[field])})
 
 
+def _pins_of(side: WheelSettings) -> tuple[int, ...]:
+    assert side.enable is not None and side.in2 is not None, "an L298N's"
+    return side.enable, side.in1, side.in2, side.encoder
+
+
 def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
     """Power fails while settings are written, at every byte; that byte is left at random."""
     rng = Random(seed)
-    new = replace(BOOK, slots=21)
+    new = replace(trial_board().settings, glitch=3 * MS)
     shots: list[tuple[bytes, bytes]] = []
     with BoardBench() as bench:
         bench.ready()
@@ -267,7 +298,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
             if after != before:
                 shots.append((before, after))
                 before = after
-    marks = {BOOK.mark(), new.mark()}
+    marks = {trial_board().settings.mark(), new.mark()}
     valid = 0
     cuts = [shots[index % len(shots)] for index in range(max(count, len(shots)))]
     for old, written in cuts:
@@ -362,7 +393,7 @@ def deadman(seed: int, count: int) -> Iterator[Row]:
 
 def _trial(bench: BoardBench, rng: Random, kind: str) -> tuple[int, bool]:
     """One cut: ns from the last valid command to PWM 0, and whether anything moved after that."""
-    owner = rng.choice((RADIO, USB))
+    owner = rng.choice(trial_board().ports)
     bench.wait(600)
     bench.claim(owner, rng.randrange(16))
     bench.turn(3.0, rate=50)
@@ -395,12 +426,15 @@ def _intrude(
     last: frames.CommandFrame,
 ) -> None:
     foreign = 1 - owner
+    if foreign not in trial_board().ports and kind in ("second host", "replay"):
+        return  # the board has no other port
     if kind == "half frame":
         if not bench.heard or rng.random() < 0.1:
             bench.send(owner, encode(last)[: rng.randrange(1, 9)])
     elif kind == "garbage":
         bench.send(owner, rng.randbytes(rng.randrange(40)))
-        bench.send(foreign, rng.randbytes(rng.randrange(40)))
+        if foreign in trial_board().ports:
+            bench.send(foreign, rng.randbytes(rng.randrange(40)))
     elif kind == "half frames":
         bench.send(owner, encode(last)[: rng.randrange(1, 9)] + b"\0")
     elif kind == "second host":

@@ -16,6 +16,7 @@ from diffbotctl.links.diffbot_frames import ResetCode
 from diffbotctl.messages import Goal, Odometry, Text
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import PortRobot, Run
+from diffbotctl.testing.board_bench import trial_board
 from diffbotctl.testing.trials.row import Row
 
 MS = 1_000_000
@@ -78,7 +79,7 @@ class StruckRun(Run):
         self.step = 0.0
         self._last: Odometry | None = None
         super().__init__(
-            load("goal", "book_2wd", (), real=False),
+            load("goal", trial_board().robot, (), real=False),
             RunOptions(port="emulated", goals=(goal,), seed=seed, fast=True, duration=LONGEST),
             tell=lambda _: None,
         )

@@ -17,12 +17,12 @@ from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import (
-    BOOK,
     ENCODERS,
     MS,
     RADIO,
     BoardBench,
     speed,
+    trial_board,
 )
 from diffbotctl.testing.trials.row import Row
 
@@ -80,7 +80,7 @@ def _trip(rng: Random, within: tuple[float, float], seed: int) -> Trip:
 
 
 def _drive(goal: Goal, seed: int) -> tuple[RunResult, DiffbotHost]:
-    configuration = load("goal", "book_2wd", (), real=False)
+    configuration = load("goal", trial_board().robot, (), real=False)
     run = Run(
         configuration,
         RunOptions(
@@ -119,10 +119,13 @@ def agreement(seed: int, count: int) -> Iterator[Row]:
 
 def _compare(rng: Random) -> list[float]:
     """One wheel, commands and edges at random; differences of duty, sampled away from changes."""
-    side = replace(BOOK.left, start=0.10, gain=0.086)
-    settings = replace(BOOK, left=side, proportional=0.01, integral=rng.uniform(0.01, 0.05))
-    gains = SpeedGains(0.10, 0.086, 0.01, settings.integral)
-    model = WheelSpeedLoop(gains, settings.slots)
+    gains = SpeedGains(0.10, 0.086, 0.01, rng.uniform(0.01, 0.05))
+    bench_settings = trial_board().settings
+    side = replace(
+        bench_settings.left, start=0.10, gain=0.086, proportional=0.01, integral=gains.integral
+    )
+    settings = replace(bench_settings, left=side)
+    model = WheelSpeedLoop(gains, side.slots)
     differences = []
     with BoardBench(settings=settings) as bench:
         bench.ready()
@@ -134,7 +137,7 @@ def _compare(rng: Random) -> list[float]:
                 bench.claim()
             if step % 10 == 0:
                 target = rng.choice((-1, 1)) * rng.uniform(1, 9)
-                rate = abs(target) * settings.slots / (2 * pi) * rng.uniform(0.8, 1.2)
+                rate = abs(target) * side.slots / (2 * pi) * rng.uniform(0.8, 1.2)
             bench.send(RADIO, speed(step, target, target))
             start = bench.now
             quantised = round(target * 256) / 256

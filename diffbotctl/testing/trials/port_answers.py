@@ -18,7 +18,7 @@ from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import RunError
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links import stk500_frames
-from diffbotctl.links.diffbot_codec import encode
+from diffbotctl.links.diffbot_codec import encode, encode_payload, pack
 from diffbotctl.testing.book_board import BookBoard
 
 Say = Callable[[bytes], bytes]  # what was heard in, what is said out
@@ -76,6 +76,13 @@ def newer() -> Say:
     return lambda heard: encode(hello) if heard else b""
 
 
+def older() -> Say:
+    """Our firmware of version 1 of the protocol, whose hello is shorter."""
+    hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(version=1)
+    wire = encode_payload(pack(hello)[: frames.VERSION_1_BYTES[frames.HelloFrame]])
+    return lambda heard: wire if heard else b""
+
+
 POLL_PERIOD_S = 0.02  # s between two answers
 ANSWERS = [
     Answer("silent board", "ttyUSB0", silent, "E-PORT-SILENT", "reset button"),
@@ -83,6 +90,7 @@ ANSWERS = [
     Answer("garbage: wrong baud rate", "rfcomm0", noise, "E-BOARD-UNKNOWN", "baud rate"),
     Answer("bootloader, no program", "ttyACM0", blank, "E-BOARD-BLANK", "flash firmware"),
     Answer("the book's rosserial", "rfcomm0", book, "E-BOARD-ROSSERIAL", "book_2wd_stock"),
+    Answer("a firmware of version 1", "rfcomm0", older, "E-BOARD-VERSION", "flash firmware"),
     Answer("a later firmware", "rfcomm0", newer, "E-BOARD-VERSION", "upgrade diffbotctl"),
 ]
 

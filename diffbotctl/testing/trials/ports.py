@@ -339,7 +339,10 @@ SITUATIONS = [
     ),
     Situation("ModemManager lies in wait", modem, A, "W-PORT-MODEM", "modem", "doctor --fix"),
     Situation("ModemManager was told", modem_told, A, ""),
-    Situation("an Uno", known((0x2341, 0x0043)), U, "W-PORT-BOARD", "Uno", "book_2wd_stock"),
+    Situation("an Uno", known((0x2341, 0x0043)), U, ""),
+    Situation(
+        "a Leonardo", known((0x2341, 0x8036)), U, "W-PORT-BOARD", "Leonardo", "book_2wd_stock"
+    ),
     Situation(
         "a phone modem",
         known((0x12D1, 0x1506)),

@@ -13,8 +13,9 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.load import load
+from diffbotctl.geometry.footprint import distance_to_segment
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.collision import BodyOutline, clearance, to_segment
+from diffbotctl.plant.collision import BodyOutline, clearance
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
@@ -58,7 +59,7 @@ def world_of(rng: Random) -> World:
         x, y = rng.uniform(-wide, wide), rng.uniform(-deep, deep)
         length, bearing = rng.uniform(*PARTITION), rng.uniform(-pi, pi)
         wall = Wall(x, y, x + length * cos(bearing), y + length * sin(bearing))
-        if to_segment((0.0, 0.0), wall) > START_ROOM:
+        if distance_to_segment(0.0, 0.0, *wall) > START_ROOM:
             walls.append(wall)
     return World(walls, rounds)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from rich import box
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.panel import Panel
 
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient
+from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.dash import panels
 from diffbotctl.ui.dash.state import REQUESTS, RunView
 from diffbotctl.ui.map.layers import draw_map, overview_camera
@@ -24,13 +25,13 @@ def print_once(engine: EngineAddress, fields: list[str], plain: bool) -> None:
             view.take_reply(request, client.request(request, **arguments))
     finally:
         client.close()
-    _print_panels(view, Console(highlight=False), plain)
+    _print_panels(view, PrintableConsole(highlight=False), plain)
     for name in fields:
         history = view.numbers.get(name)
         print(f"{name} {history[-1][1]:.6g}" if history else f"{name} unknown")
 
 
-def _print_panels(view: RunView, console: Console, plain: bool) -> None:
+def _print_panels(view: RunView, console: PrintableConsole, plain: bool) -> None:
     console.print(panels.title_line(view))
     if view.held:
         console.print(panels.stop_banner(view))

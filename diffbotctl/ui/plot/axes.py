@@ -8,7 +8,10 @@ from typing import NamedTuple
 ROUND_STEPS = (1.0, 2.0, 5.0, 10.0)  # times a power of ten
 RELATIVE_TOLERANCE = 1e-9  # a curve that varies less, relative to its values, is a constant
 CONSTANT_MARGIN = 0.5  # room around a constant: share of its value, or units around zero
+VALUE_MAX = 1e300  # greater values are drawn at the edge: their differences may overflow
+SPAN_MIN = 1e-300  # a smaller span is a constant: its steps may underflow
 LABEL_MAX_VALUE = 1e6  # greater numbers are written with an exponent
+DECIMALS_MAX = 9  # finer steps are written with an exponent
 
 
 class Axis(NamedTuple):
@@ -20,7 +23,8 @@ class Axis(NamedTuple):
     decimals: int
 
     def share(self, value: float) -> float:
-        """The position of `value`: 0 at the minimum, 1 at the maximum."""
+        """The position of `value`: 0 at the minimum or below, 1 at the maximum or above."""
+        value = min(max(value, self.minimum), self.maximum)
         return (value - self.minimum) / (self.maximum - self.minimum)
 
     def position(self, value: float, size: int, is_reversed: bool = False) -> int:
@@ -30,7 +34,7 @@ class Axis(NamedTuple):
 
     def label(self, value: float) -> str:
         """A tick as text; all ticks of an axis have the same number of decimals."""
-        if abs(value) >= LABEL_MAX_VALUE:
+        if abs(value) >= LABEL_MAX_VALUE or self.decimals > DECIMALS_MAX:
             return f"{value:.3g}"
         text = f"{value:.{self.decimals}f}"
         return text.removeprefix("-") if float(text) == 0.0 else text
@@ -41,7 +45,8 @@ def make_axis(minimum: float, maximum: float, ticks: int) -> Axis:
 
     Values that hardly vary get room above and below.
     """
-    if maximum - minimum <= RELATIVE_TOLERANCE * max(abs(minimum), abs(maximum)):
+    minimum, maximum = (min(max(end, -VALUE_MAX), VALUE_MAX) for end in (minimum, maximum))
+    if maximum - minimum <= max(SPAN_MIN, RELATIVE_TOLERANCE * max(abs(minimum), abs(maximum))):
         margin = CONSTANT_MARGIN * abs(minimum) or CONSTANT_MARGIN
         minimum, maximum = minimum - margin, maximum + margin
     spacing = (maximum - minimum) / max(ticks, 1)

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from io import BytesIO
 from itertools import groupby
 from math import isnan
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 from diffbotctl.errors import Problem, UsageError
@@ -78,27 +77,6 @@ def make_figure(plotted: Sequence[Series], title: str) -> Figure:
     unit_y = bottom + 2 * FONT_SIZE + 10
     shapes.append(FigureText(FIGURE_WIDTH - RIGHT, unit_y, "s since the start", "end"))
     return Figure(FIGURE_WIDTH, bottom + BOTTOM, tuple(shapes))
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write the figure as SVG or PNG, chosen by the suffix of `path`.
-
-    Raises UsageError for another suffix, a path that cannot be written, or a missing library.
-    """
-    encoders = {".svg": encode_svg, ".png": encode_png}
-    encode = encoders.get(path.suffix.lower())
-    if encode is None:
-        cause = "a picture is written as .svg or .png"
-        raise UsageError(Problem("E-PICTURE", str(path), cause, "give --output x.svg"))
-    try:
-        path.write_bytes(encode(figure))
-    except ImportError as error:
-        cause = "a PNG needs the library Pillow, which is not installed"
-        fix = "pip install pillow, or write an .svg"
-        raise UsageError(Problem("E-PICTURE", str(path), cause, fix)) from error
-    except OSError as error:
-        cause = f"cannot write there: {error.strerror}"
-        raise UsageError(Problem("E-PICTURE", str(path), cause)) from error
 
 
 def encode_svg(figure: Figure) -> bytes:
@@ -171,8 +149,15 @@ PNG_ANCHORS = {"start": "ls", "middle": "ms", "end": "rs"}  # Pillow's names; s 
 
 
 def encode_png(figure: Figure) -> bytes:
-    """The figure as a PNG file. Raises ImportError without Pillow."""
-    from PIL import Image, ImageDraw, ImageFont  # an optional dependency, needed for PNG only
+    """The figure as a PNG file. Raises UsageError without Pillow."""
+    try:
+        # An optional dependency, needed for PNG only.
+        from PIL import Image, ImageDraw, ImageFont
+        from PIL.PngImagePlugin import PngInfo
+    except ImportError as error:
+        cause = "a PNG needs the library Pillow, which is not installed"
+        fix = "pip install pillow, or write an .svg"
+        raise UsageError(Problem("E-PICTURE", "--output", cause, fix)) from error
 
     image = Image.new("RGB", (figure.width * PNG_SCALE, figure.height * PNG_SCALE), "white")
     draw = ImageDraw.Draw(image)
@@ -184,6 +169,8 @@ def encode_png(figure: Figure) -> bytes:
         else:
             place = (shape.x * PNG_SCALE, shape.y * PNG_SCALE)
             draw.text(place, shape.text, shape.colour, font, anchor=PNG_ANCHORS[shape.anchor])
+    mark = PngInfo()
+    mark.add_text("Software", "diffbotctl")  # a registered keyword, PNG specification, 11.3.4.2
     file = BytesIO()
-    image.save(file, "PNG")
+    image.save(file, "PNG", pnginfo=mark)
     return file.getvalue()

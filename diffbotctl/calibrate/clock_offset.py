@@ -1,0 +1,56 @@
+"""Alignment of two clocks: that of the counts and that of the true poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, RecordedDrive
+
+CLOCK_OFFSET_MAX_S = 0.3  # larger ones are mistakes in the files
+CLOCK_OFFSET_STEP_S = 0.005  # at 1 rad/s a third of a degree
+CLOCK_OFFSET_POSES_MIN = 40  # in one drive
+CLOCK_OFFSET_POSES_MAX = 4000  # of a long drive; the first ones are sufficient
+MOVING_MEAN_PERIOD_S = 2.0  # shorter than most drift, longer than a turn
+POSE_PERIOD_MAX_S = 0.2  # at longer periods, chords between poses hide the offset
+MISMATCH_RATIO_MAX = 0.98  # after over before; above, the robot hardly turned
+
+
+def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
+    """The delay (s) of the counts that fits the true headings best; 0 if it cannot be seen."""
+    if len(drive.rows) < CLOCK_OFFSET_POSES_MIN:
+        return 0.0
+    rolled = drive.turns * np.pi * (geometry.right, geometry.left)
+    headings = (rolled[:, 0] - rolled[:, 1]) / geometry.track
+    poses = drive.poses[:CLOCK_OFFSET_POSES_MAX]
+    times = drive.times[drive.rows[:CLOCK_OFFSET_POSES_MAX]]
+    true = np.unwrap(poses[:, 2])
+    period = max(float(np.median(np.diff(times))), CLOCK_OFFSET_STEP_S)
+    if period > POSE_PERIOD_MAX_S:
+        return 0.0
+    span = min(2 * int(MOVING_MEAN_PERIOD_S / period / 2) + 1, 2 * (len(times) // 4) + 1)
+    step = CLOCK_OFFSET_STEP_S
+    offsets = np.arange(-CLOCK_OFFSET_MAX_S, CLOCK_OFFSET_MAX_S + step / 2, step)
+    mismatches = [
+        _detrended_sd(np.interp(times - offset, drive.times, headings) - true, span)
+        for offset in offsets
+    ]
+    best = int(np.argmin(mismatches))
+    limit = MISMATCH_RATIO_MAX * mismatches[len(offsets) // 2]
+    return float(offsets[best]) if mismatches[best] < limit else 0.0
+
+
+def delay_counts(drive: RecordedDrive, offset: float) -> RecordedDrive:
+    """The drive with its counts delayed by `offset` s, without the poses that have no counts."""
+    times = drive.times[drive.rows] - offset
+    inside = (times >= drive.times[0]) & (times <= drive.times[-1])
+    turns = drive.turns_at(drive.times - offset)
+    return replace(drive, turns=turns, rows=drive.rows[inside], poses=drive.poses[inside])
+
+
+def _detrended_sd(mismatch: Floats, span: int) -> float:
+    """Standard deviation around the moving mean over `span` poses."""
+    padded = np.pad(mismatch, span // 2, mode="edge")
+    sums = np.cumsum(np.concatenate(([0.0], padded)))
+    return float(np.std(mismatch - (sums[span:] - sums[:-span]) / span))

@@ -1,0 +1,211 @@
+"""Posterior of wheel diameters and track, given the measured ends of drives.
+
+The unknowns are the natural logarithms of mean diameter, wheel ratio and track: for a robot of any
+size, 1 % of each has the same weight. They are found by Gauss-Newton iterations; the noise of the
+ends is averaged over (end_noise.py), and each drive may have been measured or noted wrongly with a
+small probability, as in a mixture model (Box & Tiao, "A Bayesian approach to some outlier
+problems", Biometrika 55, 1968), so that one wrong end does not spoil the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import exp, log, pi
+
+import numpy as np
+
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, Segment
+from diffbotctl.calibrate.end_noise import (
+    UNKNOWN_VARIANCE,
+    Linearized,
+    NoiseGrid,
+    linearize,
+)
+
+ITERATIONS_MAX = 30
+STEP_TOLERANCE = 1e-7
+LOG_STEP_MAX = 0.1  # the linearization does not hold further
+BAD_PROBABILITY = 0.02  # of a drive whose end was measured or noted wrongly
+WRONG_END_RATIO = 0.5  # of the distance rolled: a wrong end lies anywhere within
+REACH_MIN_M = 0.05
+# Relative standard deviations of what the robot file states, by measuring with a ruler.
+DIAMETER_SD = 0.02
+RATIO_SD, TRACK_SD = 0.10, 0.30
+
+
+@dataclass(frozen=True, slots=True)
+class GeometryPrior:
+    """The stated geometry, and relative standard deviations of mean, ratio and track."""
+
+    stated: Geometry
+    sds: tuple[float, float, float] = (DIAMETER_SD, RATIO_SD, TRACK_SD)
+
+    def offset(self, geometry: Geometry) -> Floats:
+        """(3,): logarithms of `geometry` over the stated one."""
+        stated = self.stated
+        ratios = (geometry.mean / stated.mean, geometry.ratio / stated.ratio)
+        return np.array([log(ratio) for ratio in (*ratios, geometry.track / stated.track)])
+
+    def log_density(self, geometry: Geometry) -> float:
+        """Of `geometry`, not normalized."""
+        return float(-0.5 * ((self.offset(geometry) / self.sds) ** 2).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The most likely geometry."""
+
+    geometry: Geometry
+    score: float
+    """logarithm of the evidence, by the posterior around this geometry"""
+    good: Floats
+    """(segments,): probability that each end is not wrong"""
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Mean and covariance of the logarithms of mean diameter, ratio and track."""
+
+    geometry: Geometry
+    covariance: Floats
+    """(3, 3)"""
+    noise: tuple[float, float, float, float]
+    """expected slip (m per square root of m), position (m), heading and start heading (rad)"""
+
+    def with_mean(self, mean: float) -> Posterior:
+        """The posterior given this mean diameter (m); its covariance is kept."""
+        change = log(mean / self.geometry.mean)
+        step = self.covariance[:, 0] / self.covariance[0, 0] * change
+        return replace(self, geometry=apply_log_step(self.geometry, step))
+
+
+def apply_log_step(geometry: Geometry, step: Floats) -> Geometry:
+    """`geometry` with the logarithms of mean, ratio and track increased by `step`."""
+    mean, ratio, track = map(exp, step)
+    scaled = Geometry(geometry.right * mean, geometry.left * mean, geometry.track)
+    return scaled.reshaped(geometry.ratio * ratio, geometry.track * track)
+
+
+def solve(
+    segments: Sequence[Segment],
+    weights: Floats,
+    start: Geometry,
+    prior: GeometryPrior,
+    noise: NoiseGrid,
+) -> Solution:
+    """The most likely geometry near `start`; `weights` (segments,) discount overlapping segments.
+
+    Expectation maximization over the noise and over wrong ends, with Gauss-Newton steps.
+    """
+    geometry = start
+    precision = np.diag(1 / np.square(prior.sds))
+    wrong = log_wrong_density(segments, start)
+    for _ in range(ITERATIONS_MAX):
+        linear = linearize(segments, geometry)
+        expectation = _expect(linear, weights, noise, wrong)
+        normal = precision + _normal(linear, expectation.precisions)
+        gradient = precision @ prior.offset(geometry) + _gradient(linear, expectation.precisions)
+        step = np.clip(-np.linalg.solve(normal, gradient), -LOG_STEP_MAX, LOG_STEP_MAX)
+        geometry = apply_log_step(geometry, step)
+        if np.abs(step).max() < STEP_TOLERANCE:
+            break
+    linear = linearize(segments, geometry)
+    expectation = _expect(linear, weights, noise, wrong)
+    # Laplace's approximation of the evidence: one good point among many bad ones proves little.
+    _, log_determinant = np.linalg.slogdet(precision + _normal(linear, expectation.precisions))
+    score = expectation.log_likelihood + prior.log_density(geometry) - 0.5 * log_determinant
+    return Solution(geometry, float(score), expectation.good)
+
+
+@dataclass(frozen=True, slots=True)
+class _Expectation:
+    log_likelihood: float
+    good: Floats
+    precisions: Floats
+    """(segments, 3, 3): expected inverse covariances"""
+
+
+def _expect(linear: Linearized, weights: Floats, noise: NoiseGrid, wrong: Floats) -> _Expectation:
+    covariances = linear.covariances(noise)
+    right = log(1 - BAD_PROBABILITY) + linear.log_densities(covariances)
+    mixture = np.logaddexp(right, log(BAD_PROBABILITY) + wrong)
+    logs = noise.log_prior + mixture @ weights
+    total = float(np.logaddexp.reduce(logs))
+    responsibility = np.exp(logs - total)[:, None] * np.exp(right - mixture)
+    precisions = np.einsum("gn,gnij->nij", responsibility * weights, np.linalg.inv(covariances))
+    return _Expectation(total, responsibility.sum(axis=0), precisions)
+
+
+def log_wrong_density(segments: Sequence[Segment], geometry: Geometry) -> Floats:
+    """(segments,): density of an end that has nothing to do with the drive."""
+    logs = []
+    for segment in segments:
+        rolled = float(np.abs(segment.rolled).sum(axis=0).max()) * geometry.mean
+        radius = max(WRONG_END_RATIO * rolled, REACH_MIN_M)
+        known = bool(np.isfinite(segment.motion[2]))
+        heading = 1 / (2 * pi) if known else 1 / (2 * pi * UNKNOWN_VARIANCE) ** 0.5
+        # Beyond the reach the density falls with the cube of the distance: a unit may be wrong.
+        beyond = max(float(np.hypot(*segment.motion[:2])) / rolled if rolled else 1.0, 1.0)
+        logs.append(log(heading / (pi * radius**2)) - 3 * log(beyond))
+    return np.array(logs)
+
+
+def _normal(linear: Linearized, precisions: Floats) -> Floats:
+    jacobians = linear.jacobians
+    return np.asarray(np.einsum("nki,nkl,nlj->ij", jacobians, precisions, jacobians))
+
+
+def _gradient(linear: Linearized, precisions: Floats) -> Floats:
+    return np.asarray(np.einsum("nki,nkl,nl->i", linear.jacobians, precisions, linear.residuals))
+
+
+def posterior(
+    segments: Sequence[Segment],
+    weights: Floats,
+    geometry: Geometry,
+    prior: GeometryPrior,
+    noise: NoiseGrid,
+) -> Posterior:
+    """The posterior of drives without wrong ends; `geometry` is near its maximum.
+
+    For each combination of noise the posterior is normal; their mixture is returned by its mean and
+    covariance.
+    """
+    linear = linearize(segments, geometry)
+    covariances = linear.covariances(noise)
+    inverses = np.linalg.inv(covariances) * weights[None, :, None, None]
+    precision = np.diag(1 / np.square(prior.sds))
+    jacobians, residuals = linear.jacobians, linear.residuals
+    normal = precision + np.einsum("nki,gnkl,nlj->gij", jacobians, inverses, jacobians)
+    offset = precision @ prior.offset(geometry)
+    gradient = offset + np.einsum("nki,gnkl,nl->gi", jacobians, inverses, residuals)
+    steps = -np.linalg.solve(normal, gradient[..., None])[..., 0]
+    # Evidence of each combination, with the geometry integrated out.
+    logs = noise.log_prior + linear.log_densities(covariances) @ weights
+    logs = logs - 0.5 * (gradient * steps).sum(axis=1) - 0.5 * np.linalg.slogdet(normal)[1]
+    share = np.exp(logs - np.logaddexp.reduce(logs))
+    mean = share @ steps
+    deviations = steps - mean
+    covariance = np.einsum("g,gij->ij", share, np.linalg.inv(normal))
+    covariance += np.einsum("g,gi,gj->ij", share, deviations, deviations)
+    grid = (noise.slip, noise.position, noise.heading, noise.start)
+    expected = [float((share @ values**2) ** 0.5) for values in grid]
+    return Posterior(
+        apply_log_step(geometry, mean),
+        np.asarray(covariance),
+        (expected[0], expected[1], expected[2], expected[3]),
+    )
+
+
+def squared_error(
+    segments: Sequence[Segment],
+    weights: Floats,
+    geometry: Geometry,
+    noise: tuple[float, float, float, float],
+) -> float:
+    """Sum of the squared end errors in their standard deviations with this noise."""
+    linear = linearize(segments, geometry)
+    covariances = linear.covariances(NoiseGrid.single(noise))[0]
+    solved = np.linalg.solve(covariances, linear.residuals[..., None])[..., 0]
+    return float((linear.residuals * solved).sum(axis=1) @ weights)

@@ -1,0 +1,109 @@
+"""Faults of recorded counts that no fit can repair: wraps, jumps, gaps, dead encoders."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diffbotctl.calibrate.dead_reckoning import Floats
+
+ROWS_MIN = 20  # of a drive; fewer show no usual step
+JUMP_RATIO_MIN = 8.0  # of a step to the usual large ones
+JUMP_COUNTS_MIN = 20.0
+WRAP_BITS = (8, 10, 12, 14, 15, 16, 24, 31, 32)
+WRAP_TOLERANCE_RATIO = 0.2  # of the size of a wrap, for the motion in the same row
+GAP_TIME_RATIO_MIN = 4.0  # of the time between two rows to the usual long ones
+GAP_COUNTS_MIN = 4.0
+GAP_STEP_RATIO_MIN = 3.0
+TICKS_GAP_TIME_RATIO_MIN = 1.8  # one row of ticks is missing
+DEAD_RATIO_MAX = 0.02  # of the counts of the other wheel
+DEAD_COUNTS_MIN = 20.0  # of the other wheel
+WHEELS = ("right", "left")
+
+
+def count_fault(times: Floats, counts: Floats) -> str | None:
+    """What is wrong with the counts (rows, 2) of the right and left wheel; None if nothing is.
+
+    `times` (rows,) in s.
+    """
+    if len(times) < ROWS_MIN:
+        return None
+    for wheel, column in zip(WHEELS, counts.T, strict=True):
+        fault = _jump(wheel, times, column)
+        if fault is not None:
+            return fault
+    return _gap(times, counts)
+
+
+def ticks_gap(times: Floats) -> str | None:
+    """Where rows of ticks are missing; None if nowhere. The motion in them is lost."""
+    steps = np.diff(times)
+    worst = int(np.argmax(steps))
+    if len(times) < ROWS_MIN or steps[worst] < TICKS_GAP_TIME_RATIO_MIN * float(np.median(steps)):
+        return None
+    return f"rows are missing: there is none from {times[worst]:.2f} s to {times[worst + 1]:.2f} s"
+
+
+def dead_encoder(turned: Floats) -> str | None:
+    """Which encoder did not count; `turned` (drives, 2): counts of the right and left wheel."""
+    totals = turned.sum(axis=0)
+    for wheel, total, other in zip(WHEELS, totals, totals[::-1], strict=True):
+        if total <= DEAD_RATIO_MAX * other and other >= DEAD_COUNTS_MIN:
+            return (
+                f"the {wheel} encoder counted {total:.0f} in all drives, the other one "
+                f"{other:.0f}: run `diffbotctl calibrate encoders`"
+            )
+    return None
+
+
+def _jump(wheel: str, times: Floats, column: Floats) -> str | None:
+    steps = np.diff(column)
+    size, span = np.abs(steps), float(np.ptp(column))
+    for bits in WRAP_BITS:
+        limit = 2.0**bits
+        if 0.85 * limit <= span < limit and size.max() > 0.5 * limit:
+            return _wrap_text(wheel, times, int(np.argmax(size)), f"{limit:.0f}")
+    moving = size[size > 0]
+    if not len(moving):
+        return None
+    usual = float(np.percentile(moving, 90))
+    rates = size / np.maximum(np.diff(times), 1e-9)
+    usual_rate = float(np.percentile(rates[size > 0], 90))
+    is_jump = (size > JUMP_RATIO_MIN * usual + JUMP_COUNTS_MIN) & (
+        rates > JUMP_RATIO_MIN * usual_rate
+    )
+    if not is_jump.any():
+        return None
+    worst = int(np.argmax(np.where(is_jump, size, 0.0)))
+    for bits in WRAP_BITS:
+        if abs(size[worst] - 2.0**bits) < WRAP_TOLERANCE_RATIO * 2.0**bits:
+            return _wrap_text(wheel, times, worst, f"{2**bits}")
+    return (
+        f"the counts of the {wheel} wheel jump by {steps[worst]:+.0f} at {times[worst + 1]:.2f} s: "
+        "was the counter set back, or do rows come from another drive?"
+    )
+
+
+def _wrap_text(wheel: str, times: Floats, row: int, limit: str) -> str:
+    return (
+        f"the counts of the {wheel} wheel wrap around at {limit}, first at {times[row + 1]:.2f} s: "
+        "write counts that continue"
+    )
+
+
+def _gap(times: Floats, counts: Floats) -> str | None:
+    periods = np.diff(times)
+    sizes = np.abs(np.diff(counts, axis=0)).max(axis=1)
+    moving = sizes[sizes > 0]
+    if not len(moving):
+        return None
+    usual = float(np.percentile(moving, 90))
+    is_gap = (periods > GAP_TIME_RATIO_MIN * float(np.percentile(periods, 90))) & (
+        sizes > max(GAP_STEP_RATIO_MIN * usual, GAP_COUNTS_MIN)
+    )
+    if not is_gap.any():
+        return None
+    row = int(np.argmax(np.where(is_gap, sizes, 0.0)))
+    return (
+        f"there is a gap from {times[row]:.2f} s to {times[row + 1]:.2f} s in which the wheels "
+        "turned: nobody knows along which path"
+    )

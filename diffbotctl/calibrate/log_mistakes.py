@@ -1,0 +1,226 @@
+"""Mistakes in the files of recorded drives, found by what would explain the measured ends.
+
+Each mistake is a hypothesis: a change of the counts or of the poses that undoes it. The hypothesis
+with the highest posterior density wins; without a mistake is one of them. A change of units changes
+the density of the same data by its Jacobian, so that small numbers do not look like good ones.
+
+Two mistakes are not seen in principle, and cannot be told from a correct file: counts of both
+wheels exchanged are the same as ends mirrored; and without headings, x and y exchanged in squares
+look like a wrong track taken for unequal wheels (UMBmark's two angles change places).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import log, pi, radians
+from typing import NamedTuple
+
+import numpy as np
+
+from diffbotctl.calibrate.dead_reckoning import Floats, RecordedDrive, Segment
+from diffbotctl.calibrate.geometry_posterior import GeometryPrior, Solution, squared_error
+from diffbotctl.calibrate.geometry_search import EndGrid
+
+Drives = Sequence[RecordedDrive]
+Cut = Callable[[Drives], tuple[list[Segment], Floats]]
+"""From drives to their segments and the weights of these"""
+# Logarithm of the density ratio from which a mistake is believed: 1000 to 1. Few users make one.
+MISTAKE_LOG_RATIO_MIN = 7.0
+POLISH_LOG_RATIO_MIN = -12.0  # a hypothesis that is worse on the grid is not refined
+SHIFT_DRIVES_MIN = 3
+USUAL_NOISE = (0.0007, 0.004, radians(2.0), radians(0.5))  # slip, position, heading, start
+USUAL_CHI2_RATIO_MAX = 3.0  # for each of three coordinates
+MISTAKE_MAXIMA = 2  # of the grid, refined for each mistake
+
+
+class Mistake(NamedTuple):
+    """A hypothesis: what is wrong, and the drives without it."""
+
+    text: str
+    drives: list[RecordedDrive]
+    position_scale: float = 1.0
+    """of corrected over noted positions"""
+    heading_scale: float = 1.0
+    changes_counts: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """The most likely hypothesis."""
+
+    mistake: Mistake | None
+    solution: Solution
+    """without the mistake"""
+    plain: Solution
+    """with the files as they are"""
+    rival: Solution | None
+    """the second-best geometry for the files as they are"""
+
+
+def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
+    """Whether a mistake explains the ends much better than the files as they are."""
+    segments, weights = cut(drives)
+    grid = EndGrid(segments, prior)
+    plain, *others = grid.solutions(segments, weights)
+    limit = float(grid.scores(segments, weights).max()) + POLISH_LOG_RATIO_MIN
+    best: tuple[float, Mistake, Solution] | None = None
+    mistakes = [*_pose_mistakes(drives), *_unit_mistakes(drives), *_order_mistakes(drives)]
+    if not _is_usual(segments, weights, plain):
+        mistakes += _count_mistakes(drives)
+    for mistake in mistakes:
+        segments, weights = cut(mistake.drives)
+        own_grid = EndGrid(segments, prior) if mistake.changes_counts else grid
+        offset = _log_jacobian(mistake, segments, weights)
+        if float(own_grid.scores(segments, weights).max()) + offset < limit:
+            continue
+        solution = own_grid.solutions(segments, weights, MISTAKE_MAXIMA)[0]
+        score = solution.score + offset
+        if best is None or score > best[0]:
+            best = score, mistake, solution
+    rival = others[0] if others else None
+    if best is not None and best[0] > plain.score + MISTAKE_LOG_RATIO_MIN:
+        return Explanation(best[1], best[2], plain, rival)
+    return Explanation(None, plain, plain, rival)
+
+
+def _is_usual(segments: Sequence[Segment], weights: Floats, plain: Solution) -> bool:
+    """Whether the ends are as near as those of careful measurements: wrong counts are not."""
+    if plain.good.min() < 0.5:
+        return False
+    chi2 = squared_error(segments, weights, plain.geometry, USUAL_NOISE)
+    return chi2 < USUAL_CHI2_RATIO_MAX * 3 * float(weights.sum())
+
+
+def _log_jacobian(mistake: Mistake, segments: Sequence[Segment], weights: Floats) -> float:
+    known = np.array([bool(np.isfinite(segment.motion[2])) for segment in segments])
+    position = 2 * log(abs(mistake.position_scale)) * weights.sum()
+    return float(position + log(abs(mistake.heading_scale)) * weights[known].sum())
+
+
+UNITS = {
+    "millimetres": 0.001,
+    "centimetres": 0.01,
+    "inches": 0.0254,
+    "decimetres": 0.1,
+    "feet": 0.3048,
+}
+TICK_FACTORS = {
+    "half as many": 2.0,
+    "a quarter as many": 4.0,
+    "twice as many": 0.5,
+    "four times as many": 0.25,
+}
+
+
+def _pose_mistakes(drives: Drives) -> list[Mistake]:
+    """Axes and signs of the true poses."""
+    cases: list[tuple[str, tuple[int, int], tuple[int, int, int]]] = [
+        ("x and y of the true poses are exchanged: x is ahead, y to the left", (1, 0), (1, 1, 1)),
+        (
+            "the true poses are mirrored (y is positive to the left, headings counter-clockwise), "
+            "or the counts of the left and the right wheel are exchanged",
+            (0, 1),
+            (1, -1, -1),
+        ),
+        ("y of the true poses has the wrong sign: it is positive to the left", (0, 1), (1, -1, 1)),
+        (
+            "the headings of the true poses have the wrong sign: counter-clockwise is positive",
+            (0, 1),
+            (1, 1, -1),
+        ),
+        ("x of the true poses has the wrong sign: it is positive ahead", (0, 1), (-1, 1, 1)),
+        (
+            "x and y of the true poses have the wrong sign: they are the end seen from the start",
+            (0, 1),
+            (-1, -1, 1),
+        ),
+        (
+            "x and y of the true poses are exchanged and y has the wrong sign: "
+            "x is ahead, y to the left",
+            (1, 0),
+            (1, -1, 1),
+        ),
+        (
+            "x and y of the true poses are exchanged and x has the wrong sign: "
+            "x is ahead, y to the left",
+            (1, 0),
+            (-1, 1, 1),
+        ),
+    ]
+    return [
+        Mistake(text, [_with_poses(drive, axes, signs) for drive in drives])
+        for text, axes, signs in cases
+    ]
+
+
+def _with_poses(
+    drive: RecordedDrive, axes: tuple[int, int], signs: tuple[int, int, int]
+) -> RecordedDrive:
+    return replace(drive, poses=drive.poses[:, [*axes, 2]] * signs)
+
+
+def _unit_mistakes(drives: Drives) -> list[Mistake]:
+    """Units of the true poses."""
+    found = []
+    for unit, scale in UNITS.items():
+        scaled = [replace(drive, poses=drive.poses * (scale, scale, 1.0)) for drive in drives]
+        text = f"x and y of the true poses are in {unit}, but must be in metres"
+        found.append(Mistake(text, scaled, position_scale=scale))
+    for text, scale in (
+        ("the headings of the true poses are in degrees, but must be in rad", pi / 180),
+        ("the headings of the true poses are in rad, but must be in degrees", 180 / pi),
+    ):
+        scaled = [replace(drive, poses=drive.poses * (1.0, 1.0, scale)) for drive in drives]
+        found.append(Mistake(text, scaled, heading_scale=scale))
+    return found
+
+
+def _order_mistakes(drives: Drives) -> list[Mistake]:
+    """True poses that belong to other drives."""
+    if len(drives) < SHIFT_DRIVES_MIN or any(len(drive.rows) > 2 for drive in drives):
+        return []
+    numbers = list(range(len(drives)))
+    orders = {
+        "each end belongs to the drive before": numbers[1:] + numbers[:1],
+        "each end belongs to the drive after": numbers[-1:] + numbers[:-1],
+        "the ends are in the opposite order": numbers[::-1],
+    }
+    return [
+        Mistake(
+            f"{text}: is a line missing, or one too many?",
+            [
+                replace(drive, poses=drives[number].poses)
+                for drive, number in zip(drives, order, strict=True)
+            ],
+        )
+        for text, order in orders.items()
+    ]
+
+
+def _count_mistakes(drives: Drives) -> list[Mistake]:
+    """Directions and units of the counts."""
+    cases: list[tuple[str, tuple[float, float]]] = [
+        ("the right encoder counts in the wrong direction", (-1.0, 1.0)),
+        ("the left encoder counts in the wrong direction", (1.0, -1.0)),
+        ("both encoders count in the wrong direction", (-1.0, -1.0)),
+    ]
+    for text, factor in TICK_FACTORS.items():
+        fix = "per turn as the robot file states (`slots`)"
+        cases.append((f"the wheels give {text} counts {fix}", (factor, factor)))
+        cases.append((f"the right wheel gives {text} counts {fix}", (factor, 1.0)))
+        cases.append((f"the left wheel gives {text} counts {fix}", (1.0, factor)))
+    found = [
+        Mistake(
+            text,
+            [replace(drive, turns=drive.turns * factors) for drive in drives],
+            changes_counts=True,
+        )
+        for text, factors in cases
+    ]
+    summed = [replace(drive, turns=np.cumsum(drive.turns, axis=0)) for drive in drives]
+    text = (
+        "the columns of the counts hold the ticks of each row, but must hold counts since the start"
+    )
+    found.append(Mistake(text, summed, changes_counts=True))
+    return found

@@ -1,0 +1,84 @@
+"""Checks of wheels and encoders against the size of the robot: what can be driven by odometry."""
+
+from __future__ import annotations
+
+from math import ceil, floor, pi
+
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.robot import SIDES
+from diffbotctl.errors import Place
+
+DIAMETER_TRACK_RATIO_MAX = 1.2
+# Travel of a wheel in one count: at 0.2 tracks one count turns the robot by 11 degrees.
+PITCH_TRACK_RATIO_MAX = 0.2
+EDGE_RATE_MAX_HZ = 20_000  # of one encoder; the board's interrupts take 4 us for each edge
+ROUNDING = 1.001
+
+
+def check_proportions(context: CheckContext) -> None:
+    """Compare diameters and counts of both wheels with the track, and edges with the board."""
+    for side in SIDES:
+        paths = [
+            "drive.track",
+            f"drive.{side}.wheel.diameter",
+            f"drive.{side}.encoder.slots",
+            f"drive.{side}.motor.rated",
+        ]
+        values = context.nominal_values(*paths)
+        if values is None:
+            continue
+        track, diameter, slots, rated = values
+        place = context.error_place(
+            f"drive.{side}.wheel.diameter", "drive.wheel.diameter", "drive.track"
+        )
+        if diameter > ROUNDING * DIAMETER_TRACK_RATIO_MAX * track:
+            _report_diameter(context, place, diameter, track)
+            return
+        place = context.error_place(f"drive.{side}.encoder.slots", "drive.encoder.slots")
+        if pi * diameter / slots > ROUNDING * PITCH_TRACK_RATIO_MAX * track:
+            _report_pitch(context, place, pi * diameter, slots, track)
+            return
+        if rated * slots / (2 * pi) > ROUNDING * EDGE_RATE_MAX_HZ:
+            _report_rate(context, place, slots, rated)
+            return
+
+
+def _report_diameter(
+    context: CheckContext, place: Place | str, diameter: float, track: float
+) -> None:
+    cause = (
+        f"wheels of {diameter * 1000:.0f} mm on a track of {track * 1000:.0f} mm: small errors of "
+        "a wheel's angle turn the robot so far that odometry is useless"
+    )
+    least = diameter / DIAMETER_TRACK_RATIO_MAX
+    fix = (
+        f"correct drive.wheel.diameter or drive.track; the track must be {least * 1000:.0f} mm or "
+        "more for these wheels"
+    )
+    context.error("E-WHEEL-SIZE", place, cause, fix)
+
+
+def _report_pitch(
+    context: CheckContext, place: Place | str, rim: float, slots: int, track: float
+) -> None:
+    cause = (
+        f"with {slots} counts per turn a wheel travels {rim / slots * 1000:.0f} mm from one count "
+        f"to the next, more than {PITCH_TRACK_RATIO_MAX:g} of the track of {track * 1000:.0f} mm"
+    )
+    least = ceil(rim / (PITCH_TRACK_RATIO_MAX * track))
+    fix = (
+        f"use discs with {least} slots or more, or correct encoder.slots: counts per turn of the "
+        "wheel, not of the motor"
+    )
+    context.error("E-ENCODER-COARSE", place, cause, fix)
+
+
+def _report_rate(context: CheckContext, place: Place | str, slots: int, rated: float) -> None:
+    rate = rated * slots / (2 * pi)
+    cause = (
+        f"{slots} counts per turn at {rated * 60 / (2 * pi):.0f} rpm are {rate:.0f} edges per "
+        f"second, more than the {EDGE_RATE_MAX_HZ} that a board can count"
+    )
+    most = floor(2 * pi * EDGE_RATE_MAX_HZ / rated)
+    fix = f"use an encoder with at most {most} counts per turn, or correct encoder.slots or rated"
+    context.error("E-ENCODER-FAST", place, cause, fix)

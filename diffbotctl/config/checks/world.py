@@ -1,0 +1,125 @@
+"""Checks of the simulated world, the goals, and the outline that obstacle checks rely on."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from diffbotctl.config.checks.block_needs import GUARDS
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.geometry.footprint import distance_to_segment
+
+# The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
+GOAL_FAR_M = 100.0
+RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
+
+
+def check_ranges(context: CheckContext) -> None:
+    """Refuse a range of the simulated robot whose first value is above its second."""
+    for path in RANGES:
+        values, value = context.values(".".join(path)), context.robot_value(*path)
+        if values is None or value is None or len(values[0]) != 2 or None in values[0]:
+            continue
+        low, high = values[0]
+        if low > high:
+            first, second = (item.text for item in value.items)
+            cause = f"the range {path[-1]} begins at {first} and ends at {second}"
+            context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
+
+
+def check_walls(context: CheckContext) -> None:
+    """Refuse walls without a length, and a field without an area."""
+    walls = context.pipeline_value("world", "walls")
+    for number, wall in enumerate(_walls(context)):
+        if wall is not None and wall[0] == wall[1] and walls is not None:
+            cause = "this wall begins and ends at the same point"
+            context.error("E-WALL", walls.items[number].place, cause, "correct from or to")
+    field = context.pipeline.world.field if context.pipeline and context.pipeline.world else None
+    place = context.pipeline_value("world", "field")
+    if field is None or place is None or len(field) != 2 or None in field:
+        return
+    if min(field) <= 0.0:
+        cause = "the field is the rectangle from [0, 0] to this corner, so both must be above 0"
+        context.error("E-WALL", place.place, cause, "write its size, such as [3 m, 2 m]")
+
+
+def _walls(context: CheckContext) -> list[tuple[tuple[float, float], tuple[float, float]] | None]:
+    """The ends of each wall; None where one could not be read."""
+    world = context.pipeline.world if context.pipeline else None
+    ends: list[tuple[tuple[float, float], tuple[float, float]] | None] = []
+    for wall in (world.walls or []) if world else []:
+        points = [wall.start, wall.end] if wall is not None else [None]
+        readable = all(point and len(point) == 2 and None not in point for point in points)
+        ends.append((wall.start, wall.end) if readable else None)
+    return ends
+
+
+def check_goals(context: CheckContext) -> None:
+    """Refuse goals in a wall or obstacle of the simulated world; warn of those very far away."""
+    goals = context.pipeline_value("goals")
+    if context.pipeline is None or goals is None:
+        return
+    for entry, value in zip(context.pipeline.goals or [], goals.items, strict=False):
+        if entry is None or entry.x is None or entry.y is None:
+            continue
+        distance = hypot(entry.x, entry.y)
+        if distance > GOAL_FAR_M:
+            cause = (
+                f"this goal is {distance:.0f} m from the origin; the odometry of such a robot is "
+                "off by 1 to 3 % of its way"
+            )
+            context.warn("W-GOAL-FAR", value.place, cause, "check the unit of the coordinates")
+        if not context.real:
+            _check_standing_room(context, entry.x, entry.y, value)
+
+
+def _check_standing_room(context: CheckContext, x: float, y: float, goal: Value) -> None:
+    """Refuse the goal at (x, y) of odom when the robot's middle cannot be there in the world."""
+    width = context.values("body.width")
+    start = context.values("simulation.start.x", "simulation.start.y", "simulation.start.heading")
+    world = context.pipeline.world if context.pipeline else None
+    if width is None or start is None or world is None or any(start):
+        return  # the world then has a frame of its own, where the goal is not known
+    obstacles = [
+        ("wall", distance_to_segment(x, y, *wall[0], *wall[1]))
+        for wall in _walls(context)
+        if wall is not None
+    ]
+    obstacles += [
+        ("obstacle", hypot(x - entry.at[0], y - entry.at[1]) - entry.radius)
+        for entry in world.obstacles or []
+        if entry is not None and entry.at and None not in entry.at and entry.radius is not None
+    ]
+    for kind, distance in obstacles:
+        if distance < width[0] / 2:
+            cause = (
+                f"the middle of the robot would be {max(distance, 0.0) * 1000:.0f} mm from a "
+                f"simulated {kind}, less than half its width of {width[0] * 1000:.0f} mm"
+            )
+            context.error("E-GOAL-WALL", goal.place, cause, f"move the goal or the {kind}")
+            return
+
+
+def check_body(context: CheckContext) -> None:
+    """Require the outline where a guard relies on it; without one, the book's would be assumed."""
+    if context.robot is None or context.robot_tree is None or context.pipeline is None:
+        return
+    if context.robot_value("body") is not None:
+        return
+    guards = [
+        name
+        for name, entry in (context.pipeline.blocks or {}).items()
+        if entry is not None and entry.block in GUARDS
+    ]
+    if not guards:
+        return
+    body = context.robot.body
+    cause = (
+        f"'{guards[0]}' keeps the outline of the robot free, but the robot file has no `body:`; "
+        f"assumed are {body.front * 1000:g} mm to the front, {body.back * 1000:g} mm to the back "
+        f"and a width of {body.width * 1000:g} mm"
+    )
+    fix = "measure it from the middle of the axle: `body: {front: ..., back: ..., width: ...}`"
+    report = context.error if context.real else context.warn
+    code = "E-BODY-MISSING" if context.real else "W-BODY-MISSING"
+    report(code, context.robot_place("kind"), cause, fix)

@@ -1,0 +1,184 @@
+"""Inputs and programs of a pipeline: message types, and whether motion depends on them."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from diffbotctl.block import outputs
+from diffbotctl.config import lookup, registry
+from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.configuration import InputUse, ProgramEntry, ProgramUse
+from diffbotctl.config.node_ports import RESERVED, is_name
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.message_parser import MessageError, message_parser
+from diffbotctl.messages import Call, GoalState, LogLine, Path, Resume, Setting, Stop
+
+INPUT = "input"  # the node of the inputs
+NOT_DECLARABLE = (Resume, Setting, Call, LogLine)  # from the operator alone
+MOTION_TIMEOUT_MAX = 1.0  # s; the gate gives telemetry at most half of it
+# Messages by which a block acts on the robot other than by a wire: through the operator.
+ACTING = (Path, GoalState, Stop)
+
+
+def read_inputs(context: CheckContext) -> None:
+    """Find the message types of `inputs`, and read the neutral messages."""
+    pipeline, tree = context.pipeline, context.pipeline_value("inputs")
+    if pipeline is None or tree is None:
+        return
+    for name, value in tree.entries.items():
+        entry = pipeline.inputs.get(name)
+        kind_value = value.at("type")
+        if not is_name(name):
+            cause = f"'{name}' is not a valid input name"
+            context.error("E-NAME", value.name_place, cause, "use lower-case letters, digits and _")
+        if entry is None or entry.type is None or entry.timeout is None or kind_value is None:
+            continue  # reported where it was read
+        kind = message_kind(context, entry.type, kind_value)
+        if kind is not None:
+            neutral = read_neutral(context, kind, value.at("neutral"))
+            wire = f"{INPUT}.{name}"
+            context.inputs[wire] = InputUse(wire, kind, entry.timeout, neutral, False)
+
+
+def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
+    """Find the message types of what `programs` publish, and split their command lines."""
+    pipeline, tree = context.pipeline, context.pipeline_value("programs")
+    if pipeline is None or tree is None:
+        return
+    for name, value in tree.entries.items():
+        entry = pipeline.programs.get(name)
+        run = value.at("run")
+        if not _is_free_name(context, name, value) or entry is None or run is None:
+            continue
+        if entry.run is None or entry.timeout is None:
+            continue  # reported where it was read
+        try:
+            words = tuple(shlex.split(entry.run))
+        except ValueError:
+            words = ()
+        if not words:
+            context.error("E-PROGRAM", run.place, "this is no command line", "write run: ./program")
+        outputs = _read_outputs(context, name, entry, value)
+        own = {lookup.display_path(file): file for file in files}
+        file = own.get(run.value_place.source.name)
+        folder = file.resolve().parent if file is not None else FilePath.cwd()
+        context.programs[name] = ProgramUse(
+            name, words, folder, dict(entry.wires), outputs, entry.timeout
+        )
+
+
+def _is_free_name(context: CheckContext, name: str, value: Value) -> bool:
+    """Whether a program may be called so; notes why not."""
+    blocks = context.pipeline_value("blocks")
+    if not is_name(name):
+        cause, fix = f"'{name}' is not a valid program name", "use lower-case letters, digits and _"
+    elif name in RESERVED or (blocks is not None and name in blocks.entries):
+        cause, fix = f"another node is called '{name}'", "rename the program"
+    else:
+        return True
+    context.error("E-NAME", value.name_place, cause, fix)
+    return False
+
+
+def _read_outputs(
+    context: CheckContext, name: str, entry: ProgramEntry, value: Value
+) -> dict[str, type]:
+    """The wires on which a program publishes, with their classes; they are inputs of the graph."""
+    outputs: dict[str, type] = {}
+    neutral = value.at("neutral")
+    for port, type_name in entry.types.items():
+        type_value = value.at("out", port)
+        if type_value is None or type_name is None:
+            continue
+        if not is_name(port):
+            cause = f"'{port}' is not a valid output name"
+            fix = "use lower-case letters, digits and _"
+            context.error("E-NAME", type_value.name_place, cause, fix)
+            continue
+        kind = message_kind(context, type_name, type_value)
+        if kind is not None:
+            wire = f"{name}.{port}"
+            outputs[wire] = kind
+            message = read_neutral(context, kind, neutral.at(port) if neutral else None)
+            context.inputs[wire] = InputUse(wire, kind, entry.timeout, message, False)
+    for port, unknown in (neutral.entries if neutral else {}).items():
+        if port not in entry.types:
+            cause = f"the program has no output '{port}'"
+            context.error("E-PROGRAM", unknown.name_place, cause, "name one of its outputs")
+    return outputs
+
+
+def message_kind(context: CheckContext, name: str, value: Value) -> type | None:
+    """The message class called `name`; None, with an error at `value`, if it cannot be declared."""
+    try:
+        kind = registry.message_type(name)
+    except registry.RegistryError as error:
+        context.error(error.code, value.place, str(error), error.fix)
+        return None
+    if kind in NOT_DECLARABLE:
+        cause = f"{name} comes from the operator alone"
+        context.error("E-INPUT", value.place, cause, "use the requests of the control socket")
+        return None
+    return kind
+
+
+def read_neutral(context: CheckContext, kind: type, value: Value | None) -> Any:
+    """The neutral message in `value`; None without one, or, with an error, if it is no message."""
+    if value is None or not isinstance(value.data, dict):
+        return None
+    try:
+        return message_parser(kind, with_units=True)(value.plain())
+    except MessageError as error:
+        context.error("E-INPUT", value.place, f"the neutral message: {error}", "correct the field")
+        return None
+
+
+def mark_motion(context: CheckContext) -> None:
+    """Mark the inputs on which the robot's motion depends, and check their timeouts."""
+    moving = _upstream_of_motion(context)
+    for wire, use in context.inputs.items():
+        if wire not in moving:
+            continue
+        context.inputs[wire] = replace(use, feeds_motion=True)
+        node, _, name = wire.partition(".")
+        steps = ("inputs", name) if node == INPUT else ("programs", node)
+        value = context.pipeline_value(*steps)
+        if use.timeout > MOTION_TIMEOUT_MAX and value is not None:
+            place = (value.at("timeout") or value).place
+            cause = (
+                f"the robot's motion depends on {wire}, and {use.timeout:g} s is too long for it"
+            )
+            fix = f"set at most {MOTION_TIMEOUT_MAX:g} s"
+            context.error("E-INPUT", place, cause, fix)
+
+
+def _upstream_of_motion(context: CheckContext) -> set[str]:
+    """Every wire that the commands to the robot, its goals or its stops depend on."""
+    blocks = context.pipeline_value("blocks")
+    wires = {
+        name: list(_wires_into(value)) for name, value in (blocks.entries if blocks else {}).items()
+    }
+    wires |= {name: list(use.wires.values()) for name, use in context.programs.items()}
+    robot = context.pipeline_value("robot")
+    waiting = list(_wires_into(robot)) if robot is not None else []
+    for name, block in context.block_classes.items():
+        if any(out.kind in ACTING for out in outputs(block).values()):
+            waiting += wires.get(name, [])
+    moving: set[str] = set()
+    while waiting:
+        wire = waiting.pop()
+        if wire not in moving:
+            moving.add(wire)
+            waiting += wires.get(wire.partition(".")[0], [])
+    return moving
+
+
+def _wires_into(value: Value) -> Iterable[str]:
+    entries = value.at("in")
+    for source in entries.entries.values() if entries else ():
+        if isinstance(source.data, str):
+            yield source.data

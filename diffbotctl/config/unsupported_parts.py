@@ -1,0 +1,130 @@
+"""Parts of common kits that a robot file cannot name: what comes nearest, and what to write.
+
+A misspelt name is recognised too, unless an allowed value is nearer.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from difflib import SequenceMatcher
+from typing import NamedTuple
+
+NAME_CUTOFF = 0.75  # similarity of a misspelt name; TB6621 and TB6612 have 0.83
+
+
+class UnsupportedPart(NamedTuple):
+    """A part that is not supported: why, and what to write."""
+
+    cause: str
+    fix: str
+
+
+def _board(title: str, difference: str) -> UnsupportedPart:
+    cause = f"our firmware does not run on {title}: {difference}"
+    fix = "use a Mega 2560, Uno or Nano; without one simulate: board: {type: simulated}"
+    return UnsupportedPart(cause, fix)
+
+
+def _sharp(title: str, reach: str) -> UnsupportedPart:
+    cause = (
+        f"a {title} measures {reach} with a curve of its own; the curve of a GP2Y0A41 (4 to 30 cm) "
+        "would give wrong distances"
+    )
+    return UnsupportedPart(
+        cause,
+        "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), or leave the sensor out",
+    )
+
+
+OTHER_DRIVE = UnsupportedPart(
+    "only two driven wheels, or four that are switched in pairs, are supported",
+    "four wheels in skid steering: write differential, with the track at which it turns by the "
+    "commanded angle (`calibrate geometry` measures it)",
+)
+ULTRASONIC = UnsupportedPart(
+    "an ultrasonic sensor answers with the length of a pulse, which our firmware does not measure",
+    "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm, or leave the sensor out",
+)
+LASER = UnsupportedPart(
+    "a laser scanner is supported only in the simulator, as lds01",
+    "remove it, or simulate it: type: lds01 and board: {type: simulated}",
+)
+# By the last part of the field's path and the name in small letters without punctuation.
+PARTS: dict[str, dict[str, UnsupportedPart]] = {
+    "board.type": {
+        "esp32": _board("an ESP32", "its chip has no firmware here"),
+        "esp8266": _board("an ESP8266", "its chip has no firmware here"),
+        "pico": _board("a Raspberry Pi Pico", "its chip, the RP2040, has no firmware here yet"),
+        "rp2040": _board("an RP2040", "it has no firmware here yet"),
+        "teensy": _board("a Teensy", "its chip has no firmware here"),
+        "leonardo": _board("a Leonardo", "its chip, the 32U4, has no firmware here"),
+        "32u4": _board("a 32U4 (Leonardo, Romi)", "the chip has no firmware here"),
+        "stm32": _board("an STM32", "the chip has no firmware here"),
+        "raspberrypi": UnsupportedPart(
+            "a Raspberry Pi is the computer that runs diffbotctl, not the board that it drives",
+            "name the board that is connected to it: mega2560, uno or nano",
+        ),
+    },
+    "drive.type": {
+        name: OTHER_DRIVE
+        for name in ("skidsteer", "fourwheel", "tank", "mecanum", "omni", "ackermann", "tricycle")
+    },
+    "motor.driver": {
+        "l293d": UnsupportedPart(
+            "an L293D has the inputs of an L298N, for 0.6 A instead of 2 A a motor",
+            "write driver: l298n, and check that the motors take at most 0.6 A when blocked",
+        ),
+    },
+    "sensors.type": {
+        "gp2y0a21": _sharp("GP2Y0A21", "10 to 80 cm"),
+        "gp2y0a02": _sharp("GP2Y0A02", "20 to 150 cm"),
+        "hcsr04": ULTRASONIC,
+        "vl53l0x": UnsupportedPart(
+            "a VL53L0X is read over I2C, which our firmware does not use",
+            "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm",
+        ),
+        "rplidar": LASER,
+        "ydlidar": LASER,
+    },
+    "encoder.channels": {
+        "2": UnsupportedPart(
+            "the second channel, which shows the direction, is not used yet",
+            "write 1, and connect the first channel only (A); the direction is then that of the "
+            "command",
+        ),
+    },
+}
+NO_ENCODER = UnsupportedPart(
+    "without an encoder the distance that the robot has driven is unknown: it cannot reach a goal",
+    "add a slotted disc and a light barrier a wheel, or simulate: board: {type: simulated} with "
+    "encoder: {slots: 20}",
+)
+
+
+def unsupported_part(field: str, written: str, allowed: Iterable[str]) -> UnsupportedPart | None:
+    """The part that `written` names in a field of a robot file, such as `motor.driver`."""
+    parts = PARTS.get(field)
+    if parts is None:
+        return None
+    name = _normal(written)
+    values = [_normal(value) for value in allowed]
+    if any(value.startswith(name) for value in values):
+        return None
+    # Part numbers have suffixes: TB6612FNG, GP2Y0A21YK0F, MD10C of Cytron.
+    for known, part in parts.items():
+        if name.startswith(known) or (len(name) > 3 and known.startswith(name)):
+            return part
+    # A misspelt one with a suffix is compared without what exceeds the known name.
+    similarity = {known: _similarity(name[: len(known)], known) for known in parts}
+    similarity |= {value: _similarity(name, value) for value in values}
+    nearest = max(similarity, key=lambda known: similarity[known])
+    return parts.get(nearest) if similarity[nearest] >= NAME_CUTOFF else None
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower()[:80]).removeprefix("sharp")
+
+
+def _similarity(one: str, other: str) -> float:
+    return SequenceMatcher(None, one, other).ratio()

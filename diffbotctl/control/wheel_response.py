@@ -1,0 +1,257 @@
+"""What a wheel makes of its commands, learned while driving.
+
+A motor at its limit does not follow a higher command: a weak motor, a low battery, or one that sags
+under the load of the other motor. The robot keeps its curvature if the wheel that follows is slowed
+down to the one that does not. Speeds of the wheels over the floor, in m/s.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+RATIO_MIN, RATIO_MAX = 0.3, 1.0  # limits of the ratio
+RATIO_FREE = 0.85  # the speed loop compensates a motor with a larger ratio
+AVERAGING_TIME = 0.3  # s, of the ratio
+STEADY_RATIO = 0.9  # of the command; below it the expected speed still rises
+SHORT_RATIO = 0.75  # of the command; above it a loop compensates the motor soon
+WEAK_AFTER = 0.7  # s for which a wheel is slower than commanded, before it counts as weak
+# s; a wheel that stands although it is driven is faulty, in addition to the time in which it shows.
+IDLE_AFTER = 1.5
+IDLE_COMMAND_MIN = 0.01  # m/s; at lower commands a wheel may stand
+IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
+MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
+CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
+# A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
+# that or less. Missed and doubled edges change the ratio by a factor of two, not of seven.
+LOST_SPEED_MIN, LOST_RATIO = 0.05, 0.15
+LOST_AFTER = 0.5  # s
+GAP_MAX = 0.25  # s without a frame of the board
+
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+
+class WheelResponse:
+    """Ratio of the speed of one wheel to its commands, and the time for which it has not turned."""
+
+    __slots__ = (
+        "command",
+        "counted_speed",
+        "crawl_command_min",
+        "crawl_for",
+        "estimated_speed",
+        "expected",
+        "idle_for",
+        "lost_for",
+        "ratio",
+        "short_for",
+        "speed",
+    )
+
+    def __init__(self) -> None:
+        self.ratio = 1.0
+        self.command = 0.0
+        self.expected = 0.0
+        """speed of a wheel that follows its commands with the lag"""
+        self.speed = 0.0
+        """measured, positive in the direction of the command"""
+        self.idle_for = 0.0
+        """s for which it was driven since it turned last"""
+        self.short_for = 0.0
+        """s for which it has reached less than SHORT_RATIO of its command"""
+        self.crawl_for = 0.0
+        """s for which it has reached less than CRAWL_RATIO of its command"""
+        self.crawl_command_min = 0.0
+        """m/s; a lower command does not show a lack of power"""
+        self.counted_speed = self.estimated_speed = 0.0
+        """averages of its speed by its counts and by odometry, without sign"""
+        self.lost_for = 0.0
+        """s for which odometry has taken a wheel that counts for one that stands"""
+
+    def update(
+        self,
+        command: float,
+        speed: float,
+        lag: float,
+        seconds: float,
+        counted: float = 0.0,
+        is_limited: bool = True,
+    ) -> None:
+        """Apply the `speed` measured `seconds` after the last with `command` in force since then.
+
+        `lag` of the motors in s; `counted`: travel (m) of the counts in that time. A wheel that
+        turns against its command, or of which the odometry believes so, still turns. `is_limited`:
+        the motor may be at its limit; below it, a loop that sets the duty still raises it.
+        """
+        self._compare_counts(speed, seconds, counted)
+        if command * self.command <= 0.0:
+            self.expected = self.short_for = self.crawl_for = 0.0
+        self.command = command
+        if not command:
+            return
+        level = abs(command)
+        self.speed = speed = speed if command > 0.0 else -speed
+        self.expected += (level - self.expected) * seconds / (seconds + lag)
+        has_turned = counted > 0.0 or abs(speed) >= MOVING_SPEED_MIN
+        if has_turned:
+            self.idle_for = 0.0
+        elif level >= IDLE_COMMAND_MIN:
+            self.idle_for += seconds
+        has_power = max(speed, self.counted_speed) >= CRAWL_RATIO * level
+        is_crawling = is_limited and not has_power and level >= self.crawl_command_min
+        if self.expected >= STEADY_RATIO * level:
+            self.crawl_for = self.crawl_for + seconds if is_crawling else 0.0
+        if speed < MOVING_SPEED_MIN:
+            return
+        if self.expected >= STEADY_RATIO * level:
+            is_short = is_limited and speed < SHORT_RATIO * level
+            self.short_for = self.short_for + seconds if is_short else 0.0
+            ratio = min(max(speed / self.expected, RATIO_MIN), RATIO_MAX) if is_limited else 1.0
+            self.ratio += (ratio - self.ratio) * seconds / (seconds + AVERAGING_TIME)
+
+    def _compare_counts(self, speed: float, seconds: float, counted: float) -> None:
+        """Compare the `speed` (m/s) by odometry with the travel `counted` (m)."""
+        if not 0.0 < seconds <= GAP_MAX:  # odometry bridges a gap by the counts alone
+            self.counted_speed = self.estimated_speed = self.lost_for = 0.0
+            return
+        gain = seconds / (seconds + AVERAGING_TIME)
+        self.counted_speed += (counted / seconds - self.counted_speed) * gain
+        self.estimated_speed += (abs(speed) - self.estimated_speed) * gain
+        is_lost = (
+            self.counted_speed > LOST_SPEED_MIN
+            and self.estimated_speed < LOST_RATIO * self.counted_speed
+        )
+        self.lost_for = self.lost_for + seconds if is_lost else 0.0
+
+    def command_for(self, speed: float) -> float:
+        """The command with which the wheel turns at `speed`."""
+        return speed if self.ratio >= RATIO_FREE else speed * RATIO_FREE / self.ratio
+
+
+class DriveResponse:
+    """What both wheels make of their commands."""
+
+    __slots__ = ("has_counted", "left", "pitch", "right", "track", "weak_sides")
+
+    def __init__(self, track: float, pitch: float) -> None:
+        """`track` and travel of a wheel from one encoder slot to the next, in m."""
+        self.track, self.pitch = track, pitch
+        self.left, self.right = WheelResponse(), WheelResponse()
+        self.has_counted = False
+        """one of the encoders, since the last update"""
+        self.weak_sides: tuple[Side, ...] = ()
+        """the wheels of which `newly_weak` has told"""
+
+    def begin(self, crawl_command_min: float = 0.0) -> None:
+        """Forget what the operator has been told, and for how long a wheel has stood.
+
+        `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
+        """
+        self.left.crawl_command_min = self.right.crawl_command_min = crawl_command_min
+        self.weak_sides = ()
+        self.left.idle_for = self.right.idle_for = 0.0
+        self.left.crawl_for = self.right.crawl_for = 0.0
+
+    @property
+    def idle_for(self) -> float:
+        """s for which a driven wheel has not turned."""
+        return max(self.left.idle_for, self.right.idle_for)
+
+    def compensated(self, linear: float, angular: float, speed: float) -> tuple[float, float]:
+        """The velocity to command, so that wheels of unequal motors keep the curvature.
+
+        A motor at its limit slows down the other one. No wheel is commanded more than `speed`
+        (m/s), or than the velocity asks of either.
+        """
+        aside = 0.5 * self.track * angular
+        left, right = linear - aside, linear + aside
+        top = max(speed, abs(left), abs(right))
+        left, right = self.left.command_for(left), self.right.command_for(right)
+        over = max(abs(left), abs(right)) / top
+        if over > 1.0:
+            left, right = left / over, right / over
+        return 0.5 * (left + right), (right - left) / self.track
+
+    def newly_weak(self, speed: float) -> list[Side]:
+        """The wheels that are found not to follow commands above `speed` (m/s)."""
+        if self.left.short_for <= WEAK_AFTER and self.right.short_for <= WEAK_AFTER:
+            return []
+        found: list[Side] = [
+            side
+            for side in SIDES
+            if side not in self.weak_sides
+            and self._wheel(side).short_for > WEAK_AFTER
+            and abs(self._wheel(side).command) > speed
+        ]
+        self.weak_sides = (*self.weak_sides, *found)
+        return found
+
+    def weaknesses(self) -> list[str]:
+        """What is known of weak wheels."""
+        return [self.weakness(side) for side in self.weak_sides]
+
+    def weakness(self, side: Side) -> str:
+        """What the wheel reaches of its command."""
+        wheel = self._wheel(side)
+        return (
+            f"the {side} wheel reaches {wheel.speed:.2f} m/s of {abs(wheel.command):.2f} m/s: its "
+            "motor or the battery is too weak for limits.speed"
+        )
+
+    def fault(self, creep: float, stuck_after: float, lag: float) -> str:
+        """Which wheel does not turn although it is driven; empty if none.
+
+        `creep`: command (m/s) below which friction may hold a wheel; `stuck_after`: time (s) after
+        which a wheel that has not started is faulty; `lag` of the motors in s.
+        """
+        for side in SIDES:
+            wheel = self._wheel(side)
+            other = self.right if side == "left" else self.left
+            if wheel.idle_for and wheel.idle_for > self._idle_max(
+                wheel, other, creep, stuck_after, lag
+            ):
+                return (
+                    f"the {side} wheel has not turned for {wheel.idle_for:.1f} s, commanded "
+                    f"{abs(wheel.command):.2f} m/s: blocked, or its motor or encoder is faulty"
+                )
+            if wheel.crawl_for > IDLE_AFTER + self._known_after(wheel, creep, lag):
+                return self.weakness(side)
+        return ""
+
+    def lost(self) -> str:
+        """Which wheel odometry takes for standing although its encoder counts; empty if none."""
+        for side in SIDES:
+            wheel = self._wheel(side)
+            if wheel.lost_for > LOST_AFTER:
+                return (
+                    f"block odometry has lost the {side} wheel: {wheel.counted_speed:.2f} m/s by "
+                    f"its counts, {wheel.estimated_speed:.2f} m/s estimated"
+                )
+        return ""
+
+    def _idle_max(
+        self,
+        wheel: WheelResponse,
+        other: WheelResponse,
+        creep: float,
+        stuck_after: float,
+        lag: float,
+    ) -> float:
+        """Time (s) after which a driven wheel that does not turn is faulty.
+
+        One that stands while the other one turns is known sooner. With few slots it takes some
+        pitches until the speed is known.
+        """
+        command = abs(wheel.command)
+        if command < creep or other.speed <= MOVING_SPEED_MIN:
+            return stuck_after
+        known = self._known_after(wheel, creep, lag)
+        return min(IDLE_AFTER + known, max(stuck_after, known))
+
+    def _known_after(self, wheel: WheelResponse, creep: float, lag: float) -> float:
+        """Time (s) after which the encoder of a wheel at its command has shown its speed."""
+        return IDLE_PITCHES * self.pitch / max(abs(wheel.command), creep) + lag
+
+    def _wheel(self, side: Side) -> WheelResponse:
+        return self.left if side == "left" else self.right

@@ -1,0 +1,169 @@
+"""Detects a wheel that turns faster than its commands can make it turn.
+
+Two limits hold. The first is that of a motor that is stronger than stated (GAIN_SPREAD_MAX), at any
+command: a motor without load runs at nearly its full speed at a low duty too. It is held for the
+delay from a command to telemetry that shows its effect, and decays with the motor's lag after a
+stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop has settled. What the
+wheel turns beyond a limit is summed (a one-sided CUSUM). The sum stops the robot when it exceeds
+what the encoder cannot resolve, and for the second limit also what the strongest motor turns until
+the loop has settled.
+
+A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
+fault.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import exp, pi
+from typing import NamedTuple
+
+from diffbotctl.control.speed_loop import MotorSettings
+from diffbotctl.time import MILLISECOND, SECOND
+
+GAIN_SPREAD_MAX = 0.5  # of a motor that was not calibrated, relative to its stated speed
+CALIBRATED_SPREAD_MAX = 0.25  # with `loop.speed` measured: a full battery instead of that day's
+LAG_MAX_S = 0.4  # of geared motors, where the stated lag is only the default
+COASTING_RATIO = 1.5  # lag of a motor without drive, whose gear the wheel has to turn, over its lag
+# Counts by which a difference can exceed the angle turned: the counter's phase at each end, and two
+# false counts of an edge that chatters.
+RESOLUTION_COUNTS = 4.0
+FALSE_COUNTS_SHARE = 0.1  # counts of chatter and noise that a usable encoder may add
+EDGE_INTERVAL_MAX_S = (
+    0.3  # between two edges; a slower wheel turns as friction lets it, not as told
+)
+SPEED_RATIO = 1.5  # to the command; above it a wheel whose loop has settled is too fast
+# Until the loop, on the board or on the host, has corrected the feed-forward; after the lag.
+BOARD_SETTLING_S, HOST_SETTLING_S = 0.6, 2.0
+STANDSTILL_TIME = 300 * MILLISECOND  # without a count
+SPEED_TIME = 500 * MILLISECOND  # over which the speed is told
+PUSHED_COUNTS_MIN = 2  # a wheel that rests on an edge may give one
+
+
+class WheelExcess(NamedTuple):
+    """A wheel that is too fast: its speed over the last time, and the limit, in rad/s."""
+
+    speed: float
+    limit: float
+
+
+class OverspeedDetector:
+    """Watches one wheel; `command` and `counts` in the order of time."""
+
+    def __init__(
+        self, motor: MotorSettings, slots: int, lag: float, delay: float, host_loop: bool
+    ) -> None:
+        """`lag`: time constant of the motor, `delay`: of command and telemetry together (s).
+
+        `host_loop`: the host controls the speed, of a board that takes only a duty.
+        """
+        self.pitch = 2 * pi / slots
+        self.rated = motor.rated
+        calibrated = motor.loop.speed is not None
+        self.spread = CALIBRATED_SPREAD_MAX if calibrated else GAIN_SPREAD_MAX
+        self.delay = round(delay * SECOND)
+        longest_lag = max(LAG_MAX_S, 2 * lag)
+        self.lag = COASTING_RATIO * longest_lag
+        self.strongest = (1.0 + self.spread) * motor.rated
+        self.settling = longest_lag + (HOST_SETTLING_S if host_loop else BOARD_SETTLING_S)
+        self.slowest_held = self.pitch / EDGE_INTERVAL_MAX_S
+        self.counted_share = 1.0 - FALSE_COUNTS_SHARE
+        self.resolution = RESOLUTION_COUNTS * self.pitch
+        self.target = 0.0
+        self.target_limit = self.settled_target_limit = 0.0  # what the target alone allows
+        self.settled_speed = 0.0  # limit of the last motion that was commanded
+        self.limit = self.settled_limit = 0.0
+        self.held_until = self.settled_held_until = 0
+        self.excess = self.settled_excess = 0.0  # rad
+        self.time: int | None = None  # of the last counts
+        self.count = 0
+        self.boot = 0
+        self.recent: deque[tuple[int, int]] = deque()  # times and counts
+        self.moved_at = 0
+        self.is_at_rest = True
+        self.pushed = 0  # counts without a command since the wheel was at rest
+
+    def command(self, now: int, target: float) -> None:
+        """Take the speed (rad/s) that is sent at `now`."""
+        self._decay(now)
+        target = abs(target)
+        if target != self.target:
+            self.target = target
+            self.target_limit, self.settled_target_limit = self._limits_of(target)
+        if target:
+            self.is_at_rest, self.pushed = False, 0
+            self.settled_speed = self.settled_target_limit
+        self._raise_limits(now)
+
+    def counts(self, now: int, count: int, boot: int) -> WheelExcess | None:
+        """Take the count that arrived at `now`; the excess when the wheel is clearly too fast."""
+        last, self.time = self.time, now
+        steps, self.count = abs(count - self.count), count
+        if last is None or boot != self.boot:
+            self.boot, self.moved_at = boot, now
+            self.recent.clear()
+            return None
+        self.recent.append((now, count))
+        while self.recent[0][0] < now - SPEED_TIME:
+            self.recent.popleft()
+        if steps:
+            self.moved_at = now
+        elif not self.target and now - self.moved_at >= STANDSTILL_TIME:
+            self.is_at_rest, self.pushed = True, 0
+        self._decay(now)
+        self._raise_limits(now)
+        if self.is_at_rest:
+            self.excess = self.settled_excess = 0.0
+            self.pushed += steps
+            return None
+        return self._sum(steps, (now - last) / SECOND)
+
+    @property
+    def is_pushed(self) -> bool:
+        """True when the wheel turns by hand."""
+        return self.pushed >= PUSHED_COUNTS_MIN
+
+    def _sum(self, steps: int, elapsed: float) -> WheelExcess | None:
+        turned = steps * self.counted_share * self.pitch
+        self.excess = max(0.0, self.excess + turned - self.limit * elapsed)
+        self.settled_excess = max(0.0, self.settled_excess + turned - self.settled_limit * elapsed)
+        settling = (self.strongest - self.settled_speed) * self.settling
+        if self.excess > self.resolution:
+            return WheelExcess(self._speed(), self.limit)
+        if self.settled_excess > self.resolution + settling:
+            return WheelExcess(self._speed(), self.settled_limit)
+        return None
+
+    def _speed(self) -> float:
+        """Mean speed over the last SPEED_TIME."""
+        (first, begin), (last, end) = self.recent[0], self.recent[-1]
+        return abs(end - begin) * self.pitch / max((last - first) / SECOND, 1e-3)
+
+    def _raise_limits(self, now: int) -> None:
+        if self.target_limit >= self.limit:
+            self.limit, self.held_until = self.target_limit, now + self.delay
+        if self.settled_target_limit >= self.settled_limit:
+            self.settled_limit = self.settled_target_limit
+            self.settled_held_until = now + self.delay
+
+    def _decay(self, now: int) -> None:
+        """Let the limits of earlier, faster commands decay to those of the present one."""
+        strongest, settled = self.target_limit, self.settled_target_limit
+        if now > self.held_until and self.limit > strongest:
+            passed = (now - self.held_until) / SECOND
+            self.limit = max(strongest, self.limit * exp(-passed / self.lag))
+            self.held_until = now
+        if now > self.settled_held_until and self.settled_limit > settled:
+            passed = (now - self.settled_held_until) / SECOND
+            self.settled_limit = max(settled, self.settled_limit * exp(-passed / self.lag))
+            self.settled_held_until = now
+
+    def _limits_of(self, target: float) -> tuple[float, float]:
+        """Speed of the strongest motor, and that of a wheel whose loop has settled."""
+        if not target:
+            return 0.0, 0.0
+        return self.strongest, self.settled_limit_of(target)
+
+    def settled_limit_of(self, target: float) -> float:
+        """Limit (rad/s) of a wheel whose loop has settled at `target`."""
+        return min(self.strongest, SPEED_RATIO * max(target, self.slowest_held))

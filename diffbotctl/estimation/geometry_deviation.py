@@ -1,0 +1,133 @@
+"""What the unknown part of the geometry does to the pose.
+
+Track and wheel diameters are wrong by the same amount for a whole run, so their effect on the pose
+grows with the path and does not average out. It is followed to first order: the deviation of the
+pose for one standard deviation of each independent error. The products of two deviations are the
+covariance (propagation of errors, J P J').
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
+
+from diffbotctl.units import quantity
+
+# m; standard deviations of values that were measured with a ruler and not calibrated. A track is
+# measured between the middles of two tyres, a diameter across one soft tyre.
+RULER_TRACK_SD = 0.002
+RULER_DIAMETER_SD = 0.001
+# Relative standard deviation of a tyre's diameter from that of its pair, not calibrated: moulded
+# tyres of 65 mm differ by about 0.3 mm.
+TYRE_RATIO_SD = 0.005
+
+UNSEEN_RATIO = 0.5  # of the share of faults of the other encoder, at least
+
+TRACK = "drive.track"
+LEFT_DIAMETER, RIGHT_DIAMETER = "drive.left.wheel.diameter", "drive.right.wheel.diameter"
+GEOMETRY = frozenset((TRACK, LEFT_DIAMETER, RIGHT_DIAMETER))
+
+
+class CalibratedValue(Protocol):
+    """One entry of the section `calibration` of the robot file."""
+
+    sd: Any
+
+
+class GeometryDeviation(NamedTuple):
+    """One independent error of the geometry: relative to each value, one standard deviation."""
+
+    track: float = 0.0
+    left: float = 0.0
+    right: float = 0.0
+
+
+class PoseDeviation(NamedTuple):
+    """Deviation of the pose (m, rad) in the frame odom that one error of the geometry causes."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+    def advanced(
+        self,
+        wider: float,
+        longer: float,
+        left: float,
+        right: float,
+        track: float,
+        direction: tuple[float, float],
+    ) -> PoseDeviation:
+        """The deviation after both wheels travelled `left` and `right` (m).
+
+        The error makes the right wheel travel `wider` (m) more than the left one, and both together
+        `longer` (m) more. `direction`: cosine and sine of the heading in the middle of the step.
+        """
+        c, s = direction
+        turn = wider / track
+        ahead = 0.5 * longer
+        aside = 0.5 * (left + right) * (self.heading + 0.5 * turn)
+        return PoseDeviation(
+            self.x + ahead * c - aside * s, self.y + ahead * s + aside * c, self.heading + turn
+        )
+
+
+def geometry_deviations(
+    track: float, left: float, right: float, calibration: Mapping[str, CalibratedValue]
+) -> tuple[GeometryDeviation, ...]:
+    """The independent errors of `track` and of both wheel diameters (m).
+
+    The file does not tell how the errors of two calibrated diameters are related; they are taken as
+    independent, which can only overestimate the error of the heading. A ruler's error is common to
+    both diameters. Raises UnitError for an `sd` that is no length.
+    """
+    track_sd = calibrated_sd(calibration.get(TRACK))
+    left_sd = calibrated_sd(calibration.get(LEFT_DIAMETER))
+    right_sd = calibrated_sd(calibration.get(RIGHT_DIAMETER))
+    ruler = GeometryDeviation(
+        left=RULER_DIAMETER_SD / left if left_sd is None else 0.0,
+        right=RULER_DIAMETER_SD / right if right_sd is None else 0.0,
+    )
+    deviations = (
+        GeometryDeviation(track=(RULER_TRACK_SD if track_sd is None else track_sd) / track),
+        GeometryDeviation(left=TYRE_RATIO_SD if left_sd is None else left_sd / left),
+        GeometryDeviation(right=TYRE_RATIO_SD if right_sd is None else right_sd / right),
+        ruler,
+    )
+    return tuple(deviation for deviation in deviations if any(deviation))
+
+
+def calibrated_sd(entry: CalibratedValue | None) -> float | None:
+    """Standard deviation of a calibrated length, m; None where it is not stated."""
+    if entry is None or entry.sd is None:
+        return None
+    return quantity(str(entry.sd), "m")
+
+
+def combined(
+    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation], error: GeometryDeviation
+) -> tuple[float, float, float]:
+    """What one `error` of the geometry does to the pose (m, rad), from the effects of relative
+    errors of 1 of the track, the left and the right diameter."""
+    of_track, of_left, of_right = unit_effects
+    track, left, right = error
+    return (
+        track * of_track.x + left * of_left.x + right * of_right.x,
+        track * of_track.y + left * of_left.y + right * of_right.y,
+        track * of_track.heading + left * of_left.heading + right * of_right.heading,
+    )
+
+
+def fault_effects(
+    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation], left: float, right: float
+) -> list[tuple[float, float, float]]:
+    """Deviations of the pose (m, rad) by the shares of edges that were missed or counted twice.
+
+    What makes one encoder miss edges is likely to make the other one miss them, too, where its
+    counts have not shown it yet.
+    """
+    if not left and not right:
+        return []
+    left, right = max(left, UNSEEN_RATIO * right), max(right, UNSEEN_RATIO * left)
+    errors = GeometryDeviation(left=left), GeometryDeviation(right=right)
+    return [combined(unit_effects, error) for error in errors]

@@ -1,0 +1,53 @@
+"""What odometry knows of one wheel before it moves: its side of the robot file, and the link."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import copysign
+from typing import NamedTuple, Protocol
+
+from diffbotctl.control.speed_loop import MotorSettings
+
+
+class MotorConfig(MotorSettings, Protocol):
+    """The motor section of a side; `lag` in s."""
+
+    lag: float
+
+
+class WheelConfig(Protocol):
+    """The wheel section of a side; metres."""
+
+    diameter: float
+
+
+class EncoderConfig(Protocol):
+    """The encoder section of a side; errors in pitches."""
+
+    slots: int
+    slot_errors: Sequence[float]
+    back_errors: Sequence[float]
+    open_share: float | None
+
+
+class SideConfig(Protocol):
+    """One side of the drive in the robot file."""
+
+    motor: MotorConfig
+    wheel: WheelConfig
+    encoder: EncoderConfig
+
+
+class LinkTiming(NamedTuple):
+    """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
+    command takes effect, and whether the board reports edge times."""
+
+    frame_time: float
+    command_time: float
+    has_edge_times: bool
+
+
+def settled_speed(duty: float, static: float, rated: float) -> float:
+    """Speed (rad/s) at which a typical motor settles with `duty`: dead band, then linear."""
+    beyond = abs(duty) - static
+    return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0

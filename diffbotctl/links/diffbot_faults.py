@@ -1,0 +1,41 @@
+"""Faults of the wheels that a board reports in its flags, in words."""
+
+from __future__ import annotations
+
+from diffbotctl.errors import join_words
+from diffbotctl.links import diffbot_frames as frames
+
+STALLS = {"left": frames.FLAG_LEFT_STALL, "right": frames.FLAG_RIGHT_STALL}
+STORMS = {"left": frames.FLAG_LEFT_STORM, "right": frames.FLAG_RIGHT_STORM}
+STALL_CAUSE = "a motor had power and its encoder gave no edges: {sides}"
+STORM_CAUSE = "an encoder's pin changes faster than its wheel can turn: {sides}"
+STORM_FIX = "check its wire, its supply and its ground"
+BATTERY_CAUSE = "the battery is low{volts}; charge it"
+BATTERY_STOP_TEXT = "the robot stops when it stays low for 10 s"
+BUTTON_CAUSE = "the stop button is pressed"
+UNKNOWN_CAUSE = "a wheel fault; see the wiring of motors and encoders"
+
+
+def wheel_fault_cause(flags: int) -> str:
+    """Cause of a wheel fault from the board's flags."""
+    causes = []
+    for sides, cause in ((STALLS, STALL_CAUSE), (STORMS, STORM_CAUSE)):
+        faulty = _sides(flags, sides)
+        if faulty:
+            causes.append(cause.format(sides=join_words(faulty, "and")))
+    if _sides(flags, STORMS):
+        causes.append(STORM_FIX)
+    return "; ".join(causes) or UNKNOWN_CAUSE
+
+
+def storm_text(flags: int) -> str:
+    """Warning about encoders that cannot be used while the robot stands; empty without any."""
+    noisy = _sides(flags, STORMS)
+    if not noisy:
+        return ""
+    cause = STORM_CAUSE.format(sides=join_words(noisy, "and"))
+    return f"{cause}; {STORM_FIX}; the robot does not drive until it is quiet"
+
+
+def _sides(flags: int, sides: dict[str, int]) -> list[str]:
+    return [side for side, flag in sides.items() if flags & flag]

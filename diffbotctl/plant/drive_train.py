@@ -1,0 +1,77 @@
+"""What a simulated robot needs of its wheels, and the wheels that follow exact exponentials."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.wheel import WheelModel
+
+Edges = Sequence[int]
+
+
+class Wheel(Protocol):
+    """One wheel: `angle` (rad since the start, forward positive), `speed` (rad/s) and its pin."""
+
+    angle: float
+    speed: float
+
+    @property
+    def level(self) -> int:
+        """Level of the encoder's pin."""
+        ...
+
+    def stop_counting(self) -> None:
+        """Ignore all edges from now on, for a run that looks at the truth alone."""
+        ...
+
+    def watch(self, on: bool) -> None:
+        """Start or stop collecting what `changes` returns."""
+        ...
+
+    def changes(self, until: int) -> list[LevelChange]:
+        """Changes of the watched pin since the last call, until `until`; after `advance`."""
+        ...
+
+    def turn_by_hand(self, angle: float, speed: float) -> int:
+        """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
+        ...
+
+
+class DriveTrain(Protocol):
+    """Both wheels with their motors."""
+
+    @property
+    def wheels(self) -> Sequence[Wheel]:
+        """Left and right."""
+        ...
+
+    def advance(self, until: int, duties: tuple[float, float]) -> tuple[Edges, Edges]:
+        """Let time pass until `until` (ns) with a constant voltage at each motor.
+
+        `duties`: share of the full battery's voltage, forward positive. Returns the times (ns) of
+        the counted edges of each wheel since the last call.
+        """
+        ...
+
+    def set_drag(self, left: float, right: float) -> None:
+        """From now on each wheel drags: a friction torque, in duty that it takes to overcome."""
+        ...
+
+
+class ExponentialDrive:
+    """Two independent wheels, exact between two changes of their duties."""
+
+    def __init__(self, wheels: Sequence[WheelModel]) -> None:
+        self.wheels = wheels
+
+    def advance(self, until: int, duties: tuple[float, float]) -> tuple[Edges, Edges]:
+        """Let time pass; see `DriveTrain`."""
+        left, right = self.wheels
+        return left.advance(until, duties[0]), right.advance(until, duties[1])
+
+    def set_drag(self, left: float, right: float) -> None:
+        """Add friction; see `DriveTrain`."""
+        for wheel, drag in zip(self.wheels, (left, right), strict=True):
+            wheel.set_drag(drag)

@@ -1,0 +1,1 @@
+"""Programs of a pipeline: supervised child processes that read and publish messages."""

@@ -1,0 +1,294 @@
+"""Engine side of the programs: a driver that reads what they publish and sends what they read.
+
+A program is another process that may do anything. What it sends is bounded in size and rate, and
+checked; the first invalid line, a flood or a long silence ends it, and it is started again. The
+engine never waits for it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import socket
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from diffbotctl.config.configuration import ProgramUse
+from diffbotctl.control_socket.protocol import LineBuffer, RefusalError, parse_line
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.input_leases import InputLeases
+from diffbotctl.engine.driver import Delivery
+from diffbotctl.graph import Sink
+from diffbotctl.message_parser import MessageError, message_parser
+from diffbotctl.message_types import type_name
+from diffbotctl.messages import LogLevel
+from diffbotctl.programs.supervisor import Order, read_events, start_supervisor
+from diffbotctl.recording.json_codec import message_encoder
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
+
+PROTOCOL = 1
+READ_BYTES = 1 << 16  # at once, of one program
+LINES_PER_SECOND_MAX = 1000
+BYTES_PER_SECOND_MAX = 1 << 20
+FIRST_LINE_TIMEOUT = 30 * SECOND  # a program may load a large model
+SILENCE_MAX = 2 * SECOND  # or four times its timeout, if that is longer
+EXIT_REPORT_TIMEOUT = 100 * MILLISECOND  # how it ended is known a little after its socket closes
+EVENTS_PERIOD = 20 * MILLISECOND  # between two looks at the supervisor's channel, at least
+SEND_QUEUE_MAX_BYTES = 1 << 16  # that wait for a program which reads slowly
+
+
+class ProgramLink:
+    """One program as the engine sees it. Times are in ns."""
+
+    def __init__(self, use: ProgramUse) -> None:
+        self.use = use
+        self.parsers = {wire: message_parser(kind) for wire, kind in use.outputs.items()}
+        # A program that publishes rarely sends empty objects meanwhile.
+        self.silence_max = max(SILENCE_MAX, round(4 * use.timeout * SECOND))
+        self.socket: socket.socket | None = None
+        self.pid = 0
+        self.lines = LineBuffer()
+        self.queue = bytearray()  # that waits to be sent
+        self.dropped = 0
+        self.window = self.window_lines = self.window_bytes = 0
+        self.silent_at = NEVER  # when it counts as hanging
+        self.lost_at = NEVER  # when its outputs expire, whatever is known of its end
+        self.end_text = ""  # how it ended; what it sent before is still read
+
+    @property
+    def who(self) -> str:
+        """The program as the cause of a stop names it."""
+        return f"program {self.use.name} (process {self.pid})" if self.pid else self.use.name
+
+    def open(self, now: int, pid: int, file: int) -> None:
+        """A new process has been started; `file` is this end of its socket."""
+        self.close()
+        self.socket, self.pid = socket.socket(fileno=file), pid
+        self.socket.setblocking(False)
+        self.lines, self.queue, self.dropped = LineBuffer(), bytearray(), 0
+        self.silent_at = now + FIRST_LINE_TIMEOUT if self.parsers else NEVER
+        self.lost_at, self.end_text = NEVER, ""
+
+    def close(self) -> None:
+        """Close this end of the socket: the program reads the end of its input."""
+        if self.socket is not None:
+            self.socket.close()
+        self.socket, self.silent_at, self.end_text = None, NEVER, ""
+
+    def read(self, now: int) -> bytes | None:
+        """What has come; None when the program has closed its end. Raises RefusalError: a flood."""
+        assert self.socket is not None
+        try:
+            data = self.socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            return None
+        if now - self.window > SECOND:
+            self.window, self.window_lines, self.window_bytes = now, 0, 0
+        self.window_lines += data.count(b"\n")
+        self.window_bytes += len(data)
+        if self.window_lines > LINES_PER_SECOND_MAX or self.window_bytes > BYTES_PER_SECOND_MAX:
+            cause = (
+                f"it sent more than {LINES_PER_SECOND_MAX} lines or {BYTES_PER_SECOND_MAX} bytes "
+                "in a second"
+            )
+            raise RefusalError("E-PROGRAM", cause)
+        return data or None
+
+    def messages(self, line: bytes) -> list[Delivery]:
+        """The messages in one line. Raises RefusalError for a line that is invalid."""
+        deliveries = []
+        for port, values in parse_line(line).items():
+            wire = f"{self.use.name}.{port}"
+            if wire not in self.parsers:
+                known = ", ".join(wire.partition(".")[2] for wire in self.parsers)
+                raise RefusalError("E-PROGRAM", f"there is no output '{port[:40]}'; it has {known}")
+            if not isinstance(values, dict):
+                raise RefusalError("E-PROGRAM", f"{port} is not an object")
+            try:
+                deliveries.append(Delivery(wire, self.parsers[wire](values)))
+            except MessageError as error:
+                raise RefusalError("E-PROGRAM", f"{port}: {error}") from None
+        return deliveries
+
+    def send(self, data: bytes) -> None:
+        """Send a line; one that does not fit is dropped and counted."""
+        if self.socket is None:
+            return
+        if len(self.queue) + len(data) > SEND_QUEUE_MAX_BYTES:
+            self.dropped += 1
+            return
+        self.queue += data
+        with suppress(OSError):  # what does not fit waits; that it has ended is read
+            del self.queue[: self.socket.send(self.queue, socket.MSG_NOSIGNAL)]
+
+
+class ProgramsDriver:
+    """A driver with all programs of a pipeline. `kinds` maps each wire to its message class."""
+
+    def __init__(
+        self,
+        programs: Sequence[ProgramUse],
+        kinds: dict[str, type],
+        inputs: InputLeases,
+        operator: Operator,
+    ) -> None:
+        """Fork the supervisor; the programs start with the run."""
+        self.links = {use.name: ProgramLink(use) for use in programs}
+        self.kinds = kinds
+        self.inputs = inputs
+        self.operator = operator
+        self.channel, self.pid = start_supervisor(programs)
+        self.channel.setblocking(False)
+        self.is_supervised = True
+        self.has_started = False
+        self.has_data = False  # whether a program had sent something when it was last looked at
+        self.events_due = 0
+        self.pending: list[tuple[str, Any]] = []
+        self.readers: dict[str, list[tuple[ProgramLink, str]]] = {}
+        for link in self.links.values():
+            for port, wire in link.use.wires.items():
+                self.readers.setdefault(wire, []).append((link, port))
+        self.encoders: dict[str, Callable[[Any], bytes]] = {
+            wire: message_encoder(kinds[wire]) for wire in self.readers
+        }
+
+    def sinks(self) -> dict[str, Sink]:
+        """What takes the messages that programs read; they are sent in the loop's idle time."""
+        return {wire: self._sink(wire) for wire in self.readers}
+
+    def _sink(self, wire: str) -> Sink:
+        def take(now: int, message: Any) -> None:
+            self.pending.append((wire, message))
+
+        return take
+
+    def due(self) -> int:
+        """When a program counts as hanging, or its outputs expire."""
+        if not self.has_started:
+            return 0
+        return min(min(link.silent_at, link.lost_at) for link in self.links.values())
+
+    def files(self) -> list[int]:
+        """The sockets of all programs, and the supervisor's channel."""
+        files = [self.channel.fileno()] if self.is_supervised else []
+        return files + [
+            link.socket.fileno() for link in self.links.values() if link.socket is not None
+        ]
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """What programs have published, stamped with `now`."""
+        if not self.has_started:
+            self.has_started = True
+            for name in self.links:
+                self._order("start", name)
+        # Most times a program has sent something, and the supervisor has not.
+        if self.is_supervised and (not self.has_data or now >= self.events_due):
+            self.events_due = now + EVENTS_PERIOD
+            self._read_events(now)
+        self.has_data = False
+        deliveries: list[Delivery] = []
+        for link in self.links.values():
+            if link.socket is not None:
+                end_text = link.end_text
+                deliveries += self._read(now, link)
+                if end_text:
+                    self._lose(now, link, f"{link.who} {end_text}")
+            if now >= link.lost_at:
+                self._kill(now, link, "it has closed its output")
+            elif now >= link.silent_at:
+                self._kill(now, link, "it has sent nothing for too long")
+        return deliveries
+
+    def idle(self) -> None:
+        """Send what programs read. Called when the instant's commands have left."""
+        if not self.pending:
+            return
+        for wire, message in self.pending:
+            data = self.encoders[wire](message)
+            for link, port in self.readers[wire]:
+                link.send(b'{"%s": %s}\n' % (port.encode(), data))
+        self.pending.clear()
+
+    def close(self) -> None:
+        """End all programs, and wait until they have ended."""
+        for link in self.links.values():
+            link.close()
+        self.channel.close()
+        os.waitpid(self.pid, 0)
+
+    def _read(self, now: int, link: ProgramLink) -> list[Delivery]:
+        deliveries: list[Delivery] = []
+        try:
+            data = link.read(now)
+            if data is None:
+                # Its exit code comes from the supervisor at once.
+                link.lost_at = now + EXIT_REPORT_TIMEOUT
+                link.close()
+                return deliveries
+            self.has_data = self.has_data or bool(data)
+            link.lines.add(data)
+            while (line := link.lines.next()) is not None:
+                link.silent_at = now + link.silence_max
+                deliveries += link.messages(line)
+        except RefusalError as refusal:
+            self._kill(now, link, refusal.cause)
+            return []
+        for delivery in deliveries:
+            self.inputs.renew(now, delivery.wire, link.use.name, link.who)
+        return [Delivery(wire, message._replace(time=now)) for wire, message in deliveries]
+
+    def _read_events(self, now: int) -> None:
+        events, self.is_supervised = read_events(self.channel)
+        for event, file in events:
+            link = self.links[event.program]
+            if event.kind == "started":
+                if link.end_text:  # the engine was suspended meanwhile
+                    self._lose(now, link, f"{link.who} {link.end_text}")
+                link.open(now, event.pid, file)
+                self._greet(link)
+                self._log(now, "info", link, f"started as process {event.pid}")
+            elif event.kind == "line":
+                self._log(now, "info", link, event.text)
+            elif event.kind == "ended" and link.pid == event.pid and link.lost_at < NEVER:
+                self._lose(now, link, f"{link.who} {event.text}")
+            elif event.kind == "ended" and link.socket is not None and link.pid == event.pid:
+                link.end_text = event.text
+            elif event.kind == "failed":
+                self._lose(now, link, f"program {link.use.name}: {event.text}")
+        if not self.is_supervised:
+            for link in self.links.values():
+                self._lose(now, link, f"{link.who}: the supervisor of programs has ended")
+
+    def _greet(self, link: ProgramLink) -> None:
+        fields = {
+            "hello": PROTOCOL,
+            "name": link.use.name,
+            "in": {port: type_name(self.kinds[wire]) for port, wire in link.use.wires.items()},
+            "out": {
+                wire.partition(".")[2]: type_name(kind) for wire, kind in link.use.outputs.items()
+            },
+        }
+        link.send(json.dumps(fields).encode() + b"\n")
+
+    def _kill(self, now: int, link: ProgramLink, cause: str) -> None:
+        """End a program that misbehaves; the supervisor starts it again."""
+        self._order("kill", link.use.name)
+        self._lose(now, link, f"{link.who} was ended: {cause}")
+
+    def _lose(self, now: int, link: ProgramLink, cause: str) -> None:
+        """The outputs of a program expire at once."""
+        link.close()
+        link.lost_at = NEVER
+        self._log(now, "error", link, cause)
+        self.inputs.end(now, link.use.name, cause, link.use.outputs)
+
+    def _log(self, now: int, level: LogLevel, link: ProgramLink, text: str) -> None:
+        self.operator.log(now, level, link.use.name, text)
+
+    def _order(self, kind: str, program: str) -> None:
+        with suppress(OSError):
+            self.channel.send(pickle.dumps(tuple(Order(kind, program))))

@@ -1,0 +1,184 @@
+/* The hardware layer's parts that all AVR boards share: serial links, analog converter, EEPROM, reset,
+   stack, external interrupts, sleep. */
+#include <avr/eeprom.h>
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/sleep.h>
+#include <avr/wdt.h>
+
+#include "atomic.h"
+#include "board.h"
+#include "protocol.h"
+
+#define PAINT 0xA5
+#define GAP 64
+
+/* Divisors at 16 MHz, double speed, for 9600, 19200, 38400, 57600, 115200 baud. */
+static const uint8_t divisors[] PROGMEM = {207, 103, 51, 34, 16};
+
+/* Registers of a UART, in the order of the data sheet: UCSRA, UCSRB, UCSRC, -, UBRR, UDR. Every AVR
+   with several UARTs has them eight bytes apart. */
+#define UART(link) (&UCSR0A + 8 * (link))
+#define STATE 0
+#define CONTROL 1
+#define FORMAT 2
+#define DIVISOR 4
+#define DATA 6
+
+__attribute__((noinline)) void board_set_baud(uint8_t link, uint8_t baud)
+{
+    UART(link)[STATE] = 1 << U2X0;
+    *(volatile uint16_t *)(UART(link) + DIVISOR) = pgm_read_byte(&divisors[baud]);
+}
+
+void board_start_link(uint8_t link, uint8_t baud)
+{
+    board_set_baud(link, baud);
+    UART(link)[FORMAT] = 1 << UCSZ01 | 1 << UCSZ00;
+    UART(link)[CONTROL] = 1 << RXEN0 | 1 << TXEN0 | 1 << RXCIE0;
+}
+
+uint8_t board_received(uint8_t link)
+{
+    return UART(link)[DATA];
+}
+
+void board_send(uint8_t link, uint8_t byte)
+{
+    UART(link)[DATA] = byte;
+}
+
+void board_sending(uint8_t link, bool on)
+{
+    ATOMIC
+    {
+        if (on)
+            UART(link)[CONTROL] |= 1 << UDRIE0;
+        else
+            UART(link)[CONTROL] &= (uint8_t)~(1 << UDRIE0);
+    }
+}
+
+void board_convert(uint8_t channel)
+{
+    ADMUX = (uint8_t)(1 << REFS0 | (channel & 7));
+#ifdef MUX5
+    ADCSRB = channel > 7 ? 1 << MUX5 : 0;
+#endif
+    ADCSRA = 1 << ADEN | 1 << ADSC | 1 << ADIE | 7; /* 125 kHz: 104 us per conversion */
+}
+
+uint16_t board_converted(void)
+{
+    return ADC;
+}
+
+void board_store_read(uint16_t address, void *to, uint8_t size)
+{
+    eeprom_read_block(to, (const void *)(uintptr_t)address, size);
+}
+
+bool board_store_ready(void)
+{
+    return eeprom_is_ready();
+}
+
+void board_store_write(uint16_t address, uint8_t byte)
+{
+    eeprom_write_byte((uint8_t *)(uintptr_t)address, byte);
+}
+
+/* After a watchdog reset the watchdog is still running: stop it before it resets the start-up. */
+static uint8_t flags __attribute__((section(".noinit")));
+void reset_early(void) __attribute__((naked, used, section(".init3")));
+void reset_early(void)
+{
+    flags = MCUSR;
+    MCUSR = 0;
+    wdt_disable();
+}
+
+uint8_t board_reset_cause(void)
+{
+    if (flags & 1 << WDRF)
+        return RESET_WATCHDOG;
+    if (flags & 1 << PORF)
+        return RESET_POWER;
+    if (flags & 1 << BORF)
+        return RESET_BROWNOUT;
+    return flags & 1 << EXTRF ? RESET_LINE : RESET_UNKNOWN;
+}
+
+void board_start_watchdog(void)
+{
+    wdt_enable(WDTO_250MS);
+}
+
+void board_feed(void)
+{
+    wdt_reset();
+}
+
+extern uint8_t _end;
+static uint8_t *lowest; /* lowest address of the stack in use so far */
+
+__attribute__((always_inline)) inline void board_paint_stack(void)
+{
+    lowest = (uint8_t *)SP;
+    for (uint8_t *at = &_end; at < (uint8_t *)SP - 8; at++)
+        *at = PAINT;
+}
+
+uint16_t board_free_stack(void)
+{
+    /* Searching from the end of the variables would take milliseconds: start GAP below the last result,
+       since no function leaves that many bytes untouched. */
+    uint8_t *at = lowest - GAP;
+    if (at < &_end)
+        at = &_end;
+    while (*at == PAINT)
+        at++;
+    lowest = at;
+    return (uint16_t)(at - &_end);
+}
+
+void board_mute(uint8_t number)
+{
+    EIMSK &= (uint8_t)~(1 << number);
+}
+
+void board_mute_all(void)
+{
+    EIMSK = 0;
+}
+
+_Static_assert(EDGE_BOTH == 1 && EDGE_FALLING == 2 && EDGE_RISING == 3, "bits ISCn of the data sheet");
+
+void board_sense(uint8_t number, uint8_t sense)
+{
+#ifdef EICRB
+    register_t *control = number < 4 ? &EICRA : &EICRB;
+#else
+    register_t *control = &EICRA;
+#endif
+    uint8_t bit = (uint8_t)(1 << number), field = 3;
+    for (number &= 3; number != 0; number--) {
+        sense = (uint8_t)(sense << 2);
+        field = (uint8_t)(field << 2);
+    }
+    EIMSK &= (uint8_t)~bit;
+    *control = (uint8_t)((*control & ~field) | sense);
+    EIFR = bit;
+    EIMSK |= bit;
+}
+
+void board_start_interrupts(void)
+{
+    SMCR = 1 << SE; /* idle mode: timers and serial ports keep running */
+    sei();
+}
+
+void board_sleep(void)
+{
+    sleep_cpu();
+}

@@ -1,0 +1,180 @@
+"""Own messages, inputs and programs: what works, how long it takes, what happens when they fail."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from diffbotctl.testing import own_package
+from diffbotctl.testing.running import PlainClient, cli, running
+from diffbotctl.testing.trials import hostile_sockets, programs, round_trips
+from diffbotctl.testing.trials.row import Row, printed
+
+ROOT = Path(__file__).parent.parent
+SECONDS = 10.0  # of round trips in each run
+RATIO_MAX, ENGINE_MAX = 3.0, 0.03
+REQUESTS, STOPS = 100_000, 20
+STOP_MAX_S = 0.3
+PEAK_MAX_BYTES = 100 << 20
+
+
+def rows(failures: int) -> Iterator[Row]:
+    """All rows; `failures` programs fail in each way."""
+    yield from message_rows()
+    yield from round_trip_rows(SECONDS)
+    yield from failure_rows(failures)
+    yield deaf_row()
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+@contextmanager
+def _python_path(*folders: Path) -> Iterator[None]:
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join(map(str, folders))
+    try:
+        yield
+    finally:
+        os.environ.pop("PYTHONPATH")
+        if before is not None:
+            os.environ["PYTHONPATH"] = before
+
+
+def message_rows() -> Iterator[Row]:
+    """Commands that take messages of another package, and read them where it is missing."""
+    with _folder() as folder:
+        site, recording = folder / "site", str(folder / "noses.mcap")
+        pipeline = str(own_package.install(site))
+        picture = str(folder / "ppm.svg")
+        with _python_path(ROOT, site):
+            outputs = [
+                cli(folder, *words)
+                for words in (
+                    ("run", pipeline, "--fast", "--quiet", "--record", recording),
+                    ("graph", pipeline),
+                    ("blocks", "show", "smell"),
+                    ("replay", recording, "--check"),
+                    ("replay", recording, "--set", "nose.gain=2"),
+                )
+            ] + _running_commands(folder, pipeline)
+        with _python_path(ROOT):
+            absent = [
+                cli(folder, *words)
+                for words in (
+                    ("bag", "info", recording),
+                    ("bag", "export", recording, "nose.face", "nose.own", "nose.gas"),
+                    (
+                        "bag",
+                        "plot",
+                        "nose.gas.ppm",
+                        "nose.own.near",
+                        recording,
+                        "--output",
+                        picture,
+                    ),
+                    ("bag", "diff", recording, recording),
+                )
+            ]
+        yield _count("own messages: commands with the package", outputs)
+        yield _count("own messages: bag without the package", absent)
+        text = outputs[1][1]
+        both = "odd_noses/Range" in text and " Range " in text.replace("odd_noses/Range", "")
+        yield Row("own Range beside the built-in one", "both" if both else "mixed up", "both", both)
+
+
+def _running_commands(folder: Path, pipeline: str) -> list[tuple[int, str, str]]:
+    with running(folder, pipeline, "--stay", "--goal", "0 0"):
+        client = PlainClient(folder)
+        client.until(lambda status: status["time"] > 300_000_000)  # ns: some frames
+        client.close()
+        return [
+            cli(folder, *words)
+            for words in (
+                ("topic", "list"),
+                ("topic", "echo", "nose.face", "--once"),
+                ("topic", "hz", "nose.gas", "--once"),
+                ("topic", "type", "nose.own"),
+                ("call", "nose.raise_count", "by=10"),
+                ("param", "set", "nose.gain", "3"),
+                ("dash", "--once"),
+            )
+        ]
+
+
+def _count(what: str, outputs: list[tuple[int, str, str]]) -> Row:
+    good = sum(code == 0 and "INCOMPLETE" not in out for code, out, _ in outputs)
+    return Row(what, f"{good} of {len(outputs)}", "all", good == len(outputs))
+
+
+def round_trip_rows(seconds: float) -> Iterator[Row]:
+    """Round trips at 200 Hz, beside those of the same program through bare pipes."""
+    with _folder() as folder:
+        trips = {}
+        for language, (run, echo) in round_trips.senders(folder).items():
+            floor = round_trips.bare(folder, run, echo, seconds)
+            bound = round_trips.bare(folder, run, round_trips.json_echo(folder), seconds)
+            trip = round_trips.through_program(folder, run, seconds)
+            trips[f"program in {language}"] = floor, bound, trip
+        # The client of the measurement is written in Python.
+        floor, bound, _ = trips["program in Python"]
+        trips["client in Python"] = floor, bound, round_trips.through_client(folder, seconds)
+        for what, (floor, bound, trip) in trips.items():
+            ratio = trip.median / floor.median
+            yield Row(
+                f"round trip at 200 Hz, {what}",
+                f"{trip.figure(floor)}; bare {floor.median * 1e3:.3f} ms, an interpreter that only "
+                f"reads and writes JSON {bound.median / floor.median:.1f}x",
+                f"<= {RATIO_MAX:g}x, <= {100 * ENGINE_MAX:g} % of a core",
+                ratio <= RATIO_MAX and trip.engine <= ENGINE_MAX,
+            )
+
+
+def failure_rows(count: int) -> Iterator[Row]:
+    """Programs that drive and fail: stopped in time, named, latched; and their replays."""
+    equal = runs = 0
+    for kind in programs.CAUSES:
+        outcomes = []
+        for place in range(count):
+            with _folder() as folder:
+                outcomes.append(programs.fail(folder, kind, programs.DRIVEN_LINES + place % 7))
+        right = sum(outcome.is_right and outcome.is_in_time for outcome in outcomes)
+        worst = max(outcome.silence for outcome in outcomes)
+        equal += sum(outcome.is_equal for outcome in outcomes)
+        runs += len(outcomes)
+        yield Row(
+            f"program that drives: {kind.replace('_', ' ')}",
+            f"{right} of {count} stopped, named, latched; {worst * 1e3:.0f} ms at most",
+            f"all, <= {1e3 * (programs.TIMEOUT_S + programs.MARGIN_S):.0f} ms",
+            right == count,
+        )
+    yield Row(
+        "their replays without the programs", f"{equal} of {runs} equal", "all", equal == runs
+    )
+
+
+def deaf_row() -> Row:
+    """A client that sends requests and never reads, beside one that stops the robot."""
+    with _folder() as folder:
+        attack = hostile_sockets.deaf_client(folder, REQUESTS, STOPS)
+    worst = max(attack.stops)
+    good = attack.survived and not attack.failures and worst <= STOP_MAX_S
+    return Row(
+        f"client that never reads, {attack.requests} requests",
+        f"stop {worst * 1e3:.0f} ms at most of {STOPS}, {attack.peak_bytes >> 20} MB",
+        f"<= {STOP_MAX_S * 1e3:.0f} ms, <= {PEAK_MAX_BYTES >> 20} MB",
+        good and attack.peak_bytes <= PEAK_MAX_BYTES,
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--failures", type=int, default=5, help="of each kind")
+    raise SystemExit(printed(rows(parser.parse_args().failures)) > 0)

@@ -1,0 +1,352 @@
+"""Random robots, perturbations and goals on both plants: what is reached, told and given up.
+
+`python -m prove.matrix --seed N --runs N [--plant 1|2]`; a case that is printed with a row can be
+run alone: `python -m prove.matrix --case SEED:ROBOT:PERTURBATION:PLANT:NUMBER`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from math import ceil, degrees, sqrt
+from multiprocessing import Pool
+from pathlib import Path
+from statistics import median
+
+from diffbotctl.testing.matrix_case import EQUATIONS, Case, CaseResult, run_case
+from diffbotctl.testing.random_robots import PERTURBATIONS
+from diffbotctl.testing.trials.row import Row, printed
+
+ROBOTS = 24
+RUNS = ROBOTS * len(PERTURBATIONS) * len(EQUATIONS) * 4
+COVERAGE_RUNS_MIN = 400  # independent runs of one robot, or with one perturbation
+# Ideal shares within 1, 2 and 3 standard deviations: one axis, and the radius of two.
+HEADING_IDEAL, HEADING_TARGET = (0.683, 0.954, 0.997), (0.62, 0.89, 0.98)
+POSITION_IDEAL, POSITION_TARGET = (0.393, 0.865, 0.989), (0.33, 0.80, 0.97)
+FALSE_SIGMAS, FALSE_MIN, FALSE_WORST = 4.0, 0.020, 0.100
+TRAVEL_MAX_S, STANDING_MAX_S = 1.0, 5.0
+MODESTY_MAX = 1.5
+WORST = 5  # cases that are named with a row
+
+
+def cases(seed: int, runs: int, plants: Iterable[int], robots: int = ROBOTS) -> Iterator[Case]:
+    """`runs` cases, with all robots, perturbations and plants as evenly as the number allows."""
+    plants = tuple(plants)
+    names = tuple(PERTURBATIONS)
+    for index in range(runs):
+        plant = plants[index % len(plants)]
+        rest = index // len(plants)
+        # The robot advances with each case, the perturbation too: any few cases are a mixture.
+        number, place = divmod(rest, robots * len(names))
+        robot = place % robots
+        name = names[(place // robots + robot) % len(names)]
+        yield Case(seed, robot, name, plant, number)
+
+
+def run_all(todo: list[Case], processes: int = 1) -> Iterator[CaseResult]:
+    """The results, in the order of the cases."""
+    if processes <= 1:
+        yield from map(run_case, todo)
+        return
+    with Pool(processes) as pool:
+        yield from pool.imap(run_case, todo, chunksize=4)
+
+
+def rows(results: list[CaseResult]) -> Iterator[Row]:
+    """The rows of both plants, one after the other."""
+    for plant, equations in EQUATIONS.items():
+        of_plant = [result for result in results if result.case.plant == plant]
+        if of_plant:
+            yield from _plant_rows(f"plant {plant} ({equations})", of_plant)
+
+
+def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
+    feasible = [result for result in results if result.is_feasible]
+    reached = [result for result in feasible if result.is_claimed]
+    unsure = sum(result.end == "reached_unsure" for result in reached)
+    share = len(reached) / max(len(feasible), 1)
+    yield Row(
+        f"{name}: {len(feasible)} feasible goals reached",
+        f"{share:.1%}" + (f", {unsure / len(feasible):.1%} unsure" if unsure else ""),
+        ">= 97 %",
+        share >= 0.97,
+    )
+    yield from _given_up_row(name, results)
+    late = [result for result in results if result.farther > result.farther_limit]
+    worst = max(results, key=lambda result: result.farther / result.farther_limit)
+    yield Row(
+        f"{name}: farther than the start by more than allowed",
+        f"{len(late)}, worst {worst.farther:.2f} m",
+        "0: max(0.3 m, speed x (1 s + lag))",
+        not late,
+    )
+    false = [result for result in results if is_false(result)]
+    most = max((result.true_error for result in false), default=0.0)
+    yield Row(
+        f"{name}: reached, but > 4 sd and > 20 mm off",
+        f"{len(false) / len(results):.2%}, worst {most * 1000:.0f} mm",
+        "<= 0.3 %, none above 100 mm",
+        len(false) <= 0.003 * len(results) and most <= FALSE_WORST,
+    )
+    yield from _coverage_rows(name, results)
+    calm = [result for result in results if result.case.perturbation == "none"]
+    if calm:
+        hesitant = sum(result.end == "reached_unsure" for result in calm) / len(calm)
+        yield Row(
+            f"{name}: reached_unsure without perturbation",
+            f"{hesitant:.1%} of {len(calm)}",
+            "<= 3 %",
+            hesitant <= 0.03,
+        )
+
+
+def is_false(result: CaseResult) -> bool:
+    """Whether it claims a goal from which it is farther than it told."""
+    return (
+        result.end == "reached"
+        and result.true_error > FALSE_MIN
+        and result.position_sigmas > FALSE_SIGMAS
+    )
+
+
+def is_late(result: CaseResult) -> bool:
+    """Whether a goal was given up too late, or without a cause."""
+    return (
+        result.travel_after > TRAVEL_MAX_S
+        or result.standing_after > STANDING_MAX_S
+        or not result.cause
+        or result.end == "time limit"
+    )
+
+
+def _given_up_row(name: str, results: list[CaseResult]) -> Iterator[Row]:
+    given_up = [result for result in results if not result.is_feasible and not result.is_claimed]
+    if not given_up:
+        return
+    late = sum(is_late(result) for result in given_up)
+    travel = max(result.travel_after for result in given_up)
+    standing = max(result.standing_after for result in given_up)
+    of_wheel = [result for result in given_up if result.wheel]
+    named = sum(result.is_named for result in of_wheel)
+    yield Row(
+        f"{name}: {len(given_up)} infeasible given up in time",
+        f"{1 - late / len(given_up):.0%}; {travel:.0f}, {standing:.0f} s; "
+        f"{named} of {len(of_wheel)} wheels named",
+        "all: 1 s of travel, 5 s of standing",
+        not late and named == len(of_wheel),
+    )
+
+
+def _coverage_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
+    """Shares within 1, 2, 3 told standard deviations of the worst robot and perturbation."""
+    for what, target, sigmas, told, error in (
+        ("heading", HEADING_TARGET, _heading_sigmas, _told_heading, _heading_error),
+        ("position", POSITION_TARGET, _position_sigmas, _told_position, _position_error),
+    ):
+        for kind, groups in (("all", {"": results}), *_groups(results)):
+            if not groups:
+                continue
+            worst = min(groups, key=lambda key: _margin(_shares(groups[key], sigmas), target))
+            shares = _shares(groups[worst], sigmas)
+            size = len(groups[worst])
+            yield Row(
+                f"{name}: {what} in 1/2/3 sd, {kind} {worst} ({size})".replace(" ()", ""),
+                "/".join(f"{100 * share:.0f}" for share in shares),
+                ">= " + "/".join(f"{100 * part:.0f}" for part in target),
+                _margin(shares, target) >= 0.0,
+            )
+        ratio = modesty(results, told, error)
+        yield Row(
+            f"{name}: {what}: median told sd over actual RMS",
+            f"{ratio:.2f}",
+            f"<= {MODESTY_MAX}",
+            ratio <= MODESTY_MAX,
+        )
+
+
+def _groups(results: list[CaseResult]) -> Iterator[tuple[str, dict[str, list[CaseResult]]]]:
+    """Robots and perturbations with enough runs; with few runs the perturbations as they are."""
+    by_robot, by_perturbation = defaultdict(list), defaultdict(list)
+    for result in results:
+        by_robot[str(result.case.robot)].append(result)
+        by_perturbation[result.case.perturbation].append(result)
+    for kind, groups in (("robot", by_robot), ("with", by_perturbation)):
+        yield kind, {key: group for key, group in groups.items() if len(group) >= COVERAGE_RUNS_MIN}
+
+
+Measure = Callable[[CaseResult], float]
+
+
+def _heading_sigmas(result: CaseResult) -> float:
+    return abs(result.heading_sigmas)
+
+
+def _position_sigmas(result: CaseResult) -> float:
+    return result.position_sigmas
+
+
+def _told_heading(result: CaseResult) -> float:
+    return result.told_heading
+
+
+def _told_position(result: CaseResult) -> float:
+    return result.told_position * sqrt(2.0)
+
+
+def _heading_error(result: CaseResult) -> float:
+    return result.estimate_turn
+
+
+def _position_error(result: CaseResult) -> float:
+    return result.estimate_error
+
+
+def modesty(results: list[CaseResult], told: Measure, error: Measure) -> float:
+    """Median of the told standard deviation over the RMS of the actual error."""
+    rms = sqrt(sum(error(result) ** 2 for result in results) / len(results))
+    return median(told(result) for result in results) / rms if rms else 0.0
+
+
+def _shares(results: list[CaseResult], sigmas: Measure) -> tuple[float, ...]:
+    values = [sigmas(result) for result in results]
+    return tuple(sum(value <= limit for value in values) / len(values) for limit in (1, 2, 3))
+
+
+def _margin(shares: tuple[float, ...], target: tuple[float, ...]) -> float:
+    return min(share - part for share, part in zip(shares, target, strict=True))
+
+
+def summary(results: list[CaseResult]) -> Iterator[str]:
+    """What ended how, tables by perturbation and by robot, and the worst cases."""
+    for plant in EQUATIONS:
+        of_plant = [result for result in results if result.case.plant == plant]
+        if not of_plant:
+            continue
+        yield f"\nplant {plant}: {len(of_plant)} runs"
+        ends = Counter(
+            (result.end, result.stop, "feasible" if result.is_feasible else "infeasible")
+            for result in of_plant
+        )
+        for (end, stop, feasible), count in ends.most_common():
+            yield f"  {count:6d}  {end:<16}{stop:<18}{feasible}"
+        yield from _table("perturbation", of_plant, lambda result: result.case.perturbation)
+        yield from _table("robot", of_plant, lambda result: str(result.case.robot))
+        yield from _worst(of_plant)
+
+
+def _table(kind: str, results: list[CaseResult], key: Callable[[CaseResult], str]) -> Iterator[str]:
+    yield (
+        f"  {kind:<13} runs feas reach false late |  heading 1/2/3 sd  told/rms | "
+        "position 1/2/3 sd  told/rms | true median p95 mm"
+    )
+    groups = defaultdict(list)
+    for result in results:
+        groups[key(result)].append(result)
+    for name, group in groups.items():
+        feasible = [result for result in group if result.is_feasible]
+        reached = sum(result.is_claimed for result in feasible) / max(len(feasible), 1)
+        heading = "/".join(f"{100 * share:3.0f}" for share in _shares(group, _heading_sigmas))
+        position = "/".join(f"{100 * share:3.0f}" for share in _shares(group, _position_sigmas))
+        errors = sorted(result.true_error * 1000 for result in group if result.is_claimed) or [0.0]
+        late = sum(is_late(result) for result in group if not result.is_claimed)
+        yield (
+            f"  {name:<13} {len(group):4d} {len(feasible):4d} {reached:5.0%} "
+            f"{sum(map(is_false, group)):5d} {late:4d} | {heading:>17} "
+            f"{modesty(group, _told_heading, _heading_error):9.2f} | {position:>17} "
+            f"{modesty(group, _told_position, _position_error):9.2f} | "
+            f"{median(errors):6.0f} {errors[ceil(0.95 * len(errors)) - 1]:6.0f}"
+        )
+
+
+def _worst(results: list[CaseResult]) -> Iterator[str]:
+    """The worst cases of each row, to be run alone."""
+    unreached = [result for result in results if result.is_feasible and not result.is_claimed]
+    lists: tuple[tuple[str, list[CaseResult], Measure], ...] = (
+        ("feasible, not reached", unreached, lambda result: result.true_error),
+        (
+            "farther than allowed",
+            [result for result in results if result.farther > result.farther_limit],
+            lambda result: result.farther,
+        ),
+        ("false claim", [result for result in results if is_false(result)], _true_error),
+        ("heading beyond 4 sd", [r for r in results if _heading_sigmas(r) > 4], _heading_sigmas),
+        (
+            "position beyond 4 sd",
+            [r for r in results if _position_sigmas(r) > 4],
+            _position_sigmas,
+        ),
+    )
+    for title, group, measure in lists:
+        yield f"  {title}: {len(group)}"
+        for result in sorted(group, key=measure, reverse=True)[:WORST]:
+            yield f"    {line(result)}"
+
+
+def _true_error(result: CaseResult) -> float:
+    return result.true_error
+
+
+def line(result: CaseResult) -> str:
+    """One line about a run."""
+    return (
+        f"{result.case!s:<26} {result.end:<14} {result.seconds:6.1f} s  "
+        f"true {result.true_error * 1000:5.0f} mm {degrees(result.true_turn):5.1f} deg  "
+        f"estimate off {result.estimate_error * 1000:5.0f} mm ({result.position_sigmas:.1f} sd) "
+        f"{degrees(result.estimate_turn):6.1f} deg ({result.heading_sigmas:.1f} sd)  "
+        f"farther {result.farther:.2f} m  {result.cause}"
+    )
+
+
+def case_text(case: Case, folder: Path | None) -> str:
+    """All that is known of one case."""
+    result = run_case(case, folder)
+    fields = "\n".join(f"{name:<16} {value}" for name, value in result._asdict().items())
+    return f"{line(result)}\n{fields}"
+
+
+def matrix(
+    seed: int, runs: int, plants: Iterable[int], processes: int = 1, output: Path | None = None
+) -> list[CaseResult]:
+    """Run the matrix; `output` receives one JSON line for each run as soon as it has ended."""
+    results = []
+    sink = None if output is None else output.open("w")
+    for result in run_all(list(cases(seed, runs, plants)), processes):
+        results.append(result)
+        if sink is not None:
+            print(json.dumps(result._asdict() | {"case": str(result.case)}), file=sink, flush=True)
+    if sink is not None:
+        sink.close()
+    return results
+
+
+def sample(seed: int, runs: int) -> Iterator[Row]:
+    """The rows of `runs` runs on both plants, for `make prove`."""
+    if runs:
+        yield from rows(matrix(seed, runs, EQUATIONS))
+
+
+def main() -> int:
+    """Print rows and summary; exit 1 when a row is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--runs", type=int, default=RUNS)
+    parser.add_argument("--plant", type=int, choices=list(EQUATIONS), help="default: both")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--case", type=Case.parse, help="run one case, and print all of it")
+    parser.add_argument("--keep", type=Path, help="folder for the files of --case")
+    parser.add_argument("--output", type=Path, help="file for one JSON line for each run")
+    options = parser.parse_args()
+    if options.case is not None:
+        print(case_text(options.case, options.keep))
+        return 0
+    plants = [options.plant] if options.plant else list(EQUATIONS)
+    results = matrix(options.seed, options.runs, plants, options.processes, options.output)
+    missed = printed(rows(results))
+    print("\n".join(summary(results)))
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

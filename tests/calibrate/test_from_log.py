@@ -1,0 +1,60 @@
+"""`calibrate from-log` on a small sample of random drives, good and corrupted, through files."""
+
+from math import isnan
+from random import Random
+
+import pytest
+
+from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
+from diffbotctl.testing.trials.from_log import WRONG_DEVIATION, calibrated, session_rows
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed):
+    drawn = draw_set(f"test {seed}")
+    saved = calibrated(drawn, tmp_path / "set")
+    if saved.exit_code:  # few drives may prove too little; never six or more in both directions
+        assert len(drawn.drives) < 6 or not drawn.is_two_way, saved.text
+        assert saved.deviations == []
+    else:
+        assert len(saved.deviations) == 3 and max(saved.deviations) < WRONG_DEVIATION
+
+
+@pytest.mark.parametrize(
+    ("corruption", "words"),
+    [
+        ("x and y exchanged", "exchanged"),
+        ("ends mirrored", "mirrored"),
+        ("degrees for radians", "in degrees"),
+        ("millimetres", "metres"),
+        ("centimetres", "metres"),
+        ("columns swapped", "left and the right wheel are exchanged"),
+        ("encoder reversed", "wrong direction"),
+        ("encoder dead", "run `diffbotctl calibrate encoders`"),
+        ("gap", "gap from"),
+        ("counter of 8 bits", "wrap around at 256"),
+    ],
+)
+def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words):
+    seeds = (f"named {number}" for number in range(100))
+    drawn = next(
+        each
+        for each in map(draw_set, seeds)
+        if each.has_headings
+        and each.is_two_way
+        and len({drive.name.partition("-")[0] for drive in each.drives}) > 2
+    )
+    saved = calibrated(CORRUPTIONS[corruption](drawn, Random(1)), tmp_path / "set")
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in " ".join(saved.text.split())
+
+
+def test_corruptions_of_headings_need_headings():
+    assert set(NEEDS_HEADINGS) <= set(CORRUPTIONS)
+    drawn = next(each for each in map(draw_set, range(40)) if not each.has_headings)
+    assert any(isnan(drive.end[2]) for drive in drawn.drives)
+
+
+def test_without_real_data_the_row_says_so(tmp_path):
+    (row,) = session_rows(1, [tmp_path])
+    assert row.figure == "no data"

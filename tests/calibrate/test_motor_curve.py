@@ -1,0 +1,55 @@
+"""Motor curves under a sagging battery."""
+
+from random import Random
+
+import pytest
+
+from diffbotctl.calibrate.motor_curve import fit_curves
+from diffbotctl.calibrate.motor_fit import fit_line
+
+DUTIES = (0.3, 0.45, 0.6, 0.75, 0.9)
+
+
+def points(gain, static, sag, noise=0.0, seed=0):
+    rng = Random(seed)
+    return [
+        (duty, gain * (duty * (1 - sag * duty) - static) * (1 + rng.gauss(0.0, noise)))
+        for duty in DUTIES * 2
+    ]
+
+
+def test_exact_points_give_the_curve():
+    # gain 10 rad/s, static 0.1: 9 rad/s at full duty without a drop of the voltage.
+    curves = fit_curves({"left": points(10.0, 0.10, 0.04), "right": points(12.0, 0.08, 0.04)})
+    assert curves["left"].static == pytest.approx(0.10, abs=1e-6)
+    assert curves["left"].rated == pytest.approx(9.0, abs=1e-5)
+    assert curves["right"].rated == pytest.approx(12.0 * 0.92, abs=1e-5)
+
+
+def test_a_line_is_wrong_by_what_the_sag_does():
+    line = fit_line(points(10.0, 0.10, 0.04))
+    assert line.static < 0.093 and line.rated < 8.7
+
+
+@pytest.mark.parametrize("sag", [0.0, 0.04, 0.12])
+def test_two_standard_deviations_contain_the_truth(sag):
+    inside = []
+    for seed in range(40):
+        rng = Random(seed)
+        static = rng.uniform(0.06, 0.14)
+        curves = fit_curves(
+            {
+                "left": points(11.0, static, sag, 0.001, seed),
+                "right": points(10.0, 0.1, sag, 0.001, seed + 99),
+            }
+        )
+        left = curves["left"]
+        inside.append(abs(left.static - static) <= 2 * left.static_sd)
+        inside.append(abs(left.rated - 11.0 * (1 - static)) <= 2 * left.rated_sd)
+    assert sum(inside) >= 0.9 * len(inside)
+
+
+def test_motors_of_another_law_are_left_to_the_line():
+    # speed = w0 - friction / duty bends far more than any battery.
+    other = [(duty, 12.0 - 1.2 / duty) for duty in DUTIES * 2]
+    assert fit_curves({"left": other, "right": other}) == {}

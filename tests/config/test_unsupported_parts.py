@@ -1,0 +1,55 @@
+"""Parts that a robot file cannot name: each is answered with what comes nearest."""
+
+import pytest
+
+from diffbotctl.config.load import check
+from diffbotctl.config.unsupported_parts import PARTS, unsupported_part
+
+
+def problems(folder, line):
+    file = folder / "kit.yaml"
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{line}\n")
+    return [p for p in check("goal", str(file), ()) if p.severity == "error"]
+
+
+@pytest.mark.parametrize(
+    ("line", "cause", "fix"),
+    [
+        ("board: {type: ESP32}", "does not run on an ESP32", "Mega 2560, Uno or Nano"),
+        ("board: {type: pico_w}", "RP2040", "Mega 2560, Uno or Nano"),
+        ("board: {type: Raspberry Pi 4}", "the computer that runs", "mega2560, uno or nano"),
+        ("drive: {type: skid_steer}", "four that are switched in pairs", "write differential"),
+        ("drive: {motor: {driver: TB6612FNG}}", "allowed values", "did you mean tb6612?"),
+        ("drive: {motor: {driver: TB6621}}", "allowed values", "did you mean tb6612?"),
+        ("drive: {motor: {driver: L293D}}", "0.6 A", "driver: l298n"),
+        ("drive: {motor: {driver: l289n}}", "allowed values", "did you mean l298n?"),
+        ("drive: {encoder: {channels: 2}}", "second channel", "write 1"),
+        ("drive: {encoder: none}", "without an encoder", "slotted disc"),
+        ("drive: {right: {encoder: none}}", "without an encoder", "slotted disc"),
+        ("sensors: {front: {type: GP2Y0A21YK0F}}", "10 to 80 cm", "sharp_gp2y0a41sk0f"),
+        ("sensors: {front: {type: hc_sr04}}", "length of a pulse", "sharp_gp2y0a41sk0f"),
+        ("sensors: {front: {type: rplidar a1}}", "only in the simulator", "lds01"),
+        ("sensors: {front: {type: sharp_gp2y0a41}}", "allowed values", "did you mean sharp"),
+        ("board: {type: mega}", "allowed values", "did you mean mega2560?"),
+    ],
+)
+def test_a_part_is_answered_with_what_to_write(tmp_path, line, cause, fix):
+    (problem,) = problems(tmp_path, line)
+    assert cause in problem.cause
+    assert fix in problem.fix
+
+
+@pytest.mark.parametrize("field", PARTS)
+def test_each_is_found_by_its_name_and_a_transposed_one(field):
+    """Two neighbouring letters exchanged, in each place of names of at least six letters."""
+    for name, part in PARTS[field].items():
+        assert unsupported_part(field, name.upper(), ["l298n", "none"]) is part
+        for at in range(len(name) - 1 if len(name) >= 6 else 0):
+            swapped = name[:at] + name[at + 1] + name[at] + name[at + 2 :]
+            assert unsupported_part(field, swapped, []) in PARTS[field].values(), swapped
+
+
+@pytest.mark.parametrize("word", ["", "x", "!!", "zzzzzz", "l298n"])
+def test_other_words_name_no_part(word):
+    for field in PARTS:
+        assert unsupported_part(field, word, ["l298n", "none"]) is None

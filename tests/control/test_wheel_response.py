@@ -1,0 +1,102 @@
+"""The ratio of a wheel's speed to its commands, on wheels that follow a first-order equation."""
+
+from math import exp
+
+import pytest
+
+from diffbotctl.control.wheel_response import RATIO_FREE, DriveResponse, WheelResponse
+
+LAG, STEP = 0.1, 0.02  # s
+
+
+def driven(commands, gain=1.0, reach=9.9):
+    """The response of a wheel that settles at `gain` times its command, at most at `reach`."""
+    response, speed = WheelResponse(), 0.0
+    for command in commands:
+        settled = min(max(gain * command, -reach), reach)
+        speed += (settled - speed) * (1.0 - exp(-STEP / LAG))
+        response.update(command, speed, LAG, STEP)
+    return response
+
+
+def test_a_wheel_that_follows_is_commanded_as_it_is():
+    response = driven([0.3] * 200)
+    assert response.ratio == pytest.approx(1.0, abs=0.02)
+    assert response.command_for(0.2) == pytest.approx(0.2, rel=0.02)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_half_a_motor_is_found_within_a_second(sign):
+    response = driven([0.3 * sign] * 50, gain=0.5)
+    assert response.ratio == pytest.approx(0.5, abs=0.06)
+    assert response.command_for(0.1 * sign) == pytest.approx(RATIO_FREE * 0.2 * sign, rel=0.12)
+
+
+def test_a_motor_below_its_limit_is_left_to_the_loop_that_sets_its_duty():
+    response = WheelResponse()
+    for _ in range(100):
+        response.update(0.3, 0.15, LAG, STEP, True, is_limited=False)
+    assert (response.ratio, response.short_for) == (1.0, 0.0)
+
+
+def test_a_motor_at_its_limit_is_found_and_forgotten():
+    fast = driven([0.3] * 200, reach=0.15)
+    assert fast.ratio == pytest.approx(0.5, abs=0.02)
+    slow = driven([0.3] * 200 + [0.1] * 200, reach=0.15)
+    assert slow.ratio == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_wheel_that_rises_slowly_is_not_weak():
+    assert driven([0.3] * 3).ratio == 1.0  # 60 ms after the command, at 45 % of it
+
+
+def test_a_wheel_that_stands_counts_the_time_and_keeps_its_ratio():
+    response = driven([0.3] * 50, gain=0.0)
+    assert response.idle_for == pytest.approx(1.0)
+    assert response.ratio == 1.0
+    response.update(0.0, 0.0, LAG, STEP)
+    response.update(-0.3, 0.0, LAG, STEP)
+    assert response.idle_for == pytest.approx(1.0 + STEP), "in whichever direction"
+    response.update(-0.3, -0.1, LAG, STEP)
+    assert response.idle_for == 0.0
+
+
+def both(left=0.3, right=0.3):
+    """The response of wheels at 0.3 m/s of which the left one turns at `left`, for 3 s."""
+    drive = DriveResponse(0.2, 0.001)
+    for _ in range(round(3.0 / STEP)):
+        for wheel, speed in ((drive.left, left), (drive.right, right)):
+            wheel.update(0.3, speed, LAG, STEP, speed * STEP)
+    return drive
+
+
+@pytest.mark.parametrize(("speed", "is_named"), [(0.3, False), (0.1, False), (0.02, True)])
+def test_a_wheel_that_only_crawls_is_named(speed, is_named):
+    fault = both(left=speed).fault(creep=0.035, stuck_after=2.0, lag=LAG)
+    assert fault.startswith("the left wheel reaches 0.02 m/s of 0.30 m/s") == is_named
+    assert bool(fault) == is_named
+
+
+@pytest.mark.parametrize(("estimated", "is_lost"), [(0.3, False), (0.15, False), (0.02, True)])
+def test_a_wheel_that_counts_and_stands_by_odometry_is_named(estimated, is_lost):
+    drive = DriveResponse(0.2, 0.001)
+    for _ in range(round(1.0 / STEP)):
+        drive.left.update(0.3, 0.3, LAG, STEP, 0.3 * STEP)
+        drive.right.update(0.3, estimated, LAG, STEP, 0.3 * STEP)
+    assert ("odometry has lost the right wheel" in drive.lost()) == is_lost
+
+
+def test_counts_across_a_gap_are_not_compared():
+    drive = DriveResponse(0.2, 0.001)
+    drive.left.update(0.3, 0.0, LAG, 3.0, 0.4)  # it rolled on while the link was gone
+    drive.left.update(0.3, 0.0, LAG, STEP, 0.0)
+    assert drive.lost() == ""
+
+
+def test_a_wheel_that_sticks_at_a_low_command_is_not_weak():
+    drive = DriveResponse(0.2, 0.001)
+    drive.begin(crawl_command_min=0.07)
+    for _ in range(round(3.0 / STEP)):
+        drive.left.update(0.05, 0.002, LAG, STEP, 0.0001)
+        drive.right.update(0.05, 0.002, LAG, STEP, 0.0001)
+    assert drive.fault(creep=0.035, stuck_after=2.0, lag=LAG) == ""

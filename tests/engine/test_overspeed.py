@@ -1,0 +1,90 @@
+"""A wheel that is faster than commanded: what is noticed, when, and what is healthy."""
+
+from math import exp, inf, pi
+
+import pytest
+
+from diffbotctl.config.load import load_robot
+from diffbotctl.engine.overspeed import OverspeedDetector
+
+MOTOR = load_robot("book_2wd").robot.drive.left.motor
+MS = 1_000_000
+SLOTS = 20
+FRAME = 25 * MS
+
+
+def detected_at(command, speed, seconds=12.0, slots=SLOTS, host_loop=False):
+    """Seconds until the detector reports, inf if never.
+
+    `command` and `speed` are functions of the time in s, in rad/s.
+    """
+    detector = OverspeedDetector(MOTOR, slots, 0.1, 0.05, host_loop)
+    angle, now = 0.35 * 2 * pi / slots, 0
+    while now < seconds * 1e9:
+        now += FRAME
+        angle += speed(now / 1e9) * FRAME / 1e9
+        if detector.counts(now, int(angle * slots / (2 * pi)), 0) is not None:
+            return now / 1e9
+        detector.command(now, command(now / 1e9))
+    return inf
+
+
+def constant(value):
+    return lambda time: value
+
+
+@pytest.mark.parametrize("slots", [8, 20, 360, 4096])
+@pytest.mark.parametrize("target", [0.5, 2.0, 4.0])
+def test_a_motor_at_full_speed_is_noticed(target, slots):
+    # The limit is 1.5 times the target, or the speed of an edge each 0.3 s. The strongest motor
+    # turns at 15.7 rad/s; what it exceeds the limit by in 1 s, and 4 counts, is allowed.
+    limit = 1.5 * max(target, 2 * pi / slots / 0.3)
+    rest, surplus = 15.7 - limit, 0.9 * 10.5 - limit
+    bound = (rest + 4 * 2 * pi / slots) / surplus
+    assert detected_at(constant(target), constant(10.5), slots=slots) < bound + 0.2
+
+
+@pytest.mark.parametrize("speed", [3.0, 10.5])
+def test_a_motor_that_keeps_turning_after_the_stop_is_noticed(speed):
+    at = detected_at(lambda time: 3.0 if time < 2.0 else 0.0, lambda time: min(speed, 3.0 + time))
+    assert 2.0 < at < 4.0
+
+
+def test_more_than_the_strongest_motor_is_noticed_within_half_a_second():
+    noise = 100 * 2 * pi / SLOTS  # rad/s, of an encoder wire that picks up the mains
+    assert detected_at(constant(6.0), constant(noise)) < 0.5
+
+
+@pytest.mark.parametrize("lag", [0.03, 0.1, 0.4])
+@pytest.mark.parametrize("gain", [0.6, 1.0, 1.4])
+def test_healthy_motors_are_never_reported(gain, lag):
+    """Drive at 3 rad/s for 4 s with a wrong gain, coast, and drive again slowly."""
+
+    def command(time):
+        return 3.0 if time < 4.0 else 0.0 if time < 6.0 else 0.8
+
+    def speed(time):
+        if time < 4.0:
+            return 3.0 * gain * (1 - exp(-time / lag))
+        if time < 6.0:
+            return 3.0 * gain * exp(-(time - 4.0) / lag)
+        return 0.8 * gain * (1 - exp(-(time - 6.0) / lag))
+
+    assert detected_at(command, speed) == inf
+
+
+def test_a_wheel_that_is_pushed_at_rest_is_no_fault():
+    detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
+    for frame in range(400):
+        count = max(0, frame - 100) // 2  # 63 rad/s
+        assert detector.counts(frame * FRAME, count, 0) is None
+        assert detector.is_pushed == (count >= 2)
+        detector.command(frame * FRAME, 0.0)
+
+
+def test_a_restart_of_the_board_counts_anew():
+    detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
+    detector.command(0, 3.0)
+    assert detector.counts(FRAME, 5000, 0) is None
+    assert detector.counts(2 * FRAME, 0, 1) is None
+    assert detector.counts(3 * FRAME, 1, 1) is None

@@ -1,0 +1,114 @@
+"""A fine encoder: directions at reversals, by exact counts that the board signs by its command."""
+
+from math import copysign, exp, sqrt
+from types import SimpleNamespace
+
+import pytest
+
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.wheel_side import LinkTiming
+
+FRAME = 20_000_000  # ns
+LAG = 0.1  # s
+SLOTS = 1000
+RISE = 10.0  # pitches/s in a frame, of the speed at which the drive settles
+STEP = 1e-4  # s, of the simulated wheel
+SIDE = SimpleNamespace(
+    motor=SimpleNamespace(rated=20.0, lag=LAG, loop=SimpleNamespace(static=0.1)),
+    wheel=SimpleNamespace(diameter=0.1),
+    encoder=SimpleNamespace(slots=SLOTS),
+)
+
+
+def profile(frame: int) -> float:
+    """A rise, a fall to rest, and a rise backward, slow enough for the wheel to follow."""
+    ramp = min(frame, max(50 - frame, 0), 20) - min(max(frame - 55, 0), 40)
+    return RISE * ramp
+
+
+def sudden(frame: int) -> float:
+    """Full speed forward, backward and forward again."""
+    return 300.0 if frame < 40 or frame >= 80 else -300.0
+
+
+class DrivenWheel:
+    """A wheel with a motor, whose encoder misses nothing, and its odometer.
+
+    With a `gain` of the speed and a constant `friction` (pitches/s) it is not the motor that the
+    odometer knows.
+    """
+
+    def __init__(self, lag: float, gain: float, friction: float, has_edge_times: bool) -> None:
+        self.lag, self.gain, self.friction = lag, gain, friction
+        self.odometer = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, has_edge_times))
+        self.has_edge_times = has_edge_times
+        self.place, self.speed, self.count, self.time = 0.5, 0.0, 0, 0
+        self.edge_time: int | None = 0
+
+    def frame(self, drive: float) -> None:
+        """Move for one frame, and report it."""
+        edges = int(self.place)
+        for _ in range(round(FRAME * 1e-9 / STEP)):
+            settled = copysign(max(self.gain * abs(drive) - self.friction, 0.0), drive)
+            self.speed += (settled - self.speed) * (1.0 - exp(-STEP / self.lag))
+            self.place += self.speed * STEP
+            self.time += round(STEP * 1e9)
+            if int(self.place) != edges:
+                edges = int(self.place)
+                self.count += -1 if drive < 0.0 else 1
+                self.edge_time = self.time
+        command = drive / self.odometer.pitches_per_rad
+        edge_time = self.edge_time if self.has_edge_times else None
+        self.odometer.update(self.time, self.count, edge_time, command, False, self.time - FRAME)
+        self.odometer.report()
+
+    def error(self) -> float:
+        """Of the estimated travel, in pitches."""
+        return self.odometer.position + self.odometer.beyond - self.place
+
+    def sd(self) -> float:
+        """Of the estimated travel, in pitches."""
+        wheel = self.odometer
+        slot = (wheel.variance + wheel.end_variance) / wheel.pitch**2
+        return sqrt(slot + wheel.reversal_variance)
+
+
+@pytest.mark.parametrize("has_edge_times", [True, False])
+@pytest.mark.parametrize("friction", [0.0, 50.0, 100.0])
+@pytest.mark.parametrize("lag, gain", [(LAG, 1.0), (1.6 * LAG, 0.6), (0.5 * LAG, 1.3)])
+@pytest.mark.parametrize("drive", [profile, sudden])
+def test_a_wheel_that_reverses_is_followed(drive, lag, gain, friction, has_edge_times):
+    wheel = DrivenWheel(lag, gain, friction, has_edge_times)
+    for number in range(1, 151):
+        wheel.frame(drive(number))
+    assert wheel.odometer.reversals == (2 if drive is sudden else 1)
+    assert abs(wheel.error()) < 3.0 * wheel.sd()
+    assert abs(wheel.error()) < 8.0  # of about 600 pitches there and back
+
+
+@pytest.mark.parametrize("has_edge_times", [True, False])
+def test_without_a_reversal_the_travel_is_as_good_as_a_slot(has_edge_times):
+    wheel = DrivenWheel(2.0 * LAG, 0.8, 0.0, has_edge_times)
+    for _ in range(100):
+        wheel.frame(250.0)
+        assert abs(wheel.error()) <= 1.0
+    assert wheel.sd() == pytest.approx(sqrt(2 / 12))  # uniform at both ends
+    assert wheel.odometer.speed == pytest.approx(wheel.speed * wheel.odometer.pitch, rel=0.05)
+
+
+def test_a_wheel_that_is_pushed_at_rest_may_turn_in_either_direction():
+    wheel = DrivenWheel(LAG, 1.0, 50.0, has_edge_times=False)
+    for number in range(100):
+        wheel.frame(200.0 if number < 30 else 0.0)
+    before = wheel.odometer.reversal_variance
+    wheel.count += 7
+    wheel.frame(0.0)
+    assert wheel.odometer.reversal_variance - before == pytest.approx(7**2)
+
+
+def test_edges_before_any_command_may_be_in_either_direction():
+    wheel = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, False))
+    for frame in range(1, 6):
+        wheel.update(frame * FRAME, 2 * frame, None, 0.0, False, 0)
+        wheel.report()
+    assert sqrt(wheel.reversal_variance) == pytest.approx(5 * 2)

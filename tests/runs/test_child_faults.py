@@ -1,0 +1,35 @@
+"""Children of a run that are killed or suspended, and a cable: a sample of what `prove` runs."""
+
+import signal
+
+import pytest
+
+from diffbotctl.testing.trials.child_faults import child_fault, emulator_fault, unplugged
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"),
+    [
+        ("hub", signal.SIGKILL),
+        ("hub", signal.SIGSTOP),
+        ("recorder", signal.SIGKILL),
+        ("recorder", signal.SIGSTOP),
+        ("log", signal.SIGSTOP),
+        ("screen", signal.SIGSTOP),
+        ("watchdog", signal.SIGSTOP),
+    ],
+)
+def test_the_run_goes_on_or_ends_and_leaves_nothing(kind, number):
+    outcome = child_fault(kind, number, 5)
+    assert not outcome.faults, outcome.output
+
+
+def test_a_killed_emulator_ends_the_run():
+    outcome = emulator_fault(signal.SIGKILL, 6)
+    assert not outcome.faults, outcome.output
+    assert "final stop NOT CONFIRMED" in outcome.output
+
+
+def test_a_cable_that_is_replugged_needs_resume_and_nothing_else():
+    outcome = unplugged(7)
+    assert not outcome.faults, outcome.output

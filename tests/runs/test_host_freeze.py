@@ -1,0 +1,31 @@
+"""A host that is suspended, or whose watchdog is lost, while a stock board drives."""
+
+import signal
+
+import pytest
+
+from diffbotctl.testing.trials.host_freeze import frozen, hanging, watchdog_signalled
+
+
+@pytest.mark.parametrize("whole_group", [False, True])
+def test_a_suspended_host_is_stopped_and_does_not_drive_when_it_continues(whole_group):
+    outcome = frozen(1, whole_group)
+    assert outcome.stop_s is not None, outcome.output
+    assert outcome.stays, outcome.output
+    assert "host_frozen" in outcome.output
+    assert "resume" in outcome.output
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_lost_watchdog_ends_the_run(number):
+    outcome = watchdog_signalled(2, number)
+    assert outcome.stop_s is not None, outcome.output
+    assert outcome.stays
+    assert "E-WATCHDOG" in outcome.output
+
+
+def test_a_block_that_hangs_is_stopped_and_named():
+    outcome = hanging(3)
+    assert outcome.stop_s is not None, outcome.output
+    assert outcome.stays, outcome.output
+    assert "block hangs took 2.5" in outcome.output

@@ -1,0 +1,68 @@
+"""Quantities as people write them, and what the message says of those that are not accepted."""
+
+from math import pi
+
+import pytest
+
+from diffbotctl.units import UnitError, parse_pose, quantity
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("65 mm", "m", 0.065),
+        ("90 deg", "rad", pi / 2),
+        ("0", "rad", 0.0),
+        ("-0", "rad", 0.0),
+        ("1 m/s²", "m/s2", 1.0),
+        ("300 us", "s", 300e-6),
+        ("0.3", "m/s", 0.3),
+    ],
+)
+def test_values(text, unit, value):
+    assert quantity(text, unit) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "message"),
+    [
+        ("90", "rad", "the angle 90 has no unit: write 90 deg, or 90 rad for 5156.62 degrees"),
+        ("-1.5", "rad", "the angle -1.5 has no unit: write -1.5 deg, or -1.5 rad for -85.9437"),
+        ("90°", "rad", "'90°' contains the degree sign: write 90 deg"),
+        ("\N{MINUS SIGN}1 m", "m", "contains the minus sign U+2212: write -1 m"),
+        ("300 µs", "s", "contains the micro sign: write 300 us"),
+        ("300 \N{GREEK SMALL LETTER MU}s", "s", "contains the Greek letter mu: write 300 us"),
+        ("1 m/s^2", "m/s2", "contains a caret: write 1 m/s2"),
+        ("1/8 m", "m", "'1/8 m' is a fraction: write 0.125 m"),
+        ("1/0", "m", "'1/0' is not a number with a unit, such as 65 mm"),
+        ("−5 °", "rad", "the minus sign U+2212 and the degree sign: write -5 deg"),
+        ("5^", "1", "contains a caret: write 5"),
+        ("^°", "rad", "'^°' is not a number with a unit, such as 90 deg"),
+        ("1,5 m", "m", "has a decimal comma: write a point, 1.5 m"),
+    ],
+)
+def test_messages(text, unit, message):
+    with pytest.raises(UnitError) as caught:
+        quantity(text, unit)
+    assert message in str(caught.value)
+
+
+def test_a_pose():
+    assert parse_pose("1 0.5 90deg") == (1.0, 0.5, pytest.approx(pi / 2))
+    assert parse_pose("1, 0.5") == (1.0, 0.5, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 0.5 90", "the angle 90 has no unit"),
+        ("1 0.5 1e308deg", "1e308deg is too far: at most 10 turns is possible"),
+        ("1e9 0", "1e9 is too far: at most 1000 m is possible"),
+        ("1e999 0", "1e999 is too far"),
+        ("1", "give X Y [HEADING]"),
+    ],
+)
+def test_poses_that_are_refused(text, message):
+    with pytest.raises(UnitError) as caught:
+        parse_pose(text)
+    assert message in str(caught.value)
