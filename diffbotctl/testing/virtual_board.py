@@ -16,7 +16,7 @@ from diffbotctl.emulator.virtual_board import virtual_board
 from diffbotctl.processes.real_time import prefer
 
 MAIN = "from diffbotctl.cli.main import main; main()"
-LONGEST = 180  # s; everything that is waited for takes a few, on an idle machine
+LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
 
 
 @contextmanager
@@ -64,6 +64,9 @@ def diffbotctl(*words, **options):
     process = start(*words, **options)
     try:
         said, _ = process.communicate(timeout=LONGEST)
+    except subprocess.TimeoutExpired as expired:
+        said = (expired.stdout or b"").decode(errors="replace")
+        raise AssertionError(f"no end within {LONGEST} s; it said:\n{said}") from None
     finally:
         process.kill()  # a run that is left behind would slow down all tests after it
         process.wait()
