@@ -40,10 +40,14 @@ void board_start_timers(void)
     TCCR1B = 1 << WGM12 | 1 << CS11 | 1 << CS10;
 }
 
+/* A bootloader may have used the timer: its count is no time, and its overflow flag would be read as an
+   overflow that is yet to be counted, by which board_now would be too late for half a round. */
 void board_start_clock(void)
 {
     TCCR2A = 0;
+    TCNT2 = 0;
     TCCR2B = 1 << CS22;
+    TIFR2 = 0xFF;
     TIMSK2 = 1 << TOIE2 | 1 << OCIE2A | 1 << OCIE2B;
 }
 

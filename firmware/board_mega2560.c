@@ -56,10 +56,14 @@ void board_start_timers(void)
     TCCR3B = TCCR4B = TCCR5B = 1 << WGM32 | 1 << CS31 | 1 << CS30;
 }
 
+/* A bootloader may have used the timer: its count is no time, and its overflow flag would be read as an
+   overflow that is yet to be counted, by which board_now would be too late for half a round. */
 void board_start_clock(void)
 {
     TCCR1A = 0;
+    TCNT1 = 0;
     TCCR1B = 1 << CS11 | 1 << CS10;
+    TIFR1 = 0xFF;
     TIMSK1 = 1 << TOIE1 | 1 << OCIE1A | 1 << OCIE1B;
 }
 

@@ -267,7 +267,7 @@ class SetupGuide:
         words += [] if is_watched else ["--fast", "--quiet"]
         if _run_command(run.command, *words):
             raise click.ClickException(
-                "the goal was not reached; correct the cause and start again"
+                "the goal was not surely reached; correct the cause stated above and start again"
             )
 
 

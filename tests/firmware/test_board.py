@@ -5,9 +5,10 @@ from itertools import pairwise
 
 import pytest
 
-from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, build
+from diffbotctl.emulator.emulated_robot import motor_pins
+from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, bootloader, build
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.testing.board_bench import BOOK, MS, RADIO, USB, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (
     board,
     board_faults,
@@ -97,6 +98,31 @@ def test_settings_survive_a_reset():
         hello = bench.ask()
         assert hello.settings == BOOK.mark()
         assert hello.reset == frames.ResetCode.LINE
+
+
+@pytest.mark.parametrize("settings", [BOOK, UNO], ids=["mega2560", "uno"])
+@pytest.mark.parametrize("run_ms", [40, 210, 275])
+def test_telemetry_has_no_gap_after_a_reset(settings, run_ms):
+    """The clock's timer starts anew, whatever its state is when the bootloader ends.
+
+    With an old overflow flag the time jumps back in the middle of the timer's first round, and
+    telemetry pauses for 250 ms.
+    """
+    pins, board = motor_pins(settings), settings.board
+    with BoardBench(settings=settings) as bench:
+        bench.emulator.close()
+        bench.emulator = Emulator(pins, board=board, boot=bootloader(board))
+        bench.wait(1500)  # the bootloader waits for a new program
+        bench.ready()
+        bench.wait(run_ms)
+        bench.emulator.reset(LINE)
+        bench.heard.clear()
+        for number in range(50):  # telemetry starts with the first frame after the bootloader
+            bench.send(RADIO, frames.StopFrame(number))
+            bench.wait(40)
+        times = [heard.time for heard in bench.heard if isinstance(heard.frame, frames.StateFrame)]
+        assert len(times) > 20
+        assert max(later - earlier for earlier, later in pairwise(times)) < 60 * MS
 
 
 def test_settings_are_refused_in_motion():
