@@ -38,6 +38,8 @@ HEADING_ERROR_FREE = 10 * pi / 180  # up to here it drives at full speed
 HEADING_ERROR_MAX = 45 * pi / 180  # beyond, it stops and turns
 PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheel speed, so that no wheel reverses
 BEARING_DISTANCE_MIN = 0.06  # m to the goal; closer, the bearing is dominated by noise
+# Multiple of the tolerance; farther from the goal, the last turn waits until it is nearer.
+MISSED_RATIO = 2.5
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
 STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
@@ -296,8 +298,10 @@ class GoalFollower(Block):
             if self._is_leg_done(pursuit, odometry, seconds):
                 match pursuit.leg:
                     case "turning":
-                        pursuit = pursuit._replace(leg="driving")
+                        pursuit = pursuit._replace(leg="driving", releases=0)
                     case "driving":
+                        if pursuit.distance(odometry) > MISSED_RATIO * self.tolerance:
+                            return self._try_again(pursuit, odometry)
                         # The last turn is about the goal, which reduces the position error further.
                         pivot = (pursuit.goal.x, pursuit.goal.y)
                         pursuit = pursuit._replace(leg="aligning", pivot=pivot)
@@ -306,6 +310,8 @@ class GoalFollower(Block):
                         return self._judge(pursuit, odometry)
                     case _:
                         assert_never(pursuit.leg)
+            elif pursuit.leg == "driving":
+                pursuit = pursuit._replace(releases=pursuit.releases + 1)
             else:
                 pursuit = pursuit.count_release(odometry)
         delay = round(self.command_delay * SECOND)
@@ -334,8 +340,14 @@ class GoalFollower(Block):
             is_calibrated = self.calibration.keys() >= GEOMETRY
             doubt = position_doubt(odometry, self.tolerance, is_calibrated)
             return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
+        return self._try_again(pursuit, odometry)
+
+    def _try_again(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
+        """Begin the next attempt, or give up."""
         pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
         if pursuit.attempts >= self.attempts:
+            distance = pursuit.distance(odometry)
+            turn = abs(pursuit._replace(leg="aligning").heading_error(odometry))
             cause = (
                 f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away after "
                 f"{pursuit.attempts} attempts"
@@ -411,10 +423,10 @@ class GoalFollower(Block):
         return SpeedBounds(creep, top, self.braking * BRAKING_RATIO, rest)
 
     def _is_leg_done(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
-        if pursuit.leg == "driving":
-            return True
         if pursuit.releases >= RELEASES_MAX:
             return True
+        if pursuit.leg == "driving":
+            return not self._falls_short(pursuit, odometry, seconds)
         error = abs(pursuit.heading_error(odometry))
         if pursuit.leg == "turning":
             tolerance = TURN_TOLERANCE_RATIO * self.heading_tolerance
@@ -427,6 +439,18 @@ class GoalFollower(Block):
         # With slow motors the remaining angle may be too small to drive.
         remaining, bounds = 0.5 * self.track * error, self._turn_bounds(pursuit)
         return is_too_small(remaining, pursuit.coast.time, seconds, bounds)
+
+    def _falls_short(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
+        """Whether the robot, at rest, should drive on, having coasted less than expected."""
+        remaining = pursuit.along(odometry)
+        remaining = -remaining if pursuit.is_backwards else remaining
+        error = shortest_turn(pursuit.line - odometry.heading)
+        bounds = self._bounds(pursuit, self.speed, DRIVE_REST_RATIO * self.tolerance)
+        return (
+            remaining > self.tolerance
+            and abs(error) < HEADING_ERROR_MAX
+            and not is_too_small(remaining, pursuit.coast.time, seconds, bounds)
+        )
 
     def _wheel_speed(self, odometry: Odometry) -> float:
         """Speed (m/s) of the faster wheel."""

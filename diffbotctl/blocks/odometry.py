@@ -13,7 +13,7 @@ from diffbotctl.estimation.timestamp_filter import TimestampFilter
 from diffbotctl.estimation.wheel_odometer import (
     CountWheelOdometer,
     WheelOdometer,
-    share_friction,
+    share_response,
 )
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Odometry
@@ -96,7 +96,7 @@ class OdometryBlock(Block):
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
-            share_friction(left, right)
+            share_response(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)

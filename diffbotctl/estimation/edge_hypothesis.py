@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
 from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
-from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
@@ -58,6 +58,8 @@ class WheelFrame(NamedTuple):
     """pitches/s at which the commanded motor settles"""
     drive_since: int | None
     """ns, when that command took effect, if known"""
+    duty: float
+    """of that command, without its sign"""
 
 
 class _Branch(NamedTuple):
@@ -86,6 +88,7 @@ class EdgeHypothesis:
     time: int
     count: int
     drive: float = 0.0
+    duty: float = 0.0
     drive_direction: int = 0  # of the last drive: 1, -1, or 0 before the first
     edge_slot: int = 0  # slot of the last edge
     edge_direction: int = 0  # in which it was passed: 1, -1, or 0 before the first edge
@@ -103,9 +106,9 @@ class EdgeHypothesis:
         return self.edge_slot, self.edge_direction, self.is_reversed
 
     @property
-    def key(self) -> tuple[tuple[int, int, bool], bool | None, bool]:
+    def key(self) -> tuple[tuple[int, int, bool], bool | None, MotorKind]:
         """Hypotheses with equal keys describe the same history."""
-        return self.last_edge, self.motion.is_dry, self.motion.is_typical
+        return self.last_edge, self.motion.is_dry, self.motion.kind
 
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
@@ -118,7 +121,7 @@ class EdgeHypothesis:
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
-        time, count, edge_time, drive, drive_since = frame
+        time, count, edge_time, drive, drive_since, duty = frame
         steps = abs(count - self.count)
         self.count = count
         begin = self.time
@@ -128,7 +131,7 @@ class EdgeHypothesis:
         passed_time = self._clamp(edge_time, time) if has_edge else time
         if is_changing and change_time <= passed_time:
             self._advance(change_time)
-            self._set_drive(drive)
+            self._set_drive(drive, duty)
             is_changing = False
         self._advance(passed_time)
         hypotheses = [self]
@@ -147,7 +150,7 @@ class EdgeHypothesis:
                 )
             if is_changing:
                 hypothesis._advance(change_time)
-                hypothesis._set_drive(drive)
+                hypothesis._set_drive(drive, duty)
             hypothesis._advance(time)
             if steps and hypothesis.is_reversed:
                 hypothesis.coasting_speed = min(
@@ -241,7 +244,7 @@ class EdgeHypothesis:
         span = time - self.time
         if span > 0:
             self.time = time
-            self.motion.predict(span * 1e-9, self.drive)
+            self.motion.predict(span * 1e-9, self.drive, self.duty)
             if self.coasting_speed:
                 self._brake(span * 1e-9)
 
@@ -253,10 +256,10 @@ class EdgeHypothesis:
         speed = (self.coasting_speed + drive) * exp(-span / lag) - drive
         self.coasting_speed = speed if speed > priors.creep else 0.0
 
-    def _set_drive(self, drive: float) -> None:
+    def _set_drive(self, drive: float, duty: float) -> None:
         """Change the drive, and keep track of reversals."""
         self.motion.command_changed(drive - self.drive)
-        self.drive = drive
+        self.drive, self.duty = drive, duty
         if drive == 0.0:
             return
         direction = 1 if drive > 0.0 else -1

@@ -21,6 +21,9 @@ PoseCovariance = tuple[float, float, float, float, float, float]
 """Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 # Hypotheses agree when the variance between them is below this share of the filters' own.
 AGREEMENT_VARIANCE_RATIO = 0.5
+# Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance squared: 3/4
+# for a normal distribution. It moves the position towards the point that the path turns about.
+BEND_RATIO = 0.75
 NO_COVARIANCE: PoseCovariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NO_EFFECTS = (PoseDeviation(), PoseDeviation(), PoseDeviation())
 
@@ -193,15 +196,15 @@ class PoseFilter:
         if end:
             origins.append(((self.x, self.y, self.heading), end))
         xx, xy, xh, yy, yh, hh = self.slip_covariance
-        for (origin_x, origin_y, origin_heading), variance in origins:
-            c, s = cos(origin_heading), sin(origin_heading)
+        for (origin_x, origin_y, _), variance in origins:
             heading = variance / self.track**2
             lever_x, lever_y = origin_y - self.y, self.x - origin_x
-            along = 0.25 * variance
-            xx += lever_x * lever_x * heading + along * c * c
-            xy += lever_x * lever_y * heading + along * c * s
+            along = 0.25 * variance  # in any direction: the heading has changed since
+            bend = BEND_RATIO * heading * heading
+            xx += lever_x * lever_x * heading + lever_y * lever_y * bend + along
+            xy += lever_x * lever_y * (heading - bend)
             xh += lever_x * heading
-            yy += lever_y * lever_y * heading + along * s * s
+            yy += lever_y * lever_y * heading + lever_x * lever_x * bend + along
             yh += lever_y * heading
             hh += heading
         geometry_xx = geometry_xy = geometry_yy = 0.0

@@ -38,6 +38,7 @@ class Priors(NamedTuple):
     frame_time: float = 0.0  # s; of a frame's time
     command_time: float = 0.0  # s; of the time at which a command takes effect
     has_edge_times: bool = False  # whether the board reports edge times
+    brakes: bool = False  # whether the driver shorts the motor at duty 0
 
     def widened(self) -> Priors:
         """The priors of a motor that is not of the usual kind, or geared or supplied otherwise."""

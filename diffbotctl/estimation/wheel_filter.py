@@ -8,10 +8,15 @@ from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
-from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_kalman import MotorKind, Response, WheelKalman
 
 HYPOTHESES_MAX = 8
-WIDE_LOG_PRIOR = -2.3  # natural log; one motor in ten is not of the usual kind
+# Natural log of the ratio to linear motors: as many free-wheel, one in ten is neither.
+OTHER_KINDS = (
+    (MotorKind.FREE_WHEELING, 0.0),
+    (MotorKind.UNUSUAL_LINEAR, -2.3),
+    (MotorKind.UNUSUAL_FREE_WHEELING, -2.3),
+)
 # Natural log; a motor is surely unusual if a usual one is less likely by more (about 1:20).
 UNUSUAL_LOG_RATIO = 3.0
 LOG_RATIO_MAX = (
@@ -37,9 +42,10 @@ class WheelFilter:
             priors = priors._replace(change_cost=inf)
         self.hypotheses = [EdgeHypothesis(WheelKalman(priors, slots), time, count)]
         if not is_fine:
-            wide = WheelKalman(priors, slots, is_typical=False)
-            wide.log_likelihood = WIDE_LOG_PRIOR
-            self.hypotheses.append(EdgeHypothesis(wide, time, count))
+            for kind, log_prior in OTHER_KINDS:
+                motion = WheelKalman(priors, slots, kind)
+                motion.log_likelihood = log_prior
+                self.hypotheses.append(EdgeHypothesis(motion, time, count))
         self.known_edges = known_edges
         self.alignment: DiscAlignment | None = None
 
@@ -108,22 +114,21 @@ class WheelFilter:
             self.alignment.update(frame)
             self._adopt_alignment(self.alignment)
 
-    def friction_log_odds(self) -> float:
-        """Log odds of dry friction against none (natural logarithm); 0 before the wheel has
-        coasted."""
-        best = {False: -LOG_RATIO_MAX, True: -LOG_RATIO_MAX}
+    def response_log_likelihoods(self) -> dict[Response, float]:
+        """Of the best hypothesis with each response of the motor, relative to the best of all."""
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
+        best: dict[Response, float] = {}
         for hypothesis in self.hypotheses:
-            is_dry = hypothesis.motion.is_dry
-            if is_dry is None:
-                return 0.0
-            best[is_dry] = max(best[is_dry], hypothesis.motion.log_likelihood - top)
-        return best[True] - best[False]
+            motion = hypothesis.motion
+            difference = motion.log_likelihood - top
+            if difference > best.get(motion.response, -inf):
+                best[motion.response] = difference
+        return best
 
-    def select_friction(self, is_dry: bool) -> None:
-        """Move the best hypothesis with or without dry friction to the front, if there is one."""
+    def select_response(self, response: Response) -> None:
+        """Move the best hypothesis with this response to the front, if there is one."""
         for index, hypothesis in enumerate(self.hypotheses):
-            if hypothesis.motion.is_dry is is_dry:
+            if hypothesis.motion.response == response:
                 self.hypotheses.insert(0, self.hypotheses.pop(index))
                 return
 

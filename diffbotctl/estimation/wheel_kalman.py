@@ -10,11 +10,23 @@ drive is the speed at which a typical motor settles with this command, after its
 drive, some motors coast with their lag, d speed / dt = -speed / lag; others are braked by dry
 friction, d speed / dt = (-friction * sgn(speed) - speed) / lag. Lengths are pitches, times seconds.
 The errors of the disc's slots extend the state (`SlotErrors`).
+
+That is a motor whose driver shorts its windings between two pulses. Where they free-wheel instead
+(an L298N with PWM on its enable pin), no current brakes the motor between the pulses, and with the
+duty u the torque, in units of the stall torque, is u * (1 - speed / no-load speed) - friction:
+
+    d speed / dt = ((1 + viscous) * (gain * drive + offset * sgn(drive)) - (u + viscous) *
+        speed) / L
+
+with L the lag at full duty. At a low duty it settles slowly, and without drive dry friction alone
+stops it.
 """
 
 from __future__ import annotations
 
+from enum import IntEnum
 from math import exp, inf, log, sqrt
+from typing import NamedTuple
 
 from diffbotctl.estimation.likelihood import (
     is_outlier,
@@ -45,6 +57,9 @@ LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may
 RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
 ELAPSED_MIN = 0.005  # s; a motion does not change faster
 WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the noise
+# Free-wheeling motors: friction that grows with the speed, in stall torques at the no-load speed,
+# and the duty at which their lag is the stated one.
+VISCOUS, LAG_DUTY = 0.05, 0.6
 # Entries of `Covariance`.
 Z_Z, Z_SPEED, Z_PHASE, PHASE_PHASE = 0, 1, 5, 20
 DIAGONAL = (0, 6, 11, 15, 18, 20)
@@ -57,6 +72,26 @@ Covariance = tuple[float, ...]
 Where they are unpacked, each is named by its two states: z, v (speed), g (gain), b (offset), l (log
 lag), f (phase).
 """
+
+
+class MotorKind(IntEnum):
+    """How a motor responds to its duty."""
+
+    LINEAR = 0
+    """shorted between the driver's pulses: the speed is linear in the duty, the lag constant"""
+    FREE_WHEELING = 1
+    """without current between the pulses"""
+    UNUSUAL_LINEAR = 2
+    """with wide priors"""
+    UNUSUAL_FREE_WHEELING = 3
+
+
+class Response(NamedTuple):
+    """What the motors of both wheels have in common, being of the same type."""
+
+    is_free_wheeling: bool
+    is_dry: bool | None
+    """braked by dry friction when coasting; None: not yet known"""
 
 
 class WheelKalman:
@@ -72,7 +107,7 @@ class WheelKalman:
         "is_driven",
         "is_dry",
         "is_last_forward",
-        "is_typical",
+        "kind",
         "log_lag",
         "log_likelihood",
         "offset",
@@ -83,9 +118,10 @@ class WheelKalman:
         "z_shift",
     )
 
-    def __init__(self, priors: Priors, slots: int, is_typical: bool = True) -> None:
-        """`slots` of the disc; `priors` in rad/s; `is_typical`: a motor of the usual kind."""
-        self.is_typical = is_typical
+    def __init__(self, priors: Priors, slots: int, kind: MotorKind = MotorKind.LINEAR) -> None:
+        """`slots` of the disc; `priors` in rad/s."""
+        self.kind = kind
+        is_typical = self.is_typical
         if not is_typical:
             priors = priors.widened()
         self.priors = priors = priors.in_pitches(slots)
@@ -100,7 +136,8 @@ class WheelKalman:
         self.speed = self.offset = self.z_shift = 0.0
         self.gain = 1.0
         self.is_last_forward: bool | None = None  # direction in which the last edge was passed
-        self.is_dry: bool | None = None  # braked by dry friction when coasting; None: not yet known
+        # Braked by dry friction when coasting; None: not yet known.
+        self.is_dry: bool | None = True if self.is_free_wheeling else None
         self.log_likelihood = 0.0  # of all measurements
         self.log_lag = log(priors.lag)
         covariance = [0.0] * 21
@@ -116,6 +153,21 @@ class WheelKalman:
         for entry, variance in zip(DIAGONAL, variances, strict=True):
             covariance[entry] = variance
         self.covariance: Covariance = tuple(covariance)
+
+    @property
+    def is_typical(self) -> bool:
+        """Whether its priors are those of a usual motor."""
+        return self.kind <= MotorKind.FREE_WHEELING
+
+    @property
+    def is_free_wheeling(self) -> bool:
+        """Whether no current brakes it between the driver's pulses."""
+        return self.kind % 2 == 1
+
+    @property
+    def response(self) -> Response:
+        """How its motor responds to its duty."""
+        return Response(self.is_free_wheeling, self.is_dry)
 
     @property
     def travel(self) -> float:
@@ -172,8 +224,8 @@ class WheelKalman:
         """The phase relative to the original origin of z."""
         return self.phase - self.z_shift
 
-    def predict(self, span: float, drive: float) -> None:
-        """Predict `span` seconds ahead with `drive` (pitches/s)."""
+    def predict(self, span: float, drive: float, duty: float) -> None:
+        """Predict `span` seconds ahead with `drive` (pitches/s) at a `duty` of 0 to 1."""
         sign = (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never drives the wheel
             drive, sign = 0.0, 0
@@ -181,69 +233,86 @@ class WheelKalman:
         if speed == 0.0 and not drive:
             self.elapsed += span
             return
+        response = self._response(duty if drive else 0.0)
         if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
-            self._brake(span, drive)
+            self._brake(span, drive, duty, response)
             return
-        self._move(span, drive, sign, is_driven=drive != 0.0)
+        self._move(span, drive, sign, response, is_driven=drive != 0.0)
         if not drive and abs(self.speed) < self.priors.creep:
-            self._stop()
+            self._stop(response[0])
 
-    def _brake(self, span: float, drive: float) -> None:
+    def _response(self, duty: float) -> tuple[float, float]:
+        """Lag (s) at a duty, and factor of the speed at which the motor settles."""
+        lag = exp(self.log_lag)
+        if not self.is_free_wheeling:
+            return lag, 1.0
+        damping = VISCOUS + (duty or float(self.priors.brakes))
+        return lag * LAG_DUTY / damping, (1.0 + VISCOUS) / damping
+
+    def _brake(self, span: float, drive: float, duty: float, response: tuple[float, float]) -> None:
         """Predict a wheel that dry friction brakes, and what follows after it has stopped."""
         direction = 1 if self.speed > 0.0 else -1
         # A drive against the motion adds to the friction, whose sign is then included twice.
         braking = abs(drive) + self.priors.friction * (2.0 if drive else 1.0)
-        settled = self.gain * braking - self.offset
+        lag, factor = response
+        settled = factor * (self.gain * braking - self.offset)
         if settled > 0.0:
-            stop_time = exp(self.log_lag) * log(1.0 + abs(self.speed) / settled)
+            stop_time = lag * log(1.0 + abs(self.speed) / settled)
         else:
             stop_time, braking, direction = inf, 0.0, 0
         drive_against = -direction * braking
-        self._move(min(stop_time, span), drive_against, direction, is_driven=False)
+        self._move(min(stop_time, span), drive_against, direction, response, is_driven=False)
         if stop_time < span:
-            self._stop()
+            self._stop(lag if factor == 1.0 else self._stopping_time(lag, settled))
             if drive:
-                self.predict(span - stop_time, drive)
+                self.predict(span - stop_time, drive, duty)
 
-    def _move(self, span: float, drive: float, sign: int, is_driven: bool) -> None:
-        """Predict an exponential approach to the speed gain * drive + offset * sign."""
+    def _stopping_time(self, lag: float, settled: float) -> float:
+        """Half of the time (s) in which friction alone takes the uncertain part of the speed."""
+        return 0.5 * lag * sqrt(self.speed_variance) / settled
+
+    def _move(
+        self, span: float, drive: float, sign: int, response: tuple[float, float], is_driven: bool
+    ) -> None:
+        """Predict an exponential approach to `factor` times gain * drive + offset * sign."""
         speed = self.speed
-        lag = exp(self.log_lag)
+        lag, factor = response
+        settling, direction = factor * drive, factor * sign
         decay = exp(-span / lag)
         rise = 1.0 - decay
         speed_travel = lag * rise
         drive_travel = span - speed_travel
-        excess = speed - self.gain * drive - self.offset * sign
+        excess = speed - self.gain * settling - self.offset * direction
         self.z += speed * span - excess * drive_travel
         self.speed = speed - excess * rise
         lag_decay = span * decay
         rows = (
             speed_travel,
-            drive * drive_travel,
-            sign * drive_travel,
+            settling * drive_travel,
+            direction * drive_travel,
             excess * (speed_travel - lag_decay),
             decay,
-            drive * rise,
-            sign * rise,
+            settling * rise,
+            direction * rise,
             excess * lag_decay / lag,
         )
         priors = self.priors
         self.is_driven = is_driven
         self.elapsed += span
-        factor = self.driven_noise if is_driven else self.coasting_noise
+        noise_factor = self.driven_noise if is_driven else self.coasting_noise
         offset_noise = (
-            factor * priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
+            noise_factor * priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
         )
-        speed_noise = factor * priors.model_noise * priors.model_noise * span
+        speed_noise = noise_factor * priors.model_noise * priors.model_noise * span
         gain_noise = priors.gain_drift * priors.gain_drift * span if is_driven else 0.0
         self._predict_covariance(rows, speed_noise, span, offset_noise, gain_noise)
 
-    def _stop(self) -> None:
-        """Friction stops the wheel; the distance until then is as uncertain as the speed was."""
-        lag = exp(self.log_lag)
+    def _stop(self, time: float) -> None:
+        """Friction stops the wheel; the distance until then is as uncertain as the speed was, over
+        `time` seconds."""
         self.speed = 0.0
         covariance = list(self.covariance)
-        covariance[Z_Z] += self.speed_variance * lag * lag
+        covariance[Z_Z] += self.speed_variance * time * time
         for entry in SPEED_ENTRIES:
             covariance[entry] = 0.0
         self.covariance = tuple(covariance)

@@ -9,11 +9,13 @@ from diffbotctl.estimation.edge_hypothesis import WheelFrame
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
-from diffbotctl.estimation.wheel_filter import WheelFilter
+from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
+from diffbotctl.estimation.wheel_kalman import Response
 from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
 
 GAP_SDS = 3.0  # by which the model and the counts may differ
-FRICTION_LOG_ODDS_MIN = 1.0  # natural log; above it the motors have dry friction
+DRY = Response(is_free_wheeling=False, is_dry=True)
+DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their lag to such
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
@@ -29,7 +31,9 @@ class WheelOdometer:
         self.static = motor.loop.static
         self.count = self.first_count = count
         friction = self.static / (1.0 - self.static) * motor.rated
-        priors = Priors(lag=motor.lag, friction=friction, **timing._asdict())
+        priors = Priors(
+            lag=motor.lag, friction=friction, brakes=motor.idle == "brake", **timing._asdict()
+        )
         if side.encoder.open_share is not None:
             priors = priors._replace(
                 open_share=MEASURED_OPEN_SHARE_SD,
@@ -81,7 +85,7 @@ class WheelOdometer:
             command = self.mirror.update(time, steps, edge, command, command_since)
         self.count = count
         drive = settled_speed(command, self.static, self.rated) * self.pitches_per_rad
-        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since))
+        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, abs(command)))
 
     def _variance(self, is_unusual: bool) -> float:
         """Variance of the travel, pitches2, if the best hypothesis is right.
@@ -150,12 +154,21 @@ class CountWheelOdometer(WheelOdometer):
         self.travel = (self.reported_travel - before) * self.pitch
 
 
-def share_friction(left: WheelOdometer, right: WheelOdometer) -> None:
-    """Decide for both wheels together how they coast: their motors are of the same type."""
-    if len(left.filter.hypotheses) > 1 or len(right.filter.hypotheses) > 1:
-        log_odds = left.filter.friction_log_odds() + right.filter.friction_log_odds()
-        left.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
-        right.filter.select_friction(log_odds > FRICTION_LOG_ODDS_MIN)
+def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
+    """Decide for both wheels together how their motors respond: they are of the same type."""
+    if len(left.filter.hypotheses) == 1 and len(right.filter.hypotheses) == 1:
+        return
+    likely = left.filter.response_log_likelihoods(), right.filter.response_log_likelihoods()
+    best = max(
+        {**likely[0], **likely[1]},
+        key=lambda response: (
+            likely[0].get(response, -LOG_RATIO_MAX)
+            + likely[1].get(response, -LOG_RATIO_MAX)
+            - (DRY_LOG_COST if response == DRY else 0.0)
+        ),
+    )
+    left.filter.select_response(best)
+    right.filter.select_response(best)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:

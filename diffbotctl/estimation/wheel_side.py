@@ -10,9 +10,10 @@ from diffbotctl.control.speed_loop import MotorSettings
 
 
 class MotorConfig(MotorSettings, Protocol):
-    """The motor section of a side; `lag` in s."""
+    """The motor section of a side; `lag` in s, `idle` coast or brake."""
 
     lag: float
+    idle: str
 
 
 class WheelConfig(Protocol):

@@ -18,6 +18,7 @@ from diffbotctl.control.speed_loop import (
 from diffbotctl.estimation.edge_faults import NO_FAULTS
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
+from diffbotctl.estimation.wheel_kalman import MotorKind
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
 
@@ -174,11 +175,12 @@ ADDED: dict[str, dict[str, Any]] = {
     "EdgeHypothesis": {
         "faults": NO_FAULTS,
         "unseen_edges": 0,
+        "duty": 0.0,
         "is_timed": False,
         "coasting_speed": inf,
     },
     "WheelKalman": {
-        "is_typical": True,
+        "kind": MotorKind.LINEAR,
         "is_driven": True,
         "driven_noise": 1.0,
         "coasting_noise": 1.0,

@@ -98,9 +98,10 @@ def test_variance_of_a_wheel_adds_variance_of_heading_and_lateral_position():
     doubtful = Wheel(0.0, variance=1e-6)  # 1 mm
     xx, xy, xh, yy, yh, hh = pose.message(0, doubtful, doubtful).covariance
     assert hh == pytest.approx(2e-6 / TRACK**2)
-    assert yy == pytest.approx(hh)  # one metre away
+    along = 0.25 * 2e-6
+    assert yy == pytest.approx(hh + along)  # one metre away
     assert yh == pytest.approx(hh)
-    assert xx == pytest.approx(0.25 * 2e-6)
+    assert xx == pytest.approx(along + 0.75 * hh * hh)  # (angle^2 / 2)^2 of a normal distribution
     assert (xy, xh) == pytest.approx((0.0, 0.0), abs=1e-15)
 
 

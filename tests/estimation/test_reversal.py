@@ -16,12 +16,12 @@ def test_a_wheel_turns_with_its_drive_once_it_cannot_have_coasted_so_long(rest, 
     """However sure the filter is of a speed against the drive, after `rest` frames without it."""
     hypothesis = EdgeHypothesis(WheelKalman(Priors(lag=LAG), SLOTS), 0, 0)
     for frame in range(1, 40):
-        hypothesis.update(WheelFrame(frame * FRAME, 3 * frame, None, 150.0, 0))
+        hypothesis.update(WheelFrame(frame * FRAME, 3 * frame, None, 150.0, 0, 0.9))
     for frame in range(40, 40 + rest):
-        hypothesis.update(WheelFrame(frame * FRAME, 3 * 39, None, -150.0, 39 * FRAME))
+        hypothesis.update(WheelFrame(frame * FRAME, 3 * 39, None, -150.0, 39 * FRAME, 0.9))
     hypothesis.motion.speed = 100.0
     best, *_ = hypothesis.update(
-        WheelFrame((40 + rest) * FRAME, 3 * 39 + 2, None, -150.0, 39 * FRAME)
+        WheelFrame((40 + rest) * FRAME, 3 * 39 + 2, None, -150.0, 39 * FRAME, 0.9)
     )
     assert best.edge_direction == direction
 
@@ -29,7 +29,7 @@ def test_a_wheel_turns_with_its_drive_once_it_cannot_have_coasted_so_long(rest, 
 def test_a_wheel_that_was_taken_for_standing_is_followed_when_its_edges_come():
     hypothesis = EdgeHypothesis(WheelKalman(Priors(lag=LAG), SLOTS), 0, 0)
     for frame in range(1, 100):
-        hypothesis.update(WheelFrame(frame * FRAME, frame, None, 50.0, 0))
+        hypothesis.update(WheelFrame(frame * FRAME, frame, None, 50.0, 0, 0.4))
     motion = hypothesis.motion
     motion.offset, motion.speed = -300.0, 0.0  # as if friction exceeded the drive, for certain
     motion.covariance = tuple(
@@ -37,5 +37,5 @@ def test_a_wheel_that_was_taken_for_standing_is_followed_when_its_edges_come():
         for entry, value in enumerate(motion.covariance)
     )
     for frame in range(100, 110):
-        hypothesis.update(WheelFrame(frame * FRAME, frame, None, 50.0, 0))
+        hypothesis.update(WheelFrame(frame * FRAME, frame, None, 50.0, 0, 0.4))
     assert motion.speed == pytest.approx(50.0, rel=0.3)  # an edge in 20 ms

@@ -1,0 +1,100 @@
+"""The motor models of the wheel filter, against their differential equations in small steps."""
+
+from itertools import pairwise
+from math import copysign
+
+import pytest
+
+from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_kalman import LAG_DUTY, VISCOUS, MotorKind, WheelKalman
+from diffbotctl.estimation.wheel_side import settled_speed
+
+SLOTS, RATED, STATIC, LAG = 20, 10.0, 0.15, 0.1
+PITCHES_PER_RAD = SLOTS / 6.283185307179586
+FRICTION = STATIC / (1.0 - STATIC) * RATED * PITCHES_PER_RAD
+STEP = 2e-5  # s
+# Duties, each for a time in s: start, coast, start, reverse, a small duty against the motion, coast.
+PROGRAM = [(0.8, 0.3), (0.0, 0.5), (0.6, 0.25), (-0.7, 0.3), (0.2, 0.02), (0.0, 0.4)]
+
+
+def priors(brakes=False):
+    friction = FRICTION / PITCHES_PER_RAD
+    return Priors(lag=LAG, friction=friction, brakes=brakes)
+
+
+def linear(speed, duty, brakes):
+    """Acceleration (pitches/s2) of a motor that dry friction brakes."""
+    drive = settled_speed(duty, STATIC, RATED) * PITCHES_PER_RAD
+    if not speed:
+        return drive / LAG
+    if drive * speed > 0.0:
+        return (drive - speed) / LAG
+    against = drive + copysign(FRICTION, drive) if drive else 0.0
+    return (against - copysign(FRICTION, speed) - speed) / LAG
+
+
+def free_wheeling(speed, duty, brakes):
+    """Acceleration (pitches/s2) by the torque: of the supply, the motion, and dry friction."""
+    full = RATED * PITCHES_PER_RAD / (1.0 - STATIC)  # no-load speed without viscous friction
+    if not speed and abs(duty) <= STATIC:
+        return 0.0
+    damping = (abs(duty) or float(brakes)) + VISCOUS
+    torque = duty - STATIC * copysign(1.0, speed or duty)
+    return ((1.0 + VISCOUS) * full * torque - damping * speed) / (LAG_DUTY * LAG)
+
+
+def integrated(acceleration, brakes):
+    """Travel (pitches) and speed after each part of the program."""
+    place = speed = 0.0
+    for duty, seconds in PROGRAM:
+        for _ in range(round(seconds / STEP)):
+            change = acceleration(speed, duty, brakes) * STEP
+            following = speed + change
+            if speed * following < 0.0:
+                following = 0.0
+            place += 0.5 * (speed + following) * STEP
+            speed = following
+        yield place, speed
+
+
+@pytest.mark.parametrize("brakes", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "acceleration"),
+    [(MotorKind.LINEAR, linear), (MotorKind.FREE_WHEELING, free_wheeling)],
+)
+def test_each_kind_of_motor_moves_as_its_equation_says(kind, acceleration, brakes):
+    motion = WheelKalman(priors(brakes), SLOTS, kind)
+    motion.is_dry = True
+    begin = motion.z
+    for (duty, seconds), (place, speed) in zip(
+        PROGRAM, integrated(acceleration, brakes), strict=True
+    ):
+        drive = settled_speed(duty, STATIC, RATED) * PITCHES_PER_RAD
+        motion.predict(seconds, drive, abs(duty))
+        assert motion.speed == pytest.approx(speed, abs=0.05)
+        assert motion.z - begin == pytest.approx(place, abs=0.02)
+
+
+def test_without_current_between_the_pulses_a_motor_settles_slowly_at_a_low_duty():
+    """Time constants of 0.06 s over duty and viscous friction: 0.071 s at 0.8, 0.2 s at 0.25."""
+    for duty, lag in ((0.8, 0.06 / 0.85), (0.25, 0.06 / 0.30)):
+        motion = WheelKalman(priors(), SLOTS, MotorKind.FREE_WHEELING)
+        drive = settled_speed(duty, STATIC, RATED) * PITCHES_PER_RAD
+        speeds = [0.0]
+        for _ in range(3):
+            motion.predict(lag, drive, duty)
+            speeds.append(motion.speed)
+        rises = [after - before for before, after in pairwise(speeds)]
+        for before, after in pairwise(rises):
+            assert after / before == pytest.approx(0.3679, abs=1e-3)  # 1/e
+
+
+def test_a_motor_without_current_coasts_until_dry_friction_stops_it():
+    """From 30 pitches/s: friction takes FRICTION / 0.06 s = 93.6 pitches/s2, times 1.05, and more
+    while it is fast; so it stops within 0.31 s."""
+    motion = WheelKalman(priors(), SLOTS, MotorKind.FREE_WHEELING)
+    motion.speed = 30.0
+    motion.predict(0.25, 0.0, 0.0)
+    assert 0.0 < motion.speed < 30.0 - 0.25 * 93.6
+    motion.predict(0.06, 0.0, 0.0)
+    assert motion.speed == 0.0
