@@ -21,7 +21,7 @@ PoseCovariance = tuple[float, float, float, float, float, float]
 """Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 # Hypotheses agree when the variance between them is below this share of the filters' own.
 AGREEMENT_VARIANCE_RATIO = 0.5
-# Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance squared: 3/4
+# Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
 # for a normal distribution. It moves the position towards the point that the path turns about.
 BEND_RATIO = 0.75
 NO_COVARIANCE: PoseCovariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ SLOTS, RATED, STATIC, LAG = 20, 10.0, 0.15, 0.1
 PITCHES_PER_RAD = SLOTS / 6.283185307179586
 FRICTION = STATIC / (1.0 - STATIC) * RATED * PITCHES_PER_RAD
 STEP = 2e-5  # s
-# Duties, each for a time in s: start, coast, start, reverse, a small duty against the motion, coast.
+# Duties, each for a time in s: start, coast, start, reverse, a low duty against the motion, coast.
 PROGRAM = [(0.8, 0.3), (0.0, 0.5), (0.6, 0.25), (-0.7, 0.3), (0.2, 0.02), (0.0, 0.4)]
 
 
