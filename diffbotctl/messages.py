@@ -38,9 +38,10 @@ GoalEnd = Literal["reached", "reached_unsure", "blocked", "stuck", "given_up", "
 - given_up: not reached within the attempts or the time.
 - cancelled: the operator has replaced it by another goal.
 """
+REACHED_UNSURE = 3
 GOAL_EXIT_CODES: dict[GoalPhase | GoalEnd, int] = {
     "reached": 0,
-    "reached_unsure": 1,
+    "reached_unsure": REACHED_UNSURE,
     "blocked": 1,
     "stuck": 1,
     "given_up": 1,

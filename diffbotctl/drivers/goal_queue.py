@@ -9,6 +9,7 @@ from diffbotctl.engine.driver import Delivery
 from diffbotctl.log import LEVEL
 from diffbotctl.messages import (
     GOAL_EXIT_CODES,
+    REACHED_UNSURE,
     Goal,
     GoalState,
     LogLevel,
@@ -150,7 +151,7 @@ class Operator:
             self._send(now, "goal", self.active)
             return
         if self.active is not None and not self.stay:
-            self.end(int(bool(self.unsure)), self.unsure or "all goals reached")
+            self.end(REACHED_UNSURE if self.unsure else 0, self.unsure or "all goals reached")
         self.active = None
 
     def _send(self, now: int, port: str, message: Message) -> None:

@@ -94,7 +94,8 @@ def test_a_client_drives_by_an_input_and_its_end_stops_and_latches(tmp_path, pip
     origins = RecordingReader(recording)
     twists = [item for item in origins.messages() if item.wire == "input.twist"]
     assert len(twists) > 10 and all(item.from_driver for item in twists)
-    assert [item.message.time for item in twists] == [item.time for item in twists]
+    # Of two messages that come at the same time, the engine takes the second 1 ns later.
+    assert all(0 <= item.time - item.message.time < 1000 for item in twists)
 
 
 def test_an_input_that_feeds_no_motion_only_expires(tmp_path, pipeline):
