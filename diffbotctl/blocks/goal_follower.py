@@ -17,6 +17,7 @@ from diffbotctl.control.motion_profile import (
     rest_to_rest_time,
     shortest_turn,
 )
+from diffbotctl.control.velocity_limits import acceleration_limited
 from diffbotctl.control.wheel_response import DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
@@ -54,6 +55,7 @@ PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction 
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
+LIMITED_STEP_MAX = 0.1  # s; block speed_limiter starts anew after a longer silence
 FULL_DUTY = 0.98  # duty; more than a motor can be given
 UNSTICK_AFTER = 0.3  # s without motion, after which the least speed is raised
 UNSTICK_TIME = 1.0  # s in which it is raised to the limit
@@ -152,11 +154,21 @@ class GoalFollower(Block):
                 state = _goal_state(now, odometry, step)
             self.coast = step.pursuit.coast
             self.pursuit = step.pursuit if step.end is None else None
-            self.sent.append((now, step.linear, step.angular))
+            self.sent.append((now, *self._limited(now, step.linear, step.angular)))
         else:
             self.sent.append((now, 0.0, 0.0))
             self.last_encoders = None  # what is counted between two goals is not of interest
         return twist, state
+
+    def _limited(self, now: int, linear: float, angular: float) -> tuple[float, float]:
+        """What the limits of acceleration leave of a velocity (m/s, rad/s) after the one before."""
+        time, last_linear, last_angular = self.sent[-1]
+        step = min((now - time) / SECOND, LIMITED_STEP_MAX)
+        rise, fall, arm = self.acceleration * step, self.braking * step, 2.0 / self.track
+        return (
+            acceleration_limited(last_linear, linear, rise, fall),
+            acceleration_limited(last_angular, angular, rise * arm, fall * arm),
+        )
 
     def _replace_goal(self, now: int, goal: Goal, odometry: Odometry) -> GoalState | None:
         """Take the operator's goal, or withdraw the present one; the end of the one before."""

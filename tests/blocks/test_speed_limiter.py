@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.speed_limiter import SpeedLimiter, acceleration_limited, brake_limited
+from diffbotctl.blocks.speed_limiter import SpeedLimiter
+from diffbotctl.control.velocity_limits import acceleration_limited, brake_limited
 from diffbotctl.messages import Twist
 
 MS = 1_000_000
