@@ -33,9 +33,10 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
-# Debian packages: compiler and emulator library. The tests run the real firmware binary.
+# Debian packages: compiler and emulator library, since the tests run the real firmware binary, and
+# the browser in which they open the page.
 DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
-  netcat-openbsd openssh-client socat dbus-daemon
+  netcat-openbsd openssh-client socat dbus-daemon chromium
 
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \

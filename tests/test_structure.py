@@ -39,7 +39,7 @@ LAYERS = [
     ["runs"],
     ["replay", "board", "calibrate", "diagnostics"],
     ["flash", "start"],
-    ["ui", "cli"],
+    ["ui", "web", "cli"],
     ["testing"],
     ["__init__", "__main__"],
 ]

@@ -41,6 +41,7 @@ COMMANDS = {
     "run": Entry("run", "Run a pipeline on the simulated robot, or on a real one with --port."),
     "emulate": Entry("emulate", "Start a virtual board that runs the real firmware."),
     "dash": Entry("screens", "Show a running engine on one screen."),
+    "web": Entry("web", "Serve a page of a running engine to browsers and phones."),
     "why": Entry("stop", "Explain why the robot stopped, from the sensor to the motors."),
     "topic": Entry("topic", "List, print, measure and publish messages of a running engine."),
     "log": Entry("log", "Follow the log of a running engine; set the log level of a block."),
@@ -89,6 +90,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
         "Look",
         (
             ("dash", "Show a running engine on one screen"),
+            ("web", "Serve a page of a running engine to browsers and phones"),
             ("why", "Explain why the robot stopped"),
             ("topic, log", "Print messages; follow the log"),
             ("blocks, graph", "List blocks; draw a pipeline"),

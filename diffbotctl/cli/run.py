@@ -23,6 +23,7 @@ from diffbotctl.cli.options import (
 )
 from diffbotctl.cli.output import check_overwrite, print_json
 from diffbotctl.cli.program_consent import allowed_programs
+from diffbotctl.cli.web import CLOSED, check_options, lan_option, show_page, tcp_port_option
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -61,6 +62,9 @@ if TYPE_CHECKING:
 @click.option("--digest", is_flag=True, help="Print a hash over every message of the run.")
 @click.option("--stay", is_flag=True, help="Wait for more goals after the last one.")
 @click.option("--dash", is_flag=True, help="Show the dashboard; closing it ends the run.")
+@click.option("--web", is_flag=True, help="Serve the page of the run to browsers and phones.")
+@lan_option
+@tcp_port_option
 @click.option("--name", help="Name of this engine for `--engine`; default: the pipeline's name.")
 @click.option("--group", help="Allow members of this group to command it, through /run.")
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
@@ -81,6 +85,9 @@ def command(
     digest: bool,
     stay: bool,
     dash: bool,
+    web: bool,
+    lan: bool,
+    tcp_port: int,
     name: str | None,
     group: str | None,
     no_socket: bool,
@@ -97,6 +104,10 @@ def command(
     """
     from diffbotctl.runs.signals import Signals
 
+    if dash and web:
+        raise click.UsageError("--dash and --web are both screens: give one, and attach the other")
+    if lan and not web:
+        raise click.UsageError("--lan is for the page: give --web")
     if record is not None:
         check_overwrite(record, force)
     if port == "auto":
@@ -117,7 +128,7 @@ def command(
     log_levels = tuple(_log_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL_PORTS
     socket = None if no_socket or fast else _socket(name, group)  # a fast run ends at once
-    stay = stay or dash
+    stay = stay or dash or web
     flights = None if fast else black_box_folder()  # a fast run can be repeated from its seed
     options = RunOptions(
         port,
@@ -129,7 +140,7 @@ def command(
         digest,
         socket,
         stay,
-        dash,
+        dash or web,
         log,
         log_levels,
         flights,
@@ -139,6 +150,8 @@ def command(
         _print_header(configuration, port, seed)
     if dash:
         return _run_with_dashboard(configuration, options, signals)
+    if web:
+        return _run_with_page(configuration, options, signals, show_page(lan, tcp_port))
     stderr = NonBlockingStderr()
     show = None if quiet or as_json else screen(configuration, port)
     run = Run(configuration, options, show, stderr.say, signals)
@@ -163,6 +176,21 @@ def _run_with_dashboard(configuration: Configuration, options: RunOptions, signa
     for text in terminal.words:
         click.echo(text, err=True)
     return code
+
+
+def _run_with_page(
+    configuration: Configuration,
+    options: RunOptions,
+    signals: Signals,
+    show: Callable[[Iterator[RunSnapshot]], None],
+) -> int:
+    """The run with the server of its page in place of a screen."""
+    from diffbotctl.runs.run import Run
+
+    check_options(options.socket is not None)
+    stderr = NonBlockingStderr()
+    run = Run(configuration, options, show, stderr.say, signals, partial(stderr.say, CLOSED))
+    return _finish(run, stderr, as_json=False)
 
 
 def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:

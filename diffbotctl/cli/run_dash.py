@@ -58,7 +58,7 @@ def show(pictures: Iterator[RunSnapshot]) -> None:
 
     parent = os.getppid()
     try:
-        dashboard = Dashboard(_engine_of(parent), "diffbotctl run --dash", ScreenOptions(), [])
+        dashboard = Dashboard(engine_of(parent), "diffbotctl run --dash", ScreenOptions(), [])
         dashboard.run_to_end()
         if dashboard.problem is not None:
             print(dashboard.problem, file=sys.stderr)
@@ -72,7 +72,7 @@ def show(pictures: Iterator[RunSnapshot]) -> None:
             pass
 
 
-def _engine_of(pid: int) -> EngineAddress:
+def engine_of(pid: int) -> EngineAddress:
     from diffbotctl.control_socket.address import engines
     from diffbotctl.errors import Problem, RunError
 

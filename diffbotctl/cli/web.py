@@ -1,0 +1,150 @@
+"""`diffbotctl web` and `run --web`: the page of a running robot, for browsers and phones."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from diffbotctl.cli.options import engine_option
+
+if TYPE_CHECKING:
+    from diffbotctl.control_socket.address import EngineAddress
+    from diffbotctl.processes.screen import RunSnapshot
+    from diffbotctl.web.certificate import ServerCertificate
+    from diffbotctl.web.server import WebServer
+    from diffbotctl.web.sessions import Session
+
+TCP_PORT = 8642
+TCP_PORT_MAX = 65535
+CLOSED = (
+    "the page's server has ended; the run goes on: Ctrl-C ends it, `diffbotctl web` serves it again"
+)
+QR_COLOURS = ("\x1b[97;40m", "\x1b[0m")  # light on dark, also on a light terminal
+
+lan_option = click.option(
+    "--lan", is_flag=True, help="Serve the page in the local network too, with TLS."
+)
+tcp_port_option = click.option(
+    "--tcp-port",
+    metavar="NUMBER",
+    type=click.IntRange(1, TCP_PORT_MAX),
+    default=TCP_PORT,
+    show_default=True,
+    help="TCP port of the page.",
+)
+
+
+@click.command()
+@lan_option
+@tcp_port_option
+@engine_option
+def web(lan: bool, tcp_port: int, engine: str | None) -> int:
+    """Serve a page of a running engine: map, driving, goals, parameters, log.
+
+    Prints a link and a QR code. Each works once, for one device; the next one follows. Without
+    --lan only browsers on this machine can open it. Leaving this program stops a robot that is
+    driven from the page.
+    """
+    from diffbotctl.control_socket.client import choose_engine
+
+    _require_library()
+    _serve(choose_engine(engine), lan, tcp_port)
+    click.echo("the run has ended")
+    return 0
+
+
+def check_options(has_socket: bool) -> None:
+    """Raises UserError where a run can have no page."""
+    if not has_socket:
+        raise click.UsageError("--web needs the control socket: leave out --fast and --no-socket")
+    _require_library()
+
+
+def show_page(lan: bool, tcp_port: int) -> Callable[[Iterator[RunSnapshot]], None]:
+    """What the child of `run --web` runs: the page's server, and the lines of the log."""
+    return partial(_show, lan, tcp_port)
+
+
+def _show(lan: bool, tcp_port: int, snapshots: Iterator[RunSnapshot]) -> None:
+    from diffbotctl.cli.run_dash import engine_of
+    from diffbotctl.errors import UserError
+    from diffbotctl.ui.run_text import print_log
+
+    parent = os.getppid()
+    log = threading.Thread(target=print_log, args=(snapshots,), daemon=True)
+    try:
+        engine = engine_of(parent)
+        log.start()
+        _serve(engine, lan, tcp_port)
+    except UserError as error:
+        print(error, file=sys.stderr)
+        os.kill(parent, signal.SIGINT)
+    if log.is_alive():
+        log.join()
+
+
+def _require_library() -> None:
+    from diffbotctl.errors import Problem, RunError
+
+    try:
+        import aiohttp
+        import cryptography
+        import segno  # noqa: F401
+    except ImportError as error:
+        cause = f"the package {error.name} is not installed"
+        fix = "pip install 'diffbotctl[web]'"
+        raise RunError(Problem("E-WEB-LIBRARY", "the page", cause, fix)) from error
+    del aiohttp, cryptography
+
+
+def _serve(engine: EngineAddress, lan: bool, tcp_port: int) -> None:
+    """Serve the page until the run has ended."""
+    import asyncio
+
+    from diffbotctl.web.certificate import load_certificate, state_folder, utc_now
+    from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, network_addresses
+    from diffbotctl.web.server import WebServer, listen
+
+    addresses = [*network_addresses(), LOOPBACK] if lan else [LOOPBACK]
+    listener = listen(EVERY_ADDRESS if lan else LOOPBACK, tcp_port)
+    certificate = load_certificate(state_folder(), addresses, utc_now()) if lan else None
+
+    def joined(session: Session) -> None:
+        click.echo(f"{session.name} has joined. For the next device:")
+        _print_link(server, addresses, is_first=False)
+
+    server = WebServer(engine, listener, certificate, joined)
+    asyncio.run(server.run(partial(_print_start, server, addresses, certificate)))
+
+
+def _print_start(
+    server: WebServer, addresses: list[str], certificate: ServerCertificate | None
+) -> None:
+    if certificate is not None:
+        click.echo("The browser does not know this certificate. Compare its SHA-256 fingerprint:")
+        click.echo(f"  {certificate.fingerprint}")
+    click.echo("Open this link; it works once, for one device:")
+    _print_link(server, addresses, is_first=True)
+    if certificate is None:
+        click.echo("Only this machine can open it; --lan serves phones in the local network.")
+
+
+def _print_link(server: WebServer, addresses: list[str], is_first: bool) -> None:
+    from diffbotctl.printable import write_raw
+    from diffbotctl.web.link import page_link, qr_text
+
+    scheme, port, code = server.origin.scheme, server.port, server.sessions.code
+    for address in addresses:
+        click.echo(f"  {page_link(scheme, address, port, code)}")
+    if sys.stdout.isatty() and (is_first or len(addresses) > 1):
+        start, end = QR_COLOURS
+        for line in qr_text(page_link(scheme, addresses[0], port, code)).splitlines():
+            write_raw(sys.stdout, f"{start}{line}{end}\n")
+    sys.stdout.flush()

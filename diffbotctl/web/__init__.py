@@ -1,0 +1,1 @@
+"""The page of a running robot: its server, sessions, certificate and assets."""

@@ -1,0 +1,87 @@
+// The web socket to the server. It connects again by itself; the session is a cookie.
+
+const RETRY_MS = 700;
+const SILENCE_MS = 3000; // the server sends ten pictures a second
+
+export class Connection {
+  /** `onMessage` takes each message, `onState` a text: empty when all is well. */
+  constructor(onMessage, onState) {
+    this.onMessage = onMessage;
+    this.onState = onState;
+    this.socket = null;
+    this.number = 0; // the newest of the server, echoed by drive commands
+    this.heardAt = 0;
+    this.ended = false;
+    setInterval(() => this.checkSilence(), 500);
+  }
+
+  /** Present the code of the link, if there is one, and connect. */
+  async enter() {
+    const code = location.hash.slice(1);
+    let words = "";
+    if (code) {
+      history.replaceState(null, "", location.pathname);
+      const reply = await fetch("/session", { method: "POST", body: code });
+      if (!reply.ok) words = await reply.text();
+    }
+    await this.connect(words);
+  }
+
+  async connect(words = "") {
+    if (this.ended) return;
+    let reply;
+    try {
+      reply = await fetch("/session");
+    } catch {
+      this.retry("no connection to the robot's computer");
+      return;
+    }
+    if (!reply.ok) {
+      this.onState(words || (await reply.text()));
+      return;
+    }
+    this.socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/socket");
+    this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
+    this.socket.onclose = () => this.retry("no connection to the robot's computer");
+    this.socket.onopen = () => {
+      this.heardAt = performance.now();
+      this.onState("");
+    };
+  }
+
+  retry(words) {
+    this.socket = null;
+    if (this.ended) return;
+    this.onState(words);
+    setTimeout(() => this.connect(), RETRY_MS);
+  }
+
+  take(message) {
+    this.heardAt = performance.now();
+    if (message.n !== undefined) this.number = message.n;
+    if (message.ended) {
+      this.ended = true;
+      this.onState("the run has ended");
+    }
+    this.onMessage(message);
+  }
+
+  /** A network that is gone closes no socket: say so, and start anew. */
+  checkSilence() {
+    if (this.socket?.readyState !== WebSocket.OPEN) return;
+    if (performance.now() - this.heardAt > SILENCE_MS && !document.hidden) {
+      const silent = this.socket;
+      silent.onclose = null;
+      silent.close();
+      this.retry("nothing came from the robot's computer");
+    }
+  }
+
+  get isOpen() {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  send(command) {
+    if (this.isOpen) this.socket.send(JSON.stringify(command));
+  }
+}

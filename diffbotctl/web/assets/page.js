@@ -1,0 +1,152 @@
+// The page of a running robot: views, STOP, control and messages.
+
+import { Connection } from "./connection.js";
+import { Inside } from "./inside.js";
+import { RunMap } from "./map.js";
+import { Pad } from "./pad.js";
+
+const NOTICE_MS = 6000;
+const VIEWS = ["drive", "map", "inside"];
+const element = (id) => document.getElementById(id);
+const state = { role: null, allowedGoal: null, noticeTimer: null, connection: "connecting" };
+
+const connection = new Connection(take, showConnection);
+const map = new RunMap(element("map"), setGoal);
+const pad = new Pad(element("pad"), element("knob"), connection, showVelocity);
+const inside = new Inside(connection);
+
+// A finger may rest on the map while another one drives: there it sets goals in the view Map only.
+map.acceptsGoal = (event) =>
+  !pad.isPressed && (document.body.dataset.view === "map" || event.pointerType === "mouse");
+
+function take(message) {
+  if (message.facts) showPicture(message);
+  if (message.role) showRole(message.role);
+  if (message.refused) notify(message.refused);
+  if (message.lost !== undefined) {
+    pad.lock();
+    notify(`This page no longer drives: ${message.lost}. Lift the finger, then resume.`);
+  }
+  if (message.read) inside.take(message.read, message.reply);
+}
+
+function showPicture(picture) {
+  map.take(picture);
+  if (picture.scene) showScene(picture.scene);
+  element("time").textContent = `${picture.time.toFixed(1)} s`;
+  showStop(picture.stop);
+  element("facts").replaceChildren(...picture.facts.map(([name, words, isAlert]) => {
+    const row = document.createElement("tr");
+    const [head, value] = [document.createElement("th"), document.createElement("td")];
+    head.textContent = `${name} `;
+    value.textContent = words;
+    if (isAlert) value.className = "alert";
+    row.append(head, value);
+    return row;
+  }));
+}
+
+function showScene(scene) {
+  element("title").textContent = document.title = scene.title;
+  element("simulated").textContent = scene.simulated;
+  element("simulated").hidden = !scene.simulated;
+  if (!scene.robot) return;
+  pad.limits = { speed: scene.robot.speed, turnRate: scene.robot.turn_rate };
+  showLimit();
+}
+
+function showStop(stop) {
+  const banner = element("banner");
+  const words = stop ? `STOPPED  ${stop.code}: ${stop.cause}; ${stop.end}` : "";
+  if (banner.textContent !== words) banner.textContent = words;
+  banner.hidden = !stop;
+  element("resume").disabled = false;
+}
+
+function showConnection(words) {
+  state.connection = words;
+  if (words) pad.lock();
+  document.body.dataset.connected = words ? "no" : "yes";
+  showNotice(words);
+}
+
+function showNotice(words) {
+  element("notice").textContent = words;
+  element("notice").hidden = !words;
+}
+
+function notify(words) {
+  showNotice(words);
+  clearTimeout(state.noticeTimer);
+  state.noticeTimer = setTimeout(() => showNotice(state.connection), NOTICE_MS);
+}
+
+function showRole(role) {
+  state.role = role;
+  const driver = role.is_driver ? "this page" : role.driver ?? "nobody";
+  element("role").textContent = `${role.you}; in control: ${driver}`;
+  element("take").textContent = role.is_driver ? "Give up control" : "Take control";
+  if (role.driver && !role.is_driver) pad.lock();
+}
+
+function showVelocity(linear, angular) {
+  element("velocity").textContent = `${linear.toFixed(2)} m/s ${angular.toFixed(2)} rad/s`;
+}
+
+function showLimit() {
+  pad.share = element("limit-input").value / 100;
+  const { speed, turnRate } = pad.limits;
+  element("limit-text").textContent =
+    `${(pad.share * speed).toFixed(2)} m/s ${(pad.share * turnRate).toFixed(2)} rad/s`;
+}
+
+function setGoal(x, y, heading) {
+  const goal = { do: "goto", x, y, heading };
+  if (state.role?.driver && !state.role.is_driver) {
+    notify(`${state.role.driver} is in control; take control first`);
+  } else if (state.role?.sets_goals) {
+    connection.send(goal);
+  } else {
+    state.allowedGoal = goal;
+    element("allow").showModal();
+  }
+}
+
+function showView(view) {
+  document.body.dataset.view = view;
+  for (const each of VIEWS) element(`view-${each}`).setAttribute("aria-pressed", each === view);
+  element("inside").hidden = view !== "inside";
+  pad.release();
+  inside.show(view === "inside");
+}
+
+for (const view of VIEWS) element(`view-${view}`).addEventListener("click", () => showView(view));
+element("stop").addEventListener("pointerdown", () => connection.send({ do: "stop" }));
+element("stop").addEventListener("keydown", (event) => {
+  if (event.key === "Enter" || event.key === " ") connection.send({ do: "stop" });
+});
+element("resume").addEventListener("click", () => connection.send({ do: "resume" }));
+element("take").addEventListener("click", () =>
+  connection.send({ do: state.role?.is_driver ? "give" : "take" }));
+element("limit-input").addEventListener("input", showLimit);
+element("zoom-in").addEventListener("click", () => map.zoom(1.4));
+element("zoom-out").addEventListener("click", () => map.zoom(1 / 1.4));
+element("fit").addEventListener("click", () => map.setMode("all"));
+element("follow").addEventListener("click", () => map.setMode("robot"));
+element("allow-yes").addEventListener("click", () => {
+  element("allow").close();
+  connection.send({ do: "allow_goals" });
+  connection.send(state.allowedGoal);
+});
+element("allow-no").addEventListener("click", () => element("allow").close());
+element("fullscreen").addEventListener("click", () => {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else document.documentElement.requestFullscreen?.().catch(() => notify("this browser has no full screen"));
+});
+addEventListener("keydown", (event) => {
+  if (event.key !== " " || /INPUT|BUTTON/.test(event.target.tagName)) return;
+  event.preventDefault();
+  connection.send({ do: "stop" });
+});
+addEventListener("hashchange", () => location.hash.length > 1 && location.reload());
+connection.enter();

@@ -1,0 +1,240 @@
+"""One open page: its web socket, its client of the control socket, and its dead-man."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Coroutine
+from typing import Any, Protocol
+
+from aiohttp import WSMsgType, web
+
+from diffbotctl.control_socket.address import EngineAddress
+from diffbotctl.control_socket.client import AsyncControlClient
+from diffbotctl.control_socket.connection import TokenBucket
+from diffbotctl.control_socket.protocol import Fields, RefusalError
+from diffbotctl.web.deadman import BeatNumbers, PageDeadman, PageLoss
+from diffbotctl.web.engine_feed import EngineFeed, encode
+from diffbotctl.web.page_commands import (
+    drive_command,
+    goal_fields,
+    parse_command,
+    read_request,
+    whole_number,
+)
+from diffbotctl.web.sessions import Session
+
+MESSAGE_MAX_BYTES = 4096  # a command has some hundred
+MESSAGES_PER_SECOND = 60.0  # 20 of them drive
+MESSAGE_BURST = 60.0
+NOTES_MAX = 100  # small messages that wait for a page which reads slowly
+SEND_TIMEOUT_S = 5.0  # then a page that reads nothing is disconnected
+HEARTBEAT_S = 4.0  # of the web socket, for pages that only watch
+LOSSES = {"hidden": PageLoss.HIDDEN, "blurred": PageLoss.BLURRED}
+
+
+class PageHost(Protocol):
+    """What a page needs of its server."""
+
+    engine: EngineAddress
+    numbers: BeatNumbers
+    feed: EngineFeed
+
+    def add(self, page: PageConnection) -> None:
+        """A page has been opened."""
+
+    def remove(self, page: PageConnection) -> None:
+        """A page has been closed."""
+
+    def abort(self, page: PageConnection) -> None:
+        """Drop the connection of a page that reads nothing."""
+
+    def require_control(self, page: PageConnection) -> None:
+        """Give control to `page` if nobody has it. Raises RefusalError if another page has."""
+
+    def take_control(self, page: PageConnection) -> None:
+        """Give control to `page`. Raises RefusalError while another one drives by hand."""
+
+    def give_control(self, page: PageConnection) -> None:
+        """End the control of `page`."""
+
+    def tell_roles(self) -> None:
+        """Tell each page who is in control."""
+
+
+class PageConnection:
+    """Serves one web socket of `session`."""
+
+    def __init__(self, server: PageHost, session: Session) -> None:
+        self.server = server
+        self.session = session
+        self.socket = web.WebSocketResponse(
+            compress=False, max_msg_size=MESSAGE_MAX_BYTES, heartbeat=HEARTBEAT_S, timeout=1.0
+        )
+        self.client = AsyncControlClient(self._on_line, self._on_run_end)
+        self.deadman = PageDeadman(session.ended, self._send_request, self._on_loss)
+        self.notes: deque[str] = deque(maxlen=NOTES_MAX)
+        self.picture: str | None = None  # the newest that was not sent yet
+        self.wants_whole = True
+        self.has_news = asyncio.Event()
+        self.bucket = TokenBucket(MESSAGES_PER_SECOND, MESSAGE_BURST, time.monotonic())
+        self.reads: set[asyncio.Task[None]] = set()
+
+    @property
+    def name(self) -> str:
+        """The device, as the cause of a stop names it."""
+        return self.session.name
+
+    async def serve(self, request: web.Request) -> web.WebSocketResponse:
+        """Serve until the socket is closed."""
+        await self.socket.prepare(request)
+        await self.client.connect(self.server.engine, self.name)
+        sending = asyncio.create_task(self._send_all())
+        try:
+            self.server.add(self)
+            async for message in self.socket:
+                if message.type is not WSMsgType.TEXT or not self._allows():
+                    break
+                self._handle(message.data)
+        finally:
+            self.deadman.lose(PageLoss.CLOSED)
+            self.server.remove(self)
+            self.client.close()
+            sending.cancel()
+            for task in self.reads:
+                task.cancel()
+        await self.socket.close()
+        return self.socket
+
+    def note(self, **fields: object) -> None:
+        """Queue a small message."""
+        self.notes.append(encode(fields))
+        self.has_news.set()
+
+    def show(self, picture: str) -> None:
+        """Queue a picture of changes; a page that has fallen behind gets everything instead."""
+        self.wants_whole |= self.picture is not None
+        self.picture = picture
+        self.has_news.set()
+
+    async def _send_all(self) -> None:
+        """Send what waits, until the socket is closed or reads nothing."""
+        try:
+            while True:
+                await self.has_news.wait()
+                self.has_news.clear()
+                while self.notes:
+                    await self._send_text(self.notes.popleft())
+                if self.wants_whole:
+                    self.wants_whole, self.picture = False, None
+                    await self._send_text(self.server.feed.whole())
+                elif self.picture is not None:
+                    text, self.picture = self.picture, None
+                    await self._send_text(text)
+        except (OSError, TimeoutError, RuntimeError):
+            self.server.abort(self)
+
+    async def _send_text(self, text: str) -> None:
+        async with asyncio.timeout(SEND_TIMEOUT_S):
+            await self.socket.send_str(text)
+
+    def _allows(self) -> bool:
+        is_allowed = self.bucket.allows(time.monotonic())
+        self.bucket.spend()
+        return is_allowed
+
+    # Commands.
+
+    def _handle(self, text: str) -> None:
+        try:
+            name, fields = parse_command(text)
+            self._follow(name, fields)
+        except RefusalError as refusal:
+            self.refuse(refusal.cause)
+
+    def refuse(self, cause: str) -> None:
+        """Show on the page why something was not done."""
+        self.note(refused=cause)
+
+    def _follow(self, name: str, fields: Fields) -> None:
+        match name:
+            case "stop":  # anyone may stop the robot
+                self._send_request("stop", reason="STOP was pressed on its page")
+            case "release":
+                self.deadman.release(whole_number(fields, "press"))
+            case "lost":
+                self.deadman.lose(LOSSES.get(str(fields.get("reason")), PageLoss.HIDDEN))
+            case "take":
+                self.server.take_control(self)
+            case "give":
+                self.server.give_control(self)
+            case "read":
+                self._start(self._read(*read_request(fields)))
+            case _:
+                self.server.require_control(self)
+                self._follow_driver(name, fields)
+
+    def _follow_driver(self, name: str, fields: Fields) -> None:
+        """A command that only the page in control may give."""
+        match name:
+            case "drive":
+                command = drive_command(fields)
+                self.deadman.drive(
+                    time.monotonic(),
+                    command.press,
+                    self.server.numbers.sent_at(command.number),
+                    command.linear,
+                    command.angular,
+                )
+            case "resume":
+                self._start(self._request("resume", {}))
+            case "allow_goals":
+                self.session.sets_goals = True
+                self.server.tell_roles()
+            case "goto":
+                goal = goal_fields(fields)
+                if not self.session.sets_goals:
+                    raise RefusalError("E-REQUEST", "goals were not allowed for this session")
+                self._start(self._request("goto", goal))
+            case "set":
+                names = ("parameter", "value")
+                setting = {each: fields.get(each) for each in names}
+                self._start(self._request("set_parameter", setting))
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self.reads.add(task)
+        task.add_done_callback(self.reads.discard)
+
+    async def _request(self, method: str, fields: Fields) -> None:
+        try:
+            await self.client.request(method, **fields)
+            self.note(done=method)
+        except RefusalError as refusal:
+            self.refuse(f"{refusal.cause}; {refusal.fix}" if refusal.fix else refusal.cause)
+
+    async def _read(self, method: str, fields: Fields) -> None:
+        try:
+            self.note(read=method, reply=await self.client.request(method, **fields))
+        except RefusalError as refusal:
+            self.refuse(refusal.cause)
+
+    # The engine.
+
+    def _send_request(self, method: str, **fields: object) -> None:
+        self.client.send(method, method, **fields)
+
+    def _on_line(self, line: Fields) -> None:
+        if line.get("ok") is False:
+            if line.get("id") == "drive":
+                self.deadman.on_refusal()
+                self.note(lost=line.get("cause", ""))
+            else:
+                self.refuse(str(line.get("cause", "")))
+
+    def _on_loss(self, cause: str) -> None:
+        self.note(lost=cause)
+
+    def _on_run_end(self) -> None:
+        self.note(ended=True)

@@ -1,0 +1,298 @@
+"""The page's server: files, sessions and web sockets, for one running engine."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+from aiohttp import web
+
+from diffbotctl.control_socket.address import EngineAddress
+from diffbotctl.control_socket.connection import TokenBucket
+from diffbotctl.control_socket.protocol import RefusalError
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.web.certificate import ServerCertificate
+from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
+from diffbotctl.web.engine_feed import EngineFeed
+from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
+from diffbotctl.web.page_connection import PageConnection
+from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
+from diffbotctl.web.sessions import Session, Sessions
+
+PAGES_MAX = 24  # open at once
+CONNECTIONS_MAX = 96  # of which pages keep theirs; the oldest other one makes room
+BODY_MAX_BYTES = 1024
+ATTEMPTS_PER_SECOND = 1.0  # codes that are tried
+ATTEMPT_BURST = 10.0
+TYPES = {
+    "html": "text/html",
+    "js": "text/javascript",
+    "css": "text/css",
+    "svg": "image/svg+xml",
+    "webmanifest": "application/manifest+json",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self'; connect-src 'self'; manifest-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+
+class Asset(NamedTuple):
+    """A file of the page, compressed."""
+
+    type: str
+    data: bytes
+
+
+def load_assets() -> dict[str, Asset]:
+    """The files of the page by path."""
+    folder = files("diffbotctl.web") / "assets"
+    assets = {
+        f"/{file.name}": Asset(
+            TYPES[file.name.rpartition(".")[2]], gzip.compress(file.read_bytes(), mtime=0)
+        )
+        for file in folder.iterdir()
+    }
+    return {**assets, "/": assets["/index.html"]}
+
+
+def listen(address: str, port: int) -> socket.socket:
+    """A socket that listens there. Raises RunError."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((address, port))
+    except OSError as error:
+        listener.close()
+        cause = f"the page cannot be served there: {error.strerror}"
+        fix = "choose another port with --tcp-port"
+        raise RunError(Problem("E-WEB-LISTEN", f"{address}:{port}", cause, fix)) from error
+    return listener
+
+
+class WebServer:
+    """Serves the page of `engine` on `listener`. `report` is called when a device has joined.
+
+    Without a `certificate` the listener must be on the loopback address.
+    """
+
+    def __init__(
+        self,
+        engine: EngineAddress,
+        listener: socket.socket,
+        certificate: ServerCertificate | None,
+        report: Callable[[Session], None],
+    ) -> None:
+        self.engine = engine
+        self.listener = listener
+        self.certificate = certificate
+        self.report = report
+        address, self.port = listener.getsockname()
+        names = {"localhost"} if address == LOOPBACK else {"localhost", *host_names()}
+        assert certificate is not None or address != EVERY_ADDRESS
+        self.origin = ServerOrigin("https" if certificate else "http", self.port, names)
+        self.cookie = f"diffbotctl_{self.port}"  # browsers share cookies between ports
+        self.sessions = Sessions()
+        self.attempts = TokenBucket(ATTEMPTS_PER_SECOND, ATTEMPT_BURST, time.monotonic())
+        self.assets = load_assets()
+        self.numbers = BeatNumbers()
+        self.pages: dict[PageConnection, Any] = {}  # with the protocol of their connection
+        self.driver: PageConnection | None = None
+        self.feed = EngineFeed(self._publish, lambda: bool(self.pages))
+
+    async def run(self, is_ready: Callable[[], None]) -> None:
+        """Serve until the run has ended. `is_ready` is called when the page can be opened."""
+        await self.feed.connect(self.engine)
+        application = web.Application(middlewares=[self._check], client_max_size=BODY_MAX_BYTES)
+        application.router.add_get("/socket", self._open_socket)
+        application.router.add_post("/session", self._enter)
+        application.router.add_get("/session", self._show_session)
+        application.router.add_get("/{file:.*}", self._send_asset)
+        runner = web.AppRunner(
+            application, access_log=None, handle_signals=False, keepalive_timeout=10.0
+        )
+        await runner.setup()
+        assert runner.server is not None
+        self.http = runner.server
+        server = await asyncio.get_running_loop().create_server(
+            self._make_protocol,
+            sock=self.listener,
+            ssl=None if self.certificate is None else self.certificate.context,
+        )
+        is_ready()
+        beating = asyncio.create_task(self._beat())
+        try:
+            await self.feed.run()
+            for page in self.pages:
+                page.note(ended=True)
+            await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to be told
+        finally:
+            beating.cancel()
+            server.close()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(1.0):
+                    await runner.cleanup()
+
+    def _make_protocol(self) -> Any:
+        """A protocol for a new connection; the oldest one without a page makes room for it."""
+        connections = self.http.connections
+        if len(connections) >= CONNECTIONS_MAX:
+            kept = list(self.pages.values())
+            oldest = next((each for each in connections if each not in kept), None)
+            if oldest is not None:
+                oldest.force_close()
+        return self.http()
+
+    # Requests.
+
+    @web.middleware
+    async def _check(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        """Check Host and Origin; refusals are said in words."""
+        try:
+            address = request.transport.get_extra_info("sockname")[0] if request.transport else ""
+            check_origin(self.origin, address, request.method, request.headers)
+            response: web.StreamResponse = await handler(request)
+        except RequestRefusalError as refusal:
+            text = f"{refusal.cause}\n"
+            return web.Response(status=refusal.status, text=text, headers=HEADERS)
+        except web.HTTPException as error:
+            return web.Response(status=error.status, text=f"{error.reason}\n", headers=HEADERS)
+        return response
+
+    async def _send_asset(self, request: web.Request) -> web.StreamResponse:
+        asset = self.assets.get(request.path)
+        if asset is None:
+            raise RequestRefusalError(404, "there is no such file")
+        headers = {**HEADERS, "Content-Encoding": "gzip"}
+        return web.Response(
+            body=asset.data, content_type=asset.type, charset="utf-8", headers=headers
+        )
+
+    async def _enter(self, request: web.Request) -> web.StreamResponse:
+        """A device presents a code, and gets a session."""
+        now = time.monotonic()
+        if not self.attempts.allows(now):
+            raise RequestRefusalError(429, "too many codes were tried; wait some seconds")
+        code = (await request.read()).decode("ascii", "replace")
+        session = self.sessions.enter(code, request.headers.get("User-Agent", ""))
+        if session is None:
+            self.attempts.spend()
+            raise RequestRefusalError(403, "this code is not valid, or another device has used it")
+        self.report(session)
+        response = web.Response(text="ok\n", headers=HEADERS)
+        response.set_cookie(
+            self.cookie,
+            session.key,
+            httponly=True,
+            samesite="Strict",
+            secure=self.certificate is not None,
+            path="/",
+        )
+        return response
+
+    def _session(self, request: web.Request) -> Session:
+        session = self.sessions.find(request.cookies.get(self.cookie, ""))
+        if session is None:
+            raise RequestRefusalError(
+                401, "this device has no session; open the link or scan the code in the terminal"
+            )
+        return session
+
+    async def _show_session(self, request: web.Request) -> web.StreamResponse:
+        """The device's name, for a page that was reloaded."""
+        return web.Response(text=f"{self._session(request).name}\n", headers=HEADERS)
+
+    async def _open_socket(self, request: web.Request) -> web.StreamResponse:
+        session = self._session(request)
+        if len(self.pages) >= PAGES_MAX:
+            raise RequestRefusalError(503, f"{PAGES_MAX} pages are open; close one")
+        page = PageConnection(self, session)
+        self.pages[page] = request.protocol
+        try:
+            return await page.serve(request)
+        finally:
+            self.pages.pop(page, None)
+
+    # Pages.
+
+    def add(self, page: PageConnection) -> None:
+        """A page has been opened."""
+        page.session.sockets += 1
+        self.tell_roles()
+
+    def remove(self, page: PageConnection) -> None:
+        """A page has been closed."""
+        page.session.sockets -= 1
+        self.pages.pop(page, None)
+        if self.driver is page:
+            self.driver = None
+        self.tell_roles()
+
+    def abort(self, page: PageConnection) -> None:
+        """Drop the connection of a page that reads nothing."""
+        protocol = self.pages.get(page)
+        if protocol is not None and protocol.transport is not None:
+            protocol.transport.abort()
+
+    def require_control(self, page: PageConnection) -> None:
+        """Give control to `page` if nobody has it. Raises RefusalError if another page has."""
+        if self.driver is None:
+            self.driver = page
+            self.tell_roles()
+        if self.driver is not page:
+            raise RefusalError("E-BUSY", f"{self.driver.name} is in control; take over first")
+
+    def take_control(self, page: PageConnection) -> None:
+        """Give control to `page`. Raises RefusalError while another one drives by hand."""
+        if self.driver is not None and self.driver.deadman.is_driving and self.driver is not page:
+            raise RefusalError("E-BUSY", f"{self.driver.name} is driving")
+        self.driver = page
+        self.tell_roles()
+
+    def give_control(self, page: PageConnection) -> None:
+        """End the control of `page`."""
+        if self.driver is page:
+            page.deadman.release(page.deadman.press)
+            self.driver = None
+            self.tell_roles()
+
+    def tell_roles(self) -> None:
+        """Tell each page who is in control."""
+        name = None if self.driver is None else self.driver.name
+        for page in self.pages:
+            page.note(
+                role={
+                    "you": page.name,
+                    "driver": name,
+                    "is_driver": page is self.driver,
+                    "sets_goals": page.session.sets_goals,
+                }
+            )
+
+    def _publish(self, picture: str) -> None:
+        for page in self.pages:
+            page.show(picture)
+
+    async def _beat(self) -> None:
+        """Send numbers to the page in control, to all if there is none; notice silent pages."""
+        while True:
+            await asyncio.sleep(BEAT_PERIOD_S)
+            now = time.monotonic()
+            number = self.numbers.next(now)
+            for page in self.pages:
+                page.deadman.beat(now)
+                if page is self.driver or self.driver is None:
+                    page.note(n=number)
