@@ -7,6 +7,7 @@ descriptor 3 and writes replies and events to 4, each JSON text ended by a zero 
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from typing import Any, Self
 
 REPLY_TIMEOUT_S = 60.0
 POLL_PERIOD_S = 0.02
+SPARE_FILE = 100  # file descriptors from here on are free
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 ARGUMENTS = (
     "--headless=new",
@@ -51,10 +53,9 @@ class Browser:
         self.replies, write_end = os.pipe()
 
         def pass_pipes() -> None:
-            os.dup2(read_end, 13)  # first away from 3 and 4, which may be one of the two
-            os.dup2(write_end, 14)
-            os.dup2(13, 3)
-            os.dup2(14, 4)
+            ends = [fcntl.fcntl(end, fcntl.F_DUPFD, SPARE_FILE) for end in (read_end, write_end)]
+            os.dup2(ends[0], 3)
+            os.dup2(ends[1], 4)
             os.setpgid(0, 0)
 
         self.process = subprocess.Popen(

@@ -49,6 +49,14 @@ class PageLoss(StrEnum):
     LATE = "its commands came too late"
 
 
+class DriveResult(StrEnum):
+    """What became of a drive command."""
+
+    DRIVES = "drives"
+    ENDED = "ended"  # its press drives no more
+    LATE = "late"
+
+
 class EndedPresses:
     """The newest press of a device that drives no more; earlier ones do not either.
 
@@ -86,18 +94,18 @@ class PageDeadman:
 
     def drive(
         self, now: float, press: int, sent_at: float | None, linear: float, angular: float
-    ) -> bool:
-        """A command of `press`, which echoes a number sent at `sent_at`. Whether it drives."""
+    ) -> DriveResult:
+        """A command of `press`, which echoes a number sent at `sent_at`."""
         if press <= self.ended.press:
-            return False
+            return DriveResult.ENDED
         if sent_at is None or now - sent_at > COMMAND_MAX_AGE_S:
-            self.press = press
-            self.lose(PageLoss.LATE)
-            return False
+            if self.is_driving:
+                self.lose(PageLoss.LATE)
+            return DriveResult.LATE
         self.press = press
         self.deadline = min(now + SILENCE_MAX_S, sent_at + HOLD_MAX_S)
         self.send("drive", linear=linear, angular=angular)
-        return True
+        return DriveResult.DRIVES
 
     def release(self, press: int) -> None:
         """The finger of `press` was lifted: zero, in order."""

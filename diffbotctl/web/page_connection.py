@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
@@ -14,9 +15,10 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import Fields, RefusalError
-from diffbotctl.web.deadman import BeatNumbers, PageDeadman, PageLoss
+from diffbotctl.web.deadman import BeatNumbers, DriveResult, PageDeadman, PageLoss
 from diffbotctl.web.engine_feed import EngineFeed, encode
 from diffbotctl.web.page_commands import (
+    DriveCommand,
     drive_command,
     goal_fields,
     parse_command,
@@ -74,6 +76,7 @@ class PageConnection:
         )
         self.client = AsyncControlClient(self._on_line, self._on_run_end)
         self.deadman = PageDeadman(session.ended, self._send_request, self._on_loss)
+        self.late_press = 0
         self.notes: deque[str] = deque(maxlen=NOTES_MAX)
         self.picture: str | None = None  # the newest that was not sent yet
         self.wants_whole = True
@@ -100,10 +103,14 @@ class PageConnection:
         finally:
             self.deadman.lose(PageLoss.CLOSED)
             self.server.remove(self)
-            self.client.close()
             sending.cancel()
             for task in self.reads:
                 task.cancel()
+            # A socket that is closed with replies unread may lose what was written to it: the
+            # reply to a last request shows that the loss has been read.
+            with suppress(RefusalError):
+                await self.client.request("status")
+            self.client.close()
         await self.socket.close()
         return self.socket
 
@@ -179,14 +186,7 @@ class PageConnection:
         """A command that only the page in control may give."""
         match name:
             case "drive":
-                command = drive_command(fields)
-                self.deadman.drive(
-                    time.monotonic(),
-                    command.press,
-                    self.server.numbers.sent_at(command.number),
-                    command.linear,
-                    command.angular,
-                )
+                self._drive(drive_command(fields))
             case "resume":
                 self._start(self._request("resume", {}))
             case "allow_goals":
@@ -201,6 +201,13 @@ class PageConnection:
                 names = ("parameter", "value")
                 setting = {each: fields.get(each) for each in names}
                 self._start(self._request("set_parameter", setting))
+
+    def _drive(self, command: DriveCommand) -> None:
+        now, sent_at = time.monotonic(), self.server.numbers.sent_at(command.number)
+        result = self.deadman.drive(now, command.press, sent_at, command.linear, command.angular)
+        if result is DriveResult.LATE and command.press != self.late_press:
+            self.late_press = command.press  # the page is told once
+            self.refuse("the connection is too slow to drive now")
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(work)

@@ -274,12 +274,13 @@ class WebServer:
         name = None if self.driver is None else self.driver.name
         for page in self.pages:
             page.note(
+                n=self.numbers.number,  # it may drive at once
                 role={
                     "you": page.name,
                     "driver": name,
                     "is_driver": page is self.driver,
                     "sets_goals": page.session.sets_goals,
-                }
+                },
             )
 
     def _publish(self, picture: str) -> None:

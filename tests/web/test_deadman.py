@@ -2,7 +2,9 @@
 
 import pytest
 
-from diffbotctl.web.deadman import BeatNumbers, EndedPresses, PageDeadman, PageLoss
+from diffbotctl.web.deadman import BeatNumbers, DriveResult, EndedPresses, PageDeadman, PageLoss
+
+DRIVES, ENDED, LATE = DriveResult.DRIVES, DriveResult.ENDED, DriveResult.LATE
 
 
 @pytest.fixture
@@ -22,10 +24,10 @@ def methods(sent):
 
 
 def test_commands_drive_until_the_release(deadman, sent):
-    assert deadman.drive(10.00, 1, 9.98, 0.1, 0.2)
-    assert deadman.drive(10.05, 1, 10.03, 0.1, 0.0)
+    assert deadman.drive(10.00, 1, 9.98, 0.1, 0.2) == DRIVES
+    assert deadman.drive(10.05, 1, 10.03, 0.1, 0.0) == DRIVES
     deadman.release(1)
-    assert not deadman.drive(10.06, 1, 10.05, 0.1, 0.0)  # sent before, and overtaken
+    assert deadman.drive(10.06, 1, 10.05, 0.1, 0.0) == ENDED  # sent before, and overtaken
     deadman.beat(11.0)
     assert sent[0] == ("drive", {"linear": 0.1, "angular": 0.2})
     assert methods(sent) == ["drive", "drive", "release"]
@@ -37,7 +39,8 @@ def test_commands_drive_until_the_release(deadman, sent):
 )
 def test_a_command_with_an_old_number_does_not_drive(deadman, sent, age, drives):
     now = 10.0
-    assert deadman.drive(now, 1, None if age is None else now - age, 0.1, 0.0) is drives
+    result = deadman.drive(now, 1, None if age is None else now - age, 0.1, 0.0)
+    assert result == (DRIVES if drives else LATE)
     assert methods(sent) == ["drive"] * drives
 
 
@@ -59,19 +62,25 @@ def test_after_a_loss_the_finger_is_lifted_first(deadman, sent):
     deadman.beat(10.3)
     for step in range(20):  # the tab thaws, the finger is still down: its numbers are new
         now = 11.0 + 0.05 * step
-        assert not deadman.drive(now, 1, now, 0.1, 0.0)
+        assert deadman.drive(now, 1, now, 0.1, 0.0) == ENDED
     assert methods(sent) == ["drive", "operator_lost"]
-    assert deadman.drive(12.0, 2, 12.0, 0.1, 0.0)
+    assert deadman.drive(12.0, 2, 12.0, 0.1, 0.0) == DRIVES
 
 
-def test_what_piled_up_in_a_gap_does_not_drive_and_ends_its_press(deadman, sent):
+def test_what_piled_up_in_a_gap_does_not_drive(deadman, sent):
     deadman.drive(10.0, 1, 10.0, 0.1, 0.0)
     deadman.beat(10.3)
-    for press in (1, 2):  # a second press fell into the gap
-        assert not deadman.drive(11.0, press, 10.0, 0.1, 0.0)
-    assert not deadman.drive(11.05, 2, 11.04, 0.1, 0.0)
+    assert deadman.drive(11.0, 1, 10.0, 0.1, 0.0) == ENDED
+    assert deadman.drive(11.0, 2, 10.0, 0.1, 0.0) == LATE  # the finger was lifted, and put down
     assert methods(sent) == ["drive", "operator_lost"]
-    assert deadman.drive(11.5, 3, 11.49, 0.1, 0.0)
+    assert deadman.drive(11.05, 2, 11.04, 0.1, 0.0) == DRIVES
+
+
+def test_a_late_command_while_it_drives_is_a_loss(deadman, sent):
+    deadman.drive(10.0, 1, 10.0, 0.1, 0.0)
+    assert deadman.drive(10.2, 1, 9.8, 0.1, 0.0) == LATE
+    assert sent[-1] == ("operator_lost", {"reason": PageLoss.LATE})
+    assert deadman.drive(10.25, 1, 10.24, 0.1, 0.0) == ENDED
 
 
 def test_a_finger_that_stays_down_while_the_page_connects_again_drives_no_more(sent):
@@ -84,8 +93,8 @@ def test_a_finger_that_stays_down_while_the_page_connects_again_drives_no_more(s
     first.drive(10.0, 7, 10.0, 0.1, 0.0)
     first.lose(PageLoss.CLOSED)
     second = connection()
-    assert not second.drive(10.1, 7, 10.1, 0.1, 0.0)
-    assert second.drive(10.5, 8, 10.5, 0.1, 0.0)
+    assert second.drive(10.1, 7, 10.1, 0.1, 0.0) == ENDED
+    assert second.drive(10.5, 8, 10.5, 0.1, 0.0) == DRIVES
 
 
 def test_a_late_release_of_an_earlier_press_does_not_end_the_present_one(deadman):
@@ -99,7 +108,7 @@ def test_a_refusal_of_the_engine_ends_the_press(deadman):
     deadman.drive(10.0, 1, 10.0, 0.1, 0.0)
     deadman.on_refusal()
     assert not deadman.is_driving
-    assert not deadman.drive(10.05, 1, 10.05, 0.1, 0.0)
+    assert deadman.drive(10.05, 1, 10.05, 0.1, 0.0) == ENDED
 
 
 def test_a_page_that_does_not_drive_is_not_lost(deadman, sent):

@@ -51,6 +51,7 @@ export class Connection {
 
   retry(words) {
     this.socket = null;
+    this.number = 0;
     if (this.ended) return;
     this.onState(words);
     setTimeout(() => this.connect(), RETRY_MS);
@@ -79,6 +80,11 @@ export class Connection {
 
   get isOpen() {
     return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Whether a command could echo a number of the server. */
+  get isReady() {
+    return this.isOpen && this.number > 0;
   }
 
   send(command) {

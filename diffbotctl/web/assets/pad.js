@@ -40,7 +40,7 @@ export class Pad {
   }
 
   onDown(event) {
-    if (this.pointer !== null || this.isPressed) return;
+    if (this.pointer !== null || this.isPressed || !this.connection.isReady) return;
     event.preventDefault();
     this.pointer = event.pointerId;
     this.element.setPointerCapture(event.pointerId);
@@ -67,7 +67,7 @@ export class Pad {
   onKey(event, isDown) {
     if (!(event.key in ARROWS) || /INPUT|SELECT/.test(event.target.tagName)) return;
     event.preventDefault();
-    if (isDown && (event.repeat || this.pointer !== null)) return;
+    if (isDown && (event.repeat || this.pointer !== null || !this.connection.isReady)) return;
     if (isDown) this.keys.add(event.key);
     else this.keys.delete(event.key);
     if (!this.keys.size) {

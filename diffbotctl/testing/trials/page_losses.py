@@ -1,0 +1,213 @@
+"""A phone that drives from the page, and is lost: the time until the wheels are commanded to zero.
+
+`python -m diffbotctl.testing.trials.page_losses --trials 50` prints a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.testing.browser import Browser, Page
+from diffbotctl.testing.page_server import PageServer, serving
+from diffbotctl.testing.running import PlainClient, running
+from diffbotctl.testing.tcp_relay import TcpRelay
+
+WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
+FINGER_LIFT_PX = 80.0
+
+
+class WheelWatcher:
+    """Notes when the gate commands the wheels, on this process's clock."""
+
+    def __init__(self, folder: Path) -> None:
+        self.client = PlainClient(folder)
+        self.client.request("subscribe", topic="gate.wheels")
+        self.news = threading.Condition()
+        self.is_zero = True
+        self.changed = 0.0
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        while (line := self.client.read()) is not None:
+            message = line.get("message")
+            if message is None:
+                continue
+            is_zero = message["left"] == 0 == message["right"]
+            with self.news:
+                if is_zero != self.is_zero:
+                    self.is_zero, self.changed = is_zero, time.monotonic()
+                    self.news.notify_all()
+
+    def wait(self, is_zero: bool) -> float:
+        """Wait until the wheels are commanded to zero, or to turn; returns when that began."""
+        with self.news:
+            came = self.news.wait_for(lambda: self.is_zero == is_zero, WAIT_S)
+            assert came, f"the wheels were never commanded {'to zero' if is_zero else 'to turn'}"
+            return self.changed
+
+
+class Phone:
+    """An emulated phone with the page open, behind a relay that can fall silent."""
+
+    def __init__(self, folder: Path, server: PageServer) -> None:
+        link = server.next_link()
+        self.relay = TcpRelay(server.port)
+        rule = f"MAP 127.0.0.1:{server.port} 127.0.0.1:{self.relay.port}"
+        profile = tempfile.mkdtemp(dir=folder)
+        self.browser = Browser(Path(profile), f"--host-resolver-rules={rule}")
+        self.page: Page = self.browser.open_page()
+        self.page.emulate_phone()
+        self.page.open(link)
+        self.page.until("document.body.dataset.connected === 'yes'")
+        self.page.until("document.getElementById('role').textContent.includes('phone')")
+        self.other = ""  # a second tab
+
+    def press(self) -> None:
+        """Put a finger on the joystick and push it forward."""
+        x, y = self.page.centre("#pad")
+        self.page.touch("touchStart", (x, y))
+        self.page.touch("touchMove", (x, y - FINGER_LIFT_PX))
+
+    def lift(self) -> None:
+        """Lift the finger."""
+        self.page.touch("touchEnd")
+
+    def close(self) -> None:
+        """End browser and relay."""
+        self.relay.is_cut = False
+        self.browser.close()
+        self.relay.close()
+
+
+def release(phone: Phone) -> None:
+    """The finger is lifted."""
+    phone.browser.send(
+        "Input.dispatchTouchEvent", phone.page.session, type="touchEnd", touchPoints=[]
+    )
+
+
+def hide(phone: Phone) -> None:
+    """Another tab comes to the front."""
+    phone.browser.command("Target.createTarget", url="about:blank")
+
+
+def blur(phone: Phone) -> None:
+    """The window loses the focus."""
+    phone.page.evaluate("void dispatchEvent(new Event('blur'))")
+
+
+def freeze(phone: Phone) -> None:
+    """The tab is frozen: no timer runs, no message is sent."""
+    phone.browser.send("Page.setWebLifecycleState", phone.page.session, state="frozen")
+
+
+def sleep(phone: Phone) -> None:
+    """The phone sleeps: all processes of the browser are suspended."""
+    phone.browser.signal(signal.SIGSTOP)
+
+
+def cut(phone: Phone) -> None:
+    """The phone leaves the Wi-Fi: nothing arrives, no connection is closed."""
+    phone.relay.is_cut = True
+
+
+def kill(phone: Phone) -> None:
+    """The browser is killed."""
+    phone.browser.signal(signal.SIGKILL)
+
+
+def close_tab(phone: Phone) -> None:
+    """The tab is closed."""
+    phone.browser.send("Target.closeTarget", targetId=phone.page.target)
+
+
+class Loss(NamedTuple):
+    """A way to lose the phone, and part of the cause that the stop names; None: no stop."""
+
+    do: Callable[[Phone], None]
+    cause: str | None
+
+
+LOSSES = {
+    "released": Loss(release, None),
+    "hidden": Loss(hide, "its page"),
+    "blurred": Loss(blur, "its page lost the focus"),
+    "closed": Loss(close_tab, "its page"),
+    "frozen": Loss(freeze, "command"),
+    "asleep": Loss(sleep, "command"),
+    "out of Wi-Fi": Loss(cut, "command"),
+    "killed": Loss(kill, ""),
+}
+
+
+class LossResult(NamedTuple):
+    """Seconds from the loss to the command of zero, and the cause of the stop."""
+
+    seconds: float
+    cause: str
+
+
+@contextmanager
+def station(folder: Path) -> Iterator[tuple[PageServer, PlainClient, WheelWatcher]]:
+    """A run that waits for a driver, the server of its page, and clients that watch."""
+    with running(folder, "standby", "--stay"), serving(folder) as server:
+        yield server, PlainClient(folder), WheelWatcher(folder)
+
+
+def lose_once(folder: Path, parts: tuple, loss: Loss) -> LossResult:
+    """Drive, lose the phone, and clean up."""
+    server, client, wheels = parts
+    phone = Phone(folder, server)
+    try:
+        phone.press()
+        wheels.wait(is_zero=False)
+        began = time.monotonic()
+        loss.do(phone)
+        seconds = wheels.wait(is_zero=True) - began
+        status = client.request("status")
+        if loss.cause is not None:
+            status = client.until(lambda status: status["held"])
+        held = status["held"]
+        return LossResult(seconds, "" if held is None else held["cause"])
+    finally:
+        phone.close()
+        client.request("resume")
+
+
+def main() -> None:
+    """Measure each loss, and print a table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trials", type=int, default=50)
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="diffbotctl-") as name, station(Path(name)) as parts:
+        for title, loss in LOSSES.items():
+            if options.only not in title:
+                continue
+            results = [lose_once(Path(name), parts, loss) for _ in range(options.trials)]
+            times = sorted(result.seconds for result in results)
+            named = sum(
+                "phone" in result.cause and (loss.cause or "") in result.cause for result in results
+            )
+            row = {
+                "loss": title,
+                "within 0.5 s": f"{sum(each <= 0.5 for each in times)} of {len(times)}",
+                "median": round(times[len(times) // 2], 3),
+                "longest": round(times[-1], 3),
+                "named": "-" if loss.cause is None else f"{named} of {len(times)}",
+                "cause": results[-1].cause,
+            }
+            print(json.dumps(row), flush=True)
+
+
+if __name__ == "__main__":
+    main()
