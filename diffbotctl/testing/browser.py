@@ -100,9 +100,10 @@ class Browser:
         result: dict[str, Any] = answer["result"]
         return result
 
-    def open_page(self, address: str = "about:blank") -> Page:
-        """A new tab."""
-        target = self.command("Target.createTarget", url="about:blank")["targetId"]
+    def open_page(self, address: str = "about:blank", context: str | None = None) -> Page:
+        """A new tab; `context` is a browser context with cookies of its own."""
+        place = {} if context is None else {"browserContextId": context}
+        target = self.command("Target.createTarget", url="about:blank", **place)["targetId"]
         attached = self.command("Target.attachToTarget", targetId=target, flatten=True)
         page = Page(self, attached["sessionId"], target)
         if address != "about:blank":

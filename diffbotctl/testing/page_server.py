@@ -79,9 +79,10 @@ class PageServer:
 
 
 @contextmanager
-def serving(folder: Path, *words: str) -> Iterator[PageServer]:
-    """`diffbotctl web words` for the run whose sockets are in `folder`."""
-    line, environment = command(folder, "web", "--tcp-port", str(free_port()), *words)
+def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[PageServer]:
+    """`diffbotctl web words` for the run whose sockets are in `folder`; or `run`, with `--web`."""
+    first = ("run", *run, "--web") if run else ("web",)
+    line, environment = command(folder, *first, "--tcp-port", str(free_port()), *words)
     environment |= {"XDG_STATE_HOME": str(folder / "state")}
     process = subprocess.Popen(
         line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

@@ -49,9 +49,6 @@ class PageHost(Protocol):
     def remove(self, page: PageConnection) -> None:
         """A page has been closed."""
 
-    def abort(self, page: PageConnection) -> None:
-        """Drop the connection of a page that reads nothing."""
-
     def require_control(self, page: PageConnection) -> None:
         """Give control to `page` if nobody has it. Raises RefusalError if another page has."""
 
@@ -76,6 +73,8 @@ class PageConnection:
         )
         self.client = AsyncControlClient(self._on_line, self._on_run_end)
         self.deadman = PageDeadman(session.ended, self._send_request, self._on_loss)
+        self.transport: asyncio.Transport | None = None
+        self.peer: Any = None
         self.late_press = 0
         self.notes: deque[str] = deque(maxlen=NOTES_MAX)
         self.picture: str | None = None  # the newest that was not sent yet
@@ -91,6 +90,8 @@ class PageConnection:
 
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve until the socket is closed."""
+        self.transport = request.transport
+        self.peer = request.transport and request.transport.get_extra_info("peername")
         await self.socket.prepare(request)
         await self.client.connect(self.server.engine, self.name)
         sending = asyncio.create_task(self._send_all())
@@ -140,7 +141,8 @@ class PageConnection:
                     text, self.picture = self.picture, None
                     await self._send_text(text)
         except (OSError, TimeoutError, RuntimeError):
-            self.server.abort(self)
+            if self.transport is not None:
+                self.transport.abort()  # it reads nothing, or is gone
 
     async def _send_text(self, text: str) -> None:
         async with asyncio.timeout(SEND_TIMEOUT_S):

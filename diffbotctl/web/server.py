@@ -18,6 +18,7 @@ from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.web.certificate import ServerCertificate
+from diffbotctl.web.connections import ConnectionLimiter, Peer
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
 from diffbotctl.web.engine_feed import EngineFeed
 from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
@@ -26,7 +27,6 @@ from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, chec
 from diffbotctl.web.sessions import Session, Sessions
 
 PAGES_MAX = 24  # open at once
-CONNECTIONS_MAX = 96  # of which pages keep theirs; the oldest other one makes room
 BODY_MAX_BYTES = 1024
 ATTEMPTS_PER_SECOND = 1.0  # codes that are tried
 ATTEMPT_BURST = 10.0
@@ -75,6 +75,7 @@ def listen(address: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((address, port))
+        listener.listen()
     except OSError as error:
         listener.close()
         cause = f"the page cannot be served there: {error.strerror}"
@@ -109,7 +110,7 @@ class WebServer:
         self.attempts = TokenBucket(ATTEMPTS_PER_SECOND, ATTEMPT_BURST, time.monotonic())
         self.assets = load_assets()
         self.numbers = BeatNumbers()
-        self.pages: dict[PageConnection, Any] = {}  # with the protocol of their connection
+        self.pages: dict[PageConnection, None] = {}
         self.driver: PageConnection | None = None
         self.feed = EngineFeed(self._publish, lambda: bool(self.pages))
 
@@ -126,12 +127,9 @@ class WebServer:
         )
         await runner.setup()
         assert runner.server is not None
-        self.http = runner.server
-        server = await asyncio.get_running_loop().create_server(
-            self._make_protocol,
-            sock=self.listener,
-            ssl=None if self.certificate is None else self.certificate.context,
-        )
+        context = None if self.certificate is None else self.certificate.context
+        limiter = ConnectionLimiter(self.listener, context, runner.server, self._is_page)
+        accepting = asyncio.create_task(limiter.run())
         is_ready()
         beating = asyncio.create_task(self._beat())
         try:
@@ -141,20 +139,14 @@ class WebServer:
             await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to be told
         finally:
             beating.cancel()
-            server.close()
+            accepting.cancel()
+            self.listener.close()
             with suppress(TimeoutError):
                 async with asyncio.timeout(1.0):
                     await runner.cleanup()
 
-    def _make_protocol(self) -> Any:
-        """A protocol for a new connection; the oldest one without a page makes room for it."""
-        connections = self.http.connections
-        if len(connections) >= CONNECTIONS_MAX:
-            kept = list(self.pages.values())
-            oldest = next((each for each in connections if each not in kept), None)
-            if oldest is not None:
-                oldest.force_close()
-        return self.http()
+    def _is_page(self, peer: Peer) -> bool:
+        return any(page.peer == peer for page in self.pages)
 
     # Requests.
 
@@ -220,7 +212,7 @@ class WebServer:
         if len(self.pages) >= PAGES_MAX:
             raise RequestRefusalError(503, f"{PAGES_MAX} pages are open; close one")
         page = PageConnection(self, session)
-        self.pages[page] = request.protocol
+        self.pages[page] = None
         try:
             return await page.serve(request)
         finally:
@@ -240,12 +232,6 @@ class WebServer:
         if self.driver is page:
             self.driver = None
         self.tell_roles()
-
-    def abort(self, page: PageConnection) -> None:
-        """Drop the connection of a page that reads nothing."""
-        protocol = self.pages.get(page)
-        if protocol is not None and protocol.transport is not None:
-            protocol.transport.abort()
 
     def require_control(self, page: PageConnection) -> None:
         """Give control to `page` if nobody has it. Raises RefusalError if another page has."""

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from diffbotctl.testing.browser import Browser, Page
 from diffbotctl.testing.page_server import PageServer, serving
-from diffbotctl.testing.running import PlainClient, running
+from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.tcp_relay import TcpRelay
 
 WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
@@ -106,8 +106,9 @@ def blur(phone: Phone) -> None:
 
 
 def freeze(phone: Phone) -> None:
-    """The tab is frozen: no timer runs, no message is sent."""
-    phone.browser.send("Page.setWebLifecycleState", phone.page.session, state="frozen")
+    """The tab is frozen: no timer runs, and no event tells the page of it."""
+    busy = "const end = Date.now() + 3000; while (Date.now() < end);"
+    phone.browser.send("Runtime.evaluate", phone.page.session, expression=busy)
 
 
 def sleep(phone: Phone) -> None:
@@ -163,12 +164,24 @@ def station(folder: Path) -> Iterator[tuple[PageServer, PlainClient, WheelWatche
         yield server, PlainClient(folder), WheelWatcher(folder)
 
 
+def _drive(phone: Phone, client: PlainClient) -> None:
+    """Press until the wheels turn. A busy computer may lose the page at once: then again."""
+    while True:
+        phone.press()
+        status = client.until(lambda status: status["held"] or moves(status))
+        if not status["held"]:
+            return
+        phone.lift()
+        client.until(stands)
+        client.request("resume")
+
+
 def lose_once(folder: Path, parts: tuple, loss: Loss) -> LossResult:
     """Drive, lose the phone, and clean up."""
     server, client, wheels = parts
     phone = Phone(folder, server)
     try:
-        phone.press()
+        _drive(phone, client)
         wheels.wait(is_zero=False)
         began = time.monotonic()
         loss.do(phone)

@@ -1,0 +1,69 @@
+"""The connections to the page's server: a bounded number, whoever opens how many."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from collections.abc import Callable
+from contextlib import suppress
+
+CONNECTIONS_MAX = 96  # besides those of open pages
+TLS_TIMEOUT_S = 5.0
+RETRY_S = 0.2  # when the system refuses to open another file
+Peer = tuple[str, int]
+
+
+class ConnectionLimiter:
+    """Accepts at `listener`. A connection is dropped when CONNECTIONS_MAX later ones have come.
+
+    Those for which `is_page` is true stay. `make_protocol` makes the protocol of a connection.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        context: ssl.SSLContext | None,
+        make_protocol: Callable[[], asyncio.Protocol],
+        is_page: Callable[[Peer], bool],
+    ) -> None:
+        self.listener = listener
+        self.context = context
+        self.make_protocol = make_protocol
+        self.is_page = is_page
+        self.recent: dict[Peer, socket.socket] = {}  # the oldest first
+        self.starting: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Accept until this is cancelled."""
+        self.listener.setblocking(False)
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, peer = await loop.sock_accept(self.listener)
+            except OSError:
+                await asyncio.sleep(RETRY_S)
+                continue
+            self._admit(connection, peer)
+
+    def _admit(self, connection: socket.socket, peer: Peer) -> None:
+        self.recent.pop(peer, None)  # an earlier connection from the same port has ended
+        self.recent[peer] = connection
+        if len(self.recent) > CONNECTIONS_MAX:
+            oldest = next(iter(self.recent))
+            dropped = self.recent.pop(oldest)
+            if not self.is_page(oldest):
+                with suppress(OSError):  # it has ended
+                    dropped.shutdown(socket.SHUT_RDWR)
+        task = asyncio.create_task(self._start(connection))
+        self.starting.add(task)
+        task.add_done_callback(self.starting.discard)
+
+    async def _start(self, connection: socket.socket) -> None:
+        timeout = None if self.context is None else TLS_TIMEOUT_S
+        try:
+            await asyncio.get_running_loop().connect_accepted_socket(
+                self.make_protocol, connection, ssl=self.context, ssl_handshake_timeout=timeout
+            )
+        except OSError:  # also no TLS, such as plain HTTP
+            connection.close()

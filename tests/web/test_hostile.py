@@ -1,0 +1,288 @@
+"""Who must not get in, and who must not slow the page down: row by row, against a real server."""
+
+import asyncio
+import hashlib
+import json
+import os
+import signal
+import socket
+import ssl
+from contextlib import suppress
+
+import aiohttp
+import pytest
+
+from diffbotctl.testing.browser import Browser
+from diffbotctl.testing.page_server import serving
+from diffbotctl.testing.running import PlainClient, running
+from diffbotctl.web.connections import CONNECTIONS_MAX
+from diffbotctl.web.page_connection import MESSAGE_MAX_BYTES
+
+TIMEOUT_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hostile")
+    with running(folder, "standby", "--stay"):
+        yield folder
+
+
+@pytest.fixture
+def server(folder):
+    with serving(folder) as server:
+        server.link = server.next_link()
+        yield server
+
+
+def code_of(link):
+    return link.partition("#")[2]
+
+
+class PlainPage:
+    """A page without a browser: a web socket with a cookie."""
+
+    def __init__(self, server, cookie, **headers):
+        self.address = f"{server.scheme}://127.0.0.1:{server.port}"
+        self.headers = {"Cookie": cookie, "Origin": self.address, **headers}
+
+    async def __aenter__(self):
+        self.session = aiohttp.ClientSession()
+        self.socket = await self.session.ws_connect(
+            f"{self.address}/socket", headers=self.headers, ssl=False, max_msg_size=1 << 20
+        )
+        return self
+
+    async def __aexit__(self, *_):
+        await self.session.close()
+
+    async def until(self, seen):
+        """Read until `seen(message)`; returns that message, or None when the socket is closed."""
+        async with asyncio.timeout(TIMEOUT_S):
+            async for message in self.socket:
+                fields = json.loads(message.data)
+                if seen(fields):
+                    return fields
+        return None
+
+    async def send(self, **fields):
+        await self.socket.send_str(json.dumps(fields))
+
+
+def opened(server, work):
+    """Run `work(page)` on a page with a session."""
+
+    async def run():
+        async with PlainPage(server, server.enter(server.link)) as page:
+            return await work(page)
+
+    return asyncio.run(run())
+
+
+def test_without_a_session_there_is_no_socket(server):
+    for cookie in ("", f"diffbotctl_{server.port}=", f"diffbotctl_{server.port}=guessed"):
+        status, text, _ = server.request(
+            "GET", "/socket", Upgrade="websocket", Connection="Upgrade", Cookie=cookie
+        )
+        assert status == 401 and "open the link or scan the code" in text
+
+
+def test_a_code_works_once_and_a_photograph_of_it_does_not(server):
+    code = code_of(server.link)
+    status, _, headers = server.request("POST", "/session", code)
+    cookie = headers["Set-Cookie"]
+    assert status == 200 and "HttpOnly" in cookie and "SameSite=Strict" in cookie
+    status, text, headers = server.request("POST", "/session", code)
+    assert status == 403 and "another device has used it" in text
+    assert "Set-Cookie" not in headers
+    assert code_of(server.next_link()) != code  # the next device has its own
+
+
+def test_wrong_codes_are_refused_and_soon_not_even_looked_at(server):
+    statuses = [server.request("POST", "/session", f"guess{i}")[0] for i in range(30)]
+    assert set(statuses) == {403, 429}
+    assert server.request("POST", "/session", "x" * 100_000)[0] in (413, 429)
+
+
+@pytest.mark.parametrize(
+    "headers, status",
+    [
+        ({"Origin": "https://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": ""}, 403),
+        ({"Host": "evil.example"}, 421),
+        ({"Host": "evil.example:8642"}, 421),
+    ],
+)
+def test_requests_of_another_site_are_refused_in_words(server, headers, status):
+    refused = server.request("POST", "/session", code_of(server.link), **headers)
+    assert refused[0] == status and ("page" in refused[1] or "link" in refused[1])
+    cookie = server.enter(server.link)  # the code was not used up
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Cookie": cookie}
+    assert server.request("GET", "/socket", **(upgrade | headers))[0] == status
+
+
+def test_the_page_cannot_be_framed_and_loads_nothing_from_elsewhere(server):
+    status, text, headers = server.request("GET", "/", Origin="")
+    policy = headers["Content-Security-Policy"]
+    assert status == 200 and "frame-ancestors 'none'" in policy and "default-src 'none'" in policy
+    assert "http:" not in text and "https:" not in text
+    assert server.request("GET", "/../setup.cfg", Origin="")[0] == 404
+    assert server.request("GET", "/%2e%2e/%2e%2e/etc/passwd", Origin="")[0] == 404
+
+
+def test_a_stranger_s_page_in_the_operator_s_browser_gets_nothing(server, tmp_path):
+    own = f"http://127.0.0.1:{server.port}"
+    with Browser(tmp_path / "profile") as browser:
+        page = browser.open_page(server.link)
+        page.until("document.getElementById('role').textContent.includes('in control')")
+        stranger = browser.open_page()  # of the origin "null", with the operator's cookies
+        outcome = stranger.evaluate(
+            f"fetch('{own}/session', {{method: 'POST', body: 'x', credentials: 'include'}})"
+            ".then(() => 'read', () => 'refused')"
+        )
+        assert outcome == "refused"
+        outcome = stranger.evaluate(
+            f"new Promise(done => {{ const s = new WebSocket('{own.replace('http', 'ws')}/socket');"
+            "s.onopen = () => done('open'); s.onerror = () => done('refused'); })"
+        )
+        assert outcome == "refused"
+
+
+def test_plain_http_in_the_network_is_dropped_and_the_fingerprint_is_shown(folder):
+    with serving(folder, "--lan") as server:
+        link = server.next_link()
+        assert link.startswith("https://")
+        shown = "".join(server.lines)
+        with socket.create_connection(("127.0.0.1", server.port), TIMEOUT_S) as plain:
+            plain.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
+            with suppress(ConnectionResetError):
+                assert b"<html" not in plain.recv(1 << 16)
+        certificate = _certificate(server.port)
+        assert certificate in shown
+        server.link = link
+        status, _, headers = server.request("POST", "/session", code_of(link))
+        assert status == 200 and "Secure" in headers["Set-Cookie"]
+
+
+def _certificate(port):
+    """The SHA-256 of the server's certificate, as browsers show it."""
+    context = ssl._create_unverified_context()
+    plain = socket.create_connection(("127.0.0.1", port))
+    with context.wrap_socket(plain) as secure:
+        digest = hashlib.sha256(secure.getpeercert(binary_form=True)).hexdigest().upper()
+    return ":".join(digest[i : i + 2] for i in range(0, 64, 2))
+
+
+@pytest.mark.parametrize("text", ["x" * (1 << 20), "[" * 3000, '{"do": "drive", "n": 1e999}', "{}"])
+def test_big_and_broken_frames_are_dropped_or_refused(server, text):
+    async def work(page):
+        await page.until(lambda fields: "role" in fields)
+        await page.socket.send_str(text)
+        return await page.until(lambda fields: "refused" in fields)
+
+    refusal = opened(server, work)
+    assert (refusal is None) == (len(text) > MESSAGE_MAX_BYTES)
+
+
+COMMANDS = [  # what a page with a session may still not do
+    ({"do": "read", "method": "publish"}, "may not"),
+    ({"do": "goto", "x": 1, "y": 0}, "not allowed"),
+    ({"do": "goto", "x": "1", "y": 0}, "no number"),
+    ({"do": "drive", "press": 1, "n": 10**9, "linear": 0.1, "angular": 0}, "too slow"),
+    ({"do": "drive", "press": 1, "n": 1, "linear": None, "angular": 0}, "no number"),
+    ({"do": "drive", "press": -1, "n": 1, "linear": 0, "angular": 0}, "no whole number"),
+    ({"do": "set", "parameter": "guard.margin", "value": -1}, "guard.margin"),
+    ({"do": "set", "parameter": {"a": 1}, "value": 1}, "parameter"),
+]
+
+
+@pytest.mark.parametrize("command, words", COMMANDS)
+def test_commands_are_checked(server, folder, command, words):
+    async def work(page):
+        await page.until(lambda fields: "role" in fields)
+        await page.send(**command)
+        return await page.until(lambda fields: "refused" in fields)
+
+    assert words in opened(server, work)["refused"]
+    status = PlainClient(folder).request("status")
+    assert status["gate.wheels"]["left"] == 0 == status["gate.wheels"]["right"]
+
+
+def test_a_page_is_limited_by_the_robot(server):
+    async def work(page):
+        number = (await page.until(lambda fields: fields.get("n", 0) > 0))["n"]
+        await page.send(do="drive", press=1, n=number, linear=50.0, angular=0.0)
+        return await page.until(lambda fields: "lost" in fields)
+
+    assert "beyond this robot's limit" in opened(server, work)["lost"]
+
+
+def test_a_flood_of_commands_is_cut_off(server):
+    async def work(page):
+        await page.until(lambda fields: "role" in fields)
+        try:
+            for _ in range(5000):
+                await page.send(do="take")
+        except ConnectionError:
+            pass
+        return await page.until(lambda fields: False)
+
+    assert opened(server, work) is None
+
+
+def test_a_thousand_sockets_leave_the_page_as_it_was(server):
+    async def work(page):
+        await page.until(lambda fields: "facts" in fields)
+        silent = []
+        for _ in range(1000):
+            silent.append(await asyncio.open_connection("127.0.0.1", server.port))
+        times = [(await page.until(lambda fields: "facts" in fields))["time"] for _ in range(5)]
+        files = len(os.listdir(f"/proc/{server.process.pid}/fd"))
+        for _, writer in silent:
+            writer.close()
+        return times, files
+
+    times, files = opened(server, work)
+    assert times == sorted(times) and times[0] < times[-1]
+    assert files < 2 * CONNECTIONS_MAX
+
+
+def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, folder):
+    async def work(page):
+        reader = socket.create_connection(("127.0.0.1", server.port))
+        reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        reader.sendall(
+            f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: websocket\r\n"
+            "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+            f"Origin: {page.address}\r\nCookie: {page.headers['Cookie']}\r\n\r\n".encode()
+        )
+        clients = lambda: len(os.listdir(f"/proc/{server.process.pid}/fd"))  # noqa: E731
+        await page.until(lambda fields: "facts" in fields)
+        before = clients()
+        while clients() >= before:  # until it has been disconnected; the pictures still come
+            assert await page.until(lambda fields: "facts" in fields) is not None
+        reader.close()
+
+    opened(server, work)
+
+
+def test_a_server_that_is_killed_stops_a_robot_that_is_driven(server, folder):
+    client = PlainClient(folder)
+
+    async def work(page):
+        press = 0
+        while not client.request("status")["gate.wheels"]["left"]:
+            number = (await page.until(lambda fields: "n" in fields))["n"]
+            press = press or 1
+            await page.send(do="drive", press=press, n=number, linear=0.1, angular=0.0)
+            if client.request("status")["held"]:  # a busy computer
+                client.request("resume")
+                press += 1
+        server.process.send_signal(signal.SIGKILL)
+
+    opened(server, work)
+    held = client.until(lambda status: status["held"])["held"]
+    assert held["code"] == "operator_lost" and "computer 1" in held["cause"]
+    client.request("resume")

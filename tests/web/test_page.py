@@ -1,0 +1,292 @@
+"""The page in a real browser, on a computer and on an emulated phone."""
+
+import json
+import struct
+import zlib
+from math import pi
+
+import pytest
+
+from diffbotctl.testing.browser import DESKTOP, PHONE, Browser
+from diffbotctl.testing.page_server import serving
+from diffbotctl.testing.running import PlainClient, moves, running, stands
+from diffbotctl.testing.trials.page_losses import LOSSES, lose_once, station
+from diffbotctl.web.server import load_assets
+
+TOTAL_MAX_BYTES = 60 << 10  # gzipped, without a view of the robot in three dimensions
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def parts(folder):
+    with station(folder) as parts:
+        yield parts
+
+
+@pytest.fixture(scope="module")
+def browser(folder):
+    with Browser(folder / "profile") as browser:
+        yield browser
+
+
+@pytest.fixture
+def open_page(browser, parts):
+    """A function that opens the page on a device of its own; `is_phone` or not."""
+    server, client, _ = parts
+    opened = []
+
+    def open_on(is_phone):
+        context = browser.command("Target.createBrowserContext")["browserContextId"]
+        page = browser.open_page(context=context)
+        opened.append(page)
+        if is_phone:
+            page.emulate_phone()
+        else:
+            page.resize(DESKTOP)
+        page.open(server.next_link())
+        page.until("document.getElementById('role').textContent.includes('in control')")
+        page.until("document.getElementById('facts').textContent.includes('pose')")
+        return page
+
+    yield open_on
+    for page in opened:
+        browser.command("Target.closeTarget", targetId=page.target)
+    client.until(stands)
+    client.request("resume")
+
+
+def press(page, selector):
+    """Press a button with what the device has."""
+    if page.evaluate("navigator.maxTouchPoints > 0"):
+        page.tap(selector)
+    else:
+        page.click(selector)
+
+
+def pixels(path):
+    """Width, height and the different colours of a PNG file."""
+    data = path.read_bytes()
+    width, height = struct.unpack(">II", data[16:24])
+    parts, at = b"", 8
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        if data[at + 4 : at + 8] == b"IDAT":
+            parts += data[at + 8 : at + 8 + length]
+        at += length + 12
+    return width, height, len(zlib.decompress(parts))
+
+
+def test_the_page_is_small():
+    assets = load_assets()
+    assert sum(len(asset.data) for path, asset in assets.items() if path != "/") < TOTAL_MAX_BYTES
+
+
+@pytest.mark.parametrize("is_phone", [False, True])
+@pytest.mark.parametrize("is_dark", [False, True])
+def test_nothing_is_cut_and_nothing_comes_from_elsewhere(open_page, parts, is_phone, is_dark):
+    page = open_page(is_phone)
+    page.prefer_dark(is_dark)
+    width, height = PHONE if is_phone else DESKTOP
+    for view in ("drive", "map", "inside"):
+        press(page, f"#view-{view}")
+        page.until(f"document.body.dataset.view === '{view}'")
+        shown = page.evaluate(
+            "[...document.querySelectorAll('button, #pad, #facts, #limit-input')]"
+            ".filter(e => e.checkVisibility() && e.getBoundingClientRect().width)"
+            ".map(e => [e.id, ...Object.values(e.getBoundingClientRect().toJSON())])"
+        )
+        names = {name for name, *_ in shown}
+        assert {"stop", "resume", "take"} <= names
+        for name, x, y, w, h, *_ in shown:
+            assert x >= 0 and y >= 0 and x + w <= width and y + h <= height, name
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    address = f"127.0.0.1:{parts[0].port}/"
+    assert {each.partition("//")[2].partition("/")[0] + "/" for each in page.addresses()} == {
+        address
+    }
+
+
+def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
+    page, client = open_page(False), parts[1]
+    press(page, "#stop")
+    held = client.until(lambda status: status["held"])["held"]
+    text = page.until("!document.getElementById('banner').hidden && banner.textContent")
+    assert held["code"] == "operator_stop" and held["cause"].startswith("computer ")
+    assert held["cause"] in text and "waits for `resume`" in text
+    press(page, "#view-inside")
+    page.until("document.getElementById('why').textContent.includes('operator_stop')")
+    page.until("document.getElementById('blocks').textContent.includes('odometry')")
+    page.until("document.getElementById('topics').textContent.includes('gate.wheels')")
+    page.until("document.getElementById('parameters').textContent.includes('guard.margin')")
+    page.until("document.getElementById('log').textContent.includes('operator_stop')")
+    press(page, "#resume")
+    client.until(lambda status: status["held"] is None)
+    page.until("document.getElementById('banner').hidden")
+
+
+def test_a_parameter_is_changed_with_its_unit(open_page, parts):
+    page, client = open_page(False), parts[1]
+    press(page, "#view-inside")
+    field = "document.querySelector('[aria-label=\"guard.margin\"]')"
+    page.until(f"{field} !== null")
+    page.evaluate(f"void ({field}.focus(), {field}.value = '9 cm')")
+    for kind in ("rawKeyDown", "keyUp"):
+        page.command(
+            "Input.dispatchKeyEvent", type=kind, key="Enter", code="Enter", windowsVirtualKeyCode=13
+        )
+    page.until(f"{field}.value === '0.09'")
+    rows = client.request("list_parameters")["parameters"]
+    assert {row["parameter"]: row["value"] for row in rows}["guard.margin"] == 0.09
+
+
+def hold(client, press_down, lift, seen):
+    """Press until `seen(status)`. A busy computer may lose the page: then it is pressed again."""
+    while True:
+        press_down()
+        status = client.until(lambda status: seen(status) or status["held"])
+        if not status["held"]:
+            return
+        assert status["held"]["code"] == "operator_lost"
+        lift()
+        client.until(stands)
+        client.request("resume")
+
+
+@pytest.mark.parametrize(
+    "dx, dy, signs", [(0, -90, (1, 1)), (0, 90, (-1, -1)), (-90, 0, (-1, 1)), (90, 0, (1, -1))]
+)
+def test_the_joystick_drives_and_a_release_stops_in_order(open_page, parts, dx, dy, signs):
+    page, client = open_page(True), parts[1]
+    x, y = page.centre("#pad")
+
+    def press_down():
+        page.touch("touchStart", (x, y))
+        page.touch("touchMove", (x + dx, y + dy))
+
+    def turns(status):
+        wheels = status["gate.wheels"]
+        return wheels["left"] * signs[0] > 0 and wheels["right"] * signs[1] > 0
+
+    hold(client, press_down, lambda: page.touch("touchEnd"), turns)
+    page.touch("touchEnd")
+    client.until(stands)
+    held = client.request("status")["held"]
+    assert held is None or held["code"] == "operator_lost"  # on a busy computer
+
+
+def test_arrow_keys_drive_while_they_are_held(open_page, parts):
+    page, client = open_page(False), parts[1]
+
+    def key(kind):
+        page.command("Input.dispatchKeyEvent", type=kind, key="ArrowDown", code="ArrowDown")
+
+    hold(
+        client,
+        lambda: key("rawKeyDown"),
+        lambda: key("keyUp"),
+        lambda status: moves(status) and status["gate.wheels"]["left"] < 0,
+    )
+    key("keyUp")
+    client.until(stands)
+
+
+def test_one_drives_and_others_watch(open_page, parts):
+    client = parts[1]
+    driver, watcher = open_page(True), open_page(False)
+    driver.tap("#take")
+    watcher.until("document.getElementById('role').textContent.includes('in control: phone')")
+    watcher.command("Input.dispatchKeyEvent", type="rawKeyDown", key="ArrowUp", code="ArrowUp")
+    watcher.until("document.getElementById('notice').textContent.includes('take over first')")
+    watcher.click("#view-map")
+    watcher.click("#map")
+    watcher.until("document.getElementById('notice').textContent.includes('is in control')")
+    assert stands(client.request("status"))
+    watcher.click("#stop")  # anyone may
+    assert client.until(lambda status: status["held"])["held"]["code"] == "operator_stop"
+    driver.until("!document.getElementById('banner').hidden")
+    driver.tap("#resume")
+    client.until(lambda status: status["held"] is None)
+    watcher.click("#take")
+    watcher.until("document.getElementById('role').textContent.includes('this page')")
+    driver.until("document.getElementById('role').textContent.includes('computer')")
+
+
+@pytest.mark.parametrize("name", LOSSES)
+def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
+    """How soon is measured by `python -m diffbotctl.testing.trials.page_losses`."""
+    loss = LOSSES[name]
+    result = lose_once(folder, parts, loss)
+    assert loss.cause is None or ("phone" in result.cause and "was driving" in result.cause)
+
+
+GOALS = [(is_phone, zoom, drag) for is_phone in (False, True) for zoom, drag in ((0, 1), (3, 0))]
+
+
+@pytest.mark.parametrize("is_phone, zoom, has_heading", GOALS)
+def test_a_goal_from_the_map_is_reached(open_page, parts, is_phone, zoom, has_heading):
+    page, client = open_page(is_phone), parts[1]
+    press(page, "#view-map")
+    for _ in range(zoom):
+        press(page, "#zoom-in" if is_phone else "#zoom-out")
+    before = client.request("status")["operator.goal"]
+    x, y = page.centre("#map")
+    start, end = (x - 40, y - 30), (x - 40, y - 90)
+    if is_phone:
+        page.touch("touchStart", start)
+        if has_heading:
+            page.touch("touchMove", end)
+        page.touch("touchEnd")
+    else:
+        page.mouse("mousePressed", start)
+        if has_heading:
+            page.mouse("mouseMoved", end)
+        page.mouse("mouseReleased", end if has_heading else start)
+    page.until("document.getElementById('allow').open")
+    press(page, "#allow-yes")
+    client.until(lambda status: status["operator.goal"] not in (None, before))
+    goal = client.until(lambda status: status["goal_state"]["state"].startswith("reached"))[
+        "operator.goal"
+    ]
+    heading = pytest.approx(pi / 2, abs=0.02) if has_heading else None
+    assert goal["heading"] == heading
+    page.until("document.getElementById('facts').textContent.includes('reached')")
+
+
+def test_a_reload_keeps_the_session_and_the_trail(open_page, parts):
+    page = open_page(True)
+    name = page.evaluate("document.getElementById('role').textContent.split(';')[0]")
+    page.command("Page.reload")
+    page.until(f"document.getElementById('role').textContent.startsWith({json.dumps(name)})")
+
+
+def test_pictures_have_the_size_of_the_device(open_page, tmp_path):
+    for is_phone, size in ((False, DESKTOP), (True, tuple(2 * each for each in PHONE))):
+        page = open_page(is_phone)
+        page.screenshot(tmp_path / "page.png")
+        width, height, count = pixels(tmp_path / "page.png")
+        assert (width, height) == size and count > 0
+
+
+def test_run_web_serves_the_page_of_its_run(tmp_path, browser):
+    with serving(tmp_path, run=("standby",)) as server:
+        page = browser.open_page(server.next_link())
+        page.until("document.getElementById('facts').textContent.includes('pose')")
+        page.click("#stop")
+        page.until("!document.getElementById('banner').hidden")
+        server.process.terminate()
+        page.until("document.getElementById('notice').textContent.includes('run has ended')")
+        server.process.wait(timeout=60)
+
+
+def test_the_page_ends_with_its_run(tmp_path, browser):
+    with running(tmp_path, "standby", "--stay") as run, serving(tmp_path) as server:
+        page = browser.open_page(server.next_link())
+        page.until("document.getElementById('facts').textContent.includes('pose')")
+        PlainClient(tmp_path)
+        run.terminate()
+        page.until("document.getElementById('notice').textContent.includes('run has ended')")
+        assert server.process.wait(timeout=60) == 0
