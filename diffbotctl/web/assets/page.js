@@ -108,7 +108,7 @@ function setGoal(x, y, heading) {
     connection.send(goal);
   } else {
     state.allowedGoal = goal;
-    element("allow").showModal();
+    element("allow").show(); // not modal: STOP stays within reach
   }
 }
 
