@@ -25,6 +25,7 @@ MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
 HUB_GROWTH_MAX_MB = 8.0
 ECHO = "from diffbotctl.cli.main import main; main()"
+PAGE = [sys.executable, "-m", "diffbotctl.testing.plain_page"]
 NEVER_READS = """
 import socket, sys, time
 client = socket.socket(socket.AF_UNIX); client.connect(sys.argv[1])
@@ -133,6 +134,14 @@ def rows() -> Iterator[Row]:
                     1,
                     environment,
                 ),
+                Load("the page", [*PAGE, "load"], 1, environment),
+                Load(
+                    "the page and 1,000 silent sockets",
+                    [*PAGE, "load", "--sockets", "1000"],
+                    1,
+                    environment,
+                ),
+                Load("the page and big frames", [*PAGE, "load", "--frames"], 1, environment),
                 Load(
                     "ten `topic echo`",
                     [sys.executable, "-c", ECHO, "topic", "echo", "/odom", "--json"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import http.client
 import re
 import signal
@@ -15,6 +16,7 @@ from pathlib import Path
 from diffbotctl.testing.running import command
 
 LINK = re.compile(r"(https?)://([\d.]+):(\d+)/#(\S+)")
+PR_SET_PDEATHSIG = 1  # prctl(2)
 TIMEOUT_S = 60.0  # of a request; a test fails by itself afterwards
 
 
@@ -78,6 +80,11 @@ class PageServer:
         return headers["Set-Cookie"].partition(";")[0]
 
 
+def _end_with_parent() -> None:
+    """Let the kernel kill this process when its parent ends, also by SIGKILL."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 @contextmanager
 def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[PageServer]:
     """`diffbotctl web words` for the run whose sockets are in `folder`; or `run`, with `--web`."""
@@ -85,7 +92,12 @@ def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[Pa
     line, environment = command(folder, *first, "--tcp-port", str(free_port()), *words)
     environment |= {"XDG_STATE_HOME": str(folder / "state")}
     process = subprocess.Popen(
-        line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        line,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=_end_with_parent,
     )
     try:
         yield PageServer(process)

@@ -20,6 +20,7 @@ class TcpRelay(BackgroundDevice):
         self.is_cut = False
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self.listener.getsockname()[1]
+        self.ends: list[socket.socket] = []
         self.selector = selectors.DefaultSelector()
         self.selector.register(self.listener, selectors.EVENT_READ)
         self.begin()
@@ -50,6 +51,7 @@ class TcpRelay(BackgroundDevice):
             return
         for end in (near, far):
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.ends += [near, far]
         self.selector.register(near, selectors.EVENT_READ, far)
         self.selector.register(far, selectors.EVENT_READ, near)
 
@@ -66,6 +68,7 @@ class TcpRelay(BackgroundDevice):
 
     def let_go(self) -> None:
         """Close everything."""
-        for key in list(self.selector.get_map().values()):
-            key.fileobj.close()
+        for end in self.ends:
+            end.close()
+        self.listener.close()
         self.selector.close()

@@ -2,23 +2,20 @@
 
 import asyncio
 import hashlib
-import json
 import os
 import signal
 import socket
 import ssl
 from contextlib import suppress
 
-import aiohttp
 import pytest
 
 from diffbotctl.testing.browser import Browser
 from diffbotctl.testing.page_server import serving
+from diffbotctl.testing.plain_page import TIMEOUT_S, PlainPage
 from diffbotctl.testing.running import PlainClient, running
 from diffbotctl.web.connections import CONNECTIONS_MAX
 from diffbotctl.web.page_connection import MESSAGE_MAX_BYTES
-
-TIMEOUT_S = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -37,36 +34,6 @@ def server(folder):
 
 def code_of(link):
     return link.partition("#")[2]
-
-
-class PlainPage:
-    """A page without a browser: a web socket with a cookie."""
-
-    def __init__(self, server, cookie, **headers):
-        self.address = f"{server.scheme}://127.0.0.1:{server.port}"
-        self.headers = {"Cookie": cookie, "Origin": self.address, **headers}
-
-    async def __aenter__(self):
-        self.session = aiohttp.ClientSession()
-        self.socket = await self.session.ws_connect(
-            f"{self.address}/socket", headers=self.headers, ssl=False, max_msg_size=1 << 20
-        )
-        return self
-
-    async def __aexit__(self, *_):
-        await self.session.close()
-
-    async def until(self, seen):
-        """Read until `seen(message)`; returns that message, or None when the socket is closed."""
-        async with asyncio.timeout(TIMEOUT_S):
-            async for message in self.socket:
-                fields = json.loads(message.data)
-                if seen(fields):
-                    return fields
-        return None
-
-    async def send(self, **fields):
-        await self.socket.send_str(json.dumps(fields))
 
 
 def opened(server, work):

@@ -250,9 +250,11 @@ def test_a_goal_from_the_map_is_reached(open_page, parts, is_phone, zoom, has_he
         press(page, "#allow-yes")  # browsers ignore a tap that follows a quick drag at once
     client.until(lambda status: status["operator.goal"] not in (None, before))
     goal = client.until(
-        lambda status: (state := status["goal_state"])
-        and state["number"] == status["operator.goal"]["number"]
-        and state["state"].startswith("reached")
+        lambda status: (
+            (state := status["goal_state"])
+            and state["number"] == status["operator.goal"]["number"]
+            and state["state"].startswith("reached")
+        )
     )["operator.goal"]
     heading = pytest.approx(pi / 2, abs=0.02) if has_heading else None
     assert goal["heading"] == heading

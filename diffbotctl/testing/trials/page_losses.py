@@ -157,8 +157,11 @@ class LossResult(NamedTuple):
     cause: str
 
 
+Station = tuple[PageServer, PlainClient, WheelWatcher]
+
+
 @contextmanager
-def station(folder: Path) -> Iterator[tuple[PageServer, PlainClient, WheelWatcher]]:
+def station(folder: Path) -> Iterator[Station]:
     """A run that waits for a driver, the server of its page, and clients that watch."""
     with running(folder, "standby", "--stay"), serving(folder) as server:
         yield server, PlainClient(folder), WheelWatcher(folder)
@@ -176,7 +179,7 @@ def _drive(phone: Phone, client: PlainClient) -> None:
         client.request("resume")
 
 
-def lose_once(folder: Path, parts: tuple, loss: Loss) -> LossResult:
+def lose_once(folder: Path, parts: Station, loss: Loss) -> LossResult:
     """Drive, lose the phone, and clean up."""
     server, client, wheels = parts
     phone = Phone(folder, server)

@@ -1,0 +1,104 @@
+"""A page without a browser: a web socket of `diffbotctl web` with a session, also as a load.
+
+`python -m diffbotctl.testing.plain_page NAME` starts the server of the engine's page, opens one
+page and reads it. `--sockets` adds connections that send nothing, `--frames` big frames of other
+pages.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Self
+
+import aiohttp
+
+from diffbotctl.testing.page_server import PageServer, serving
+
+TIMEOUT_S = 60.0  # for what must come; a test fails by itself afterwards
+BIG_FRAME_BYTES = 1 << 20
+
+
+class PlainPage:
+    """A web socket with `cookie`, and the Origin of the page."""
+
+    def __init__(self, server: PageServer, cookie: str) -> None:
+        self.address = f"{server.scheme}://127.0.0.1:{server.port}"
+        self.headers = {"Cookie": cookie, "Origin": self.address}
+
+    async def __aenter__(self) -> Self:
+        self.session = aiohttp.ClientSession()
+        self.socket = await self.session.ws_connect(
+            f"{self.address}/socket", headers=self.headers, ssl=False, max_msg_size=1 << 20
+        )
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.session.close()
+
+    async def until(self, seen: Callable[[dict[str, Any]], bool]) -> dict[str, Any] | None:
+        """Read until `seen(message)`; returns that message, or None when the socket is closed."""
+        async with asyncio.timeout(TIMEOUT_S):
+            async for message in self.socket:
+                fields: dict[str, Any] = json.loads(message.data)
+                if seen(fields):
+                    return fields
+        return None
+
+    async def send(self, **fields: object) -> None:
+        """Send one command."""
+        await self.socket.send_str(json.dumps(fields))
+
+
+async def _hold_sockets(port: int, count: int) -> None:
+    """Keep `count` connections open that send nothing; those that are dropped come again."""
+    while True:
+        writers = []
+        for _ in range(count):
+            with suppress(OSError):
+                writers.append((await asyncio.open_connection("127.0.0.1", port))[1])
+        await asyncio.sleep(1.0)
+        for writer in writers:
+            writer.close()
+
+
+async def _send_frames(server: PageServer, cookie: str) -> None:
+    """Send big frames, one page after the other: each is disconnected for it."""
+    while True:
+        with suppress(aiohttp.ClientError, OSError):
+            async with PlainPage(server, cookie) as page:
+                await page.socket.send_str("x" * BIG_FRAME_BYTES)
+                await page.until(lambda fields: False)
+
+
+async def _load(server: PageServer, sockets: int, frames: bool) -> None:
+    cookie = server.enter(server.next_link())
+    others = []
+    if sockets:
+        others.append(asyncio.create_task(_hold_sockets(server.port, sockets)))
+    if frames:
+        others.append(asyncio.create_task(_send_frames(server, cookie)))
+    async with PlainPage(server, cookie) as page:
+        async for _ in page.socket:
+            pass
+
+
+def main() -> None:
+    """Be a load until this process is ended."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("engine")
+    parser.add_argument("--sockets", type=int, default=0)
+    parser.add_argument("--frames", action="store_true")
+    options = parser.parse_args()
+    folder = Path(os.environ["XDG_RUNTIME_DIR"])
+    with serving(folder, "--engine", options.engine) as server:
+        asyncio.run(_load(server, options.sockets, options.frames))
+
+
+if __name__ == "__main__":
+    main()
