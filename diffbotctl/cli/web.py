@@ -128,8 +128,10 @@ def _print_start(
     server: WebServer, addresses: list[str], certificate: ServerCertificate | None
 ) -> None:
     if certificate is not None:
-        click.echo("The browser does not know this certificate. Compare its SHA-256 fingerprint:")
-        click.echo(f"  {certificate.fingerprint}")
+        click.echo("SHA-256 fingerprint of the certificate, which browsers do not know:")
+        middle = len(certificate.fingerprint) // 2
+        click.echo(f"  {certificate.fingerprint[:middle]}")
+        click.echo(f"  {certificate.fingerprint[middle + 1 :]}")
     click.echo("Open this link; it works once, for one device:")
     _print_link(server, addresses, is_first=True)
     if certificate is None:

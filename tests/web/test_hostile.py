@@ -120,7 +120,7 @@ def test_plain_http_in_the_network_is_dropped_and_the_fingerprint_is_shown(folde
     with serving(folder, "--lan") as server:
         link = server.next_link()
         assert link.startswith("https://")
-        shown = "".join(server.lines)
+        shown = ":".join(line.strip() for line in server.lines)
         with socket.create_connection(("127.0.0.1", server.port), TIMEOUT_S) as plain:
             plain.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n\r\n".encode())
             with suppress(ConnectionResetError):
