@@ -72,12 +72,16 @@ class PageServer:
         connection.close()
         return reply.status, text, reply.headers
 
-    def enter(self, link: str) -> str:
-        """Use the code of a link; returns the cookie."""
+    def enter(self, link: str) -> dict[str, str]:
+        """Use the code of a link; returns the headers of a page of this session."""
         code = link.partition("#")[2]
         status, text, headers = self.request("POST", "/session", code)
         assert status == 200, text
-        return headers["Set-Cookie"].partition(";")[0]
+        return {
+            "Cookie": headers["Set-Cookie"].partition(";")[0],
+            "Sec-WebSocket-Protocol": text,
+            "Origin": f"{self.scheme}://127.0.0.1:{self.port}",
+        }
 
 
 def _end_with_parent() -> None:
@@ -103,4 +107,5 @@ def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[Pa
         yield PageServer(process)
     finally:
         process.send_signal(signal.SIGKILL)
-        process.communicate()
+        rest = process.communicate()[0]
+        assert "Traceback" not in rest, rest

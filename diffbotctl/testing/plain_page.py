@@ -25,11 +25,11 @@ BIG_FRAME_BYTES = 1 << 20
 
 
 class PlainPage:
-    """A web socket with `cookie`, and the Origin of the page."""
+    """A web socket with the `headers` of a session."""
 
-    def __init__(self, server: PageServer, cookie: str) -> None:
+    def __init__(self, server: PageServer, headers: dict[str, str]) -> None:
         self.address = f"{server.scheme}://127.0.0.1:{server.port}"
-        self.headers = {"Cookie": cookie, "Origin": self.address}
+        self.headers = headers
 
     async def __aenter__(self) -> Self:
         self.session = aiohttp.ClientSession()
@@ -67,23 +67,23 @@ async def _hold_sockets(port: int, count: int) -> None:
             writer.close()
 
 
-async def _send_frames(server: PageServer, cookie: str) -> None:
+async def _send_frames(server: PageServer, headers: dict[str, str]) -> None:
     """Send big frames, one page after the other: each is disconnected for it."""
     while True:
         with suppress(aiohttp.ClientError, OSError):
-            async with PlainPage(server, cookie) as page:
+            async with PlainPage(server, headers) as page:
                 await page.socket.send_str("x" * BIG_FRAME_BYTES)
                 await page.until(lambda fields: False)
 
 
 async def _load(server: PageServer, sockets: int, frames: bool) -> None:
-    cookie = server.enter(server.next_link())
+    headers = server.enter(server.next_link())
     others = []
     if sockets:
         others.append(asyncio.create_task(_hold_sockets(server.port, sockets)))
     if frames:
-        others.append(asyncio.create_task(_send_frames(server, cookie)))
-    async with PlainPage(server, cookie) as page:
+        others.append(asyncio.create_task(_send_frames(server, headers)))
+    async with PlainPage(server, headers) as page:
         async for _ in page.socket:
             pass
 

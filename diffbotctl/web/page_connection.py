@@ -15,6 +15,7 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import Fields, RefusalError
+from diffbotctl.errors import RunError
 from diffbotctl.web.deadman import BeatNumbers, DriveResult, PageDeadman, PageLoss
 from diffbotctl.web.engine_feed import EngineFeed, encode
 from diffbotctl.web.page_commands import (
@@ -69,7 +70,11 @@ class PageConnection:
         self.server = server
         self.session = session
         self.socket = web.WebSocketResponse(
-            compress=False, max_msg_size=MESSAGE_MAX_BYTES, heartbeat=HEARTBEAT_S, timeout=1.0
+            protocols=[session.proof],
+            compress=False,
+            max_msg_size=MESSAGE_MAX_BYTES,
+            heartbeat=HEARTBEAT_S,
+            timeout=1.0,
         )
         self.client = AsyncControlClient(self._on_line, self._on_run_end)
         self.deadman = PageDeadman(session.ended, self._send_request, self._on_loss)
@@ -93,7 +98,12 @@ class PageConnection:
         self.transport = request.transport
         self.peer = request.transport and request.transport.get_extra_info("peername")
         await self.socket.prepare(request)
-        await self.client.connect(self.server.engine, self.name)
+        try:
+            await self.client.connect(self.server.engine, self.name)
+        except RunError as error:
+            await self.socket.send_str(encode({"refused": str(error)}))
+            await self.socket.close()
+            return self.socket
         sending = asyncio.create_task(self._send_all())
         try:
             self.server.add(self)

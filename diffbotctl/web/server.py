@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import logging
 import socket
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ from diffbotctl.web.page_connection import PageConnection
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.sessions import Session, Sessions
 
+NO_SESSION = "this device has no session; open the link or scan the code in the terminal"
 PAGES_MAX = 24  # open at once
 BODY_MAX_BYTES = 1024
 ATTEMPTS_PER_SECOND = 1.0  # codes that are tried
@@ -116,6 +118,8 @@ class WebServer:
 
     async def run(self, is_ready: Callable[[], None]) -> None:
         """Serve until the run has ended. `is_ready` is called when the page can be opened."""
+        for library in ("aiohttp", "asyncio"):  # what strangers send is no news for the terminal
+            logging.getLogger(library).setLevel(logging.CRITICAL)
         await self.feed.connect(self.engine)
         application = web.Application(middlewares=[self._check], client_max_size=BODY_MAX_BYTES)
         application.router.add_get("/socket", self._open_socket)
@@ -184,7 +188,7 @@ class WebServer:
             self.attempts.spend()
             raise RequestRefusalError(403, "this code is not valid, or another device has used it")
         self.report(session)
-        response = web.Response(text="ok\n", headers=HEADERS)
+        response = web.Response(text=session.proof, headers=HEADERS)
         response.set_cookie(
             self.cookie,
             session.key,
@@ -195,20 +199,21 @@ class WebServer:
         )
         return response
 
-    def _session(self, request: web.Request) -> Session:
-        session = self.sessions.find(request.cookies.get(self.cookie, ""))
-        if session is None:
-            raise RequestRefusalError(
-                401, "this device has no session; open the link or scan the code in the terminal"
-            )
-        return session
-
     async def _show_session(self, request: web.Request) -> web.StreamResponse:
         """The device's name, for a page that was reloaded."""
-        return web.Response(text=f"{self._session(request).name}\n", headers=HEADERS)
+        session = self.sessions.find(self._key(request))
+        if session is None:
+            raise RequestRefusalError(401, NO_SESSION)
+        return web.Response(text=f"{session.name}\n", headers=HEADERS)
+
+    def _key(self, request: web.Request) -> str:
+        return request.cookies.get(self.cookie, "")
 
     async def _open_socket(self, request: web.Request) -> web.StreamResponse:
-        session = self._session(request)
+        proof = request.headers.get("Sec-WebSocket-Protocol", "")
+        session = self.sessions.find_proven(self._key(request), proof)
+        if session is None:
+            raise RequestRefusalError(401, NO_SESSION)
         if len(self.pages) >= PAGES_MAX:
             raise RequestRefusalError(503, f"{PAGES_MAX} pages are open; close one")
         page = PageConnection(self, session)

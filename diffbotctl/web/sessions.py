@@ -35,10 +35,15 @@ def device_kind(user_agent: str) -> DeviceKind:
 
 
 class Session:
-    """One device that has presented a code. `name` is unique, such as `phone 1`."""
+    """One device that has presented a code. `name` is unique, such as `phone 1`.
 
-    def __init__(self, key: str, name: str) -> None:
+    Browsers send the cookie `key` to all ports of a machine, so that a server of another user there
+    could learn it. The page keeps `proof` in its storage, which belongs to one port.
+    """
+
+    def __init__(self, key: str, proof: str, name: str) -> None:
         self.key = key
+        self.proof = proof
         self.name = name
         self.sets_goals = False  # the person was asked once, and agreed
         self.ended = EndedPresses()
@@ -67,13 +72,21 @@ class Sessions:
         if len(self.by_key) >= SESSIONS_MAX:
             del self.by_key[self._unused()[0]]
         self.count += 1
-        session = Session(self.make_key(), f"{device_kind(user_agent)} {self.count}")
+        name = f"{device_kind(user_agent)} {self.count}"
+        session = Session(self.make_key(), self.make_key(), name)
         self.by_key[session.key] = session
         return session
 
     def find(self, key: str) -> Session | None:
         """The session of a cookie."""
         return self.by_key.get(key)
+
+    def find_proven(self, key: str, proof: str) -> Session | None:
+        """The session of a cookie, for a page that also has its proof."""
+        session = self.find(key)
+        if session is None or not secrets.compare_digest(proof.encode(), session.proof.encode()):
+            return None
+        return session
 
     def _unused(self) -> list[str]:
         """The keys of sessions without an open page, the oldest first."""

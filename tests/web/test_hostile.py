@@ -54,6 +54,25 @@ def test_without_a_session_there_is_no_socket(server):
         assert status == 401 and "open the link or scan the code" in text
 
 
+def test_a_cookie_that_another_port_of_the_machine_got_opens_no_socket(server):
+    session = server.enter(server.link)
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Cookie": session["Cookie"]}
+    assert server.request("GET", "/session", Cookie=session["Cookie"])[0] == 200
+    for proof in ({}, {"Sec-WebSocket-Protocol": "guessed"}):
+        assert server.request("GET", "/socket", **upgrade, **proof)[0] == 401
+
+
+@pytest.mark.parametrize(
+    "data", [b"\x00" * 1000, b"GET / HTTP/9.9\r\n\r\n", b"POST / HTTP/1.1\r\n" + b"A: b\r\n" * 5000]
+)
+def test_what_is_no_request_ends_in_no_traceback(server, data):
+    with socket.create_connection(("127.0.0.1", server.port), TIMEOUT_S) as stranger:
+        stranger.sendall(data)
+        with suppress(ConnectionResetError):
+            stranger.recv(1 << 16)
+    assert server.request("GET", "/", Origin="")[0] == 200
+
+
 def test_a_code_works_once_and_a_photograph_of_it_does_not(server):
     code = code_of(server.link)
     status, _, headers = server.request("POST", "/session", code)
@@ -84,8 +103,8 @@ def test_wrong_codes_are_refused_and_soon_not_even_looked_at(server):
 def test_requests_of_another_site_are_refused_in_words(server, headers, status):
     refused = server.request("POST", "/session", code_of(server.link), **headers)
     assert refused[0] == status and ("page" in refused[1] or "link" in refused[1])
-    cookie = server.enter(server.link)  # the code was not used up
-    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Cookie": cookie}
+    session = server.enter(server.link)  # the code was not used up
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", **session}
     assert server.request("GET", "/socket", **(upgrade | headers))[0] == status
 
 
@@ -219,12 +238,16 @@ def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, fold
     async def work(page):
         reader = socket.create_connection(("127.0.0.1", server.port))
         reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        reader.sendall(
-            f"GET /socket HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: websocket\r\n"
-            "Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-            f"Origin: {page.address}\r\nCookie: {page.headers['Cookie']}\r\n\r\n".encode()
-        )
+        headers = {
+            "Host": f"127.0.0.1:{server.port}",
+            "Upgrade": "websocket",
+            "Connection": "Upgrade",
+            "Sec-WebSocket-Version": "13",
+            "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+            **page.headers,
+        }
+        lines = ["GET /socket HTTP/1.1", *(f"{name}: {text}" for name, text in headers.items())]
+        reader.sendall("\r\n".join([*lines, "", ""]).encode())
         clients = lambda: len(os.listdir(f"/proc/{server.process.pid}/fd"))  # noqa: E731
         await page.until(lambda fields: "facts" in fields)
         before = clients()

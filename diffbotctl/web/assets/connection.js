@@ -1,5 +1,6 @@
 // The web socket to the server. It connects again by itself; the session is a cookie.
 
+const PROOF = "proof"; // kept with the origin, unlike a cookie, which other ports of a machine get
 const RETRY_MS = 700;
 const SILENCE_MS = 3000; // the server sends ten pictures a second
 
@@ -22,7 +23,9 @@ export class Connection {
     if (code) {
       history.replaceState(null, "", location.pathname);
       const reply = await fetch("/session", { method: "POST", body: code });
-      if (!reply.ok) words = await reply.text();
+      const text = await reply.text();
+      if (reply.ok) localStorage.setItem(PROOF, text);
+      else words = text;
     }
     await this.connect(words);
   }
@@ -40,7 +43,7 @@ export class Connection {
       this.onState(words || (await reply.text()));
       return;
     }
-    this.socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/socket");
+    this.socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/socket", localStorage.getItem(PROOF) ?? []);
     this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
     this.socket.onclose = () => this.retry("no connection to the robot's computer");
     this.socket.onopen = () => {
