@@ -236,6 +236,7 @@ def test_a_thousand_sockets_leave_the_page_as_it_was(server):
 
 def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, folder):
     async def work(page):
+        await page.until(lambda fields: "facts" in fields)
         reader = socket.create_connection(("127.0.0.1", server.port))
         reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         headers = {
@@ -248,10 +249,13 @@ def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, fold
         }
         lines = ["GET /socket HTTP/1.1", *(f"{name}: {text}" for name, text in headers.items())]
         reader.sendall("\r\n".join([*lines, "", ""]).encode())
-        clients = lambda: len(os.listdir(f"/proc/{server.process.pid}/fd"))  # noqa: E731
-        await page.until(lambda fields: "facts" in fields)
-        before = clients()
-        while clients() >= before:  # until it has been disconnected; the pictures still come
+        await page.until(lambda fields: "role" in fields)  # it has been opened
+
+        def files():
+            return len(os.listdir(f"/proc/{server.process.pid}/fd"))
+
+        before = files()
+        while files() >= before:  # until it has been disconnected; the pictures still come
             assert await page.until(lambda fields: "facts" in fields) is not None
         reader.close()
 
