@@ -36,6 +36,7 @@ MEANINGS = {
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
 TAP = "battery tap"  # the battery's plus pole again, where the voltage divider begins
 PIN_MAX_V, SUPPLY_FULL_V = 5.0, 12.6  # of an analog pin; of three lithium cells
+USUAL_CURRENT = 0.5  # A; a small gear motor under load
 PARALLEL_KOHM = 10.0  # the ATmega's ADC is specified for sources of at most 10 kOhm
 # Values of resistors that are sold (series E24), in units of a power of ten.
 E24 = (
@@ -314,8 +315,8 @@ def notes(robot: Robot) -> Iterator[str]:
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
     yield (
         f"Battery: {battery}. The {title} takes at most {facts.supply[1]:g} V, loses about "
-        f"{facts.drop:g} V, and supplies {facts.current:g} A per motor; the motors of the kit are "
-        "rated for 5 to 9 V."
+        f"{facts.bridge.drop(USUAL_CURRENT):.2g} V at {USUAL_CURRENT:g} A, and supplies "
+        f"{facts.current:g} A per motor; the motors of the kit are rated for 5 to 9 V."
     )
     if robot.link.has_radio and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."

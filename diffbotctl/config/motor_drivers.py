@@ -1,9 +1,8 @@
-"""Motor drivers: inputs, supply, currents and printed names of the pins.
+"""Motor drivers: inputs, supply, electrical figures and printed names of the pins.
 
-The figures are those by which the parts are usually described (ST L298; Toshiba TB6612FNG; TI
-DRV8833, DRV8835, DRV8838; Infineon BTS7960; L9110S; TC1508S; Cytron MDD10A), rounded to the safe
-side; they were not compared with the data sheets line by line. Voltages are those of the motor
-supply, currents continuous ones of one motor.
+The figures are typical ones of the data sheet named by `source`. Voltages are those of the motor
+supply, currents continuous ones of one motor. Only the checks, the wiring and the plant read them:
+what an estimator knows of a robot is measured on it.
 """
 
 from __future__ import annotations
@@ -24,6 +23,30 @@ MODE_TEXT: dict[DriverMode, str] = {
 }
 
 
+# What the bridge does with the motor: leaves its terminals open, or connects them.
+OffState = Literal["open", "shorted"]
+
+
+class BridgeFigures(NamedTuple):
+    """Electrical figures of one bridge.
+
+    Both transistors in the current's path together lose `threshold` (V) plus `resistance` (ohm)
+    times the current. `off_state` is that between two pulses of the PWM, as our firmware drives the
+    inputs: a current that dies at once (open, fast decay) or goes on (shorted, slow decay).
+    """
+
+    current: float  # A, continuous
+    threshold: float  # V
+    resistance: float  # ohm
+    off_state: OffState
+    has_thermal_shutdown: bool
+    source: str
+
+    def drop(self, current: float) -> float:
+        """Voltage (V) lost at `current` (A)."""
+        return self.threshold + self.resistance * current
+
+
 class DriverNames(NamedTuple):
     """Printed names of the terminals of one half; None for an input that the driver lacks."""
 
@@ -40,8 +63,7 @@ class MotorDriverFacts(NamedTuple):
     title: str
     mode: DriverMode
     supply: tuple[float, float]  # V, motor supply
-    current: float  # A
-    drop: float  # V at 1 A, both transistors
+    bridge: BridgeFigures
     left: DriverNames
     right: DriverNames
     supply_pin: str = "VM"
@@ -53,6 +75,11 @@ class MotorDriverFacts(NamedTuple):
     def with_article(self) -> str:
         """Its title after the indefinite article."""
         return f"{'an' if self.title.startswith('L') else 'a'} {self.title}"
+
+    @property
+    def current(self) -> float:
+        """Continuous current (A) of one motor."""
+        return self.bridge.current
 
     def inputs(self) -> tuple[str, ...]:
         """The pins of a motor in the robot file that the driver has."""
@@ -66,6 +93,58 @@ def _letters(*names: str | None) -> tuple[DriverNames, DriverNames]:
     return left, right
 
 
+_BRIDGES = {
+    "l298n": BridgeFigures(
+        2.0,
+        1.4,
+        1.15,
+        "open",
+        True,
+        "ST L298: saturation voltages 1.35 + 1.2 V at 1 A, 2.0 + 1.7 V at 2 A",
+    ),
+    "tb6612": BridgeFigures(
+        1.2, 0.0, 0.5, "shorted", True, "Toshiba TB6612FNG: 0.5 ohm, upper and lower"
+    ),
+    "drv8833": BridgeFigures(1.5, 0.0, 0.36, "open", True, "TI DRV8833: 200 + 160 mohm"),
+    "tc1508s": BridgeFigures(
+        1.5,
+        0.0,
+        1.6,
+        "open",
+        True,
+        "1.6 ohm is that of the TC118S, one such bridge; the TC1508S's sheet was not seen",
+    ),
+    "l9110": BridgeFigures(
+        0.8,
+        1.1,
+        1.0,
+        "shorted",
+        False,
+        "L9110: 1.4 + 0.45 V at 0.75 A; split into two terms by estimate",
+    ),
+    "bts7960": BridgeFigures(
+        20.0,
+        0.0,
+        0.016,
+        "shorted",
+        True,
+        "Infineon BTS7960: path resistance 16 mohm; 20 A is the module's heat sink, not the chip",
+    ),
+    "drv8835": BridgeFigures(
+        1.2, 0.0, 0.305, "shorted", True, "TI DRV8835: 305 mohm, upper and lower"
+    ),
+    "drv8838": BridgeFigures(
+        1.7, 0.0, 0.28, "shorted", True, "TI DRV8838: 280 mohm, upper and lower"
+    ),
+    "cytron": BridgeFigures(
+        10.0,
+        0.0,
+        0.02,
+        "shorted",
+        False,
+        "Cytron MDD10A: 10 A; its sheet states no resistance, 20 mohm is an estimate",
+    ),
+}
 _L298N = (
     DriverNames("ENA", "IN1", "IN2", "OUT1", "OUT2"),
     DriverNames("ENB", "IN3", "IN4", "OUT3", "OUT4"),
@@ -77,14 +156,13 @@ _FOUR_INPUTS = (
 _PHASE = _letters("#ENABLE", "#PHASE", None, "#OUT1", "#OUT2")
 MOTOR_DRIVERS = {
     "l298n": MotorDriverFacts(
-        "L298N", "enable_in1_in2", (5.0, 35.0), 2.0, 2.0, *_L298N, supply_pin="12V"
+        "L298N", "enable_in1_in2", (5.0, 35.0), _BRIDGES["l298n"], *_L298N, supply_pin="12V"
     ),
     "tb6612": MotorDriverFacts(
         "TB6612",
         "enable_in1_in2",
         (4.5, 13.5),
-        1.2,
-        0.5,
+        _BRIDGES["tb6612"],
         *_letters("PWM#", "#IN1", "#IN2", "#O1", "#O2"),
         logic_pin="VCC",
         standby="STBY",
@@ -93,17 +171,17 @@ MOTOR_DRIVERS = {
         "DRV8833",
         "two_pwm",
         (2.7, 10.8),
-        1.5,
-        0.4,
+        _BRIDGES["drv8833"],
         *_letters(None, "#IN1", "#IN2", "#OUT1", "#OUT2"),
     ),
-    "tc1508s": MotorDriverFacts("TC1508S", "two_pwm", (2.2, 9.6), 1.5, 0.5, *_FOUR_INPUTS),
+    "tc1508s": MotorDriverFacts(
+        "TC1508S", "two_pwm", (2.2, 9.6), _BRIDGES["tc1508s"], *_FOUR_INPUTS
+    ),
     "l9110": MotorDriverFacts(
         "L9110",
         "two_pwm",
         (2.5, 12.0),
-        0.8,
-        1.5,
+        _BRIDGES["l9110"],
         *_letters(None, "#-IA", "#-IB", "#-OA", "#-OB"),
         supply_pin="VCC",
         always_brakes=True,
@@ -112,8 +190,7 @@ MOTOR_DRIVERS = {
         "BTS7960",
         "two_pwm",
         (5.5, 27.0),
-        20.0,
-        0.1,
+        _BRIDGES["bts7960"],
         *_letters(None, "# RPWM", "# LPWM", "# M+", "# M-"),
         supply_pin="B+",
         logic_pin="VCC",
@@ -123,8 +200,7 @@ MOTOR_DRIVERS = {
         "DRV8835",
         "enable_direction",
         (2.0, 11.0),
-        1.2,
-        0.4,
+        _BRIDGES["drv8835"],
         *_PHASE,
         supply_pin="VIN",
         logic_pin="VCC",
@@ -134,8 +210,7 @@ MOTOR_DRIVERS = {
         "DRV8838",
         "enable_direction",
         (2.0, 11.0),
-        1.7,
-        0.3,
+        _BRIDGES["drv8838"],
         *_letters("# ENABLE", "# PHASE", None, "# OUT1", "# OUT2"),
         supply_pin="VIN",
         logic_pin="VCC",
@@ -145,8 +220,7 @@ MOTOR_DRIVERS = {
         "Cytron MDD10A",
         "enable_direction",
         (5.0, 30.0),
-        10.0,
-        0.2,
+        _BRIDGES["cytron"],
         *_letters("PWM#", "DIR#", None, "M#A", "M#B"),
         supply_pin="VB+",
         always_brakes=True,

@@ -217,6 +217,15 @@ class MotorSection(Section):
     standby = Param(
         Pin, none=True, default=None, help="Pin of the driver's standby input, for both motors."
     )
+    stall_current = Param(
+        float,
+        unit="A",
+        none=True,
+        default=None,
+        above=0.0,
+        below=100.0,
+        help="Current of the blocked motor at full battery; none: unknown, not checked.",
+    )
     reversed = Param(
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )

@@ -40,6 +40,7 @@ class EmulatedBoard:
         self.settings = settings
         self.sides = (settings.left, settings.right)
         self.duty = [0.0, 0.0]
+        self.shorted = [False, False]  # by the driver, at duty 0
         self.changed = [0, 0]  # ns at which each motor's duty last changed
         self.received: deque[tuple[int, int, bytes]] = deque()
         self._outgoing: deque[tuple[int, int, bytes]] = deque()
@@ -67,13 +68,16 @@ class EmulatedBoard:
             _, uart, data = self._outgoing.popleft()
             arriving[uart] += data
         transitions, self._first_levels = self._first_levels, []
-        edges = self.plant.advance_with_duties(until, self.duty[0], self.duty[1])
+        edges = self.plant.advance_with_duties(
+            until, self.duty[0], self.duty[1], (self.shorted[0], self.shorted[1])
+        )
         transitions += self._transitions(edges) + self._button_changes()
         millivolts = self._millivolts()
         result = self.emulator.step(until, transitions, millivolts, (arriving[0], arriving[1]))
         for change in result.changes:
             sign = -1.0 if self.sides[change.motor].reversed else 1.0
             self.duty[change.motor] = sign * change.duty
+            self.shorted[change.motor] = change.brake
             self.changed[change.motor] = change.time
         for sent in result.sent:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))

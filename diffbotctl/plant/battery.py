@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import exp
 
 from diffbotctl.config.simulation import BatteryTruth
+from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel
 
 ADC_REFERENCE = 5.0  # V; the board's analog inputs read up to this
 ADC_STEPS = 1023
@@ -27,20 +28,26 @@ class SimulatedBattery:
     `supply` is a factor of its voltage that a disturbance changes.
     """
 
-    def __init__(self, truth: BatteryTruth, full: float) -> None:
+    def __init__(
+        self, truth: BatteryTruth, full: float, bridge: BridgeModel = IDEAL_BRIDGE
+    ) -> None:
         """`full`: voltage (V) at which the motors reach their rated speed."""
         self._truth, self.full, self.supply = truth, full, 1.0
+        self._bridge = bridge
         self._volts = full if truth.volts is None else truth.volts
         self._rest_share = self._volts / full
 
     def voltage_ratio(self, left: float, right: float) -> float:
-        """Voltage at the motors' outputs under the load of two duties, over the full voltage."""
-        drop = self._truth.sag * 0.5 * (abs(left) + abs(right))
-        return self._rest_share * self.supply * (1.0 - drop)
+        """Voltage at the motors under the load of two duties, over that at a full battery."""
+        return self._bridge.supply(self._share(left, right))
 
     def voltage(self, left: float, right: float) -> float:
         """Voltage (V) under the load of two duties."""
-        return self.full * SimulatedBattery.voltage_ratio(self, left, right)
+        return self.full * self._share(left, right)
+
+    def _share(self, left: float, right: float) -> float:
+        drop = self._truth.sag * 0.5 * (abs(left) + abs(right))
+        return self._rest_share * self.supply * (1.0 - drop)
 
     def pin_voltage(self, voltage: float, divider: float) -> float:
         """Voltage (V) at the board's pin, behind a divider that is nominally `divider`."""
@@ -50,12 +57,15 @@ class SimulatedBattery:
 class RecoveringBattery(SimulatedBattery):
     """A battery that drops with the current of the motors, and recovers slowly after a load.
 
-    `share`: its present voltage over the full voltage.
+    `share`: its present voltage over the full voltage; `motor_share`: that at the motors.
     """
 
-    def __init__(self, truth: BatteryTruth, full: float) -> None:
-        super().__init__(truth, full)
+    def __init__(
+        self, truth: BatteryTruth, full: float, bridge: BridgeModel = IDEAL_BRIDGE
+    ) -> None:
+        super().__init__(truth, full, bridge)
         self.share = self._rest_share
+        self.motor_share = bridge.supply(self.share)
         self._drops = [0.0] * len(RECOVERIES)
 
     def voltage_ratio(self, left: float, right: float) -> float:
@@ -76,3 +86,4 @@ class RecoveringBattery(SimulatedBattery):
             self._drops[number] = target + (self._drops[number] - target) * decay
         share = 1.0 - PROMPT_PART * drop - sum(self._drops)
         self.share = self._rest_share * self.supply * max(share, SHARE_MIN)
+        self.motor_share = self._bridge.supply(self.share)

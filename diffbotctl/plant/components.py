@@ -78,16 +78,20 @@ def _draw_drive(
     """Battery and wheels, with the equations of `simulation`. `seeds`: left, right, both."""
     falling = parameters.falling
     if simulation.equations == "exponential":
-        return SimulatedBattery(simulation.battery, parameters.full), ExponentialDrive(
+        return SimulatedBattery(
+            simulation.battery, parameters.full, parameters.bridge
+        ), ExponentialDrive(
             tuple(
                 WheelModel(motor, disc, Random(seed), falling=falling)
                 for motor, disc, seed in zip(motors, discs, seeds, strict=False)
             )
         )
-    battery = RecoveringBattery(simulation.battery, parameters.full)
+    battery = RecoveringBattery(simulation.battery, parameters.full, parameters.bridge)
     rng = Random(seeds[2] ^ 1)
     radii = (chassis.left_radius, chassis.right_radius)
-    setup = draw_setup(radii, chassis.track, parameters.brakes, rng)
+    setup = draw_setup(radii, chassis.track, parameters.brakes, rng)._replace(
+        bridge=parameters.bridge
+    )
     left, right = (
         TorqueWheel(draw_torque_motor(motor, rng), disc, Random(seed), falling)
         for motor, disc, seed in zip(motors, discs, seeds, strict=False)

@@ -55,13 +55,21 @@ class DriveTrain(Protocol):
         """
         ...
 
+    def set_shorted(self, left: bool, right: bool) -> None:
+        """Short the windings of each motor at duty 0 from now on, or leave them open."""
+        ...
+
     def set_drag(self, left: float, right: float) -> None:
         """From now on each wheel drags: a friction torque, in duty that it takes to overcome."""
         ...
 
 
 class ExponentialDrive:
-    """Two independent wheels, exact between two changes of their duties."""
+    """Two independent wheels, exact between two changes of their duties.
+
+    Their speed is linear in the duty and decays without it, as with a driver that shorts the motor
+    between two pulses and at duty 0.
+    """
 
     def __init__(self, wheels: Sequence[WheelModel]) -> None:
         self.wheels = wheels
@@ -70,6 +78,9 @@ class ExponentialDrive:
         """Let time pass; see `DriveTrain`."""
         left, right = self.wheels
         return left.advance(until, duties[0]), right.advance(until, duties[1])
+
+    def set_shorted(self, left: bool, right: bool) -> None:
+        """No effect; see the class."""
 
     def set_drag(self, left: float, right: float) -> None:
         """Add friction; see `DriveTrain`."""

@@ -3,8 +3,10 @@
 from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.robot import Robot
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
+from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel, bridge_model
 from diffbotctl.plant.simulated_board import BoardKind
 from diffbotctl.time import SECOND
 
@@ -50,6 +52,7 @@ class PlantParameters(NamedTuple):
     low: float = 0.0  # V
     full: float = USUAL_BATTERY  # V; nominal, at which the motors reach their rated speed
     brakes: bool = False  # the motors' windings are shorted at duty 0
+    bridge: BridgeModel = IDEAL_BRIDGE  # of the motor driver
     has_button: bool = False  # a stop button is connected to the board
 
 
@@ -93,12 +96,23 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         low=battery.low,
         full=nominal.battery.full or USUAL_BATTERY,
         brakes=left.motor.idle == "brake",
+        bridge=_bridge(nominal),
         has_button=board.stop_button is not None,
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),
         sockets=_assignment(*(side.encoder.pin for side in (left, built.left, built.right))),
     )
+
+
+def _bridge(nominal: Robot) -> BridgeModel:
+    """The bridges of the motor driver; ideal ones for a robot without one."""
+    motor = nominal.drive.left.motor
+    facts = MOTOR_DRIVERS.get(motor.driver)
+    if facts is None:
+        return IDEAL_BRIDGE
+    full = nominal.battery.full or USUAL_BATTERY
+    return bridge_model(facts.bridge, full, motor.stall_current)
 
 
 def _assignment(left_pin: object, built_left: object, built_right: object) -> tuple[int, int]:

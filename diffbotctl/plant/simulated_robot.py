@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from math import copysign
 from random import Random
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from diffbotctl.plant.components import draw_components
 from diffbotctl.plant.disturbances import DisturbanceSchedule
 from diffbotctl.plant.drive_train import Wheel
 from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.motor_bridge import BridgeHeat
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
 from diffbotctl.plant.wiring import PlantWiring
@@ -82,6 +84,9 @@ class SimulatedRobot:
         self.board = self._new_board(0)
         self._wiring = PlantWiring(simulation.wiring, parameters, rng)
         self._motor_duties = (0.0, 0.0)
+        self._bridge_heat = BridgeHeat(parameters.bridge)
+        self._heated_at = 0
+        self._shorted = (parameters.brakes, parameters.brakes)  # outputs at duty 0
         self._is_capturing = False
         # what the board has captured, until it is taken
         self.captured_edges: list[CapturedEdge] = []
@@ -138,6 +143,7 @@ class SimulatedRobot:
             if at == self._next_roll:
                 self._next_roll += ROLL_PERIOD
                 self._roll()
+                self._heat_bridge(at)
             if at == sensors.next_sharp:
                 self._measure(at)
             if at == sensors.next_scan:
@@ -179,15 +185,23 @@ class SimulatedRobot:
             for number, wheel in enumerate(self.wheels)
         ]
 
-    def advance_with_duties(self, until: int, left: float, right: float) -> list[CapturedEdge]:
+    def advance_with_duties(
+        self, until: int, left: float, right: float, shorted: tuple[bool, bool] | None = None
+    ) -> list[CapturedEdge]:
         """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
 
+        `shorted`: whether each output shorts its motor at duty 0; None: as the robot file states.
         Returns the changes of the encoders' pins, in order: `capture` must be on. For a board that
         is not simulated here; not to be mixed with `advance`.
         """
         if self.now >= self._disturbances.due:
             self._disturb(self.now)
+        if shorted is not None and shorted != self._shorted:
+            self._shorted = shorted
+            self._update_shorted()
         self._motor_duties = self._duties_of(left, right)
+        if self.now - self._heated_at >= ROLL_PERIOD:
+            self._heat_bridge(self.now)
         changes: list[CapturedEdge] = []
         self.drive.advance(until, self._motor_duties)
         for number in range(2):
@@ -329,9 +343,32 @@ class SimulatedRobot:
         (a, b), sides = self.parameters.channels, self.board.sides
         self._motor_duties = self._duties_of(sides[a].duty, sides[b].duty)
 
+    def _heat_bridge(self, now: int) -> None:
+        """Heat the motor driver with the currents since the last call; it may switch off or on."""
+        seconds, self._heated_at = (now - self._heated_at) * 1e-9, now
+        if self.parameters.bridge.stall_load is None:
+            return
+        was_off, bridge = self._bridge_heat.is_off, self.parameters.bridge
+        left, right = (
+            bridge.current(duty, 1.0, copysign(1.0, duty) * wheel.speed / motor.no_load_speed)
+            if duty
+            else 0.0
+            for duty, wheel, motor in zip(self._motor_duties, self.wheels, self.motors, strict=True)
+        )
+        self._bridge_heat.update((left, right), seconds)
+        if self._bridge_heat.is_off is not was_off:
+            self._update_shorted()
+            self._update_motor_duties()
+
+    def _update_shorted(self) -> None:
+        """Pass the state of the outputs at duty 0 to the motors on them."""
+        left, right = self._shorted if not self._bridge_heat.is_off else (False, False)
+        (_, is_crossed), _ = self._wiring.outputs
+        self.drive.set_shorted(*((right, left) if is_crossed else (left, right)))
+
     def _duties_of(self, left: float, right: float) -> tuple[float, float]:
         """Share of the battery's rest voltage at each motor, forward positive, for the outputs."""
-        if not left and not right:
+        if (not left and not right) or self._bridge_heat.is_off:
             return (0.0, 0.0)
         ratio = self._battery.voltage_ratio(left, right)
         (ll, lr), (rl, rr) = self._wiring.outputs

@@ -1,16 +1,25 @@
 """Two geared DC motors on one chassis, integrated in steps of a millisecond.
 
 A plant of other equations than the exponential one, to find out what a block owes to those. The
-torque of a motor whose windings free-wheel quickly between two pulses of the driver is
+torque of a motor whose driver opens between two pulses of the PWM (fast decay), in units of its
+stall torque, is
 
     duty * (supply - speed / no-load speed)
 
-in units of its stall torque: while the driver is off no current brakes the wheel. So it settles at
-`no-load speed * (supply - friction / duty)`, slowly at a low duty, and without drive only friction
-stops it. Friction is static, then falls to the sliding friction (Stribeck); the teeth cog; the
-wheels feel each other through mass and inertia of the chassis, and both a caster that has to swivel
-when the motion of the robot is reversed. The battery recovers from a load with two time constants.
-Torques are shares of the stall torque, speeds rad/s, times ns unless stated.
+While the driver is open no current brakes the wheel. So it settles at `no-load speed * (supply -
+friction / duty)`, slowly at a low duty, and without drive only friction stops it. A driver that
+shorts the motor between two pulses (slow decay) lets the current go on, and the speed is linear in
+the duty:
+
+    duty * supply - speed / no-load speed
+
+At duty 0 a driver leaves the motor open or shorts it; through a bipolar bridge only the voltage
+above its threshold brakes.
+
+Friction is static, then falls to the sliding friction (Stribeck); the teeth cog; the wheels feel
+each other through mass and inertia of the chassis, and both a caster that has to swivel when the
+motion of the robot is reversed. The battery recovers from a load with two time constants. Torques
+are shares of the stall torque, speeds rad/s, times ns unless stated.
 """
 
 from __future__ import annotations
@@ -24,6 +33,7 @@ from typing import NamedTuple
 from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.drive_train import Edges
 from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
+from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel
 from diffbotctl.plant.wheel import MotorModel
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -65,6 +75,7 @@ class DriveSetup(NamedTuple):
     dead_time: int  # steps from a duty to its torque
     caster: Caster
     brakes: bool  # shorted windings at duty 0
+    bridge: BridgeModel = IDEAL_BRIDGE
 
     @property
     def own(self) -> float:
@@ -211,6 +222,7 @@ class TorqueDrive:
     ) -> None:
         self.wheels, self.setup, self._battery = wheels, setup, battery
         self._own, self._other = setup.own, setup.other
+        self._shorted = (setup.brakes, setup.brakes)  # at duty 0, each motor
         self._now = 0
         self._torque_duties: deque[tuple[float, float]] = deque(
             [(0.0, 0.0)] * setup.dead_time, maxlen=setup.dead_time + 1
@@ -238,6 +250,10 @@ class TorqueDrive:
         """Add friction; see `DriveTrain`."""
         self.wheels[0].drag, self.wheels[1].drag = left, right
 
+    def set_shorted(self, left: bool, right: bool) -> None:
+        """Short the motors at duty 0, or leave them open; see `DriveTrain`."""
+        self._shorted = (left, right)
+
     def _is_at_rest(self, duties: tuple[float, float]) -> bool:
         left, right = self.wheels
         if duties != (0.0, 0.0) or left.speed or right.speed:
@@ -256,8 +272,8 @@ class TorqueDrive:
             self._update_slow_parts(left_duty, right_duty)
         self._steps += 1
         start, loads = self._now, self._loads
-        left_torque, left_net = self._torques(left, left_duty, loads[0])
-        right_torque, right_net = self._torques(right, right_duty, loads[1])
+        left_torque, left_net = self._torques(left, left_duty, loads[0], self._shorted[0])
+        right_torque, right_net = self._torques(right, right_duty, loads[1], self._shorted[1])
         own, other = self._own, self._other
         # A wheel that friction holds feels no torque from the other one.
         if left.speed or left_net:
@@ -272,15 +288,21 @@ class TorqueDrive:
             right.move(start, 0.0)
         self._now = start + STEP
 
-    def _torques(self, wheel: TorqueWheel, duty: float, load: float) -> tuple[float, float]:
+    def _torques(
+        self, wheel: TorqueWheel, duty: float, load: float, is_shorted: bool
+    ) -> tuple[float, float]:
         """The torque on a wheel without friction, and with it."""
-        motor, speed = wheel.motor, wheel.speed
-        share = duty if duty >= 0.0 else -duty
-        if share == 0.0 and self.setup.brakes:
-            share = 1.0
-        torque = duty * self._battery.share + load - (share + motor.viscous) * speed / motor.speed
-        if motor.cog and share:
-            torque += motor.cog * share * sin(COG_CYCLES * wheel.angle + motor.cog_phase)
+        motor, speed, bridge = wheel.motor, wheel.speed, self.setup.bridge
+        size = duty if duty >= 0.0 else -duty
+        back = speed / motor.speed
+        torque = duty * self._battery.motor_share + load - motor.viscous * back
+        if size == 0.0:
+            if is_shorted:
+                torque -= copysign(max(abs(back) - bridge.threshold, 0.0), back)
+        else:
+            torque -= size * back if bridge.opens else back
+        if motor.cog and size:
+            torque += motor.cog * size * sin(COG_CYCLES * wheel.angle + motor.cog_phase)
         if speed == 0.0:
             static = motor.static + wheel.drag
             if -static <= torque <= static:
@@ -298,7 +320,10 @@ class TorqueDrive:
         for wheel, duty in ((left, left_duty), (right, right_duty)):
             if duty:
                 back = copysign(wheel.speed / wheel.motor.speed, wheel.speed * duty)
-                current += abs(duty) * max(self._battery.share - back, 0.0)
+                supply = self._battery.motor_share
+                if not self.setup.bridge.opens:
+                    supply *= abs(duty)
+                current += abs(duty) * max(supply - back, 0.0)
         self._battery.load(0.5 * current, SLOW_STEPS * STEP_S)
         self._update_caster(
             left.speed * self.setup.left_radius, right.speed * self.setup.right_radius

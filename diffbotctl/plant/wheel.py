@@ -37,6 +37,11 @@ class MotorModel(NamedTuple):
     ripple_phase: float = 0.0  # rad
     coulomb: bool = False
 
+    @property
+    def no_load_speed(self) -> float:
+        """Speed (rad/s) at full duty without friction."""
+        return self.speed / (1.0 - self.keep)
+
 
 def draw_motors(
     rated: tuple[float, float], truth: MotorTruth, rng: Random

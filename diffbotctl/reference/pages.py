@@ -11,6 +11,7 @@ from diffbotctl.block import Every, In, actions, inputs, outputs, robot_fields
 from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
 from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.robot import Robot
 from diffbotctl.params import Declaration, Section, declared, with_unit
 
@@ -21,6 +22,7 @@ def page() -> str:
     """The whole page as Markdown."""
     parts = ["# Reference", "Made from the declarations in the code; do not edit."]
     parts += ["## Robot files", *section(Robot, "")]
+    parts += ["## Motor drivers", motor_drivers()]
     parts += ["## Pipeline files", *section(Pipeline, "")]
     parts += ["## Blocks", *blocks(), "## Messages", *kinds(), "## Codes", *codes()]
     return "\n\n".join(parts) + "\n"
@@ -54,6 +56,29 @@ def table(settings: Any) -> str:
             f"{bounds_of(setting)} | {setting.help} |"
         )
     return "\n".join(lines) if len(lines) > 2 else "No settings."
+
+
+def motor_drivers() -> str:
+    """The electrical figures of every motor driver, with their sources."""
+    lines = [
+        "Typical figures at 25 degrees, used by `wiring`, `check` and the simulation. Between two",
+        "pulses of the PWM and at rest the motor is open, or shorted, which brakes it.",
+        "",
+        "| `driver` | continuous | loses | between pulses | at rest | too hot | source |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, facts in MOTOR_DRIVERS.items():
+        bridge = facts.bridge
+        lost = f"{bridge.resistance:g} ohm"
+        if bridge.threshold:
+            lost = f"{bridge.threshold:g} V + {lost}"
+        rest = "shorted" if facts.always_brakes else "`idle`"
+        hot = "off until it cools" if bridge.has_thermal_shutdown else "not protected"
+        lines.append(
+            f"| `{name}` | {bridge.current:g} A | {lost} | {bridge.off_state} | {rest} | {hot} | "
+            f"{bridge.source} |"
+        )
+    return "\n".join(lines)
 
 
 def kind_of(setting: Declaration) -> str:

@@ -7,10 +7,14 @@ from diffbotctl.config.harness import harness, notes
 from diffbotctl.config.load import check, load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.drivers.robot_link import board_settings
+from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver, emulated_board
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_host import DiffbotHost
+from diffbotctl.messages import Duty, Encoders
 from diffbotctl.render.wiring_svg import wiring_svg
 from diffbotctl.testing.board_bench import BoardBench, speed
 from diffbotctl.testing.virtual_board import diffbotctl, flat
+from diffbotctl.time import MILLISECOND, SECOND
 
 # Pins with PWM on both boards: 5, 6, 9 and 10.
 PINS = {
@@ -147,4 +151,45 @@ def test_the_wiring_names_every_input(tmp_path, driver):
 def test_the_facts_state_one_supply_range_and_current_each():
     for name, facts in MOTOR_DRIVERS.items():
         low, high = facts.supply
-        assert 0 < low < high <= 40 and 0 < facts.current <= 43 and 0 < facts.drop <= 3, name
+        assert (
+            0 < low < high <= 40 and 0 < facts.current <= 43 and 0 < facts.bridge.drop(1.0) <= 3
+        ), name
+
+
+def test_an_emulated_board_brakes_and_coasts_in_the_plant(tmp_path):
+    """The bridge that the firmware switches decides how far the wheels roll on."""
+    rolled = {}
+    for idle in ("coast", "brake"):
+        (tmp_path / idle).mkdir()
+        base = robot(tmp_path / idle, "tb6612", "mega2560", "4", idle=idle)
+        text = base.read_text() + "simulation: {equations: torque}\n"
+        base.write_text(text)
+        loaded = load_robot(str(base)).robot
+        board = emulated_board(loaded, 1)
+        try:
+            board.plant._shorted = (idle != "brake", idle != "brake")  # the board says otherwise
+            rolled[idle] = _roll_on(board)
+        finally:
+            board.emulator.close()
+    assert rolled["brake"] < 0.7 * rolled["coast"], rolled
+
+
+def _roll_on(board):
+    """Angle (rad) of the left wheel after its drive of half a second has ended."""
+    driver = EmulatedRobotDriver(board, DiffbotHost(board.settings))
+    ended = start = None
+    for now in range(0, 5 * SECOND, 25 * MILLISECOND):
+        delivered = driver.deliver(now)
+        if start is None and any(isinstance(d.message, Encoders) for d in delivered):
+            start = now
+        if start is None:
+            continue
+        if now < start + SECOND:
+            driver.command(now, Duty(now, 0.8, 0.8))
+        elif ended is None:
+            driver.command(now, Duty(now, 0.0, 0.0))
+            ended = board.plant.truth().left_angle
+            until = now + 2 * SECOND
+        elif now > until:
+            return abs(board.plant.truth().left_angle - ended)
+    raise AssertionError("the board did not come up")

@@ -8,7 +8,7 @@ from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.checks.pins import PINLESS_SENSORS
-from diffbotctl.config.motor_drivers import MODE_TEXT, MotorDriverFacts, driver_facts
+from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
 from diffbotctl.config.robot import SIDES, line_baud
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import join_words
@@ -158,6 +158,30 @@ def check_driver(context: CheckContext) -> None:
         place = context.error_place("board.supply")
         cause = f"{facts.with_article} has no 5 V regulator for the board"
         context.error("E-DRIVER", place, cause, "set supply: vin, or usb")
+
+
+def check_stall_current(context: CheckContext) -> None:
+    """Compare the current of the blocked motors with what the driver carries."""
+    for side in SIDES:
+        path = f"drive.{side}.motor"
+        values = context.values(f"{path}.stall_current", f"{path}.driver")
+        facts = MOTOR_DRIVERS.get(values[1]) if values else None
+        if values is None or facts is None or values[0] <= facts.current:
+            continue
+        effect = "it can be destroyed when a wheel is blocked"
+        if facts.bridge.has_thermal_shutdown:
+            effect = "when a wheel is blocked it heats until it switches the motors off"
+        cause = (
+            f"a blocked motor takes {values[0]:g} A, {facts.with_article} carries "
+            f"{facts.current:g} A: {effect}"
+        )
+        enough = [other.title for other in MOTOR_DRIVERS.values() if other.current >= values[0]]
+        fix = "use a driver for that current"
+        if enough:
+            fix += f" ({join_words(enough)})"
+        place = context.error_place(f"{path}.stall_current", f"{path}.driver")
+        context.warn("W-DRIVER-CURRENT", place, cause, fix + ", or smaller motors")
+        return
 
 
 def _check_input(
