@@ -50,10 +50,54 @@ def command() -> None:
 
 
 @command.command()
-@click.argument("name")
-def robot(name: str) -> None:
-    """Write robots/NAME.yaml: all parts of a robot, with comments."""
-    write("robot", name)
+@click.argument("name", required=False)
+@click.option(
+    "--kit",
+    is_flag=False,
+    flag_value="",
+    metavar="[KIT]",
+    help="Kit to start from; without KIT: list the kits.",
+)
+def robot(name: str | None, kit: str | None) -> None:
+    """Write robots/NAME.yaml: all parts of a robot, with comments.
+
+    NAME may be left out with --kit: it is then the kit's.
+    """
+    if kit is None and name is not None:
+        write("robot", name)
+    elif kit:
+        _write_kit(kit, name)
+    else:
+        _list_kits(kit is None)
+
+
+def _list_kits(is_name_missing: bool) -> None:
+    """Print the kits. Raises UsageError when a name was expected."""
+    from diffbotctl.cli.kits import KITS
+
+    if is_name_missing:
+        fix = "write `diffbotctl new robot NAME`, or `diffbotctl new robot --kit` for the kits"
+        raise _refused("E-NAME", "new robot", "the robot has no name", fix)
+    width = max(map(len, KITS))
+    for name, kit in KITS.items():
+        note = " (its board is not supported)" if "our firmware" in kit.unsupported else ""
+        click.echo(f"{name:{width}}  {kit.title}{note}")
+    click.echo("\nWrite one: diffbotctl new robot --kit " + next(iter(KITS)))
+
+
+def _write_kit(name: str, robot_name: str | None) -> None:
+    """Write the robot file of a kit. Raises UsageError for an unknown kit."""
+    from diffbotctl.cli.kits import KITS
+    from diffbotctl.errors import closest_match
+
+    kit = KITS.get(name)
+    if kit is None:
+        near = closest_match(name.lower().replace("-", "_"), KITS)
+        fix = f"did you mean {near}?" if near else f"the kits are {', '.join(KITS)}"
+        raise _refused("E-KIT", name, f"there is no kit '{name}'", fix)
+    write("robot", robot_name or name, kit.template)
+    if kit.unsupported:
+        click.echo(f"note: {kit.unsupported}.")
 
 
 @command.command()
@@ -123,11 +167,16 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
     click.echo(f"{name}/ is a package; its README.md explains how to install and run it.")
 
 
-def write(kind: str, name: str) -> None:
-    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists."""
+def write(kind: str, name: str, template: str = "") -> None:
+    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists.
+
+    `template`: default: the one of its kind.
+    """
     _check_word(name, kind)
     path = Path(f"{kind}s") / f"{name}.yaml"
-    _write(path, f"{kind}.yaml", {"name": name, "file": str(path), "schema": _schema(kind)})
+    _write(
+        path, template or f"{kind}.yaml", {"name": name, "file": str(path), "schema": _schema(kind)}
+    )
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
     click.echo(f"Now: diffbotctl check {path}\n     {also}")
 

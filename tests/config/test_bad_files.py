@@ -30,6 +30,7 @@ NOT_FROM_FILES = {
     "E-FILE-SIZE",
     "E-FILE-WRITE",
     "E-HELD",
+    "E-KIT",
     "E-LOG",
     "E-MESSAGE-TYPE",  # of an installed package
     "E-NO-ANSWER",

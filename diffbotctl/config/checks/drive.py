@@ -15,6 +15,7 @@ from diffbotctl.blocks.range_sensor import REACH
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES, BoardSection, default_glitch, line_baud, shortest_level
 from diffbotctl.errors import Place, join_words
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.links import link_protocol
 from diffbotctl.params import declared
 
@@ -57,7 +58,10 @@ def check_deadman(context: CheckContext) -> None:
 
 
 def check_edges(context: CheckContext) -> None:
-    """Compare the edges at full speed with the frames that a board with edge times sends."""
+    """Compare the edges at full speed with the frames that a board with edge times sends.
+
+    Odometry counts the edges of finer encoders, whose slots it does not tell apart.
+    """
     values = context.values(
         "board.edge_times",
         "board.telemetry",
@@ -69,7 +73,7 @@ def check_edges(context: CheckContext) -> None:
         return
     has_edge_times, telemetry, diameter, slots, speed = values
     rate = speed / (pi * diameter) * slots
-    if not has_edge_times or rate <= EDGES_PER_FRAME_MAX * telemetry:
+    if not has_edge_times or slots > LEARNABLE_SLOTS_MAX or rate <= EDGES_PER_FRAME_MAX * telemetry:
         return
     place = context.error_place("board.telemetry", "drive.encoder.slots", "limits.speed")
     cause = (

@@ -1,0 +1,44 @@
+"""Kits that `diffbotctl new robot --kit` writes a robot file for."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class KitFile(NamedTuple):
+    """A kit: what it is, its template, and what of it is not supported, if anything."""
+
+    title: str
+    template: str
+    unsupported: str = ""
+
+
+KITS = {
+    "book_2wd": KitFile("Mega 2560, L298N, slotted discs, HC-05, Sharp sensor", "robot.yaml"),
+    "uno_tb6612": KitFile("Uno, TB6612, slotted discs, Sharp sensor", "kit_uno_tb6612.yaml"),
+    "nano_l298n_hc05": KitFile(
+        "Nano, L298N, slotted discs, HC-05, Sharp sensor", "kit_nano_l298n_hc05.yaml"
+    ),
+    "ros_car": KitFile(
+        "Mega 2560, TB6612, Hall encoders, HC-05",
+        "kit_ros_car.yaml",
+        "the IMU and the HC-SR04 are not supported yet: they are comments in the file",
+    ),
+    "romi_32u4": KitFile(
+        "chassis and encoders of a Romi",
+        "kit_romi_32u4.yaml",
+        "our firmware does not run on the Romi's board (32U4); the file has a Nano and two DRV8838 "
+        "in its place",
+    ),
+    "xrp": KitFile(
+        "chassis and encoders of an XRP",
+        "kit_xrp.yaml",
+        "our firmware does not run on the XRP's board (RP2040, RP2350); the file has an Uno and a "
+        "DRV8835 in its place, and no ultrasonic sensor",
+    ),
+    "pico_tc1508s": KitFile(
+        "TC1508S and slotted discs of a Pico kit, Sharp sensor",
+        "kit_pico_tc1508s.yaml",
+        "our firmware does not run on a Pico (RP2040); the file has a Nano in its place",
+    ),
+}
