@@ -19,7 +19,7 @@ from diffbotctl.control.motion_profile import (
 )
 from diffbotctl.control.velocity_limits import acceleration_limited
 from diffbotctl.control.wheel_response import DriveResponse
-from diffbotctl.estimation.geometry_deviation import GEOMETRY
+from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
@@ -100,6 +100,7 @@ class GoalFollower(Block):
     acceleration: float = FromRobot("limits.acceleration")
     braking: float = FromRobot("limits.braking")
     track: float = FromRobot("drive.track")
+    wheelbase: float | None = FromRobot("drive.wheelbase")
     lag: float = FromRobot("drive.left.motor.lag")
     left_diameter: float = FromRobot("drive.left.wheel.diameter")
     right_diameter: float = FromRobot("drive.right.wheel.diameter")
@@ -349,8 +350,10 @@ class GoalFollower(Block):
         distance = pursuit.distance(odometry)
         turn = abs(pursuit.heading_error(odometry))
         if distance <= self.tolerance and turn <= self.heading_tolerance:
-            is_calibrated = self.calibration.keys() >= GEOMETRY
-            doubt = position_doubt(odometry, self.tolerance, is_calibrated)
+            # The track of four wheels is known so badly that no goal behind a turn is sure.
+            is_skidding = self.wheelbase is not None and TRACK not in self.calibration
+            counts_geometry = is_skidding or self.calibration.keys() >= GEOMETRY
+            doubt = position_doubt(odometry, self.tolerance, counts_geometry)
             return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
         return self._try_again(pursuit, odometry)
 

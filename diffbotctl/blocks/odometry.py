@@ -50,6 +50,7 @@ class OdometryBlock(Block):
     telemetry: float = FromRobot("board.telemetry")
     edge_times: bool = FromRobot("board.edge_times")
     track: float = FromRobot("drive.track")
+    wheelbase: float | None = FromRobot("drive.wheelbase")
     left_side: SideConfig = FromRobot("drive.left")
     right_side: SideConfig = FromRobot("drive.right")
     calibration: Mapping[str, CalibratedValue] = FromRobot("calibration")
@@ -59,7 +60,9 @@ class OdometryBlock(Block):
     def reset(self) -> None:
         self.last: Encoders | None = None
         diameters = self.left_side.wheel.diameter, self.right_side.wheel.diameter
-        geometry = geometry_deviations(self.track, *diameters, self.calibration)
+        geometry = geometry_deviations(
+            self.track, *diameters, self.calibration, self.wheelbase is not None
+        )
         self.pose = PoseFilter(self.track, self.slip, geometry)
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None

@@ -24,6 +24,9 @@ KITS = {
         "kit_ros_car.yaml",
         "the IMU and the HC-SR04 are not supported yet: they are comments in the file",
     ),
+    "four_wheels": KitFile(
+        "four wheels in skid steering: Uno, L298N, slotted discs", "kit_four_wheels.yaml"
+    ),
     "romi_32u4": KitFile(
         "chassis and encoders of a Romi",
         "kit_romi_32u4.yaml",

@@ -297,6 +297,16 @@ class DriveSection(Section):
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
     track = Param(float, unit="m", above=0.02, below=2.0, help="Distance between the tyre centres.")
+    wheelbase = Param(
+        float,
+        unit="m",
+        none=True,
+        default=None,
+        above=0.0,
+        below=2.0,
+        help="Distance of front and rear axle of a robot with four driven wheels, whose `track` is "
+        "the one at which it turns; none: two wheels.",
+    )
     polarity: Polarity = Choice(
         Polarity,
         default="unproven",

@@ -39,8 +39,8 @@ def _sharp(title: str, reach: str) -> UnsupportedPart:
 
 OTHER_DRIVE = UnsupportedPart(
     "only two driven wheels, or four that are switched in pairs, are supported",
-    "four wheels in skid steering: write differential, with the track at which it turns by the "
-    "commanded angle (`calibrate geometry` measures it)",
+    "four wheels in skid steering: write differential, with wheelbase: the distance of the axles, "
+    "and track: the one at which it turns (`check` estimates it, `calibrate spin` measures it)",
 )
 ULTRASONIC = UnsupportedPart(
     "an ultrasonic sensor answers with the length of a pulse, which our firmware does not measure",

@@ -179,17 +179,17 @@ class Pursuit(NamedTuple):
         return self._replace(coast=coast.learn(remaining - speed * coast.time, lag))
 
 
-def position_doubt(odometry: Odometry, tolerance: float, is_calibrated: bool) -> str:
+def position_doubt(odometry: Odometry, tolerance: float, counts_geometry: bool) -> str:
     """Why this pose does not prove a position within `tolerance` (m); empty when it does.
 
     A pose with a warning must be known within the tolerance (one standard deviation, in the worst
     direction), any other one within UNSURE_RATIO times it: dead reckoning over a long way is never
-    as good as the tolerance. The geometry of a robot that is not calibrated is left out: it alone
-    would exceed any tolerance.
+    as good as the tolerance. Without `counts_geometry` the error of the geometry is left out: that
+    of a robot that is not calibrated would exceed any tolerance.
     """
     xx, xy, _, yy, _, _ = odometry.covariance
     variance = largest_variance(xx, xy, yy)
-    if not is_calibrated:
+    if not counts_geometry:
         variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
     sd = sqrt(variance)
     if sd <= tolerance * (1.0 if odometry.warning else UNSURE_RATIO):

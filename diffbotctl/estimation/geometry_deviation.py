@@ -17,6 +17,8 @@ from diffbotctl.units import quantity
 # measured between the middles of two tyres, a diameter across one soft tyre.
 RULER_TRACK_SD = 0.002
 RULER_DIAMETER_SD = 0.001
+# Relative standard deviation of the track at which four wheels turn, which floor and load decide.
+SKID_TRACK_SD = 0.2
 # Relative standard deviation of a tyre's diameter from that of its pair, not calibrated: moulded
 # tyres of 65 mm differ by about 0.3 mm.
 TYRE_RATIO_SD = 0.005
@@ -73,15 +75,22 @@ class PoseDeviation(NamedTuple):
 
 
 def geometry_deviations(
-    track: float, left: float, right: float, calibration: Mapping[str, CalibratedValue]
+    track: float,
+    left: float,
+    right: float,
+    calibration: Mapping[str, CalibratedValue],
+    is_skid_steered: bool = False,
 ) -> tuple[GeometryDeviation, ...]:
     """The independent errors of `track` and of both wheel diameters (m).
 
     The file does not tell how the errors of two calibrated diameters are related; they are taken as
     independent, which can only overestimate the error of the heading. A ruler's error is common to
-    both diameters. Raises UnitError for an `sd` that is no length.
+    both diameters. `is_skid_steered`: four wheels slide in turns. Raises UnitError for an `sd` that
+    is no length.
     """
     track_sd = calibrated_sd(calibration.get(TRACK))
+    if track_sd is None:
+        track_sd = SKID_TRACK_SD * track if is_skid_steered else RULER_TRACK_SD
     left_sd = calibrated_sd(calibration.get(LEFT_DIAMETER))
     right_sd = calibrated_sd(calibration.get(RIGHT_DIAMETER))
     ruler = GeometryDeviation(
@@ -89,7 +98,7 @@ def geometry_deviations(
         right=RULER_DIAMETER_SD / right if right_sd is None else 0.0,
     )
     deviations = (
-        GeometryDeviation(track=(RULER_TRACK_SD if track_sd is None else track_sd) / track),
+        GeometryDeviation(track=track_sd / track),
         GeometryDeviation(left=TYRE_RATIO_SD if left_sd is None else left_sd / left),
         GeometryDeviation(right=TYRE_RATIO_SD if right_sd is None else right_sd / right),
         ruler,

@@ -11,6 +11,8 @@ from diffbotctl.plant.robot_parameters import PlantParameters
 
 SLIP_STEP = 0.004  # m of travel between draws of slip: fine against an encoder pitch of 10 mm
 
+# Largest relative deviation of the track at which four wheels turn from the stated one.
+SKID_TRACK_SPREAD = 0.2
 PATCH_SIZE = 0.25  # m, of the floor's patches
 # Slip on the two thirds that are smooth and the third that is rough, relative to the mean square.
 SMOOTH_FACTOR, ROUGH_FACTOR = 0.5, 1.5811
@@ -171,7 +173,10 @@ class PatchedFloorChassis(Chassis):
 def draw_chassis(parameters: PlantParameters, simulation: Simulation, rng: Random) -> Chassis:
     """Wheels and axle with their true lengths."""
     truth = simulation.geometry
-    track = parameters.track * (1.0 + rng.uniform(-1.0, 1.0) * truth.track_spread)
+    spread = truth.track_spread
+    if parameters.is_skid_steered:
+        spread = max(spread, SKID_TRACK_SPREAD)
+    track = parameters.track * (1.0 + rng.uniform(-1.0, 1.0) * spread)
     radii = [
         0.5 * diameter * (1.0 + rng.uniform(-1.0, 1.0) * truth.diameter_spread)
         for diameter in (parameters.left_diameter, parameters.right_diameter)

@@ -27,6 +27,7 @@ class Course:
             acceleration=1.0,
             braking=1.5,
             track=0.125,
+            wheelbase=None,
             left_diameter=0.065,
             left_slots=20,
             right_slots=20,

@@ -18,7 +18,7 @@ def problems(folder, line):
         ("board: {type: ESP32}", "does not run on an ESP32", "Mega 2560, Uno or Nano"),
         ("board: {type: pico_w}", "RP2040", "Mega 2560, Uno or Nano"),
         ("board: {type: Raspberry Pi 4}", "the computer that runs", "mega2560, uno or nano"),
-        ("drive: {type: skid_steer}", "four that are switched in pairs", "write differential"),
+        ("drive: {type: skid_steer}", "four that are switched in pairs", "wheelbase: the distance"),
         ("drive: {motor: {driver: TB6612FNG}}", "allowed values", "did you mean tb6612?"),
         ("drive: {motor: {driver: TB6621}}", "allowed values", "did you mean tb6612?"),
         ("drive: {motor: {driver: L293D}}", "0.6 A", "driver: l298n"),

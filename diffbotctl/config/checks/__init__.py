@@ -29,6 +29,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     drive.check_speed,
     proportions.check_proportions,
     drive.check_outline,
+    drive.check_wheelbase,
     drive.check_reach,
     drive.check_tolerance,
     drive.check_edges,

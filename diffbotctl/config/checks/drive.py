@@ -15,6 +15,7 @@ from diffbotctl.blocks.range_sensor import REACH
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES, BoardSection, default_glitch, line_baud, shortest_level
 from diffbotctl.errors import Place, join_words
+from diffbotctl.estimation.geometry_deviation import SKID_TRACK_SD, TRACK
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.links import link_protocol
 from diffbotctl.params import declared
@@ -239,8 +240,10 @@ def check_outline(context: CheckContext) -> None:
     """Compare the body's width with the outer width of the tyres.
 
     The stated geometry is used: a calibrated track is the effective distance of the contact
-    points, not of the tyres.
+    points, not of the tyres. So is that of four wheels.
     """
+    if context.values("drive.wheelbase") is not None:
+        return
     values = context.nominal_values("drive.track", "body.width", *TYRE_WIDTHS)
     if values is None:
         return
@@ -255,6 +258,36 @@ def check_outline(context: CheckContext) -> None:
     fix = f"set body.width to {reach * 1000:.0f} mm, or correct drive.track or wheel.width"
     place = context.error_place("body.width", "drive.track", "drive.wheel.width", *TYRE_WIDTHS)
     context.warn("W-BODY-TYRES", place, cause, fix)
+
+
+def check_wheelbase(context: CheckContext) -> None:
+    """Warn of four driven wheels whose effective track is not calibrated.
+
+    Slowly turning with the rate w, a wheel that rolls with v slides with v - w B / 2 along and
+    w L / 2 across its direction (tyres B apart, axles L). Under equal load friction acts against
+    the sliding alike in all directions, and its moments cancel: v = w (B + L2 / B) / 2. That is a
+    robot with two wheels and the track B + L2 / B.
+    """
+    values = context.nominal_values(
+        "drive.wheelbase", "drive.track", "body.width", "drive.left.wheel.width"
+    )
+    if values is None or context.robot is None or TRACK in (context.robot.calibration or {}):
+        return
+    wheelbase, track, width, tyre = values
+    between = width - tyre
+    if between <= 0.0:
+        return
+    effective = between + wheelbase**2 / between
+    cause = (
+        f"four wheels slide sideways in turns: with tyres {between * 1000:.0f} mm and axles "
+        f"{wheelbase * 1000:.0f} mm apart it turns as with a track of about "
+        f"{effective * 1000:.0f} mm, by floor and load 20 % more or less; stated are "
+        f"{track * 1000:.0f} mm"
+    )
+    fix = "measure it: `diffbotctl calibrate spin`; until then goals end `reached_unsure`"
+    if abs(track / effective - 1.0) > SKID_TRACK_SD:
+        fix = f"set track: {effective * 1000:.0f} mm, then {fix}"
+    context.warn("W-SKID-STEER", context.error_place("drive.track", "drive.wheelbase"), cause, fix)
 
 
 def check_tolerance(context: CheckContext) -> None:
