@@ -1,17 +1,25 @@
 """Every kit's file is checked, wired and driven, in simulation and on the emulated board."""
 
+import os
+import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.cli import new
+from diffbotctl.cli import new, wiring
 from diffbotctl.cli.kits import KITS
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.harness import harness
 from diffbotctl.config.load import check, load, load_robot
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.errors import UserError
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.virtual_board import diffbotctl, flat
 
+ROOT = Path(__file__).parents[2]
 # What is inherent in the kit, and said: no obstacle sensor; HC-05 and USB on one port.
 WARNINGS = {"W-UNGUARDED", "W-WIRING-SHARED", "W-SKID-STEER"}
 # Goals behind a turn, before the track of four wheels is calibrated.
@@ -112,3 +120,46 @@ def test_a_calibrated_track_of_four_wheels_is_believed():
     values = "calibration: {drive.track: {value: 240 mm, sd: 1 mm}}"
     file.write_text(file.read_text().replace("calibration: {}", values))
     assert not {"W-SKID-STEER"} & {problem.code for problem in check("goal", str(file), ())}
+
+
+@pytest.mark.parametrize("name", KITS)
+def test_the_picture_of_a_kit_is_what_wiring_draws(name, tmp_path):
+    assert drawn(name, tmp_path) == picture(name).read_text(), "run `python tests/cli/test_kits.py`"
+
+
+def picture(name):
+    """The picture of a kit in docs/kits.md."""
+    return ROOT / "docs" / ("wiring.svg" if name == "book_2wd" else f"kit_{name}.svg")
+
+
+def drawn(name, folder):
+    """The picture of a new robot file of this kit."""
+    if name == "book_2wd":
+        robot, path = "book_2wd", folder / "wiring.svg"
+    else:
+        new_robot("--kit", name)
+        robot, path = name, folder / f"{name}.svg"
+    words = [robot, "--output", str(path)]
+    assert CliRunner().invoke(wiring.command, words).exit_code == 0
+    return path.read_text()
+
+
+def test_the_page_of_the_kits_has_every_kit_and_its_parts():
+    text = (ROOT / "docs" / "kits.md").read_text()
+    sections = dict(re.findall(r"^## .*?\(`(\w+)`\)\n(.*?)(?=^## |\Z)", text, re.M | re.S))
+    assert set(sections) == set(KITS)
+    for name, section in sections.items():
+        new_robot("--kit", name)
+        robot = load_robot(name).robot
+        assert picture(name).name in section
+        assert f"diffbotctl new robot --kit {name}\n" in section
+        assert BOARDS[robot.board.type].title in section
+        assert MOTOR_DRIVERS[robot.drive.left.motor.driver].title in section
+        assert f"{robot.drive.track * 1000:g} mm" in section
+
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as folder:
+        os.chdir(folder)
+        for kit in KITS:
+            picture(kit).write_text(drawn(kit, Path(folder)))
