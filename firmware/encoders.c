@@ -83,9 +83,13 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_pe
     pin_t pin;
     storm_begin(&encoder->storm, edges_per_s);
     encoder->storm.checked_edges = encoder->edges;
-    board_pin(pins[0], &pin);
-    encoder->interrupt = pin.interrupt;
     encoder->direction = 1;
+    if (!board_pin(pins[0], &pin)) {
+        encoder->in.at = encoder->in_b.at = 0; /* no encoder */
+        encoder->interrupt = BOARD_NOTHING;
+        return;
+    }
+    encoder->interrupt = pin.interrupt;
     board_input(pins[0], &encoder->in);
     if (!board_input(pins[1], &encoder->in_b))
         encoder->in_b.at = 0;

@@ -177,6 +177,8 @@ static void drive_wheel(wheel_t *wheel, int16_t wanted)
     encoders_set_direction(&wheel->encoder, wanted);
     if (deadman.mode == MODE_DUTY)
         wheel->speed.duty = wanted;
+    else if (!wheel->encoder.in.at)
+        speed_stop(&wheel->speed); /* a speed cannot be kept without an encoder */
     else
         speed_command(&wheel->speed, wanted, board_now());
     motors_set(&wheel->motor, wheel->speed.duty);
@@ -289,6 +291,8 @@ static void loop(void)
         motors_set(&wheel->motor, speed->duty);
         if (edges != 0 || speed->duty != 0)
             rest = 0;
+        if (!wheel->encoder.in.at)
+            continue; /* nothing shows a stall */
         if (deadman_drives(&deadman) && speed_stalled(speed, deadman.mode == MODE_DUTY))
             fault(wheel == LEFT ? FLAG_LEFT_STALL : FLAG_RIGHT_STALL);
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from diffbotctl.block import Block, In, Out, action
+from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.pose_filter import PoseFilter
@@ -25,7 +26,7 @@ RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to i
 SILENCE_MAX = 400_000_000
 SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and after the gap
 
-Wheel = WheelOdometer | FineWheelOdometer
+Wheel = WheelOdometer | FineWheelOdometer | CommandedWheelOdometer
 
 
 class OdometryBlock(Block):
@@ -123,6 +124,8 @@ class OdometryBlock(Block):
         )
 
     def _wheel_kind(self, side: SideConfig) -> type[Wheel]:
+        if not side.encoder.channels:
+            return CommandedWheelOdometer
         if self.method == "count":
             return CountWheelOdometer
         return FineWheelOdometer if side.encoder.slots > LEARNABLE_SLOTS_MAX else WheelOdometer

@@ -53,7 +53,7 @@ class WheelSpeed(Block):
         if not _is_steady(targets, self.targets):
             self.history.clear()
         self.targets = targets
-        if encoders is not None:
+        if encoders is not None and self.left_side.encoder.channels:
             self._learn(encoders, targets, min(step, LEARNING_STEP_MAX_S))
         left, right = self.integrals
         return Duty(

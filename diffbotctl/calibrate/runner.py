@@ -27,10 +27,11 @@ from diffbotctl.calibrate.step import (
     StepProgress,
 )
 from diffbotctl.config.configuration import RobotFile
+from diffbotctl.drivers.robot_ports import has_encoders
 from diffbotctl.drivers.serial_robot import open_serial_robot
 from diffbotctl.engine.clock import PacedClock
 from diffbotctl.engine.driver import RobotDriver
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import ConfigurationError, Problem, RunError
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Prompter, Question
 
@@ -98,8 +99,13 @@ def open_session(
     """The robot of `file` behind `port` (`sim`, `emulated` or a device), and tools to measure it.
 
     Simulated and emulated robots run in virtual time, as fast as possible; a real one has no tools.
-    Raises RunError if the port cannot be opened, EmulatorError if there is no emulator.
+    Raises RunError if the port cannot be opened, EmulatorError if there is no emulator,
+    ConfigurationError for a robot without encoders.
     """
+    if not has_encoders(file.robot):
+        cause = "every step measures with the encoders, and this robot has none"
+        fix = "add encoders; until then drive by hand: `diffbotctl run teleop`"
+        raise ConfigurationError(Problem("E-ENCODER-NONE", str(file.file), cause, fix))
     if port in ("sim", "emulated"):
         # A real robot needs neither plant nor emulator.
         from diffbotctl.calibrate.simulated_session import open_simulated

@@ -218,6 +218,8 @@ def _radio(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
 
 
 def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
+    if not side.encoder.channels:
+        return
     key, pin = f"{name} encoder", board.named(str(side.encoder.pin))
     yield from _supplied(key, "VCC", "GND", key)
     yield _wire(key, "OUT", BOARD, pin, ENCODER, f"{key}: edges")

@@ -253,6 +253,7 @@ class _Loader:
         tree = self._read_tree(file, source_tree.read_robot)
         if tree is None:
             return file
+        tree = robot_tree.spell_out_missing_encoders(tree)
         calibrated = robot_tree.overlay_calibration(tree, self.problems)
         whole = robot_tree.copy_common_to_sides(calibrated)
         robot = read_section(whole, Robot, "the robot file", self.problems)

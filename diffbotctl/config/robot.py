@@ -239,7 +239,10 @@ class EncoderSection(Section):
     """One wheel encoder."""
 
     channels = Param(
-        int, choices=(1,), default=1, help="Channels; one channel does not show the direction."
+        int,
+        choices=(0, 1),
+        default=1,
+        help="Channels; one does not show the direction; 0, also `encoder: none`: no encoder.",
     )
     slots = Param(
         int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, get_args, get_origin
 
 from diffbotctl.config.robot import SIDES, Robot, SideSection
-from diffbotctl.config.yaml_tree import Value
+from diffbotctl.config.yaml_tree import Data, Value
 from diffbotctl.errors import Place, Problem, closest_match
 from diffbotctl.params import Declaration, Section, declared
 
@@ -30,6 +30,19 @@ def copy_common_to_sides(robot: Value) -> Value:
             else:
                 part_value = stated.merged_over(common)
             robot = robot.with_entry(("drive", side, part), part_value)
+    return robot
+
+
+def spell_out_missing_encoders(robot: Value) -> Value:
+    """The robot file with each `encoder: none` written as an encoder with no channel."""
+    for steps in (("drive", "encoder"), *(("drive", side, "encoder") for side in SIDES)):
+        value = robot.at(*steps)
+        if value is None or value.data != "none" or value.quoted:
+            continue
+        channels, slots = replace(value, data=0, text="0"), replace(value, data=1, text="1")
+        pin = replace(value, data="none")
+        entries: Data = {"channels": channels, "slots": slots, "pin": pin}
+        robot = robot.with_entry(steps, replace(value, data=entries, text="", flow=True))
     return robot
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from typing import Any, TypeVar, get_args, get_origin
 
-from diffbotctl.config.unsupported_parts import NO_ENCODER, unsupported_part
+from diffbotctl.config.unsupported_parts import unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.params import Declaration, Pin, Section, declared
@@ -183,8 +183,6 @@ class _Reader:
         else:
             written = "a list" if isinstance(value.data, list) else f"'{value.text}'"
         cause = f"{within} is {written}, but {words} is required"
-        if path[-1:] == ("encoder",) and value.data == "none":
-            cause, fix = NO_ENCODER
         if isinstance(value.data, list) and BLOCK_INPUT.match(within):
             fix = TWO_WIRES
         self.problems.append(Problem("E-TYPE", value.place, cause, fix))

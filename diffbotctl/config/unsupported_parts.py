@@ -95,11 +95,6 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
         ),
     },
 }
-NO_ENCODER = UnsupportedPart(
-    "without an encoder the distance that the robot has driven is unknown: it cannot reach a goal",
-    "add a slotted disc and a light barrier a wheel, or simulate: board: {type: simulated} with "
-    "encoder: {slots: 20}",
-)
 
 
 def unsupported_part(field: str, written: str, allowed: Iterable[str]) -> UnsupportedPart | None:

@@ -80,7 +80,7 @@ def _wheel_settings(pins: BoardPins, side: SideSection) -> WheelSettings:
         enable=_number(pins, motor.enable),
         in1=pins.number(motor.in1),
         in2=_number(pins, motor.in2),
-        encoder=pins.number(side.encoder.pin),
+        encoder=_number(pins, side.encoder.pin) if side.encoder.channels else None,
         reversed=motor.reversed,
         start=gains.static,
         gain=gains.slope,

@@ -14,8 +14,13 @@ VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED boar
 
 
 def is_duty_board(robot: Robot) -> bool:
-    """True for a board that has no wheel-speed loop of its own and takes a duty."""
-    return robot.link.protocol == "rosserial"
+    """True for a board that takes a duty: it has no wheel-speed loop, or no encoders for it."""
+    return robot.link.protocol == "rosserial" or not has_encoders(robot)
+
+
+def has_encoders(robot: Robot) -> bool:
+    """False for motors without encoders."""
+    return bool(robot.drive.left.encoder.channels)
 
 
 def wheel_command(robot: Robot, left: float, right: float) -> Wheels | Duty:

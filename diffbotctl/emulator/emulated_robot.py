@@ -83,7 +83,11 @@ class EmulatedBoard:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
 
     def _transitions(self, edges: list[CapturedEdge]) -> list[PinTransition]:
-        return [PinTransition(time, self.sides[side].encoder, level) for time, side, level in edges]
+        return [
+            PinTransition(time, pin, level)
+            for time, side, level in edges
+            if (pin := self.sides[side].encoder) is not None
+        ]
 
     def _button_changes(self) -> list[PinTransition]:
         """The stop button's change; it pulls its pin to ground, or opens a contact to ground."""

@@ -25,6 +25,7 @@ class WheelConfig(Protocol):
 class EncoderConfig(Protocol):
     """The encoder section of a side; errors in pitches."""
 
+    channels: int
     slots: int
     slot_errors: Sequence[float]
     back_errors: Sequence[float]

@@ -22,7 +22,7 @@ class WheelSettings:
     enable: int | None
     in1: int
     in2: int | None
-    encoder: int
+    encoder: int | None
     """pin of the encoder's (first) channel"""
     encoder_b: int | None = None
     """pin of the second channel of a quadrature encoder"""
@@ -49,7 +49,7 @@ class WheelSettings:
             "enable": _pin(self.enable),
             "in1": self.in1,
             "in2": _pin(self.in2),
-            "encoder": self.encoder,
+            "encoder": _pin(self.encoder),
             "encoder_b": _pin(self.encoder_b),
             "start": _gain("start", self.start),
             "gain": _gain("gain", self.gain),

@@ -53,6 +53,7 @@ class PlantParameters(NamedTuple):
     full: float = USUAL_BATTERY  # V; nominal, at which the motors reach their rated speed
     brakes: bool = False  # the motors' windings are shorted at duty 0
     bridge: BridgeModel = IDEAL_BRIDGE  # of the motor driver
+    has_encoders: bool = True
     is_skid_steered: bool = False  # four wheels, which slide in turns
     has_button: bool = False  # a stop button is connected to the board
 
@@ -98,6 +99,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         full=nominal.battery.full or USUAL_BATTERY,
         brakes=left.motor.idle == "brake",
         bridge=_bridge(nominal),
+        has_encoders=bool(left.encoder.channels),
         is_skid_steered=built.wheelbase is not None,
         has_button=board.stop_button is not None,
         channels=_assignment(

@@ -123,8 +123,13 @@ class SimulatedBoard:
         rng: Random,
         boot: int = 0,
         now: int = 0,
+        has_encoders: bool = True,
     ) -> None:
-        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; started at `now`."""
+        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; started at `now`.
+
+        Without encoders no stall is noticed.
+        """
+        self._has_encoders = has_encoders
         self.model = model
         self.boot = boot
         self.fault_flags = 0
@@ -251,7 +256,8 @@ class SimulatedBoard:
             loop = side.loop
             if loop is None:
                 continue
-            side.duty = loop.tick_duty() if side.is_duty else loop.tick(now)
+            if self._has_encoders:
+                side.duty = loop.tick_duty() if side.is_duty else loop.tick(now)
             at_rest = at_rest and loop.is_at_rest
             if loop.fault and not self.fault_flags:  # the first one ends the drive, as on the board
                 self.fault_flags = flag

@@ -82,6 +82,9 @@ class SimulatedRobot:
         self._disturbances = DisturbanceSchedule(simulation.disturbances)
         self.button_pressed = False
         self.board = self._new_board(0)
+        if not parameters.has_encoders:
+            for wheel in self.wheels:
+                wheel.stop_counting()
         self._wiring = PlantWiring(simulation.wiring, parameters, rng)
         self._motor_duties = (0.0, 0.0)
         self._bridge_heat = BridgeHeat(parameters.bridge)
@@ -277,6 +280,7 @@ class SimulatedRobot:
             self._board_rng,
             boot,
             self.now,
+            parameters.has_encoders,
         )
 
     def _turn_wheels(self, until: int) -> None:

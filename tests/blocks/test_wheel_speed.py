@@ -15,7 +15,8 @@ def side(static=0.1, rated=10.0, slots=20, speed=None):
     """One side of the drive, as the robot file states it."""
     loop = SimpleNamespace(static=static, speed=speed, proportional=0.0, integral=0.02)
     return SimpleNamespace(
-        motor=SimpleNamespace(rated=rated, loop=loop), encoder=SimpleNamespace(slots=slots)
+        motor=SimpleNamespace(rated=rated, loop=loop),
+        encoder=SimpleNamespace(channels=1, slots=slots),
     )
 
 

@@ -32,6 +32,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     drive.check_wheelbase,
     drive.check_reach,
     drive.check_tolerance,
+    drive.check_missing_encoders,
     drive.check_edges,
     drive.check_glitch,
     drive.check_polarity,

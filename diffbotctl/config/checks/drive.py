@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor, hypot, pi, sqrt
 
-from diffbotctl.block import robot_fields
+from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
     ObstacleStop,
     max_safe_speed,
@@ -18,6 +18,7 @@ from diffbotctl.errors import Place, join_words
 from diffbotctl.estimation.geometry_deviation import SKID_TRACK_SD, TRACK
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.links import link_protocol
+from diffbotctl.messages import GoalState
 from diffbotctl.params import declared
 
 COMMANDS_PER_DEADMAN_MIN = 3  # two consecutive ones may be lost without a stop
@@ -63,6 +64,8 @@ def check_edges(context: CheckContext) -> None:
 
     Odometry counts the edges of finer encoders, whose slots it does not tell apart.
     """
+    if not has_encoders(context):
+        return
     values = context.values(
         "board.edge_times",
         "board.telemetry",
@@ -101,7 +104,7 @@ def _can_send(context: CheckContext, rate: float) -> bool:
 
 def check_glitch(context: CheckContext) -> None:
     """Compare the glitch time of each encoder with the shortest level at the rated speed."""
-    if context.values("link.protocol") != ("diffbot",):
+    if context.values("link.protocol") != ("diffbot",) or not has_encoders(context):
         return  # a rosserial board has no glitch filter that we could set
     paths = ("encoder.glitch", "encoder.slots", "motor.rated")
     values = {side: context.values(*(f"drive.{side}.{path}" for path in paths)) for side in SIDES}
@@ -290,8 +293,41 @@ def check_wheelbase(context: CheckContext) -> None:
     context.warn("W-SKID-STEER", context.error_place("drive.track", "drive.wheelbase"), cause, fix)
 
 
+def has_encoders(context: CheckContext) -> bool:
+    """False for motors without encoders."""
+    return context.values("drive.left.encoder.channels") != (0,)
+
+
+def check_missing_encoders(context: CheckContext) -> None:
+    """Refuse goals of a robot without encoders; otherwise say what works."""
+    channels = [context.values(f"drive.{side}.encoder.channels") for side in SIDES]
+    if (0,) not in channels:
+        return
+    missing = [side for side, each in zip(SIDES, channels, strict=True) if each == (0,)]
+    place = context.error_place(*(f"drive.{side}.encoder.channels" for side in missing))
+    if channels[0] != channels[1]:
+        cause = "one wheel has an encoder, the other one has none"
+        context.error("E-ENCODER-NONE", place, cause, "add the other one, or write none for both")
+        return
+    if context.values("link.protocol") == ("rosserial",):
+        cause = "the book's firmware needs encoders"
+        fix = "use ours: link: {protocol: diffbot}"
+        context.error("E-ENCODER-NONE", place, cause, fix)
+        return
+    cause = "without encoders the distance driven is estimated from the commands, to a quarter"
+    for name, block in context.block_classes.items():
+        if any(out.kind is GoalState for out in outputs(block).values()):
+            fix = "drive by hand: `diffbotctl run teleop`; or add encoders"
+            context.error("E-ENCODER-NONE", place, f"{cause}: '{name}' cannot reach a goal", fix)
+            return
+    fix = "driving by hand and for a time works; goals and calibration need encoders"
+    context.warn("W-ENCODER-NONE", place, cause, fix)
+
+
 def check_tolerance(context: CheckContext) -> None:
     """Compare the tolerance of each block that has one with the odometry's resolution."""
+    if not has_encoders(context):
+        return
     values = context.values(
         "drive.left.wheel.diameter",
         "drive.left.encoder.slots",

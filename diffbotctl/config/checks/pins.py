@@ -57,7 +57,11 @@ def check_pins(context: CheckContext) -> None:
 
 def _check_required(context: CheckContext) -> None:
     """Refuse `none` for a pin that a robot with a board must have."""
-    paths: list[tuple[str, ...]] = [("drive", side, "encoder", "pin") for side in SIDES]
+    paths: list[tuple[str, ...]] = [
+        ("drive", side, "encoder", "pin")
+        for side in SIDES
+        if context.values(f"drive.{side}.encoder.channels") != (0,)
+    ]
     for side in SIDES:
         paths += [("drive", side, "motor", name) for name in _motor_inputs(context, side)]
     for name, sensor in (context.robot.sensors or {}).items() if context.robot else ():

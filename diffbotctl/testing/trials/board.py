@@ -279,6 +279,7 @@ def spoil(rng: Random) -> frames.SettingsFrame:
 
 def _pins_of(side: WheelSettings) -> tuple[int, ...]:
     assert side.enable is not None and side.in2 is not None, "an L298N's"
+    assert side.encoder is not None
     return side.enable, side.in1, side.in2, side.encoder
 
 

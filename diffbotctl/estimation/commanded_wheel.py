@@ -1,0 +1,62 @@
+"""Travel of a wheel without an encoder: what a typical motor does with its commands.
+
+Nothing measures the wheel, so the error of its speed does not average out: battery, friction and
+the motor itself decide it. It is carried as a share of the travel, like that of missing edges.
+"""
+
+from __future__ import annotations
+
+from math import exp, pi
+
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
+
+# Relative standard deviation of the speed. The motors of one kit differ by a tenth, a battery loses
+# a fifth of its voltage while it empties, and breakaway duties differ by a factor of two.
+SPEED_SD = 0.25
+FAULT = "no encoder, its travel is estimated from the commands"
+
+
+class CommandedWheelOdometer:
+    """A wheel that follows its duty with the stated lag. `speed` in m/s."""
+
+    end_variance = disagreement = variance = 0.0
+    start_correction = late_correction = added_variance = 0.0
+    fault_share = SPEED_SD
+    fault = FAULT
+
+    def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
+        """Start at rest at `time` (ns)."""
+        self._motor, self._circumference = side.motor, pi * side.wheel.diameter
+        self.pitch = self._circumference
+        self.speed = self.travel = self._rolled = 0.0
+        self._time = time
+
+    def update(
+        self,
+        time: int,
+        count: int,
+        edge_time: int | None,
+        command: float,
+        is_duty: bool,
+        command_since: int,
+    ) -> None:
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        motor = self._motor
+        settled = settled_speed(command, motor.loop.static, motor.rated) if is_duty else command
+        settled *= self._circumference / (2.0 * pi)
+        span = (time - self._time) * 1e-9
+        # A command that came during the frame: the one before had nearly been reached.
+        under_way = min(max((time - command_since) * 1e-9, 0.0), span)
+        self._rolled += self.speed * (span - under_way)
+        decay = exp(-under_way / motor.lag)
+        self._rolled += settled * under_way + (self.speed - settled) * motor.lag * (1.0 - decay)
+        self.speed = settled + (self.speed - settled) * decay
+        self._time = time
+
+    def unobserved_travel(self, count: int) -> float:
+        """Metres during a gap in the telemetry: the board has stopped the motors."""
+        return 0.0
+
+    def report(self) -> None:
+        """Set `travel` to its value since the last call."""
+        self.travel, self._rolled = self._rolled, 0.0
