@@ -39,7 +39,7 @@ def verdicts(wanted):
 
 def expected(field, pin):
     """Refusal of `pin` for `field` in the book robot's settings, from the pin drawing."""
-    optional = field in ("left_encoder_b", "right_encoder_b", "button")
+    optional = "encoder" in field or field == "button"
     others = [getattr(GOOD, name) for name in PINS if name != field]
     if pin == 255 and optional:
         return "none"

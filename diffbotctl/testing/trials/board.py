@@ -246,7 +246,8 @@ def spoil(rng: Random) -> frames.SettingsFrame:
         "right_in2",
         "right_encoder",
     ):
-        bad = pins.links | missing | {255} | (used - {getattr(good, field)})
+        bad = pins.links | missing | (used - {getattr(good, field)})
+        bad |= set() if field.endswith("encoder") else {255}  # a motor may have no encoder
         choices[field] = sorted(bad | mandatory.get(field, set()) - {getattr(good, field)})
     for field in ("left_encoder_b", "right_encoder_b", "button"):
         choices[field] = sorted(pins.links | missing | used | {pins.first})  # the range sensor's
