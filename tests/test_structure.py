@@ -37,7 +37,7 @@ LAYERS = [
     ["drivers", "render"],
     ["control_socket", "programs", "prompts", "emulator"],
     ["runs"],
-    ["replay", "board", "calibrate", "diagnostics"],
+    ["replay", "board", "calibrate", "diagnostics", "ros2"],
     ["flash", "start"],
     ["ui", "web", "cli"],
     ["testing"],

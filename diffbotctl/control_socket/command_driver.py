@@ -74,6 +74,8 @@ class ControlClientDriver:
         self.outbox: list[Delivery] = []
         self.outbox_due = 0
         self.lease = DriveLease()
+        self.lost_client: int | None = None  # the last one that reported its operator as lost
+        self.lost_cause = ""
         self.profiler: BlockProfiler | None = None
 
     def can_measure(self, engine: Engine) -> None:
@@ -141,7 +143,11 @@ class ControlClientDriver:
                 return self._release(now, command)
             case requests.OperatorLostRequest():
                 if self.lease.client in (command.client, None):
-                    self._stop_lost(now, f"{command.who} was driving and {request.reason}")
+                    self.lost_client = command.client
+                    self.lost_cause = f"{command.who} was driving and {request.reason}"
+                    self._stop_lost(now, self.lost_cause)
+            case requests.RearmRequest():
+                return self._rearm(now, command)
             case _:
                 return self._follow_other(now, command, request)
         return ResultCode.DONE
@@ -206,6 +212,19 @@ class ControlClientDriver:
         self._queue("twist", now, Twist(now, 0.0, 0.0))
         self.lease.end()
         self.operator.log(now, "info", "operator", f"{command.who} released control")
+        return ResultCode.DONE
+
+    def _rearm(self, now: int, command: EngineCommand) -> ResultCode:
+        """Allow motion again after the stop that this client itself asked for.
+
+        A stop of any other cause, also one beside it, waits for a person.
+        """
+        latched = [stop for stop in self.operator.stops_in_force.values() if stop.latched]
+        is_own = all(stop.cause == self.lost_cause for stop in latched)
+        if not latched or not is_own or self.lost_client != command.client:
+            return ResultCode.STOPPED
+        self.lost_client = None
+        self.operator.allow_motion(now)
         return ResultCode.DONE
 
     def _stop(self, now: int, who: str, reason: str) -> None:

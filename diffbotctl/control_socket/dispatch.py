@@ -41,6 +41,7 @@ METHODS: dict[str, Method[Any]] = {
     "drive": Method(requests.DriveRequest, commands.handle_drive),
     "release": Method(requests.ReleaseRequest, commands.forward),
     "operator_lost": Method(requests.OperatorLostRequest, commands.handle_operator_lost),
+    "rearm": Method(requests.RearmRequest, commands.forward),
     "status": Method(requests.StatusRequest, introspection.handle_status),
     "snapshot": Method(requests.SnapshotRequest, introspection.handle_snapshot),
     "scene": Method(requests.SceneRequest, introspection.handle_scene),

@@ -51,6 +51,7 @@ EngineRequest = (
     | requests.DriveRequest
     | requests.ReleaseRequest
     | requests.OperatorLostRequest
+    | requests.RearmRequest
     | Setting
     | Call
     | MeasureLoads

@@ -90,6 +90,10 @@ class OperatorLostRequest(NamedTuple):
     )
 
 
+class RearmRequest(NamedTuple):
+    """End the stop that this client's own `operator_lost` caused; a paused goal stays paused."""
+
+
 class StatusRequest(NamedTuple):
     """What stops the robot, what is commanded, the goal and its state, the limits."""
 

@@ -131,10 +131,14 @@ class Operator:
 
     def resume(self, now: int) -> None:
         """Allow motion again after a latched stop, and continue with a paused goal."""
-        self._send(now, "resume", Resume(now))
+        self.allow_motion(now)
         if self.paused is not None:
             self.active, self.paused = self.paused, None
             self._send(now, "goal", self.active)
+
+    def allow_motion(self, now: int) -> None:
+        """Allow motion again after a latched stop; a paused goal stays paused."""
+        self._send(now, "resume", Resume(now))
 
     def log(self, now: int, level: LogLevel, source: str, text: str) -> None:
         """Write a log line for a source that is not a block."""

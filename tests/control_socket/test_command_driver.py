@@ -14,6 +14,8 @@ from diffbotctl.control_socket.engine_channel import (
 from diffbotctl.control_socket.requests import (
     DriveRequest,
     GotoRequest,
+    OperatorLostRequest,
+    RearmRequest,
     ReleaseRequest,
     ResumeRequest,
 )
@@ -158,3 +160,48 @@ def test_the_goal_of_a_client_does_not_end_the_run():
     desk.instant(31)
     desk.operator.on_goal_state(40, GoalState(40, 3, "stuck", 0.0, 0.0, "a wall"))
     assert desk.ended == []
+
+
+def lost_at(desk, now, client=1):
+    """`client` drives, and reports at `now` that its operator is lost."""
+    desk.send(DriveRequest(0.2, 0.0), client)
+    desk.idle(now - 10 * MS)
+    desk.instant(now - 9 * MS)
+    desk.send(OperatorLostRequest("/teleop is silent"), client)
+    assert desk.idle(now) == [""]
+    desk.instant(now + 1)
+    assert desk.operator.stops_in_force["gate.stop"].latched
+
+
+def test_a_client_ends_the_stop_that_it_reported_and_the_goal_stays_paused():
+    desk = Desk([Goal(0, 1, 1.0)])
+    desk.instant(1)
+    lost_at(desk, 1000 * MS)
+    desk.send(RearmRequest())
+    assert desk.idle(1010 * MS) == [""]
+    delivered = desk.instant(1011 * MS)
+    assert "operator.resume" in delivered and "operator.goal" not in delivered
+    assert desk.operator.paused is not None and desk.operator.active is None
+    desk.send(DriveRequest(0.1, 0.0))
+    assert desk.idle(1020 * MS) == [""]
+
+
+def test_a_client_cannot_end_the_stop_of_another_cause_or_of_another_client():
+    desk = Desk()
+    desk.send(RearmRequest())
+    assert desk.idle(10 * MS) == [ResultCode.STOPPED]
+    lost_at(desk, 1000 * MS)
+    desk.send(RearmRequest(), client=2)
+    assert desk.idle(1010 * MS) == [ResultCode.STOPPED]
+    button = Stop(0, "stop_button", "the stop button is pressed", True)
+    desk.operator.stop_sink("guard.stop")(1020 * MS, button)
+    desk.send(RearmRequest())
+    assert desk.idle(1030 * MS) == [ResultCode.STOPPED]
+
+
+def test_a_stop_is_ended_by_its_client_once_only():
+    desk = Desk()
+    lost_at(desk, 1000 * MS)
+    desk.send(RearmRequest())
+    desk.send(RearmRequest())
+    assert desk.idle(1010 * MS) == ["", ResultCode.STOPPED]

@@ -1,0 +1,132 @@
+"""`diffbotctl ros2`: a running engine as a node of ROS 2."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from diffbotctl.cli.options import FILE, engine_option, robot_option
+
+if TYPE_CHECKING:
+    from diffbotctl.control_socket.address import EngineAddress
+    from diffbotctl.ros2.find_python import RosPython
+
+
+@click.command()
+@engine_option
+@click.option(
+    "--socket",
+    type=FILE,
+    metavar="FILE",
+    help="Control socket of the engine, such as a forwarded one.",
+)
+@click.option("--drive", is_flag=True, help="Let ROS nodes move the robot and set parameters.")
+@click.option("--check", is_flag=True, help="Report what is missing, and end.")
+@click.option("--python", metavar="PATH", help="Python that has rclpy; default: python3.")
+@click.option("--namespace", default="", metavar="NAME", help="Namespace of topics and services.")
+@click.option("--frame-prefix", default="", metavar="TEXT", help="Prefix of all frames.")
+@click.option(
+    "--peer", "peers", multiple=True, metavar="HOST", help="Also find nodes of HOST. Repeatable."
+)
+@robot_option
+@click.argument("words", nargs=-1, metavar="")
+def command(
+    engine: str | None,
+    socket: Path | None,
+    drive: bool,
+    check: bool,
+    python: str | None,
+    namespace: str,
+    frame_prefix: str,
+    peers: tuple[str, ...],
+    robot: str | None,
+    words: tuple[str, ...],
+) -> int:
+    """Connect a running engine to ROS 2: its messages, frames and services as a node.
+
+    Without --drive nodes only watch, and may stop the robot. Only nodes of this computer are found,
+    unless --peer names others. Ends with the run, or with Ctrl-C.
+    """
+    from diffbotctl.ros2.find_python import find_python, missing_problem
+
+    if words:
+        from diffbotctl.cli.ros_aliases import answer
+
+        raise click.UsageError(answer(["ros2", *words]) or f"unknown word '{words[0]}'")
+    found = find_python(python)
+    if check:
+        return _report(found)
+    if not found.is_usable:
+        from diffbotctl.errors import RunError
+
+        raise RunError(missing_problem(found))
+    address = _address(engine, socket)
+    _warn(drive, peers, found)
+    _start(found, address, drive, namespace, frame_prefix, peers, robot)
+    return 0
+
+
+def _report(python: RosPython) -> int:
+    """Print what the bridge would use; 0 when it can run."""
+    from diffbotctl.ros2.find_python import OPTIONAL_MODULES, missing_problem, version_text
+
+    click.echo(f"python      {python.path} ({version_text(python)})")
+    click.echo(f"ROS 2       {python.distribution or 'not sourced'}")
+    click.echo(f"middleware  {python.middleware or 'the default of this rclpy'}")
+    for name, purpose in OPTIONAL_MODULES.items():
+        if name in python.missing and "rclpy" not in python.missing:
+            package = f"ros-{python.distribution or 'jazzy'}-{name.replace('_', '-')}"
+            click.echo(f"missing     {name}: no {purpose}; sudo apt-get install {package}")
+    if python.is_usable:
+        click.echo("the bridge can run: diffbotctl ros2")
+        return 0
+    click.echo(missing_problem(python).render(), err=True)
+    return 1
+
+
+def _address(engine: str | None, socket: Path | None) -> EngineAddress:
+    from diffbotctl.control_socket.address import EngineAddress
+    from diffbotctl.control_socket.client import choose_engine
+
+    if socket is not None:
+        return EngineAddress(socket.stem, socket.absolute(), None)
+    return choose_engine(engine)
+
+
+def _warn(drive: bool, peers: tuple[str, ...], python: RosPython) -> None:
+    if peers:
+        may = "may drive the robot" if drive else "may watch and stop the robot"
+        click.echo(
+            f"warning: every program on {', '.join(peers)} {may}; ROS asks no password", err=True
+        )
+    if not drive:
+        click.echo("watching only; --drive lets ROS nodes move the robot", err=True)
+    if "tf2_msgs" in python.missing:
+        click.echo("no /tf: tf2_msgs is missing; see diffbotctl ros2 --check", err=True)
+
+
+def _start(
+    python: RosPython,
+    address: EngineAddress,
+    drive: bool,
+    namespace: str,
+    frame_prefix: str,
+    peers: tuple[str, ...],
+    robot: str | None,
+) -> None:
+    from diffbotctl.control_socket.client import ControlClient
+    from diffbotctl.ros2.find_python import start_bridge
+    from diffbotctl.ros2.options import BridgeOptions, encode_options
+    from diffbotctl.ros2.robot_model import model_of_run
+
+    client = ControlClient(address, "diffbotctl ros2")
+    model, complaint = model_of_run(client.request("status"), robot)
+    client.close()
+    if complaint:
+        click.echo(f"{complaint}; name its file with --robot", err=True)
+    options = BridgeOptions(
+        address.name, str(address.socket), drive, namespace, frame_prefix, model
+    )
+    start_bridge(python, encode_options(options), peers)

@@ -1,0 +1,134 @@
+"""What ROS nodes may ask of the robot: goals, poses, services, live parameters."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from std_srvs.srv import Trigger
+
+from diffbotctl.control_socket.protocol import Fields
+from diffbotctl.errors import RunError
+from diffbotctl.ros2.conversion import heading_of
+from diffbotctl.ros2.engine_connection import EngineConnection
+from diffbotctl.ros2.publishers import WORLD
+
+SET_POSE = "odometry.set_pose"
+RESET_ACTIONS = ("robot.home", SET_POSE)  # in this order, as far as the run has them
+QUEUE_DEPTH = 1
+
+
+class RobotCommands:
+    """Subscriptions and services. Without `allows_drive` there is only the service `stop`."""
+
+    def __init__(
+        self, node: Any, engine: EngineConnection, allows_drive: bool, frame_prefix: str
+    ) -> None:
+        self.node, self.engine = node, engine
+        self.frame = frame_prefix + WORLD
+        self.stop = node.create_service(Trigger, "stop", self._stop)
+        if not allows_drive:
+            return
+        self.actions = {row["action"] for row in engine.request("list_actions")["actions"]}
+        self.others = [
+            node.create_service(Trigger, "resume", self._resume),
+            node.create_service(Trigger, "reset", self._reset),
+            node.create_subscription(PoseStamped, "goal_pose", self._goal, QUEUE_DEPTH),
+            node.create_subscription(
+                PoseWithCovarianceStamped, "initialpose", self._initial_pose, QUEUE_DEPTH
+            ),
+        ]
+
+    def _stop(self, _request: Any, response: Any) -> Any:
+        return self._answer(response, "stop", reason="service stop of ROS")
+
+    def _resume(self, _request: Any, response: Any) -> Any:
+        return self._answer(response, "resume")
+
+    def _reset(self, _request: Any, response: Any) -> Any:
+        """Pose and simulated robot back to the start of the run."""
+        known = [action for action in RESET_ACTIONS if action in self.actions]
+        response.message = "" if known else "nothing in this run can be reset"
+        for action in known:
+            self._answer(response, "call_action", action=action)
+            if not response.success:
+                break
+        return response
+
+    def _answer(self, response: Any, method: str, **fields: Any) -> Any:
+        complaint = self._request(method, **fields)
+        response.success, response.message = not complaint, complaint
+        return response
+
+    def _request(self, method: str, **fields: Any) -> str:
+        """Send a request; the cause of a refusal, empty for none."""
+        try:
+            self.engine.request(method, **fields)
+        except RunError as error:
+            return error.problems[0].cause
+        return ""
+
+    def _goal(self, message: Any) -> None:
+        fields = self._pose_fields("goal_pose", message.header, message.pose)
+        if fields is not None:
+            self._complain("goal_pose", self._request("goto", **fields))
+
+    def _initial_pose(self, message: Any) -> None:
+        fields = self._pose_fields("initialpose", message.header, message.pose.pose)
+        if fields is not None:
+            complaint = self._request("call_action", action=SET_POSE, arguments=fields)
+            self._complain("initialpose", complaint)
+
+    def _pose_fields(self, topic: str, header: Any, pose: Any) -> Fields | None:
+        """x, y and heading; None for a pose that is refused."""
+        if header.frame_id.lstrip("/") not in ("", self.frame):
+            cause = f"its frame is '{header.frame_id}'; poses are accepted in '{self.frame}'"
+            return self._complain(topic, cause)
+        turn = pose.orientation
+        values = (pose.position.x, pose.position.y, turn.x, turn.y, turn.z, turn.w)
+        if not all(map(isfinite, values)):
+            return self._complain(topic, "a number of it is not finite")
+        if not any(values[2:]):
+            return self._complain(topic, "its orientation is no rotation: all four numbers are 0")
+        return {"x": values[0], "y": values[1], "heading": heading_of(*values[2:])}
+
+    def _complain(self, topic: str, cause: str) -> None:
+        if cause:
+            self.node.get_logger().warning(f"{topic} refused: {cause}")
+
+
+class LiveParameters:
+    """The parameters of the run's blocks as parameters of the node, such as `guard.margin`.
+
+    Only live ones can be set, and only with `allows_drive`: they change how the robot moves.
+    """
+
+    def __init__(self, node: Any, engine: EngineConnection, allows_drive: bool) -> None:
+        self.node, self.engine = node, engine
+        self.names: set[str] = set()
+        for row in engine.request("list_parameters")["parameters"]:
+            if row["value"] is not None:
+                self._declare(row, allows_drive)
+        node.add_on_set_parameters_callback(self._set)
+
+    def _declare(self, row: Fields, allows_drive: bool) -> None:
+        unit = f" ({row['unit']})" if row["unit"] else ""
+        descriptor = ParameterDescriptor(
+            description=f"{row['help']}{unit}", read_only=not (row["live"] and allows_drive)
+        )
+        self.node.declare_parameter(row["parameter"], row["value"], descriptor)
+        self.names.add(row["parameter"])
+
+    def _set(self, parameters: list[Any]) -> Any:
+        for parameter in parameters:
+            if parameter.name not in self.names:
+                continue
+            try:
+                self.engine.request(
+                    "set_parameter", parameter=parameter.name, value=parameter.value
+                )
+            except RunError as error:
+                return SetParametersResult(successful=False, reason=error.problems[0].cause)
+        return SetParametersResult(successful=True)

@@ -1,0 +1,181 @@
+"""Messages of the control socket as fields of ROS messages: nested dictionaries by field name.
+
+Nothing here needs ROS. Conventions: REP-103 (units, axes), REP-105 (frames), and the comments in
+the definitions of nav_msgs, sensor_msgs, diagnostic_msgs and rcl_interfaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import atan2, cos, inf, nan, pi, sin
+from typing import Any, NamedTuple
+
+Fields = dict[str, Any]
+
+UNKNOWN_VARIANCE = 1e6  # of what a planar pose does not measure; zero would mean exact
+INFRARED = 1  # sensor_msgs/Range
+BATTERY_UNKNOWN = 0  # sensor_msgs/BatteryState: status, health and technology
+LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40}  # rcl_interfaces/Log
+OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))  # diagnostic_msgs/DiagnosticStatus
+GOAL_FAILURES = ("blocked", "stuck", "given_up")
+# Indices of x, y and heading in a covariance of ROS: 6 by 6, by rows, (x, y, z, roll, pitch, yaw).
+PLANAR_INDICES = (0, 1, 5, 6, 7, 11, 30, 31, 35)
+
+
+class SensorModel(NamedTuple):
+    """Frame and figures of a distance sensor: m, rad, s; `period` is the time of one turn."""
+
+    frame: str
+    nearest: float
+    reach: float
+    field_of_view: float = 0.1
+    period: float = 0.0
+
+
+def quaternion(heading: float) -> Fields:
+    """A rotation about the vertical axis by `heading` rad."""
+    return {"x": 0.0, "y": 0.0, "z": sin(0.5 * heading), "w": cos(0.5 * heading)}
+
+
+def heading_of(x: float, y: float, z: float, w: float) -> float:
+    """The heading (rad) of a rotation, which may have any length but zero."""
+    return atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+def odometry(message: Fields) -> Fields:
+    """nav_msgs/Odometry without header and frames."""
+    xx, xy, xh, yy, yh, hh = (number(value) for value in message["covariance"])
+    covariance = [0.0] * 36
+    values = (xx, xy, xh, xy, yy, yh, xh, yh, hh)
+    for index, value in zip(PLANAR_INDICES, values, strict=True):
+        covariance[index] = value
+    for index in (14, 21, 28):
+        covariance[index] = UNKNOWN_VARIANCE
+    return {
+        "pose": {"pose": pose(message), "covariance": covariance},
+        "twist": {
+            "twist": {
+                "linear": {"x": number(message["linear"])},
+                "angular": {"z": number(message["angular"])},
+            }
+        },
+    }
+
+
+def pose(message: Fields) -> Fields:
+    """geometry_msgs/Pose of x, y and heading."""
+    position = {"x": number(message["x"]), "y": number(message["y"]), "z": 0.0}
+    return {"position": position, "orientation": quaternion(number(message["heading"]))}
+
+
+def transform(message: Fields) -> Fields:
+    """geometry_msgs/Transform of x, y and heading."""
+    parts = pose(message)
+    return {"translation": parts["position"], "rotation": parts["orientation"]}
+
+
+def range_fields(message: Fields, sensor: SensorModel) -> Fields:
+    """sensor_msgs/Range: +inf when clear, -inf when too close (REP-117), nan for a fault."""
+    distance = number(message["distance"])
+    states = {"clear": inf, "too_close": -inf, "fault": nan}
+    return {
+        "radiation_type": INFRARED,
+        "field_of_view": sensor.field_of_view,
+        "min_range": sensor.nearest,
+        "max_range": sensor.reach,
+        "range": states.get(message["state"], distance),
+    }
+
+
+def scan(message: Fields, sensor: SensorModel) -> Fields:
+    """sensor_msgs/LaserScan: inf when clear, 0 when too close, which is below range_min."""
+    distances = [number(value) for value in message["distances"]]
+    step = number(message["step"])
+    return {
+        "angle_min": number(message["start"]),
+        "angle_max": number(message["start"]) + step * max(len(distances) - 1, 0),
+        "angle_increment": step,
+        "time_increment": sensor.period / len(distances) if distances else 0.0,
+        "scan_time": sensor.period,
+        "range_min": sensor.nearest,
+        "range_max": sensor.reach,
+        "ranges": distances,
+    }
+
+
+def wheel_angles(message: Fields, counts_per_turn: tuple[float, float]) -> tuple[float, float]:
+    """Angles of both wheels (rad) from the counts of their encoders."""
+    left, right = counts_per_turn
+    return 2.0 * pi * message["left"] / left, 2.0 * pi * message["right"] / right
+
+
+def battery(message: Fields) -> Fields:
+    """sensor_msgs/BatteryState; what is not measured is nan."""
+    unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+    return {
+        **dict.fromkeys(unknown, nan),
+        "voltage": number(message["volts"]),
+        "power_supply_status": BATTERY_UNKNOWN,
+        "power_supply_health": BATTERY_UNKNOWN,
+        "power_supply_technology": BATTERY_UNKNOWN,
+        "present": True,
+    }
+
+
+def log_line(message: Fields) -> Fields:
+    """rcl_interfaces/Log without its stamp."""
+    return {
+        "level": LOG_LEVELS[message["level"]],
+        "name": f"diffbotctl.{message['source']}",
+        "msg": message["text"],
+    }
+
+
+class DiagnosticEntry(NamedTuple):
+    """One status: name, level, message, and values by key."""
+
+    name: str
+    level: bytes
+    message: str
+    values: Mapping[str, str]
+
+
+def diagnostics(newest: Mapping[str, tuple[str, Fields]]) -> list[DiagnosticEntry]:
+    """The statuses of the robot from the newest message of each wire, with its type."""
+    makers = {"Stop": _stop_entry, "Link": _link_entry, "GoalState": _goal_entry}
+    makers |= {"Battery": _battery_entry}
+    return [
+        makers[kind](wire, message) for wire, (kind, message) in newest.items() if kind in makers
+    ]
+
+
+def _stop_entry(wire: str, message: Fields) -> DiagnosticEntry:
+    if not message["code"]:
+        return DiagnosticEntry(wire, OK, "may move", {})
+    level = ERROR if message["latched"] else WARN
+    values = {"code": message["code"], "latched": str(message["latched"]).lower()}
+    return DiagnosticEntry(wire, level, message["cause"], values)
+
+
+def _link_entry(wire: str, message: Fields) -> DiagnosticEntry:
+    levels = {"up": OK, "stale": STALE, "lost": ERROR}
+    counters = ("received", "damaged", "lost", "restarts", "latency")
+    values = {name: str(message[name]) for name in counters}
+    text = message["cause"] or message["state"]
+    return DiagnosticEntry(wire, levels.get(message["state"], WARN), text, values)
+
+
+def _goal_entry(wire: str, message: Fields) -> DiagnosticEntry:
+    level = WARN if message["state"] in GOAL_FAILURES else OK
+    values = {"number": str(message["number"]), "distance": str(message["distance"])}
+    return DiagnosticEntry(wire, level, message["cause"] or message["state"], values)
+
+
+def _battery_entry(wire: str, message: Fields) -> DiagnosticEntry:
+    level, text = (WARN, "low") if message["low"] else (OK, "ok")
+    return DiagnosticEntry(wire, level, text, {"volts": str(message["volts"])})
+
+
+def number(value: float | str) -> float:
+    """A number of the control socket, where nan and infinities are texts."""
+    return float(value)

@@ -1,0 +1,80 @@
+"""The robot as the bridge needs it, from its file: URDF, frames, encoders, figures of sensors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from diffbotctl.blocks.range_sensor import DISTANCE_MIN, REACH, RangeSensor
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.config.robot import Robot
+from diffbotctl.control_socket.protocol import Fields
+from diffbotctl.errors import UserError
+from diffbotctl.model.frames import robot_frames
+from diffbotctl.model.laser_scanners import LASER_SCANNERS
+from diffbotctl.model.urdf import urdf
+from diffbotctl.ros2.conversion import SensorModel
+from diffbotctl.ros2.options import ModelFrame, RobotModel
+from diffbotctl.time import SECOND
+
+SHARP_FIELD_OF_VIEW = 0.1  # rad: its spot is some 4 cm wide at 40 cm (data sheet GP2Y0A41SK0F)
+
+
+def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
+    """The model of the robot of a run, from the reply to `status`, and what failed.
+
+    `robot` names another robot file than that of the run. The files may be missing, as on another
+    computer: then there is no description, and the text says so.
+    """
+    try:
+        if robot is None and status["robot"]:
+            folder = Path(f"/proc/{status['pid']}/cwd")  # its relative paths begin there
+            pipeline, own = str(folder / status["pipeline"]), str(folder / status["robot"])
+            return model_of(load(pipeline, own)), ""
+        file = load_robot(robot)
+        return _model_without_wires(file.robot, file.file.stem), ""
+    except UserError as error:
+        problem = error.problems[0]
+        return RobotModel(), f"no robot description: {problem.file}: {problem.cause}"
+
+
+def model_of(configuration: Configuration) -> RobotModel:
+    """The model of a pipeline's robot, with the wires of its sensors."""
+    robot = configuration.robot
+    if robot is None:
+        return RobotModel()
+    sensors = _scanners(robot)
+    for use in configuration.blocks:
+        if use.cls is RangeSensor:
+            name = use.values.get("sensor", "front")
+            sensors[f"{use.name}.range"] = _infrared(name)
+    name = configuration.robot_file.stem if configuration.robot_file else configuration.name
+    return _model_without_wires(robot, name)._replace(sensors=sensors)
+
+
+def _model_without_wires(robot: Robot, name: str) -> RobotModel:
+    left, right = (side.encoder.slots for side in (robot.drive.left, robot.drive.right))
+    return RobotModel(
+        urdf(robot, name),
+        tuple(ModelFrame(*frame) for frame in robot_frames(robot)),
+        (float(left), float(right)),
+        _scanners(robot),
+    )
+
+
+def _infrared(name: str) -> SensorModel:
+    return SensorModel(f"{name}_sensor_link", DISTANCE_MIN, REACH, SHARP_FIELD_OF_VIEW)
+
+
+def _scanners(robot: Robot) -> dict[str, SensorModel]:
+    models = {
+        name: LASER_SCANNERS[sensor.type]
+        for name, sensor in robot.sensors.items()
+        if sensor.type in LASER_SCANNERS
+    }
+    return {
+        f"robot.{name}": SensorModel(
+            f"{name}_sensor_link", model.nearest, model.reach, 0.0, model.period / SECOND
+        )
+        for name, model in models.items()
+    }

@@ -1,0 +1,78 @@
+"""Carries out the velocity rules: their clock, and the requests to the engine."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from math import inf
+
+from diffbotctl.control_socket.protocol import Fields
+from diffbotctl.errors import RunError
+from diffbotctl.ros2.velocity_rules import DriveState, EngineOrder, Source, VelocityRules
+
+Report = Callable[[str], None]
+
+
+class VelocityDriver:
+    """The rules with their own thread for what happens as time passes.
+
+    A velocity is sent from the thread in which it arrives, so nothing is between ROS and the
+    socket. `report` gets a sentence for each stop and each end of one.
+    """
+
+    def __init__(
+        self, rules: VelocityRules, send: Callable[[EngineOrder], None], report: Report
+    ) -> None:
+        self.rules, self.send, self.report = rules, send, report
+        self.changed = threading.Condition()
+        self.wakes_at = inf  # monotonic time until which the thread waits
+
+    def start(self) -> None:
+        """Start the thread; it ends with the process."""
+        threading.Thread(target=self._follow_time, daemon=True).start()
+
+    def velocity_received(self, linear: float, angular: float, source: Source) -> None:
+        """A velocity was published (m/s, rad/s)."""
+        with self.changed:
+            now = time.monotonic()
+            self._carry_out(self.rules.velocity_received(now, linear, angular, source))
+            if self.rules.deadline() < self.wakes_at:
+                self.changed.notify()
+
+    def publishers_changed(self, publishers: frozenset[str]) -> None:
+        """Publishers have come or gone."""
+        with self.changed:
+            self._carry_out(self.rules.publishers_changed(publishers))
+
+    def stop_ended(self) -> None:
+        """Someone allowed motion again."""
+        with self.changed:
+            self.rules.stop_ended()
+
+    def reply_received(self, reply: Fields) -> None:
+        """The engine's reply to an order; a refusal needs a zero or `resume`."""
+        if reply.get("ok") or reply.get("id") not in ("drive", "rearm"):
+            return
+        with self.changed:
+            was_moving = self.rules.state is DriveState.MOVING
+            self.rules.refused()
+        if was_moving:
+            self.report(f"velocity refused: {reply.get('cause', '')}; {reply.get('fix', '')}")
+
+    def _follow_time(self) -> None:
+        with self.changed:
+            while True:
+                self.wakes_at = self.rules.deadline()
+                is_idle = self.wakes_at == inf
+                self.changed.wait(None if is_idle else max(self.wakes_at - time.monotonic(), 0.0))
+                self._carry_out(self.rules.time_passed(time.monotonic()))
+
+    def _carry_out(self, orders: list[EngineOrder]) -> None:
+        for order in orders:
+            try:
+                self.send(order)
+            except RunError as error:
+                self.report(f"the engine does not answer: {error}")
+            if order.reason:
+                self.report(f"robot stopped: {order.reason}")
