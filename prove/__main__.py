@@ -31,6 +31,7 @@ from prove import (
     operator,
     plants,
     recordings,
+    ros2,
 )
 
 
@@ -51,6 +52,7 @@ def main() -> int:
     parser.add_argument("--wander", type=int, default=50, help="seeds, 30 minutes each")
     parser.add_argument("--hostile", type=int, default=200, help="hostile files of each kind")
     parser.add_argument("--failures", type=int, default=50, help="of programs, of each kind")
+    parser.add_argument("--bridge", type=int, default=2, help="failures beside ROS 2, of each kind")
     parser.add_argument("--hours", type=float, default=24.0, help="simulated, memory measured")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
@@ -79,6 +81,7 @@ def main() -> int:
         calibration.range_rows(options.seed),
         hostile.rows(options.seed, options.hostile, options.hours),
         extending.rows(options.failures),
+        ros2.rows(options.bridge),
     )
     missed = printed(joined.from_iterable(sections))
     state.cleanup()

@@ -85,13 +85,16 @@ class RobotCommands:
         """x, y and heading; None for a pose that is refused."""
         if header.frame_id.lstrip("/") not in ("", self.frame):
             cause = f"its frame is '{header.frame_id}'; poses are accepted in '{self.frame}'"
-            return self._complain(topic, cause)
+            self._complain(topic, cause)
+            return None
         turn = pose.orientation
         values = (pose.position.x, pose.position.y, turn.x, turn.y, turn.z, turn.w)
         if not all(map(isfinite, values)):
-            return self._complain(topic, "a number of it is not finite")
+            self._complain(topic, "a number of it is not finite")
+            return None
         if not any(values[2:]):
-            return self._complain(topic, "its orientation is no rotation: all four numbers are 0")
+            self._complain(topic, "its orientation is no rotation: all four numbers are 0")
+            return None
         return {"x": values[0], "y": values[1], "heading": heading_of(*values[2:])}
 
     def _complain(self, topic: str, cause: str) -> None:

@@ -20,6 +20,9 @@ TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": Twi
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a node whose name has not been discovered yet
 NEWEST_ONLY = QoSProfile(depth=1)  # an older velocity must never drive
 CHECK_PERIOD_S = 0.25
+# After a change of type, while DDS replaces the reader: the bridge was seen to send nothing for more
+# than 0.3 s then, which the engine takes for a lost operator.
+SWITCH_TIME_S = 1.0
 COMPLAINT_PERIOD_S = 5.0
 
 
@@ -36,6 +39,7 @@ class VelocityTopic:
         self.names = ""
         self.complained_at = 0.0
         self.kind: type = Twist
+        self.ready_at = 0.0
         self._subscribe()
         self.timer = node.create_timer(CHECK_PERIOD_S, self.check_publishers)
 
@@ -45,6 +49,7 @@ class VelocityTopic:
         wanted = {TYPES[each.topic_type] for each in found if each.topic_type in TYPES}
         if wanted and self.kind not in wanted:
             self.kind = wanted.pop()
+            self.ready_at = time.monotonic() + SWITCH_TIME_S
             self.node.destroy_subscription(self.subscription)
             self._subscribe()
         publishers = frozenset(bytes(each.endpoint_gid).hex() for each in found)
@@ -63,6 +68,8 @@ class VelocityTopic:
         )
 
     def _twist_received(self, message: Any, info: Any) -> None:
+        if time.monotonic() < self.ready_at:
+            return
         linear, angular = message.linear.x, message.angular.z
         total = message.linear.y + message.linear.z + message.angular.x + message.angular.y
         if total != total:  # a number that is not finite in an axis that is not used

@@ -15,6 +15,7 @@ from diffbotctl.testing.running import command
 ROOT = Path(__file__).resolve().parents[2]
 ENVIRONMENT = ROOT / ".venv-ros2" / "bin" / "python"  # made by `make ros2`
 LINE_TIMEOUT_S = 60  # that a test waits for what must come
+COMMANDED_NODE = Path(__file__).parent / "ros2_commanded_node.py"
 EXIT_TIMEOUT_S = 3  # for each way to end a process
 DOMAIN = os.getpid() % 100 + 1  # processes of this machine do not hear each other
 
@@ -101,7 +102,7 @@ def bridge(folder, *words, name="test"):
 
 
 class RosNode(LineProcess):
-    """A node of another process, which follows commands: see tests/ros2/node.py."""
+    """A node of another process, which follows commands: see ros2_commanded_node.py."""
 
     def __init__(self, folder, script, *words):
         super().__init__([ros_python(), str(script), *words], environment(folder))

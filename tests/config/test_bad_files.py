@@ -46,6 +46,7 @@ NOT_FROM_FILES = {
     "E-RECORDING",
     "E-RECORDING-CUT",
     "E-REQUEST",
+    "E-ROS2",
     "E-ROBOT-FIELD",
     "E-ROBOT-WHICH",
     "E-SAVE",

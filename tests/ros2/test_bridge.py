@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.testing.ros2_nodes import bridge, ros_node, ros_python
+from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, bridge, ros_node, ros_python
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 pytestmark = pytest.mark.skipif(
     ros_python() is None,
     reason="no rclpy here: `make ros2` installs it where its wheels exist (x86-64)",
 )
-NODE = Path(__file__).parent / "node.py"
 PROGRAMS = Path(__file__).parent / "programs"
 TWIST = "geometry_msgs/msg/Twist"
 # Topic, type, quality of service of the subscriber.
@@ -61,7 +60,7 @@ def free(status):
 
 
 def test_the_messages_of_a_run_are_seen_by_another_node(folder):
-    with ros_node(folder, NODE, "watcher") as node:
+    with ros_node(folder, COMMANDED_NODE, "watcher") as node:
         for topic, kind, profile in OUTPUTS:
             node.command(watch=topic, type=kind, qos=profile)
         seen = {topic: node_reply(node, topic) for topic, _, _ in OUTPUTS}
@@ -86,7 +85,7 @@ def node_reply(node, topic):
 
 
 def test_a_velocity_beyond_the_limits_drives_on_its_arc_within_them(folder, client):
-    with ros_node(folder, NODE, "teleop") as node:
+    with ros_node(folder, COMMANDED_NODE, "teleop") as node:
         publish(node, 0.6, 1.0, rate=20)
         client.until(moves)
         node.command(watch="/odom", type="nav_msgs/msg/Odometry")
@@ -98,7 +97,7 @@ def test_a_velocity_beyond_the_limits_drives_on_its_arc_within_them(folder, clie
 
 
 def test_silence_stops_and_a_zero_of_the_same_publisher_allows_motion_again(folder, client):
-    with ros_node(folder, NODE, "teleop") as node:
+    with ros_node(folder, COMMANDED_NODE, "teleop") as node:
         publish(node, 0.2)
         status = client.until(held("operator_lost"))
         assert "/teleop was silent for 0.35 s" in status["held"]["cause"]
@@ -114,12 +113,12 @@ def test_silence_stops_and_a_zero_of_the_same_publisher_allows_motion_again(fold
 
 
 def test_a_publisher_that_ends_while_the_robot_moves_needs_resume(folder, client):
-    with ros_node(folder, NODE, "teleop") as node:
+    with ros_node(folder, COMMANDED_NODE, "teleop") as node:
         publish(node, 0.2, rate=20)
         client.until(moves)
     client.until(held("operator_lost"))
     client.until(stands)
-    with ros_node(folder, NODE, "other") as node:
+    with ros_node(folder, COMMANDED_NODE, "other") as node:
         publish(node, 0.0)
         publish(node, 0.2)
         assert client.request("status")["held"] is not None
@@ -133,7 +132,7 @@ def test_a_publisher_that_ends_while_the_robot_moves_needs_resume(folder, client
 
 
 def test_nan_stops_until_resume_and_the_service_stop_stops(folder, client):
-    with ros_node(folder, NODE, "teleop") as node:
+    with ros_node(folder, COMMANDED_NODE, "teleop") as node:
         publish(node, 0.2, rate=20)
         client.until(moves)
         publish(node, float("nan"))
@@ -147,7 +146,7 @@ def test_nan_stops_until_resume_and_the_service_stop_stops(folder, client):
 
 
 def test_a_goal_a_pose_a_parameter_and_reset(folder, client):
-    with ros_node(folder, NODE, "person") as node:
+    with ros_node(folder, COMMANDED_NODE, "person") as node:
         node.command(set="guard.margin", value=0.08)
         assert node.reply("was_set")["successful"]
         node.command(set="guard.margin", value=-5.0)
@@ -174,7 +173,10 @@ def test_a_goal_a_pose_a_parameter_and_reset(folder, client):
 def test_a_bridge_that_is_killed_while_the_robot_moves_stops_it(tmp_path):
     with running(tmp_path, "standby", "--stay"):
         client = PlainClient(tmp_path)
-        with bridge(tmp_path, "--drive") as process, ros_node(tmp_path, NODE, "teleop") as node:
+        with (
+            bridge(tmp_path, "--drive") as process,
+            ros_node(tmp_path, COMMANDED_NODE, "teleop") as node,
+        ):
             publish(node, 0.2, rate=20)
             client.until(moves)
             process.process.kill()

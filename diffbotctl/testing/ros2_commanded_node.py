@@ -58,7 +58,7 @@ def kind_of(name):
     return getattr(import_module(f"{package}.{folder}"), kind)
 
 
-class Node:
+class CommandedNode:
     def __init__(self, name):
         rclpy.init()
         self.node = rclpy.create_node(name)
@@ -124,7 +124,7 @@ class Node:
 
 
 def main():
-    node = Node(sys.argv[1])
+    node = CommandedNode(sys.argv[1])
     say(ready=True)
     for line in sys.stdin:
         node.follow(json.loads(line))
@@ -132,4 +132,5 @@ def main():
     rclpy.try_shutdown()
 
 
-main()
+if __name__ == "__main__":
+    main()

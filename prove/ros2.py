@@ -1,0 +1,155 @@
+"""The bridge to ROS 2: load, delay, and what happens when somebody fails while the robot moves."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, RosNode, bridge, ros_node, ros_python
+from diffbotctl.testing.running import PlainClient, moves, running, stands
+from diffbotctl.testing.trials.row import NoData, Row, printed
+
+STOP_MAX_S, CPU_MAX = 0.5, 0.05
+SECONDS = 10.0
+TWIST = "geometry_msgs/msg/Twist"
+TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
+
+
+def rows(repeats: int) -> Iterator[Row]:
+    """All rows; each failure is repeated `repeats` times."""
+    if ros_python() is None:
+        yield NoData("bridge to ROS 2", "no rclpy", "`make ros2` installs it")
+        return
+    yield load_row()
+    for name, fail in FAILURES.items():
+        yield failure_row(name, fail, repeats)
+
+
+def publish(node: RosNode, linear: float, **options: Any) -> None:
+    """Publish a velocity, with `rate` again and again."""
+    fields = {"linear": {"x": linear}}
+    node.command(publish="/cmd_vel", type=TWIST, fields=fields, **options)
+    node.reply("published")
+
+
+def load_row() -> Row:
+    """Processor time of the bridge at 40 Hz of telemetry, with one watching node."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with (
+            running(folder, "standby", "--stay"),
+            bridge(folder) as process,
+            ros_node(folder, COMMANDED_NODE, "watcher") as node,
+        ):
+            node.command(watch="/odom", type="nav_msgs/msg/Odometry")
+            node.reply("/odom")
+            before = processor_s(process.process.pid)
+            time.sleep(SECONDS)
+            load = (processor_s(process.process.pid) - before) / SECONDS
+    return Row(
+        "bridge: processor load at 40 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
+    )
+
+
+def processor_s(pid: int) -> float:
+    """Processor time that a process has used, in s."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
+
+
+Fail = Callable[[Path, Any, RosNode], None]
+
+
+def failure_row(name: str, fail: Fail, repeats: int) -> Row:
+    """How long the wheels were commanded to move after the failure, and whether it is latched."""
+    delays = [_failure(fail) for _ in range(repeats)]
+    met = sum(delay is not None and delay <= STOP_MAX_S for delay in delays)
+    known = [delay for delay in delays if delay is not None]
+    slowest = f", slowest {max(known):.2f} s, median {median(known):.2f} s" if known else ""
+    figure = f"{met} of {repeats}{slowest}"
+    return Row(name, figure, "wheels 0 in 0.5 s, latched, named: all", met == repeats)
+
+
+def _failure(fail: Fail) -> float | None:
+    """Seconds from the failure to wheels commanded to zero; None where it was not latched."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with running(folder, "standby", "--stay"), bridge(folder, "--drive") as process:
+            client, stream = PlainClient(folder), PlainClient(folder)
+            with ros_node(folder, COMMANDED_NODE, "teleop") as node:
+                publish(node, 0.2, rate=20)
+                client.until(moves)
+                stream.request("subscribe", topic="gate.wheels")
+                began = time.monotonic()
+                fail(folder, process.process, node)
+                delay = wait_for_zero(stream) - began
+                status = client.until(lambda status: status["held"] and stands(status))
+                held = status["held"]
+                named = any(word in held["cause"] for word in ("teleop", "ros2 bridge"))
+                for each in (process.process, node.process):
+                    each.send_signal(signal.SIGCONT)
+    return delay if held["latched"] and named else None
+
+
+def wait_for_zero(stream: PlainClient) -> float:
+    """The monotonic time at which the first command of zero to the wheels came."""
+    while (line := stream.read()) is not None:
+        message = line.get("message", {})
+        if message.get("left") == 0.0 and message.get("right") == 0.0:
+            return time.monotonic()
+    raise AssertionError("the run has ended")
+
+
+def kill_teleop(folder: Path, process: Any, node: RosNode) -> None:
+    """The node is killed."""
+    node.process.kill()
+
+
+def freeze_teleop(folder: Path, process: Any, node: RosNode) -> None:
+    """The node is suspended."""
+    node.process.send_signal(signal.SIGSTOP)
+
+
+def kill_bridge(folder: Path, process: Any, node: RosNode) -> None:
+    """The bridge is killed."""
+    process.kill()
+
+
+def freeze_bridge(folder: Path, process: Any, node: RosNode) -> None:
+    """The bridge is suspended."""
+    process.send_signal(signal.SIGSTOP)
+
+
+def flood(folder: Path, process: Any, node: RosNode) -> None:
+    """The node publishes as fast as it can."""
+    fields = {"linear": {"x": 0.2}}
+    command = {"publish": "/cmd_vel", "type": TWIST, "fields": fields, "rate": 10_000}
+    node.send(json.dumps(command))
+
+
+FAILURES: dict[str, Fail] = {
+    "teleop node killed": kill_teleop,
+    "teleop node frozen": freeze_teleop,
+    "bridge killed": kill_bridge,
+    "bridge frozen": freeze_bridge,
+    "teleop node floods": flood,
+}
+
+
+def main() -> int:
+    """Print the rows of this section alone."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=2, help="of each failure")
+    return 1 if printed(rows(parser.parse_args().repeats)) else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
