@@ -16,7 +16,7 @@ from enum import StrEnum
 from math import inf, isfinite
 from typing import Literal, NamedTuple
 
-SILENCE_MAX_S = 0.35  # while moving; with telemetry period and link the wheels stop within 0.5 s
+SILENCE_MAX_S = 0.3  # while moving; with telemetry period and link the wheels stop within 0.5 s
 RENEWAL_PERIOD_S = 0.1  # the engine waits 0.3 s for the next command
 DRIVE_PERIOD_MIN_S = 0.01  # between two commands; the engine accepts 300 requests a second
 FLOOD_HZ = 1000.0  # beyond any controller: a loop without a pause

@@ -20,8 +20,8 @@ TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": Twi
 UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a node whose name has not been discovered yet
 NEWEST_ONLY = QoSProfile(depth=1)  # an older velocity must never drive
 CHECK_PERIOD_S = 0.25
-# After a change of type, while DDS replaces the reader: the bridge was seen to send nothing for more
-# than 0.3 s then, which the engine takes for a lost operator.
+# After a change of type, while DDS replaces the reader: the bridge was seen to send nothing for
+# more than 0.3 s then, which the engine takes for a lost operator.
 SWITCH_TIME_S = 1.0
 COMPLAINT_PERIOD_S = 5.0
 
