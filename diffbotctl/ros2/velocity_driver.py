@@ -9,7 +9,7 @@ from math import inf
 
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import RunError
-from diffbotctl.ros2.velocity_rules import DriveState, EngineOrder, Source, VelocityRules
+from diffbotctl.ros2.velocity_rules import DriveState, EngineOrder, VelocityRules, VelocitySource
 
 Report = Callable[[str], None]
 
@@ -32,7 +32,7 @@ class VelocityDriver:
         """Start the thread; it ends with the process."""
         threading.Thread(target=self._follow_time, daemon=True).start()
 
-    def velocity_received(self, linear: float, angular: float, source: Source) -> None:
+    def velocity_received(self, linear: float, angular: float, source: VelocitySource) -> None:
         """A velocity was published (m/s, rad/s)."""
         with self.changed:
             now = time.monotonic()

@@ -39,7 +39,7 @@ class Limits(NamedTuple):
         )
 
 
-class Source(NamedTuple):
+class VelocitySource(NamedTuple):
     """Where a velocity came from.
 
     `publishers` are the identifiers of all publishers on the topic, `names` their nodes. `sequence`
@@ -83,14 +83,16 @@ class VelocityRules:
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self.state = DriveState.RESTING
-        self.source = Source(frozenset(), "")  # of the last velocity of the publisher that drives
+        self.source = VelocitySource(
+            frozenset(), ""
+        )  # of the last velocity of the publisher that drives
         self.velocity = (0.0, 0.0)
         self.received = self.sent = -inf
         self.flood_start: tuple[float, int | None] = (-inf, None)
         self.count = 0  # messages since flood_start
 
     def velocity_received(
-        self, now: float, linear: float, angular: float, source: Source
+        self, now: float, linear: float, angular: float, source: VelocitySource
     ) -> list[EngineOrder]:
         """A velocity (m/s, rad/s) was published."""
         if not (isfinite(linear) and isfinite(angular)):
@@ -159,7 +161,7 @@ class VelocityRules:
         if self.state is DriveState.MOVING:
             self.state = DriveState.REFUSED
 
-    def _zero_after_stop(self, source: Source) -> list[EngineOrder]:
+    def _zero_after_stop(self, source: VelocitySource) -> list[EngineOrder]:
         if self._is_other(source) or source.publishers != self.source.publishers:
             return []
         is_own_stop = self.state is DriveState.SILENT
@@ -173,7 +175,7 @@ class VelocityRules:
         self.state = DriveState.HELD
         return [EngineOrder("stop", reason=reason)]
 
-    def _is_other(self, source: Source) -> bool:
+    def _is_other(self, source: VelocitySource) -> bool:
         """Whether another publisher sent it: the numbers of one publisher only rise."""
         known = self.source.publishers
         if known and source.publishers and not known & source.publishers:
@@ -181,7 +183,7 @@ class VelocityRules:
         before, number = self.source.sequence, source.sequence
         return before is not None and number is not None and number <= before
 
-    def _is_flood(self, now: float, source: Source) -> bool:
+    def _is_flood(self, now: float, source: VelocitySource) -> bool:
         """Whether too many were published; those that were dropped on the way count, too."""
         self.count += 1
         start, first = self.flood_start
@@ -192,7 +194,7 @@ class VelocityRules:
         self._restart_rate(now, source)
         return count > FLOOD_HZ * (now - start)
 
-    def _restart_rate(self, now: float, source: Source) -> None:
+    def _restart_rate(self, now: float, source: VelocitySource) -> None:
         self.flood_start, self.count = (now, source.sequence), 0
 
     def _next_drive(self) -> float:

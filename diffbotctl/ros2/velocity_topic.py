@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from diffbotctl.ros2.message_fields import nanoseconds
 from diffbotctl.ros2.stamps import stamp_complaint
 from diffbotctl.ros2.velocity_driver import VelocityDriver
-from diffbotctl.ros2.velocity_rules import Source
+from diffbotctl.ros2.velocity_rules import VelocitySource
 
 TOPIC = "cmd_vel"
 TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
@@ -74,7 +74,9 @@ class VelocityTopic:
         total = message.linear.y + message.linear.z + message.angular.x + message.angular.y
         if total != total:  # a number that is not finite in an axis that is not used
             linear = nan
-        source = Source(self.publishers, self.names, info.get("publication_sequence_number"))
+        source = VelocitySource(
+            self.publishers, self.names, info.get("publication_sequence_number")
+        )
         self.driver.velocity_received(linear, angular, source)
 
     def _stamped_received(self, message: Any, info: Any) -> None:

@@ -13,8 +13,8 @@ from diffbotctl.ros2.velocity_rules import (
     DriveState,
     EngineOrder,
     Limits,
-    Source,
     VelocityRules,
+    VelocitySource,
 )
 
 LIMITS = Limits(0.3, 4.0)
@@ -23,7 +23,7 @@ NOBODY = frozenset()
 
 
 def source(number, publishers=TELEOP):
-    return Source(publishers, "/teleop", number)
+    return VelocitySource(publishers, "/teleop", number)
 
 
 def moving(sequence=5):
