@@ -86,6 +86,7 @@ class VelocityRules:
         self.source = VelocitySource(
             frozenset(), ""
         )  # of the last velocity of the publisher that drives
+        self.has_lost_some = False  # a publisher has ended since the last velocity
         self.velocity = (0.0, 0.0)
         self.received = self.sent = -inf
         self.flood_start: tuple[float, int | None] = (-inf, None)
@@ -119,6 +120,7 @@ class VelocityRules:
                 if is_zero:
                     self.state = DriveState.RESTING
                     return [EngineOrder("release")]
+        self.has_lost_some = False
         self.received = now
         self.velocity = self.limits.scaled(linear, angular)
         return self._drive(now)
@@ -128,7 +130,7 @@ class VelocityRules:
         if self.state is not DriveState.MOVING:
             return []
         if now >= self.received + SILENCE_MAX_S:
-            self.state = DriveState.SILENT
+            self.state = DriveState.HELD if self.has_lost_some else DriveState.SILENT
             text = f"{self.source.names} was silent for {SILENCE_MAX_S:g} s; a zero of it, or"
             return [EngineOrder("operator_lost", reason=f"{text} `resume`, allows motion again")]
         return self._drive(now) if now >= self._next_drive() else []
@@ -141,7 +143,13 @@ class VelocityRules:
 
     def publishers_changed(self, publishers: Iterable[str]) -> list[EngineOrder]:
         """Publishers have come or gone; `publishers` are those that are alive."""
-        if not self.source.publishers - frozenset(publishers):
+        remaining = self.source.publishers & frozenset(publishers)
+        if remaining == self.source.publishers:
+            return []
+        if self.state is DriveState.MOVING and remaining:
+            # Whether the one that drives has ended shows in its next velocity, or in its silence.
+            self.has_lost_some = True
+            self.source = self.source._replace(publishers=remaining)
             return []
         if self.state is DriveState.MOVING:
             self.state = DriveState.HELD

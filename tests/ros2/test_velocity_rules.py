@@ -129,6 +129,24 @@ def test_a_publisher_that_is_gone_after_its_silence_cannot_rearm():
     assert rules.state is DriveState.HELD
 
 
+def test_another_publisher_may_end_while_one_drives():
+    rules = VelocityRules(LIMITS)
+    rules.velocity_received(10.0, 0.2, 0.0, source(5, TELEOP | {"02"}))
+    assert rules.publishers_changed(TELEOP) == []
+    assert methods(rules.velocity_received(10.1, 0.2, 0.0, source(6))) == ["drive"]
+    assert methods(rules.time_passed(11.0)) == ["operator_lost"]
+    assert rules.state is DriveState.SILENT
+
+
+def test_silence_after_one_of_several_publishers_has_ended_needs_resume():
+    rules = VelocityRules(LIMITS)
+    rules.velocity_received(10.0, 0.2, 0.0, source(5, TELEOP | {"02"}))
+    assert rules.publishers_changed(TELEOP) == []
+    assert methods(rules.time_passed(10.0 + SILENCE_MAX_S)) == ["operator_lost"]
+    assert rules.velocity_received(11.0, 0.0, 0.0, source(6)) == []
+    assert rules.state is DriveState.HELD
+
+
 def test_a_second_publisher_that_joins_changes_nothing_until_it_sends():
     rules = moving()
     joined = TELEOP | {"02"}
