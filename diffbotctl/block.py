@@ -156,17 +156,17 @@ def _nothing(self: Block, now: int) -> None:
 Block.react = _nothing
 
 
-def inputs(block: type[Block]) -> dict[str, In | Every]:
+def inputs(block: type) -> dict[str, In | Every]:
     """Input ports and timers of a block class, in declared order."""
     return members(block, In, Every)
 
 
-def outputs(block: type[Block]) -> dict[str, Out]:
-    """Output ports of a block class, in declared order."""
+def outputs(block: type) -> dict[str, Out]:
+    """Output ports of the class of a block or driver, in declared order."""
     return {out.name: out for out in members(block, Out).values()}
 
 
-def robot_fields(block: type[Block]) -> dict[str, str]:
+def robot_fields(block: type) -> dict[str, str]:
     """Attributes read from the robot file: attribute name to dotted path of the field."""
     return {name: value.field for name, value in members(block, RobotField).items()}
 

@@ -25,6 +25,7 @@ LAYERS = [
         "units",
         "params",
         "block",
+        "device",
         "printable",
     ],
     ["geometry", "control", "estimation", "blocks", "links", "graph"],

@@ -1,4 +1,4 @@
-"""`diffbotctl blocks`: the available blocks, their ports and parameters."""
+"""`diffbotctl blocks`: the available blocks and drivers, their ports and parameters."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from diffbotctl.cli.output import print_json
 if TYPE_CHECKING:
     from diffbotctl.block import Block
     from diffbotctl.control_socket.client import ControlClient
+    from diffbotctl.device import DeviceDriver
     from diffbotctl.params import Declaration
 
 MEASURING_TIMEOUT_S = 3.0  # a load is measured over 1 s
@@ -29,7 +30,7 @@ POLL_PERIOD_S = 0.1
 @engine_option
 @click.pass_context
 def command(ctx: click.Context, running: bool, as_json: bool, engine: str | None) -> int:
-    """List the available blocks; `blocks show NAME` describes one."""
+    """List the available blocks and drivers; `blocks show NAME` describes one."""
     if ctx.invoked_subcommand is not None:
         return 0
     if running or engine is not None:
@@ -48,6 +49,15 @@ def _list_available(as_json: bool) -> int:
             sentence = f"cannot be used: {error}"
         if as_json:
             print_json({"block": name, "help": sentence})
+        else:
+            click.echo(fold_text(f"{name:15} {sentence}", hang=16))
+    for name in registry.driver_names():
+        try:
+            sentence = f"(driver) {first_sentence(registry.driver(name))}"
+        except registry.RegistryError as error:
+            sentence = f"(driver) cannot be used: {error}"
+        if as_json:
+            print_json({"driver": name, "help": sentence.removeprefix("(driver) ")})
         else:
             click.echo(fold_text(f"{name:15} {sentence}", hang=16))
     clashes = registry.clashes()
@@ -94,13 +104,15 @@ def _row_text(row: dict[str, Any]) -> str:
 @click.argument("name")
 @json_option
 def show(name: str, as_json: bool) -> int:
-    """Show the ports and parameters of the block NAME."""
+    """Show the ports and parameters of the block or driver NAME."""
     from diffbotctl.config import registry
     from diffbotctl.errors import Problem, UsageError
     from diffbotctl.ui.text import fold_text
 
+    kind: type[Block] | type[DeviceDriver]
     try:
-        kind = registry.block(name)
+        is_driver = name not in registry.names() and name in registry.driver_names()
+        kind = registry.driver(name) if is_driver else registry.block(name)
     except registry.RegistryError as error:
         raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
     if as_json:
@@ -111,12 +123,12 @@ def show(name: str, as_json: bool) -> int:
     return 0
 
 
-def first_sentence(kind: type[Block]) -> str:
-    """The first sentence of a block's docstring."""
+def first_sentence(kind: type[Block] | type[DeviceDriver]) -> str:
+    """The first sentence of the docstring of a block or driver."""
     return " ".join((kind.__doc__ or "").strip().split("\n\n")[0].split())
 
 
-def block_record(name: str, kind: type[Block]) -> dict[str, Any]:
+def block_record(name: str, kind: type[Block] | type[DeviceDriver]) -> dict[str, Any]:
     """The declarations of a block as JSON."""
     from diffbotctl.block import In, actions, inputs, outputs, robot_fields
     from diffbotctl.message_types import type_name
@@ -144,7 +156,7 @@ def block_record(name: str, kind: type[Block]) -> dict[str, Any]:
     }
 
 
-def block_lines(name: str, kind: type[Block]) -> Iterator[str]:
+def block_lines(name: str, kind: type[Block] | type[DeviceDriver]) -> Iterator[str]:
     """The declarations of a block as lines."""
     from inspect import cleandoc
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from diffbotctl.block import Block
 from diffbotctl.config.robot import Robot
+from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import Place, Problem
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
@@ -140,6 +141,22 @@ class ProgramEntry(Section):
     )
 
 
+class SourceEntry(Section):
+    """A device of this computer that a driver reads: a joystick, a USB lidar."""
+
+    driver = Param(str, help="Kind of driver; `diffbotctl blocks` lists them.")
+    values: Any = Param(dict, key="with", default={}, help="Values of the driver's parameters.")
+    timeout = Param(
+        float,
+        unit="s",
+        default=0.5,
+        minimum=0.02,
+        maximum=60.0,
+        help="Age at which its newest message is no longer valid; at most 1 s where it feeds "
+        "motion.",
+    )
+
+
 class Pipeline(Section):
     """One pipeline: robot, blocks, goals and world of a run."""
 
@@ -161,6 +178,9 @@ class Pipeline(Section):
         dict[str, InputEntry], default={}, help="What clients of the control socket may publish."
     )
     programs = Param(dict[str, ProgramEntry], default={}, help="Programs in any language, by name.")
+    sources = Param(
+        dict[str, SourceEntry], default={}, help="Devices of this computer, by name of the node."
+    )
     world = Param(WorldEntry, default=WorldEntry(), help="Simulated walls and obstacles.")
 
 
@@ -212,6 +232,21 @@ class ProgramUse:
 
 
 @dataclass(frozen=True)
+class SourceUse:
+    """A device of a pipeline: `cls(**values)` creates its driver.
+
+    `outputs` maps the wires on which it publishes to their message classes. `timeout` is in s.
+    """
+
+    name: str
+    cls: type[DeviceDriver]
+    values: dict[str, Any]
+    outputs: dict[str, type]
+    timeout: float
+    place: Place
+
+
+@dataclass(frozen=True)
 class RobotFile:
     """A checked robot. `nominal` is the robot before calibration.
 
@@ -243,3 +278,4 @@ class Configuration:
     settings: tuple[str, ...] = field(default=())
     inputs: tuple[InputUse, ...] = ()
     programs: tuple[ProgramUse, ...] = ()
+    sources: tuple[SourceUse, ...] = ()

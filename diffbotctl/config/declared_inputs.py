@@ -1,4 +1,4 @@
-"""Inputs and programs of a pipeline: message types, and whether motion depends on them."""
+"""Inputs, programs and sources of a pipeline: message types, and whether motion depends on them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from typing import Any
 from diffbotctl.block import outputs
 from diffbotctl.config import lookup, registry
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.configuration import InputUse, ProgramEntry, ProgramUse
+from diffbotctl.config.configuration import InputUse, ProgramEntry, ProgramUse, SourceUse
 from diffbotctl.config.node_ports import RESERVED, is_name
+from diffbotctl.config.section_reader import read_parameters
 from diffbotctl.config.yaml_tree import Value
+from diffbotctl.device import DeviceDriver
 from diffbotctl.message_parser import MessageError, message_parser
+from diffbotctl.message_types import type_name, type_problem
 from diffbotctl.messages import Call, GoalState, LogLine, Path, Resume, Setting, Stop
 
 INPUT = "input"  # the node of the inputs
@@ -71,13 +74,55 @@ def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
         )
 
 
-def _is_free_name(context: CheckContext, name: str, value: Value) -> bool:
-    """Whether a program may be called so; notes why not."""
-    blocks = context.pipeline_value("blocks")
+def read_sources(context: CheckContext) -> None:
+    """Find the drivers of `sources`, and read the values of their parameters."""
+    pipeline, tree = context.pipeline, context.pipeline_value("sources")
+    if pipeline is None or tree is None:
+        return
+    for name, value in tree.entries.items():
+        entry, kind = pipeline.sources.get(name), value.at("driver")
+        if not _is_free_name(context, name, value, "source") or entry is None or kind is None:
+            continue
+        if entry.driver is None or entry.timeout is None:
+            continue  # reported where it was read
+        try:
+            cls = registry.driver(entry.driver)
+        except registry.RegistryError as error:
+            context.error(error.code, kind.place, str(error), error.fix)
+            continue
+        _add_source(context, name, cls, entry.timeout, value)
+
+
+def _add_source(
+    context: CheckContext, name: str, cls: type[DeviceDriver], timeout: float, value: Value
+) -> None:
+    parameters = value.at("with") or Value({}, value.value_place, value.key_place)
+    values: dict[str, Any] = {}
+    if isinstance(parameters.data, dict):
+        values = read_parameters(parameters, cls, f"{name}.with", context.problems)
+    wires: dict[str, type] = {}
+    for port, out in outputs(cls).items():
+        problem = type_problem(out.kind)
+        if problem is not None:
+            cause = f"{type_name(out.kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
+            context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
+            continue
+        wire = f"{name}.{port}"
+        wires[wire] = out.kind
+        context.inputs[wire] = InputUse(wire, out.kind, timeout, None, False)
+    context.sources[name] = SourceUse(name, cls, values, wires, timeout, value.place)
+
+
+def _is_free_name(context: CheckContext, name: str, value: Value, what: str = "program") -> bool:
+    """Whether a program or source may be called so; notes why not."""
+    taken = [*RESERVED, *context.programs]
+    for section in ("blocks",) if what == "program" else ("blocks", "programs"):
+        nodes = context.pipeline_value(section)
+        taken += nodes.entries if nodes is not None else ()
     if not is_name(name):
-        cause, fix = f"'{name}' is not a valid program name", "use lower-case letters, digits and _"
-    elif name in RESERVED or (blocks is not None and name in blocks.entries):
-        cause, fix = f"another node is called '{name}'", "rename the program"
+        cause, fix = f"'{name}' is not a valid {what} name", "use lower-case letters, digits and _"
+    elif name in taken:
+        cause, fix = f"another node is called '{name}'", f"rename the {what}"
     else:
         return True
     context.error("E-NAME", value.name_place, cause, fix)
@@ -90,16 +135,16 @@ def _read_outputs(
     """The wires on which a program publishes, with their classes; they are inputs of the graph."""
     outputs: dict[str, type] = {}
     neutral = value.at("neutral")
-    for port, type_name in entry.types.items():
+    for port, written in entry.types.items():
         type_value = value.at("out", port)
-        if type_value is None or type_name is None:
+        if type_value is None or written is None:
             continue
         if not is_name(port):
             cause = f"'{port}' is not a valid output name"
             fix = "use lower-case letters, digits and _"
             context.error("E-NAME", type_value.name_place, cause, fix)
             continue
-        kind = message_kind(context, type_name, type_value)
+        kind = message_kind(context, written, type_value)
         if kind is not None:
             wire = f"{name}.{port}"
             outputs[wire] = kind
@@ -145,7 +190,8 @@ def mark_motion(context: CheckContext) -> None:
             continue
         context.inputs[wire] = replace(use, feeds_motion=True)
         node, _, name = wire.partition(".")
-        steps = ("inputs", name) if node == INPUT else ("programs", node)
+        section = "sources" if node in context.sources else "programs"
+        steps = ("inputs", name) if node == INPUT else (section, node)
         value = context.pipeline_value(*steps)
         if use.timeout > MOTION_TIMEOUT_MAX and value is not None:
             place = (value.at("timeout") or value).place

@@ -18,7 +18,7 @@ from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
-from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs
+from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
 from diffbotctl.config.robot import Robot, field_value, fill_glitch
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.yaml_tree import Value
@@ -136,6 +136,7 @@ class _Loader:
             settings=self.sets,
             inputs=tuple(context.inputs.values()),
             programs=tuple(context.programs.values()),
+            sources=tuple(context.sources.values()),
         )
 
     def load_robot(self, name: str | None) -> RobotFile:
@@ -184,6 +185,7 @@ class _Loader:
         self.context.pipeline_tree, self.context.pipeline = tree, pipeline
         read_inputs(self.context)
         read_programs(self.context, self.files)
+        read_sources(self.context)
         for name, entry in (pipeline.blocks or {}).items():
             if entry is not None and entry.block is not None:
                 self._read_block(name, entry.block, tree.entries["blocks"].entries[name])

@@ -1,4 +1,4 @@
-"""Registry of blocks: finds the class of a block by its name.
+"""Registry of blocks and drivers: finds the class of one by its name.
 
 A built-in name always means the built-in class; it is found without searching the installed
 packages, which takes 30 ms. `clashes` reports packages that register a built-in name too. When two
@@ -11,12 +11,14 @@ from importlib import import_module
 from typing import Any, cast
 
 from diffbotctl.block import Block
+from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import closest_match
 from diffbotctl.message_types import type_name, type_problem
 from diffbotctl.messages import BUILT_IN
 
 ENTRY_POINT_GROUP = "diffbotctl.blocks"
 MESSAGES_GROUP = "diffbotctl.messages"
+DRIVERS_GROUP = "diffbotctl.drivers"
 BLOCKS = {
     "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
@@ -33,6 +35,10 @@ BLOCKS = {
     "talker": "diffbotctl.blocks.talker:Talker",
     "wander": "diffbotctl.blocks.wander:Wander",
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
+}
+DRIVERS = {
+    "joystick": "diffbotctl.drivers.joystick:Joystick",
+    "lidar": "diffbotctl.drivers.lidar:Lidar",
 }
 
 IMPORT_FIX = "correct or remove the package that provides it"
@@ -55,6 +61,21 @@ def block(name: str) -> type[Block]:
         return candidate
     cause = f"'{name}' ({path}) is not a block: it is not derived from diffbotctl.block.Block"
     raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
+
+
+def driver(name: str) -> type[DeviceDriver]:
+    """The driver class called `name`. Raises RegistryError."""
+    path = DRIVERS.get(name) or _path_in_packages(name, DRIVERS_GROUP)
+    candidate = _attribute(name, path)
+    if isinstance(candidate, type) and issubclass(candidate, DeviceDriver):
+        return candidate
+    cause = f"'{name}' ({path}) is not derived from diffbotctl.device.DeviceDriver"
+    raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
+
+
+def driver_names() -> list[str]:
+    """Every known driver, built in or from other packages."""
+    return sorted({*DRIVERS, *(point.name for point in _entry_points(DRIVERS_GROUP))})
 
 
 def names() -> list[str]:
@@ -104,13 +125,17 @@ def _attribute(name: str, path: str) -> Any:
         raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
 
 
-def _path_in_packages(name: str) -> str:
-    """`module:Class` of the one other package that has a block called `name`."""
-    points = [point for point in _entry_points() if point.name == name]
+def _path_in_packages(name: str, group: str = ENTRY_POINT_GROUP) -> str:
+    """`module:Class` of the one other package that has a block or driver called `name`."""
+    points = [point for point in _entry_points(group) if point.name == name]
     if len(points) > 1:
         raise _clash(name, [_owner(point) for point in points])
     if points:
         return str(points[0].value)
+    if group == DRIVERS_GROUP:
+        near = closest_match(name, driver_names())
+        fix = f"did you mean {near}?" if near else f"there are {', '.join(driver_names())}"
+        raise RegistryError("E-SOURCE", f"there is no driver '{name}'", fix)
     near = closest_match(name, names())
     listed = ", ".join(names())
     fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {listed}"

@@ -90,15 +90,19 @@ def read_pipeline(
     tree, paths = _read_with_includes(path, "pipelines")
     blocks = tree.entries.get("blocks")
     names = list(blocks.entries) if blocks else []
+    devices = tree.entries.get("sources")
+    sources = list(devices.entries) if devices else []
     for override in overrides:
         first, *rest = override.steps
         if first in ("vars", "goals", "world"):
             tree = tree.with_entry(override.steps, override.value)
         elif first in names:
             tree = tree.with_entry(("blocks", first, "with", *rest), override.value)
+        elif first in sources:
+            tree = tree.with_entry(("sources", first, "with", *rest), override.value)
         elif first != "robot":
-            near = closest_match(first, [*names, "robot", "vars"])
-            has = ", ".join([*names, "robot", "vars"])
+            near = closest_match(first, [*names, *sources, "robot", "vars"])
+            has = ", ".join([*names, *sources, "robot", "vars"])
             fix = f"did you mean {near}?" if near else f"use one of {has}"
             cause = f"the pipeline has no block '{first}'"
             problems.append(Problem("E-SET", override.place, cause, fix))

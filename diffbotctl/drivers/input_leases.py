@@ -56,6 +56,12 @@ class InputLeases:
         lease.cause = f"{who} has published nothing on {wire} for {lease.use.timeout:g} s"
         return None
 
+    def release(self, wire: str, publisher: Hashable) -> None:
+        """Note that `publisher` will publish nothing more on `wire` for now: that stops nothing."""
+        lease = self.leases[wire]
+        if lease.publisher == publisher:
+            lease.publisher, lease.deadline = None, NEVER
+
     def end(self, now: int, publisher: Hashable, cause: str, wires: Container[str] = ()) -> None:
         """End the leases of a publisher that has gone, at the next instant.
 

@@ -40,10 +40,11 @@ def check_output(block: Block, output: Any) -> None:
         messages = output
     for (port, out), message in zip(ports.items(), messages, strict=True):
         if message is not None:
-            _check_message(port, out.kind, message)
+            check_message(port, out.kind, message)
 
 
-def _check_message(port: str, kind: type, message: Any) -> None:
+def check_message(port: str, kind: type, message: Any) -> None:
+    """Check a message for the output `port`. Raises OutputError."""
     if not isinstance(message, kind):
         raise OutputError(f"output {port}: {_describe(message)} instead of a {type_name(kind)}")
     for name, (hint, field) in _fields(kind).items():

@@ -24,7 +24,8 @@ def page() -> str:
     parts += ["## Robot files", *section(Robot, "")]
     parts += ["## Motor drivers", motor_drivers()]
     parts += ["## Pipeline files", *section(Pipeline, "")]
-    parts += ["## Blocks", *blocks(), "## Messages", *kinds(), "## Codes", *codes()]
+    parts += ["## Blocks", *blocks(), "## Drivers", *drivers()]
+    parts += ["## Messages", *kinds(), "## Codes", *codes()]
     return "\n\n".join(parts) + "\n"
 
 
@@ -131,6 +132,20 @@ def blocks() -> Iterator[str]:
         for action in actions(kind):
             lines.append(f"- action `{action}`")
         yield "\n".join([*lines[:2], "", *lines[2:]])
+        yield table(declared(kind).values())
+
+
+def drivers() -> Iterator[str]:
+    """Each built-in driver: description, outputs and parameters."""
+    for name in sorted(registry.DRIVERS):
+        kind: Any = registry.driver(name)
+        words = (kind.__doc__ or "").split("\n    sources:")[0].split("\n")
+        yield f"### `{name}`\n" + "\n".join(line.strip() for line in words).strip()
+        rows = [
+            f"- out `{port}`: {out.kind.__name__}. {out.help}".rstrip(". ") + "."
+            for port, out in outputs(kind).items()
+        ]
+        yield "\n".join(rows)
         yield table(declared(kind).values())
 
 

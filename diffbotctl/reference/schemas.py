@@ -39,6 +39,13 @@ def pipeline() -> Schema:
         "anyOf": [{"enum": kinds}, {"type": "string", "pattern": NODE_NAME}],
     }
     entry["allOf"] = [_when(kind) for kind in kinds]
+    entry = whole["$defs"]["SourceEntry"]
+    kinds = sorted(registry.DRIVERS)
+    entry["properties"]["driver"] = {
+        "description": entry["properties"]["driver"]["description"],
+        "anyOf": [{"enum": kinds}, {"type": "string", "pattern": NODE_NAME}],
+    }
+    entry["allOf"] = [_when_driver(kind) for kind in kinds]
     return _as_written(whole)
 
 
@@ -68,6 +75,14 @@ def _when(kind: str) -> Schema:
     return {
         "if": {"properties": {"block": {"const": kind}}, "required": ["block"]},
         "then": {"properties": {"in": wires, "with": of_parameters(block)}},
+    }
+
+
+def _when_driver(kind: str) -> Schema:
+    """What `with` may hold when the driver is a `kind`."""
+    return {
+        "if": {"properties": {"driver": {"const": kind}}, "required": ["driver"]},
+        "then": {"properties": {"with": of_parameters(registry.driver(kind))}},
     }
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
+from diffbotctl.drivers.device_sources import open_sources
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_duty_board
@@ -43,6 +44,14 @@ def _check_programs(configuration: Configuration, options: RunOptions) -> None:
     if options.fast:
         cause = f"{names} cannot keep up with a run that is faster than real time"
         raise RunError(Problem("E-PROGRAM", "programs", cause, "run it without --fast"))
+
+
+def _check_sources(configuration: Configuration, options: RunOptions) -> None:
+    """Raise RunError for devices in a run that follows no clock."""
+    if configuration.sources and options.fast:
+        names = join_words([use.name for use in configuration.sources], "and")
+        cause = f"the devices of {names} work in real time; this run is faster"
+        raise RunError(Problem("E-SOURCE", "sources", cause, "run it without --fast"))
 
 
 class PortRobot(NamedTuple):
@@ -101,9 +110,11 @@ class Run:
         for source, level in options.levels:
             self.operator.set_level(0, source, level)
         _check_programs(configuration, options)
+        _check_sources(configuration, options)
         self.outputs = self._start_outputs(show, screen_closed)
         self.inputs = InputLeases(configuration.inputs, self.operator)
         self.programs = self._start_programs()
+        self.devices = open_sources(configuration.sources, self.inputs, self.operator)
         self.robot, self.plant = self._open_robot()
         named_drivers = {} if self.robot is None else {"robot": self.robot}
         self.changes = LiveChanges(self.assembly.graph, named_drivers)
@@ -136,6 +147,7 @@ class Run:
             self.operator,
             self.client,
             self.programs,
+            self.devices,
             inputs,
         ]
         return Engine(

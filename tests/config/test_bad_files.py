@@ -23,6 +23,7 @@ NOT_FROM_FILES = {
     "E-BUSY",
     "E-CODE",
     "E-DEFECT",
+    "E-DEVICE",
     "E-DISK-FULL",
     "E-EMULATOR",
     "E-FIELD",

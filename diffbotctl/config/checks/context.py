@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diffbotctl.block import Block
-from diffbotctl.config.configuration import InputUse, Pipeline, ProgramUse
+from diffbotctl.config.configuration import InputUse, Pipeline, ProgramUse, SourceUse
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
@@ -33,6 +33,7 @@ class CheckContext:
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     inputs: dict[str, InputUse] = field(default_factory=dict)
     programs: dict[str, ProgramUse] = field(default_factory=dict)
+    sources: dict[str, SourceUse] = field(default_factory=dict)
 
     def pipeline_value(self, *steps: str | int) -> Value | None:
         """The value at a path of the pipeline file."""

@@ -216,8 +216,8 @@ class _Wiring:
             self._report_mismatch(name, port, source, outputs[output], kind)
 
     def _report_unknown_node(self, source: Value, node: str, output: str) -> None:
-        if self.context.pipeline_value("blocks", node) is not None:
-            return  # the block's kind is unknown, which is reported there
+        if any(self.context.pipeline_value(part, node) for part in ("blocks", "sources")):
+            return  # the kind of the block or source is unknown, which is reported there
         if node == "robot":
             cause, fix = "this pipeline has no robot", "add `robot: {in: {wheels: ...}}` to it"
         else:
