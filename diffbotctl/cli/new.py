@@ -1,4 +1,4 @@
-"""`diffbotctl new`: write a new robot file, pipeline, or package with a block."""
+"""`diffbotctl new`: write a new robot file, pipeline, or package with a block or driver."""
 
 from __future__ import annotations
 
@@ -32,6 +32,16 @@ MESSAGE_FILES = {
     "README.md": "message_readme.md",
 }
 
+DRIVER_FILES = {
+    "{package}/__init__.py": "block_init.py",
+    "{package}/{name}.py": "driver.py",
+    "tests/test_{name}.py": "driver_test.py",
+    "{name}.yaml": "driver_pipeline.yaml",
+    "setup.cfg": "driver_setup.cfg",
+    "pyproject.toml": "block_pyproject.toml",
+    "README.md": "driver_readme.md",
+}
+
 PROGRAM_FILES = {
     "python": {"{name}.py": "program_python.py", "diffbot_program.py": "diffbot_program.py"},
     "c": {"{name}.c": "program_c.c", "diffbot_program.h": "diffbot_program.h"},
@@ -46,7 +56,7 @@ PROGRAM_LINES = {  # language: how it runs, and what to do before
 
 @click.group()
 def command() -> None:
-    """Write a new robot, pipeline, block, message or program to start from."""
+    """Write a new robot, pipeline, block, driver, message or program to start from."""
 
 
 @command.command()
@@ -123,6 +133,13 @@ def message(name: str) -> None:
 
 @command.command()
 @click.argument("name")
+def driver(name: str) -> None:
+    """Write the folder NAME: a driver that reads a device, its tests, and their package."""
+    _write_package(name, "driver", DRIVER_FILES)
+
+
+@command.command()
+@click.argument("name")
 @click.option(
     "--language",
     type=click.Choice(list(PROGRAM_FILES)),
@@ -152,8 +169,10 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
     from diffbotctl.config import registry
 
     _check_word(name, what)
-    if iskeyword(name) or name in registry.names():
-        cause = "a keyword of Python" if iskeyword(name) else "the name of an existing block"
+    taken = registry.driver_names() if what == "driver" else registry.names()
+    if iskeyword(name) or name in taken:
+        kind = "driver" if what == "driver" else "block"
+        cause = "a keyword of Python" if iskeyword(name) else f"the name of an existing {kind}"
         raise _refused("E-NAME", name, f"'{name}' is {cause}", "choose another name")
     package = f"diffbot_{name}"
     fields = {

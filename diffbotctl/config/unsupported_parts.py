@@ -47,8 +47,8 @@ ULTRASONIC = UnsupportedPart(
     "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm, or leave the sensor out",
 )
 LASER = UnsupportedPart(
-    "a laser scanner is supported only in the simulator, as lds01",
-    "remove it, or simulate it: type: lds01 and board: {type: simulated}",
+    "the robot file has only the place of a laser scanner, as lds01, and simulates that one",
+    "write type: lds01 and pin: none; a pipeline reads it at a USB port: `sources`, driver: lidar",
 )
 # By the last part of the field's path and the name in small letters without punctuation.
 PARTS: dict[str, dict[str, UnsupportedPart]] = {

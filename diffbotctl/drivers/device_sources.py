@@ -7,6 +7,7 @@ device is opened again after a growing time.
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Sequence
@@ -243,6 +244,8 @@ def _defect(error: Exception) -> DeviceError:
 
 
 def _os_cause(error: OSError) -> str:
+    if error.errno in (errno.EIO, errno.ENODEV, errno.ENXIO):
+        return "it has disconnected"
     return os.strerror(error.errno) if error.errno else str(error)
 
 

@@ -6,6 +6,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import tty
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,7 @@ def test_the_editor_s_line_leads_to_a_schema():
         (["block", "2nd"], "E-NAME"),
         (["block", "lambda"], "E-NAME"),  # no module can be called so
         (["block", "odometry"], "E-NAME"),  # a clash in the registry
+        (["driver", "lidar"], "E-NAME"),
     ],
 )
 def test_names_that_cannot_be(words, code):
@@ -80,7 +82,7 @@ def test_names_that_cannot_be(words, code):
     assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
 
 
-@pytest.mark.parametrize("kind", ["robot", "pipeline", "block", "message", "program"])
+@pytest.mark.parametrize("kind", ["robot", "pipeline", "block", "driver", "message", "program"])
 def test_nothing_is_written_over(kind):
     run(new.command, kind, "mine")
     before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
@@ -150,6 +152,41 @@ def test_a_new_message_s_own_test_passes(tmp_path):
     folder = tmp_path / "gas"
     code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert (code, "4 passed" in said) == (0, True), said
+
+
+def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
+    run(new.command, "driver", "sonar")
+    folder, target = tmp_path / "sonar", tmp_path / "installed"
+    pip_install(folder, target)
+    program = ["-c", "from diffbotctl.cli.main import main; main()"]
+    code, said = python(*program, "blocks", path=[target, ROOT])
+    assert "sonar           (driver) Read a distance sensor" in said, said
+    line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
+    code, said = python(*program, *line, path=[target, ROOT])
+    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:6:3" in said
+    assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.write(master, b"412\n" * 5)
+    words = [*line, "--set", f"sonar.device={os.ttyname(slave)}"]
+    code, said = python(*program, *words, path=[target, ROOT])
+    os.close(master)
+    os.close(slave)
+    distances = [
+        item.message.distance
+        for item in RecordingReader(Path("sonar.mcap")).messages()
+        if item.wire == "sonar.range"
+    ]
+    assert distances == [0.412] * 5, said
+    code, said = python(*program, "replay", "sonar.mcap", "--check", path=[target, ROOT])
+    assert (code, "same" in said) == (0, True), said
+
+
+def test_a_new_driver_s_own_tests_pass(tmp_path):
+    run(new.command, "driver", "sonar")
+    folder = tmp_path / "sonar"
+    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert (code, "6 passed" in said) == (0, True), said
 
 
 @pytest.mark.parametrize("language", ["python", "c", "node"])
