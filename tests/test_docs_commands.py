@@ -72,7 +72,8 @@ def on_a_terminal(line):
 
 def on_an_engine(line):
     words = words_of(line)
-    return words[0] in ON_AN_ENGINE or {"--live", "--running"} & set(words)
+    is_bag = words[:2] in (["bag", "record"], ["bag", "save"])
+    return is_bag or words[0] in ON_AN_ENGINE or {"--live", "--running"} & set(words)
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""`diffbotctl bag`: inspect recordings."""
+"""`diffbotctl bag`: make and inspect recordings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.bag_live import record, save
 from diffbotctl.cli.options import Quantity, json_option, output_option
 from diffbotctl.cli.output import (
     CSV_MARK,
@@ -30,7 +31,11 @@ recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 @click.group()
 def command() -> None:
-    """Inspect recordings: content, plots, tables, differences, recovery."""
+    """Record a running engine; inspect recordings: content, plots, tables, differences."""
+
+
+command.add_command(record)
+command.add_command(save)
 
 
 @command.command()

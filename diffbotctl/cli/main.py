@@ -57,7 +57,7 @@ COMMANDS = {
     "ros2": Entry("ros2", "Connect a running engine to ROS 2 as a node."),
     "calibrate": Entry("calibrate", "Measure wheels, track, motors and sensors of the robot."),
     "replay": Entry("replay", "Replay a recording, unchanged or with other parameters."),
-    "bag": Entry("bag", "Inspect recordings: info, plot, export, diff, recover."),
+    "bag": Entry("bag", "Record; inspect recordings: info, plot, export, diff."),
     "new": Entry("new", "Write a new robot, pipeline or block to start from."),
     "check": Entry("check", "Check robot and pipeline files; print every problem."),
     "explain": Entry("check", "Explain an error code."),
@@ -112,7 +112,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
         "Record",
         (
             ("replay", "Replay a recording, unchanged or changed"),
-            ("bag", "Recordings: info, plot, export, diff, recover"),
+            ("bag", "Recordings: record, save, info, plot, export, diff"),
         ),
     ),
     (

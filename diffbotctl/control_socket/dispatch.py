@@ -18,6 +18,7 @@ from diffbotctl.control_socket.requests import (
 )
 from diffbotctl.control_socket.run_state import RequestContext, RunInfo, RunState
 from diffbotctl.errors import closest_match, join_words
+from diffbotctl.recording.black_box_store import BlackBoxStore
 
 R = TypeVar("R")
 AccessLog = Callable[[Fields], None]
@@ -59,6 +60,7 @@ METHODS: dict[str, Method[Any]] = {
     "list_blocks": Method(requests.ListBlocksRequest, introspection.handle_list_blocks),
     "list_wires": Method(requests.ListWiresRequest, introspection.handle_list_wires),
     "read_log": Method(requests.ReadLogRequest, introspection.handle_read_log),
+    "save_black_box": Method(requests.SaveBlackBoxRequest, introspection.handle_save_black_box),
     "set_log_level": Method(requests.SetLogLevelRequest, commands.handle_set_log_level),
 }
 
@@ -69,8 +71,15 @@ STOP_METHODS = ("stop", "status")  # of a client that came when all seats were t
 class Dispatcher:
     """Handles the lines of clients: greets, replies, and sends commands to the engine."""
 
-    def __init__(self, info: RunInfo, state: RunState, engine: EngineLink, log: AccessLog) -> None:
-        self.info, self.state, self.engine = info, state, engine
+    def __init__(
+        self,
+        info: RunInfo,
+        state: RunState,
+        engine: EngineLink,
+        log: AccessLog,
+        store: BlackBoxStore | None = None,
+    ) -> None:
+        self.info, self.state, self.engine, self.store = info, state, engine, store
         self.log = log
 
     def line(self, client: Client, data: bytes) -> None:
@@ -99,7 +108,7 @@ class Dispatcher:
         if client.is_for_stop and name not in STOP_METHODS:
             cause = f"too many clients are connected; accepted are {join_words(STOP_METHODS)}"
             raise RefusalError("E-BUSY", cause, "disconnect other clients")
-        context = RequestContext(self.info, self.state, self.engine, client)
+        context = RequestContext(self.info, self.state, self.engine, client, self.store)
         reply = method.handle(context, parse_request(method.request, fields))
         if isinstance(reply, dict):
             client.answer({"id": request_id, "ok": True, **reply})

@@ -193,6 +193,14 @@ class SetLogLevelRequest(NamedTuple):
     level: Annotated[LogLevel, RequestField("lowest level")]
 
 
+class SaveBlackBoxRequest(NamedTuple):
+    """Begin to save the last three minutes; the reply has `file`, `number` and `is_written`."""
+
+    number: Annotated[
+        float, RequestField("ask whether this file has been written; 0: save", "", 0, 1e6)
+    ] = 0.0
+
+
 # Methods and fields of protocol 1, accepted for one release from clients that announce it.
 VERSION_1_METHODS = {
     "lost": "operator_lost",

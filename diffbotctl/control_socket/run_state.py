@@ -16,6 +16,7 @@ from diffbotctl.engine.profiler import BlockLoad
 from diffbotctl.errors import closest_match
 from diffbotctl.graph import LOG, Graph
 from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
+from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.time import SECOND
 
 RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
@@ -169,12 +170,16 @@ ROS_TOPICS: dict[str, str | type] = {
 
 
 class RequestContext(NamedTuple):
-    """Context of a request handler: run metadata and state, the link to the engine, the client."""
+    """Context of a request handler: run metadata and state, the link to the engine, the client.
+
+    `store` is that of the black box; None for a run without one.
+    """
 
     info: RunInfo
     state: RunState
     engine: EngineLink
     client: Client
+    store: BlackBoxStore | None = None
 
     def wire(self, name: str) -> str:
         """The wire called `name`, also by its ROS name, or by its block if that has one output.

@@ -50,7 +50,7 @@ class Server:
         self.shared = shared
         self.log = log
         self.state = RunState(info.graph)
-        self.dispatcher = Dispatcher(info, self.state, self.engine, log)
+        self.dispatcher = Dispatcher(info, self.state, self.engine, log, store)
         self.clients: dict[int, Client] = {}
         self.waiting: dict[Client, None] = {}  # with lines to handle; whose turn it is comes first
         self.connected = 0

@@ -31,6 +31,7 @@ SIZE_MAX_BYTES = 24 << 20  # three minutes of a 50 Hz board take half a megabyte
 PACKET_BYTES = 32 << 10  # that are compressed at once: every few seconds, in a millisecond
 AFTER_STOP = SECOND  # ns that are recorded after a stop: how the robot came to rest
 FILE_PERIOD_MIN = 10 * SECOND  # between two files, however often the robot is stopped
+SAVE_PERIOD_MIN = SECOND
 WRITER_NICENESS = 10  # writing a file takes a tenth of a second on a small machine
 READ_BYTES = 1 << 16  # at once, between two polls of the clients
 
@@ -74,9 +75,13 @@ def delete_oldest(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def _path(run: RunMetadata, number: int) -> Path:
+    return run.folder / f"{run.name}-{number}.mcap"
+
+
 def _save(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> Path:
     run.folder.mkdir(parents=True, exist_ok=True)
-    path = run.folder / f"{run.name}-{number}.mcap"
+    path = _path(run, number)
     draft = path.with_suffix(".part")
     try:
         with draft.open("wb") as file:
@@ -189,6 +194,7 @@ class BlackBoxStore:
         self.ring = InputRing()
         self.stop: StopEvent | None = None
         self.next_file = 0  # ns; no file before
+        self.next_save = 0
         self.files = 0
         self.writer = 0  # pid of the newest writing process
         self.end: dict[str, str] | None = None
@@ -223,6 +229,24 @@ class BlackBoxStore:
         """Keep nothing from here on; the engine notices the end of the channel."""
         self.ring = InputRing()
         self.channel.shutdown(socket.SHUT_RDWR)
+
+    def save(self, cause: str) -> int | None:
+        """Begin to write a file without a stop. Returns its number; None: nothing has come yet.
+
+        Within SAVE_PERIOD_MIN it is the last one: many requests must not start many processes.
+        """
+        if not self.ring.last:
+            return None
+        if not self.files or self.ring.last >= self.next_save:
+            self.next_save = self.ring.last + SAVE_PERIOD_MIN
+            before = self.stop, self.next_file
+            self._write(cause)
+            self.stop, self.next_file = before
+        return self.files
+
+    def path(self, number: int) -> Path:
+        """The path of file `number`, which appears when it is complete."""
+        return _path(self.run, number)
 
     def take(self, data: bytes) -> None:
         """Take one pickled item from the engine."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import Any
 
+LIVE = "live"  # key that marks the recording of a running engine, which cannot be replayed
 TEXT_MAX_LENGTH = 1000  # characters of a name
 INTEGER_MAX = 1 << 63
 NESTING_ERRORS = (ValueError, RecursionError)  # of json.loads

@@ -18,7 +18,7 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Goal, Message
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.recording.reader import RecordedMessage, RecordingReader
-from diffbotctl.recording.run_metadata import check_replayable
+from diffbotctl.recording.run_metadata import LIVE, check_replayable
 from diffbotctl.time import NEVER
 
 CLIENT_WIRES = {  # with messages that only a client of the control socket causes
@@ -95,6 +95,10 @@ def read_run(path: Path) -> RecordedRun:
             operator_messages.append((item.wire, item.message))
         elif item.from_driver and not item.wire.startswith("robot."):
             has_published_messages = True
+    if LIVE in reader.about:
+        cause = "`bag record` made it of a running engine: it does not hold how the run began"
+        fix = "replay one of `diffbotctl bag save`, or of `run --record`"
+        raise RunError(Problem("E-RECORDING", str(path), cause, fix))
     try:
         check_replayable(reader.about)
     except ValueError as error:

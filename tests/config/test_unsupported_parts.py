@@ -27,7 +27,11 @@ def problems(folder, line):
         ("drive: {right: {encoder: none}}", "one wheel has an encoder", "the other one"),
         ("sensors: {front: {type: GP2Y0A21YK0F}}", "10 to 80 cm", "sharp_gp2y0a41sk0f"),
         ("sensors: {front: {type: hc_sr04}}", "length of a pulse", "sharp_gp2y0a41sk0f"),
-        ("sensors: {front: {type: rplidar a1}}", "only the place of a laser scanner", "driver: lidar"),
+        (
+            "sensors: {front: {type: rplidar a1}}",
+            "only the place of a laser scanner",
+            "driver: lidar",
+        ),
         ("sensors: {front: {type: sharp_gp2y0a41}}", "allowed values", "did you mean sharp"),
         ("board: {type: mega}", "allowed values", "did you mean mega2560?"),
     ],

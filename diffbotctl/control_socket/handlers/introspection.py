@@ -6,7 +6,7 @@ from math import isfinite
 
 from diffbotctl.block import outputs
 from diffbotctl.control_socket import requests
-from diffbotctl.control_socket.protocol import Fields
+from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.control_socket.requests import ALL
 from diffbotctl.control_socket.run_state import RequestContext
 from diffbotctl.control_socket.stop_explanation import explain_stop
@@ -164,3 +164,18 @@ def _stop_in_force(context: RequestContext) -> Fields | None:
 
 def _plain_or_none(message: Message | None) -> Fields | None:
     return None if message is None else plain(message)
+
+
+def handle_save_black_box(context: RequestContext, request: requests.SaveBlackBoxRequest) -> Fields:
+    """Begin to write a file, or tell whether one was written. Another process writes it."""
+    store = context.store
+    if store is None:
+        cause = "this run keeps no black box: it is recorded from its start, or has no robot"
+        raise RefusalError("E-REQUEST", cause, "use its recording, or `diffbotctl bag record`")
+    number = int(request.number) or store.save(f"saved by {context.client.who}")
+    if number is None:
+        raise RefusalError("E-REQUEST", "nothing has happened in this run yet", "try again")
+    if number > store.files:
+        raise RefusalError("E-REQUEST", f"this run has no file {number}")
+    path = store.path(number)
+    return {"file": str(path), "number": number, "is_written": path.exists()}
