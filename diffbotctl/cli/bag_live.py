@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -48,7 +48,6 @@ def record(
 
     Exit code: 0 complete, 1 messages were lost.
     """
-    until = None if duration is None else time.monotonic() + duration
     stopped: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: stopped.append(number))
@@ -60,6 +59,7 @@ def record(
         try:
             click.echo(f"recording {len(chosen)} topics to {path}; Ctrl-C ends it", err=True)
             os.nice(WATCHER_NICENESS)
+            until = None if duration is None else time.monotonic() + duration
             cause, lost = _record(client, recording, chosen, until, stopped)
             recording.finish(cause if not lost else f"{cause}; {lost} messages were lost")
         except OSError as error:
@@ -87,10 +87,9 @@ def _record(
         flush_due = time.monotonic() + FLUSH_PERIOD_S
         for event in client.stream(flush_due if until is None else min(flush_due, until)):
             if event.get("ended"):
+                lost += sum(_take(recording, rest) for rest in client.stream(_soon()))
                 return "the run has ended", lost
-            lost += event.get("lost", 0)
-            if "message" in event:
-                recording.write(event["topic"], event["message"])
+            lost += _take(recording, event)
             if time.monotonic() > flush_due:
                 break
         recording.flush()
@@ -98,6 +97,18 @@ def _record(
             return "the recording was ended", lost
         if until is not None and time.monotonic() >= until:
             return "time limit of the recording reached", lost
+
+
+def _take(recording: LiveRecording, event: dict[str, Any]) -> int:
+    """Record one line of the stream. Returns how many messages it says were lost."""
+    if "message" in event:
+        recording.write(event["topic"], event["message"])
+    return int(event.get("lost", 0))
+
+
+def _soon() -> float:
+    """Until when the rest of the stream may come: the server sends it after the end."""
+    return time.monotonic() + FLUSH_PERIOD_S
 
 
 def _choose_topics(

@@ -103,18 +103,33 @@ def drive(
     progress = _drive_progress(linear, angular, duration, distance, angle)
     with attached(engine, "drive") as client:
         _subscribe_odometry(client)
+        is_begun = False
         try:
             while (ratio := progress.speed_ratio(linear, angular)) > 0.0:
-                client.request(
-                    "drive", linear=linear * ratio, angular=angular * ratio, take_over=take_over
-                )
-                take_over = False  # once: a client that takes over from this one keeps the control
+                fields = {"linear": linear * ratio, "angular": angular * ratio}
+                if _drive_once(client, is_begun, {**fields, "take_over": take_over}):
+                    is_begun = True
+                    take_over = False  # once: a client that takes over from this one keeps control
                 _follow_odometry(client, progress)
         finally:
             client.send("release")
         _follow_odometry(client, progress)
     click.echo(f"driven {progress.driven:.3f} m, turned {degrees(progress.turned):.1f} deg")
     return 0
+
+
+def _drive_once(client: ControlClient, is_begun: bool, fields: dict[str, Any]) -> bool:
+    """Send one command; whether it was taken. One that came too late ends a drive that has begun:
+    when a slow link works again, nothing must move by itself."""
+    from diffbotctl.errors import RunError
+
+    try:
+        client.request("drive", **fields)
+    except RunError as error:
+        if is_begun or error.problems[0].code != "E-LATE":
+            raise
+        return False
+    return True
 
 
 def _drive_progress(

@@ -6,6 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import click
+
+from diffbotctl.cli.options import AT
+
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
 
@@ -13,12 +17,23 @@ SETTLING_TIMEOUT_S = 1.0  # a command takes effect within some instants, and a d
 POLL_PERIOD_S = 0.01
 
 
+def host() -> str:
+    """The computer that `--at` names; empty for this one."""
+    context = click.get_current_context(silent=True)
+    return "" if context is None else str(context.meta.get(AT, ""))
+
+
 @contextmanager
-def attached(engine: str | None, tool: str) -> Iterator[ControlClient]:
-    """A connection to the engine called `engine`, or to the only one; `tool` names the client."""
+def attached(
+    engine: str | None, tool: str, deadline: float | None = None
+) -> Iterator[ControlClient]:
+    """A connection to the engine called `engine`, or to the only one; `tool` names the client.
+
+    `deadline`: monotonic time by which everything has to be answered.
+    """
     from diffbotctl.control_socket.client import ControlClient, choose_engine
 
-    client = ControlClient(choose_engine(engine), f"diffbotctl {tool}")
+    client = ControlClient(choose_engine(engine, host()), f"diffbotctl {tool}", deadline)
     try:
         yield client
     finally:

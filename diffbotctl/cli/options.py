@@ -53,9 +53,28 @@ class Quantity(FloatType):
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
-engine_option = click.option(
-    "--engine", metavar="NAME", help="Name of the engine; needed when several are running."
-)
+AT = "diffbotctl.at"  # key of the context: the computer named by --at
+
+
+def _note_host(ctx: click.Context, param: click.Parameter, host: str | None) -> None:
+    ctx.meta[AT] = host or ""
+
+
+def engine_option(command: Command) -> Command:
+    """`--engine NAME`, and `--at HOST`, which is not passed to the command but noted: see `AT`."""
+    name = click.option(
+        "--engine", metavar="NAME", help="Name of the engine; needed when several are running."
+    )
+    host = click.option(
+        "--at",
+        metavar="USER@HOST",
+        expose_value=False,
+        callback=_note_host,
+        help="The engine is on this computer, reached through ssh.",
+    )
+    return name(host(command))
+
+
 robot_option = click.option("--robot", metavar="ROBOT", help=ROBOT_HELP)
 seed_option = click.option(
     "--seed", default=0, show_default=True, help="Random seed of the simulated robot."

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import Quantity, engine_option
 
 if TYPE_CHECKING:
@@ -118,11 +119,13 @@ def dash(
     if once or not sys.stdout.isatty():
         from diffbotctl.ui.dash.print_once import print_once
 
-        print_once(choose_engine(engine), list(fields), options.ascii_only)
+        print_once(choose_engine(engine, host()), list(fields), options.ascii_only)
         return 0
     from diffbotctl.ui.dash.app import Dashboard
 
-    return launch(Dashboard(choose_engine(engine), "diffbotctl dash", options, list(fields)))
+    return launch(
+        Dashboard(choose_engine(engine, host()), "diffbotctl dash", options, list(fields))
+    )
 
 
 @click.command()
@@ -144,7 +147,7 @@ def teleop(
     """
     from diffbotctl.control_socket.client import choose_engine
 
-    address = choose_engine(engine)
+    address = choose_engine(engine, host())
     if not sys.stdin.isatty() or not sys.stdout.isatty():
         raise click.UsageError(
             "teleop needs a terminal for its keys; a program uses the control socket, or "

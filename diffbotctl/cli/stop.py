@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, held_by, settled
+from diffbotctl.cli.engine_client import attached, held_by, host, settled
 from diffbotctl.cli.options import engine_option, json_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress, Process
 
+FAR_STOP_TIMEOUT_S = 2.3  # with 0.5 s for ssh to end it is known within 3 s how a stop went
 EXIT_TIMEOUT_S = 4.0  # a final stop may take 2 s to be confirmed
 EXIT_POLL_PERIOD_S = 0.02
 REASON_MAX_CHARACTERS = 200
@@ -38,10 +39,31 @@ def stop(engine: str | None, every_engine: bool, reason: tuple[str, ...]) -> int
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
+    if host():
+        return _stop_far(engine, " ".join(reason))
     addresses = engines() if engine is None else [choose_engine(engine)]
     if not addresses and not every_engine:
         choose_engine(None)  # raises the error that no engine runs
     return max((_stop(address, " ".join(reason)) for address in addresses), default=0)
+
+
+def _stop_far(engine: str | None, reason: str) -> int:
+    """Stop the engine at `--at`, all of them without a name, and say within 3 s how that went."""
+    from diffbotctl.control_socket.far_engine import SeveralEnginesError
+    from diffbotctl.errors import UsageError, UserError
+
+    deadline = time.monotonic() + FAR_STOP_TIMEOUT_S
+    try:
+        failure = _stop_by_socket(engine, reason, deadline)
+    except SeveralEnginesError as several:
+        return max(_stop_far(name, reason) for name in several.engines)
+    except UserError as error:
+        if isinstance(error, UsageError):
+            raise
+        failure = f"{error}\nNOT KNOWN whether the robot has stopped"
+    if failure:
+        click.echo(failure, err=True)
+    return int(bool(failure))
 
 
 def _stop(engine: EngineAddress, reason: str) -> int:
@@ -60,9 +82,10 @@ def _stop(engine: EngineAddress, reason: str) -> int:
     return _stop_by_signal(engine.name, engine.process)
 
 
-def _stop_by_socket(name: str, reason: str) -> str:
+def _stop_by_socket(name: str | None, reason: str, deadline: float | None = None) -> str:
     """Request a stop and wait for it; returns what failed, or an empty text."""
-    with attached(name, "stop") as client:
+    with attached(name, "stop", deadline) as client:
+        name = str(client.about["engine"])
         client.request("stop", reason=reason[:REASON_MAX_CHARACTERS])
         status = settled(client, _is_stopped)
     if not _is_stopped(status):

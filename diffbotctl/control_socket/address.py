@@ -42,11 +42,12 @@ class Process(NamedTuple):
 
 
 class EngineAddress(NamedTuple):
-    """A running engine as the file system shows it."""
+    """A running engine as the file system shows it; on the computer `at` if that is not empty."""
 
     name: str
     socket: Path
     process: Process | None
+    at: str = ""
 
 
 def own_folder() -> Path:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from diffbotctl.control_socket.address import EngineAddress, engines
+from diffbotctl.control_socket.far_engine import EngineTime, SshConnection, no_engine, person
 from diffbotctl.control_socket.protocol import (
     PROTOCOL,
     Fields,
@@ -19,16 +20,23 @@ from diffbotctl.control_socket.protocol import (
     RefusalError,
     encode_line,
 )
-from diffbotctl.errors import Problem, RunError, UsageError, closest_match
+from diffbotctl.control_socket.requests import TEXT_MAX_LENGTH
+from diffbotctl.errors import Problem, RunError, UsageError, UserError, closest_match
 from diffbotctl.printable import printable_values
 
 REPLY_TIMEOUT_S = 2.0  # the engine reads commands at each instant
+FAR_CONNECT_TIMEOUT_S = 10.0  # for ssh to log in
 READ_BYTES = 1 << 16  # at once
 REPLY_MAX_BYTES = 1 << 20  # the one with all parameters has some ten thousand
 
 
-def choose_engine(name: str | None) -> EngineAddress:
-    """The engine called `name`, or the only one. Raises UsageError."""
+def choose_engine(name: str | None, at: str = "") -> EngineAddress:
+    """The engine called `name`, or the only one. Raises UsageError.
+
+    On the computer `at` it is looked for when a client connects.
+    """
+    if at:
+        return EngineAddress(name or "", Path(), None, at)
     running = engines()
     named = [engine for engine in running if name is None or engine.name == name]
     if len(named) == 1:
@@ -53,31 +61,50 @@ def choose_engine(name: str | None) -> EngineAddress:
 class ControlClient:
     """A connection after its hello. Raises RunError when the engine does not answer, or refuses.
 
-    `about` is the engine's hello.
+    `about` is the engine's hello. `deadline`: monotonic time by which all must be answered.
     """
 
-    def __init__(self, engine: EngineAddress, name: str) -> None:
+    def __init__(self, engine: EngineAddress, name: str, deadline: float | None = None) -> None:
         self.engine = engine
+        self.deadline = deadline
         self.lines = LineBuffer()
         self.streamed: list[Fields] = []
         self.number = 0
-        self.connection = _connect(engine.socket)
-        self._send({"hello": PROTOCOL, "name": name})
-        self.about = self._reply(time.monotonic() + REPLY_TIMEOUT_S)
+        self.time = EngineTime()
+        self.ssh = SshConnection(engine.at, engine.name) if engine.at else None
+        self.connection = _connect(engine.socket) if self.ssh is None else self.ssh.socket
+        try:
+            self._greet(name)
+        except BaseException:
+            self.close()
+            raise
+
+    def _greet(self, name: str) -> None:
+        self._send({"hello": PROTOCOL, "name": _client_name(self.engine, name)})
+        is_far = self.ssh is not None
+        self.about = self._reply(self._limit(FAR_CONNECT_TIMEOUT_S if is_far else REPLY_TIMEOUT_S))
         if not self.about.get("hello"):
-            raise _refused(engine.name, self.about)
+            raise self._refusal(self.about)
+        if is_far:
+            self.request("status")  # for the engine's time
+
+    def _limit(self, timeout: float) -> float:
+        end = time.monotonic() + timeout
+        return end if self.deadline is None else min(end, self.deadline)
 
     def request(self, method: str, **fields: Any) -> Fields:
         """Send a request and wait for its reply. Raises RunError when it is refused."""
         self.number += 1
+        if method == "drive" and self.ssh is not None:
+            fields = {**fields, **self.time.lease()}
         self._send({"id": self.number, "method": method, **fields})
-        deadline = time.monotonic() + REPLY_TIMEOUT_S
+        deadline = self._limit(REPLY_TIMEOUT_S)
         while (reply := self._reply(deadline)).get("id") != self.number:
             if reply.get("ok") is False or reply.get("ended"):
-                raise _refused(self.engine.name, reply)  # the whole connection
+                raise self._refusal(reply)  # the whole connection
             self.streamed.append(reply)
         if not reply.get("ok"):
-            raise _refused(self.engine.name, reply)
+            raise self._refusal(reply)
         return reply
 
     def send(self, method: str, **fields: Any) -> None:
@@ -100,19 +127,33 @@ class ControlClient:
     def close(self) -> None:
         """Disconnect."""
         self.connection.close()
+        if self.ssh is not None:
+            self.ssh.close()
 
     def _send(self, fields: Fields) -> None:
         try:
             self.connection.sendall(encode_line(fields))
         except OSError as error:
-            raise _no_answer(self.engine.name, f"{error.strerror}") from error
+            raise self._no_answer(f"{error.strerror}") from error
+
+    def _no_answer(self, cause: str) -> RunError:
+        if self.ssh is not None:
+            return self.ssh.failure(cause)
+        return _no_answer(self.engine.name, cause)
+
+    def _refusal(self, reply: Fields) -> UserError:
+        if self.ssh is not None and "engines" in reply:
+            return no_engine(self.engine.at, self.engine.name, reply)
+        if self.ssh is not None and reply.get("ended"):
+            return self.ssh.failure("the connection has ended")
+        return _refused(self.engine.name, reply)
 
     def _reply(self, deadline: float) -> Fields:
         try:
             return self._next(deadline)
         except TimeoutError:
             cause = f"nothing came for {REPLY_TIMEOUT_S:g} s"
-            raise _no_answer(self.engine.name, cause) from None
+            raise self._no_answer(cause) from None
 
     def _next(self, deadline: float | None) -> Fields:
         """The next line. Raises TimeoutError at the monotonic time `deadline`."""
@@ -124,12 +165,19 @@ class ControlClient:
             except TimeoutError:
                 raise
             except OSError as error:
-                raise _no_answer(self.engine.name, f"{error.strerror}") from error
+                raise self._no_answer(f"{error.strerror}") from error
             if not data:
                 return {"ended": True}
             self.lines.add(data)
         fields: Fields = json.loads(line)
+        if self.ssh is not None:
+            self.time.note(fields)
         return fields
+
+
+def _client_name(engine: EngineAddress, name: str) -> str:
+    """The name for the log; that of a far client tells who it is, because its process does not."""
+    return f"{name} of {person()}"[:TEXT_MAX_LENGTH] if engine.at else name
 
 
 def _connect(path: Path) -> socket.socket:
@@ -169,18 +217,33 @@ class AsyncControlClient:
         self.writer: asyncio.StreamWriter | None = None
         self.about: Fields = {}
         self.is_closed = False
+        self.time = EngineTime()
+        self.ssh: SshConnection | None = None
 
     async def connect(self, engine: EngineAddress, name: str) -> None:
         """Connect and greet the engine. Raises RunError when it does not answer."""
+        if engine.at:
+            self.ssh = SshConnection(engine.at, engine.name)
+            self.ssh.socket.setblocking(False)
         try:
-            async with asyncio.timeout(REPLY_TIMEOUT_S):
-                reader, self.writer = await asyncio.open_unix_connection(
-                    engine.socket, limit=REPLY_MAX_BYTES
-                )
-                self.writer.write(encode_line({"hello": PROTOCOL, "name": name}))
+            async with asyncio.timeout(FAR_CONNECT_TIMEOUT_S if engine.at else REPLY_TIMEOUT_S):
+                if self.ssh is None:
+                    reader, self.writer = await asyncio.open_unix_connection(
+                        engine.socket, limit=REPLY_MAX_BYTES
+                    )
+                else:
+                    reader, self.writer = await asyncio.open_unix_connection(
+                        sock=self.ssh.socket, limit=REPLY_MAX_BYTES
+                    )
+                hello = {"hello": PROTOCOL, "name": _client_name(engine, name)}
+                self.writer.write(encode_line(hello))
                 self.about = json.loads(await reader.readline())
         except (OSError, ValueError, TimeoutError) as error:
+            if self.ssh is not None:
+                raise self.ssh.failure(str(error or "nothing came")) from error
             raise _no_answer(engine.name, str(error or "nothing came")) from error
+        if self.ssh is not None and "engines" in self.about:
+            raise no_engine(engine.at, engine.name, self.about)
         self.reading = asyncio.create_task(self._read(reader))
 
     async def request(self, method: str, **fields: Any) -> Fields:
@@ -204,6 +267,8 @@ class AsyncControlClient:
 
     def send(self, request_id: int | str, method: str, **fields: Any) -> None:
         """Send a request without waiting; its reply goes to `on_line`."""
+        if method == "drive" and self.ssh is not None:
+            fields = {**fields, **self.time.lease()}
         if self.writer is not None and not self.writer.is_closing():
             self.writer.write(encode_line({"id": request_id, "method": method, **fields}))
 
@@ -217,6 +282,8 @@ class AsyncControlClient:
         try:
             while data := await reader.readline():
                 line = printable_values(json.loads(data))  # screens draw its texts
+                if self.ssh is not None:
+                    self.time.note(line)
                 if line.get("ended"):
                     break
                 future = self.waiting.get(line.get("id"))

@@ -19,6 +19,7 @@ from diffbotctl.control_socket.engine_channel import (
     PublishInput,
     ResultCode,
 )
+from diffbotctl.control_socket.protocol import DRIVE_LEASE_S
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
@@ -26,7 +27,7 @@ from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.profiler import BlockProfiler
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, StopCode, Twist
-from diffbotctl.time import MILLISECOND, NEVER
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 DRIVE_TIMEOUT = 300 * MILLISECOND  # with a telemetry period and the way down it is below 500 ms
 GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
@@ -194,6 +195,8 @@ class ControlClientDriver:
         self, now: int, command: EngineCommand, request: requests.DriveRequest
     ) -> ResultCode:
         """Pass a velocity to the mux; an active goal is paused until `resume`."""
+        if is_late(now, request.time, request.lease):
+            return ResultCode.LATE
         stop = self.operator.stops_in_force.get(GATE_STOP)
         if stop is not None and stop.latched:
             return ResultCode.STOPPED
@@ -251,3 +254,10 @@ class ControlClientDriver:
             self.outbox = [delivery for delivery in self.outbox if delivery.wire != wire]
         self.outbox.append(Delivery(wire, message))
         self.outbox_due = now + 1
+
+
+def is_late(now: int, stamp: float | None, lease: float | None) -> bool:
+    """Whether a command to drive, made at `stamp` (ns), is older than its lease (s) at `now`."""
+    if stamp is None:
+        return False
+    return now - stamp > (DRIVE_LEASE_S if lease is None else lease) * SECOND

@@ -83,6 +83,7 @@ class ResultCode(StrEnum):
     DRIVING = "driving"
     REFUSED = "refused"
     OVERLOADED = "overloaded"
+    LATE = "late"
     PUBLISHED_BY_ANOTHER = "published_by_another"
 
 
@@ -114,6 +115,9 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
             )
         case ResultCode.REFUSED:
             refusal = RefusalError("E-REQUEST", f"the block refused: {detail}")
+        case ResultCode.LATE:
+            cause = "the command to drive is older than its lease: the link was too slow"
+            refusal = RefusalError("E-LATE", cause, "drive again when the link works")
         case ResultCode.PUBLISHED_BY_ANOTHER:
             fix = "wait until it has disconnected or its message has expired"
             refusal = RefusalError("E-BUSY", f"{detail} publishes on this input", fix)

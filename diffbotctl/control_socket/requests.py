@@ -74,8 +74,12 @@ class DriveRequest(NamedTuple):
     linear: Annotated[float, RequestField("forward speed", "m/s")] = 0.0
     angular: Annotated[float, RequestField("turn rate", "rad/s")] = 0.0
     take_over: Annotated[bool, RequestField("take control from another client")] = False
-    time: Annotated[float | None, RequestField("reserved: when it was commanded", "ns", 0.0)] = None
-    lease: Annotated[float | None, RequestField("reserved: how long it holds", "s", 0.0)] = None
+    time: Annotated[
+        float | None, RequestField("logical time at which it was commanded", "ns", 0.0)
+    ] = None
+    lease: Annotated[
+        float | None, RequestField("age (`time`) at which it is refused; default 0.3 s", "s", 0.0)
+    ] = None
 
 
 class ReleaseRequest(NamedTuple):

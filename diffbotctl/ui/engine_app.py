@@ -22,7 +22,7 @@ from textual.css.query import NoMatches
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
-from diffbotctl.errors import RunError
+from diffbotctl.errors import UserError
 from diffbotctl.ui.dash.state import REQUESTS, Request, RunView
 from diffbotctl.ui.teleop.deadman import (
     CURSOR_QUERY,
@@ -68,7 +68,7 @@ class EngineApp(App[int]):
             self.keyboard, self._send, self._query_terminal, time.monotonic()
         )
         self.is_connected = False
-        self.problem: RunError | None = None
+        self.problem: UserError | None = None
         self.status = ""  # the last refusal of the engine, or a note
         self.poll_task: asyncio.Task[None] | None = None
         self.last_slow_poll = 0.0
@@ -101,7 +101,7 @@ class EngineApp(App[int]):
             await self.client.connect(self.engine, self.tool)
             self.run_view.engine = str(self.client.about.get("engine", ""))
             await self._poll("scene", "list_topics", "snapshot")
-        except RunError as error:
+        except UserError as error:
             self.problem = error
             self.exit(1)
             return

@@ -32,6 +32,7 @@ NOT_FROM_FILES = {
     "E-FILE-WRITE",
     "E-HELD",
     "E-KIT",
+    "E-LATE",
     "E-LOG",
     "E-MESSAGE-TYPE",  # of an installed package
     "E-NO-ANSWER",
@@ -53,6 +54,7 @@ NOT_FROM_FILES = {
     "E-SAVE",
     "E-SERVICE-GOALS",
     "E-SOCKET",
+    "E-SSH",
     "E-START-ANSWER",
     "E-WIRING-NONE",
 }

@@ -1,0 +1,102 @@
+"""Another computer for tests: an ssh server that runs what its clients ask, here.
+
+`python -m diffbotctl.testing.far_host FOLDER` serves until it is ended; `far_host` starts it and an
+`ssh` that reaches it as the host `robot`, with a key made for this folder.
+"""
+
+import asyncio
+import os
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import asyncssh
+
+START_TIMEOUT_S = 60
+CONFIG = """
+Host robot
+  HostName 127.0.0.1
+  Port {port}
+  User tester
+  IdentityFile {folder}/key
+  IdentitiesOnly yes
+  StrictHostKeyChecking no
+  UserKnownHostsFile {folder}/known_hosts
+  LogLevel ERROR
+"""
+
+
+async def serve_one(client):
+    """One session: the command that the client asks for, with its own input and output."""
+    command = await asyncio.create_subprocess_shell(
+        client.command, stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE
+    )
+    feeding = asyncio.create_task(_feed(client, command.stdin))
+    while data := await command.stdout.read(1 << 16):  # type: ignore[union-attr]
+        client.stdout.write(data)
+        await client.stdout.drain()
+    client.exit(await command.wait())
+    feeding.cancel()
+
+
+async def _feed(client, stdin):
+    """What the client sends, until it ends."""
+    with suppress(asyncssh.Error, OSError):
+        while data := await client.stdin.read(1 << 16):
+            stdin.write(data)
+            await stdin.drain()
+    stdin.close()
+
+
+async def serve(folder):
+    """For ever."""
+    key = asyncssh.generate_private_key("ssh-ed25519")
+    listener = await asyncssh.create_server(
+        asyncssh.SSHServer,
+        "127.0.0.1",
+        0,
+        server_host_keys=[key],
+        authorized_client_keys=str(folder / "key.pub"),
+        process_factory=serve_one,
+        encoding=None,
+    )
+    port = listener.sockets[0].getsockname()[1]
+    draft = folder / "ssh_config.new"
+    draft.write_text(CONFIG.format(port=port, folder=folder))
+    draft.replace(folder / "ssh_config")
+    await asyncio.Event().wait()
+
+
+@contextmanager
+def far_host(folder, runtime):
+    """The server's process, and the PATH on which `ssh robot` reaches it.
+
+    Engines of `runtime` are those of that computer.
+    """
+    folder.mkdir()
+    key = asyncssh.generate_private_key("ssh-ed25519")
+    key.write_private_key(folder / "key")
+    (folder / "key").chmod(0o600)
+    key.write_public_key(folder / "key.pub")
+    ssh = folder / "ssh"
+    ssh.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {folder}/ssh_config "$@"\n')
+    ssh.chmod(0o755)
+    server = subprocess.Popen(
+        [sys.executable, "-m", "diffbotctl.testing.far_host", str(folder)],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
+    )
+    try:
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while not (folder / "ssh_config").exists():
+            assert time.monotonic() < deadline and server.poll() is None, "no ssh server"
+            time.sleep(0.02)
+        yield server, f"{folder}{os.pathsep}{os.environ['PATH']}"
+    finally:
+        server.kill()
+        server.wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(serve(Path(sys.argv[1])))
