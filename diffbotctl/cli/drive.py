@@ -18,6 +18,7 @@ COMMAND_PERIOD_S = 0.05  # the engine takes 0.3 s of silence for a lost operator
 BRAKING = 0.15  # m/s2, gentle for any robot, so that it stops near the mark
 TURN_BRAKING = 1.0  # rad/s2
 DEFAULT_DURATION_S = 1.0  # a drive always has an end: the person may be gone
+LATE_BEFORE_START_MAX = 20  # commands through a slow link, before the first one is taken
 SPEED_RATIO_MIN = 0.25  # kept up to the mark: at a lower speed friction may hold a wheel before it
 
 
@@ -103,13 +104,17 @@ def drive(
     progress = _drive_progress(linear, angular, duration, distance, angle)
     with attached(engine, "drive") as client:
         _subscribe_odometry(client)
-        is_begun = False
+        progress.start_time = time.monotonic()  # ssh may have taken a second to connect
+        late_allowed = LATE_BEFORE_START_MAX
         try:
             while (ratio := progress.speed_ratio(linear, angular)) > 0.0:
                 fields = {"linear": linear * ratio, "angular": angular * ratio}
-                if _drive_once(client, is_begun, {**fields, "take_over": take_over}):
-                    is_begun = True
+                if _drive_once(client, late_allowed, {**fields, "take_over": take_over}):
+                    late_allowed = 0
                     take_over = False  # once: a client that takes over from this one keeps control
+                else:
+                    late_allowed -= 1
+                    progress.start_time = time.monotonic()
                 _follow_odometry(client, progress)
         finally:
             client.send("release")
@@ -118,15 +123,17 @@ def drive(
     return 0
 
 
-def _drive_once(client: ControlClient, is_begun: bool, fields: dict[str, Any]) -> bool:
-    """Send one command; whether it was taken. One that came too late ends a drive that has begun:
-    when a slow link works again, nothing must move by itself."""
+def _drive_once(client: ControlClient, late_allowed: int, fields: dict[str, Any]) -> bool:
+    """Send one command; False when it came too late, and that is still allowed.
+
+    It is not once the drive has begun: when a link works again, nothing must move by itself.
+    """
     from diffbotctl.errors import RunError
 
     try:
         client.request("drive", **fields)
     except RunError as error:
-        if is_begun or error.problems[0].code != "E-LATE":
+        if not late_allowed or error.problems[0].code != "E-LATE":
             raise
         return False
     return True

@@ -146,7 +146,7 @@ class ControlClient:
             return no_engine(self.engine.at, self.engine.name, reply)
         if self.ssh is not None and reply.get("ended"):
             return self.ssh.failure("the connection has ended")
-        return _refused(self.engine.name, reply)
+        return _refused(self.engine.name or self.engine.at, reply)
 
     def _reply(self, deadline: float) -> Fields:
         try:
