@@ -21,7 +21,7 @@ from diffbotctl.cli.output import print_json
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress, Process
 
-FAR_STOP_TIMEOUT_S = 2.3  # with 0.5 s for ssh to end it is known within 3 s how a stop went
+FAR_STOP_TIMEOUT_S = 2.0  # with the start of this program it is known within 3 s
 EXIT_TIMEOUT_S = 4.0  # a final stop may take 2 s to be confirmed
 EXIT_POLL_PERIOD_S = 0.02
 REASON_MAX_CHARACTERS = 200

@@ -32,6 +32,7 @@ SSH_OPTIONS = (
     "-oServerAliveCountMax=3",
 )
 END_TIMEOUT_S = 0.5
+FAILURE_TIMEOUT_S = 0.2  # for ssh to end when its connection has
 ERROR_MAX_BYTES = 4096
 
 BRIDGE = r"""
@@ -103,8 +104,9 @@ class SshConnection:
     def failure(self, cause: str) -> RunError:
         """The error when nothing comes: what ssh says, or else `cause`."""
         with suppress(subprocess.TimeoutExpired):
-            self.process.wait(END_TIMEOUT_S)
+            self.process.wait(FAILURE_TIMEOUT_S)
         code = self.process.poll()
+        self.process.kill()  # nothing more gets through
         fix = f"if the robot moves, switch it off; `ssh {self.at} true` shows whether ssh works"
         if code == 255 and self.process.stderr is not None:
             lines = self.process.stderr.read(ERROR_MAX_BYTES).decode(errors="replace").split("\n")
