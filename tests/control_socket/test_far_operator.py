@@ -102,6 +102,8 @@ def test_a_lost_link_stops_the_robot_and_nothing_late_drives(tmp_path, far, how)
         far.send_signal(signal.SIGSTOP if how == "frozen" else signal.SIGKILL)
         held = watcher.until(lambda status: status["held"] and stands(status))["held"]
         assert held["code"] == "operator_lost" and "drive of" in held["cause"]
+        # What waits on the way is now older than its lease.
+        watcher.until(lambda status: status["time"] > lost_at + S)
         assert watcher.request("resume")["ok"]
         healed_at = watcher.request("status")["time"]
         far.send_signal(signal.SIGCONT) if how == "frozen" else None
