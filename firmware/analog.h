@@ -1,4 +1,4 @@
-/* The analog converter, shared by the distance sensor and the battery. */
+/* The analog converter, shared by the distance sensors and the battery. */
 #ifndef ANALOG_H
 #define ANALOG_H
 
@@ -14,8 +14,10 @@ void analog_convert(void);
 /* Takes the result of a conversion; from the converter's interrupt. */
 void analog_converted(void);
 
+#define ANALOG_SENSORS 2 /* the first input of the sensors in range frames */
+
 /* Sum of the last sixteen conversions divided by 4, or ANALOG_NONE. Input 0 is the distance sensor,
-   1 the battery. */
+   1 the battery, those from ANALOG_SENSORS on are the sensors in range frames. */
 uint16_t analog_mean(uint8_t input);
 
 #endif

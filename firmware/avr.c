@@ -7,6 +7,7 @@
 #include <avr/wdt.h>
 
 #include "atomic.h"
+#include "avr_pins.h"
 #include "board.h"
 #include "protocol.h"
 
@@ -170,6 +171,17 @@ void board_sense(uint8_t number, uint8_t sense)
     *control = (uint8_t)((*control & ~field) | sense);
     EIFR = bit;
     EIMSK |= bit;
+}
+
+void board_watch(const bit_t *bit)
+{
+    PCICR = 0;
+    if (!bit)
+        return;
+    uint8_t group = board_group(bit);
+    (&PCMSK0)[group] = bit->mask;
+    PCIFR = 7;
+    PCICR = (uint8_t)(1 << group);
 }
 
 void board_start_interrupts(void)

@@ -30,6 +30,15 @@ bool board_pin(uint8_t number, pin_t *pin)
     return true;
 }
 
+uint8_t board_group(const bit_t *bit)
+{
+    uint8_t group = 0;
+    while (group < NO_GROUP
+           && bit->at != (register_t *)(uintptr_t)address(pgm_read_byte(&avr_groups[group])))
+        group++;
+    return group;
+}
+
 void board_write(const bit_t *bit, uint8_t offset, bool high)
 {
     register_t *at = bit->at + offset;

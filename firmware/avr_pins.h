@@ -20,6 +20,7 @@ enum { A, B, C, D, E, F, G, H, J, K, L, NO_PORT };
 extern const uint16_t avr_pins[] PROGMEM;
 extern const uint8_t avr_pin_count;
 extern const uint16_t avr_timers[] PROGMEM; /* data addresses of TCCRnA */
+extern const uint8_t avr_groups[NO_GROUP] PROGMEM; /* ports of the pin change interrupts */
 extern const uint8_t avr_first_wide;        /* first PWM output of a 16-bit timer */
 
 #endif

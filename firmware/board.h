@@ -72,6 +72,13 @@ void board_mute_all(void);
 /* Enables external interrupt `number` for an EDGE_... of the protocol. */
 void board_sense(uint8_t number, uint8_t sense);
 
+/* Group of pins (0 to 2) whose changes share an interrupt, or NO_GROUP for a pin without one. */
+#define NO_GROUP 3
+uint8_t board_group(const bit_t *bit);
+
+/* Interrupts at each change of this pin, and of no other; none with null. */
+void board_watch(const bit_t *bit);
+
 /* Starts the clock of 4 us per tick; only differences of its times have a meaning. */
 void board_start_clock(void);
 

@@ -13,6 +13,7 @@ const uint8_t board_first_analog = 14;
 
 const uint16_t avr_timers[] PROGMEM = {0x44, 0x80};
 const uint8_t avr_first_wide = OC1(A);
+const uint8_t avr_groups[] PROGMEM = {B, C, D};
 
 const uint16_t avr_pins[] PROGMEM = {
     /* 0 */ LINK(D, 0), LINK(D, 1), EDGE(D, 2, 0), EDGE(D, 3, 1),

@@ -15,6 +15,8 @@ const uint8_t board_first_analog = 54;
 
 const uint16_t avr_timers[] PROGMEM = {0x44, 0xB0, 0x90, 0xA0, 0x120};
 const uint8_t avr_first_wide = OC3(A);
+/* Ports J and K have such interrupts too; they are left out, since the emulator's have none. */
+const uint8_t avr_groups[] PROGMEM = {B, NO_PORT, NO_PORT};
 
 const uint16_t avr_pins[] PROGMEM = {
     /* 0 */ LINK(E, 0), LINK(E, 1), BOTH(E, 4, OC3(B), 4), BOTH(E, 5, OC3(C), 5),

@@ -8,23 +8,54 @@
 #define OLD_TICKS ((ticks_t)AGE_NONE * 16)
 #define TICK_US 4
 
+/* Successive edges of two channels that follow each other this fast, in one direction, are those of a
+   turning wheel: bounce counts up and down in turn. Above 3000 edges/s B may have changed before the
+   interrupt reads it, and no wheel turns round from one edge to the next: its direction stays until
+   the edges are slower. */
+#define FAST_TICKS 83
+#define SLOW_TICKS 125
+#define FAST_EDGES 8
+#define STANDSTILL_TICKS (TICKS_PER_MS * 2) /* then the wheel stands, without an edge to show it */
+
 static ticks_t glitch; /* 0: no filter */
 static uint8_t edge_kind;
 static bool both_edges; /* interrupts on rising and falling edges */
 static bool capturing;
 
-static void counted(encoder_t *encoder, bool level, ticks_t now)
+static void counted(encoder_t *encoder, ticks_t now)
 {
-    if (encoder->in_b.at) {
-        int8_t direction = 1;
-        if ((level == board_read(&encoder->in_b)) != encoder->reversed)
-            direction = -1;
-        encoder->direction = direction;
-    }
     encoder->count = (uint16_t)(encoder->count + encoder->direction);
     encoder->edges++;
     encoder->last = now;
     encoder->any = true;
+}
+
+/* With two channels an edge of A counts while B is low, up when A rises and down when it falls: both
+   directions count at the same places of the disc, and a wheel that rocks over one adds nothing. */
+static void edge_of_two(encoder_t *encoder)
+{
+    ticks_t now = board_now();
+    bool short_since = now - encoder->last < FAST_TICKS;
+    if (encoder->fast_edges == FAST_EDGES) {
+        if (now - encoder->last > SLOW_TICKS) {
+            encoder->fast_edges = 0;
+            board_sense(encoder->interrupt, EDGE_BOTH);
+        }
+        counted(encoder, now);
+        return;
+    }
+    bool level = board_read(&encoder->in);
+    if (capturing)
+        capture_put(encoder->wheel, level, now);
+    if (board_read(&encoder->in_b))
+        return;
+    int8_t direction = level != encoder->reversed ? 1 : -1;
+    if (capturing || !short_since || direction != encoder->direction)
+        encoder->fast_edges = 0;
+    else if (++encoder->fast_edges == FAST_EDGES)
+        board_sense(encoder->interrupt, level ? EDGE_RISING : EDGE_FALLING);
+    encoder->direction = direction;
+    counted(encoder, now);
 }
 
 /* An edge counts when the level before it lasted the glitch time: bounce makes only short levels, so
@@ -33,6 +64,10 @@ void encoders_edge(encoder_t *encoder)
 {
     if (!storm_admits(&encoder->storm)) {
         board_mute(encoder->interrupt);
+        return;
+    }
+    if (encoder->in_b.at) {
+        edge_of_two(encoder);
         return;
     }
     ticks_t now = board_now();
@@ -48,13 +83,12 @@ void encoders_edge(encoder_t *encoder)
         encoder->level = level;
         if (edge_kind == (reached ? EDGE_FALLING : EDGE_RISING))
             return;
-        level = reached;
         if (lasted < glitch) {
             status[ITEM_LEFT_REJECTED + encoder->wheel]++;
             return;
         }
     }
-    counted(encoder, level, now);
+    counted(encoder, now);
 }
 
 static void sense(encoder_t *encoder)
@@ -62,7 +96,8 @@ static void sense(encoder_t *encoder)
     if (encoder->storm.muted)
         return;
     encoder->level = board_read(&encoder->in);
-    board_sense(encoder->interrupt, both_edges ? EDGE_BOTH : edge_kind);
+    encoder->fast_edges = 0;
+    board_sense(encoder->interrupt, both_edges || encoder->in_b.at ? EDGE_BOTH : edge_kind);
 }
 
 static void choose_edges(void)
@@ -98,7 +133,12 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_pe
 
 void encoders_tick(encoder_t *encoder)
 {
-    ATOMIC if (storm_tick(&encoder->storm)) sense(encoder);
+    ATOMIC
+    {
+        bool stands = encoder->fast_edges == FAST_EDGES && board_now() - encoder->last > STANDSTILL_TICKS;
+        if (storm_tick(&encoder->storm) || stands)
+            sense(encoder);
+    }
 }
 
 void encoders_check(encoder_t *encoder)

@@ -20,6 +20,7 @@ typedef struct {
     bool reversed;  /* quadrature counts down going forward */
     bool any;       /* `last` is valid */
     int8_t direction;
+    uint8_t fast_edges; /* of two channels: successive edges in quick succession, one way */
     uint16_t count;
     volatile uint16_t edges; /* counted, in either direction; wraps */
     uint16_t taken; /* of them, by encoders_take */

@@ -5,6 +5,7 @@
 #include "analog.h"
 #include "clock.h"
 #include "link.h"
+#include "ranges.h"
 #include "reset.h"
 #include "wheel.h"
 
@@ -43,6 +44,14 @@ ISR(INT5_vect)
     edge(5);
 }
 #endif
+
+ISR(PCINT0_vect)
+{
+    ranges_changed();
+}
+
+ISR(PCINT1_vect, ISR_ALIASOF(PCINT0_vect));
+ISR(PCINT2_vect, ISR_ALIASOF(PCINT0_vect));
 
 ISR(USART0_RX_vect)
 {

@@ -36,9 +36,17 @@
 #define FLAG_RIGHT_STORM 512
 #define FLAG_BATTERY 1024
 #define RECEIVE_MOST 96
+#define RANGE_MASK 16383
+#define RANGE_NOTHING 16383
+#define RANGE_SILENT 16382
+#define RANGE_ENDLESS 16381
+#define ECHO_NANOSECONDS 4000
+#define RANGE_AGE_NANOSECONDS 4000000
+#define RANGE_TURN_NANOSECONDS 51000000
+#define RANGE_SENSORS 4
 #define CAPTURE_EDGES 8
 #define CAPTURE_TIME 16383
-#define PAYLOAD_LONGEST 46
+#define PAYLOAD_LONGEST 54
 
 enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7, MODE_BATTERY = 8 };
 enum { RESET_UNKNOWN = 0, RESET_POWER = 1, RESET_LINE = 2, RESET_BROWNOUT = 3, RESET_WATCHDOG = 4 };
@@ -46,7 +54,7 @@ enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PI
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1, BOARD_ATMEGA328P = 2 };
-enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16 };
+enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18 };
 enum { DRIVER_ENABLE_IN1_IN2 = 0, DRIVER_ENABLE_DIRECTION = 1, DRIVER_TWO_PWM = 2 };
 enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
 enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B115200 = 4 };
@@ -139,10 +147,18 @@ typedef struct __attribute__((packed)) {
     uint16_t right_proportional; /* duty per rad/s of error, 1/32768 */
     uint16_t right_integral; /* duty per rad of error, 1/INTEGRAL_ONE */
     uint8_t standby; /* pin of the standby input, counted from 1; 0: none */
+    uint8_t trigger_1; /* pin, counted from 1, of sensor 1 in range frames; 0: analog */
+    uint8_t input_1; /* its echo pin or analog channel, counted from 1; 0: no sensor */
+    uint8_t trigger_2; /* pin, counted from 1, of sensor 2 in range frames; 0: analog */
+    uint8_t input_2; /* its echo pin or analog channel, counted from 1; 0: no sensor */
+    uint8_t trigger_3; /* pin, counted from 1, of sensor 3 in range frames; 0: analog */
+    uint8_t input_3; /* its echo pin or analog channel, counted from 1; 0: no sensor */
+    uint8_t trigger_4; /* pin, counted from 1, of sensor 4 in range frames; 0: analog */
+    uint8_t input_4; /* its echo pin or analog channel, counted from 1; 0: no sensor */
 } settings_t;
 enum { TYPE_SETTINGS = 6 };
-_Static_assert(sizeof(settings_t) == 46, "the structure is the payload");
-enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_DRIVER, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_LEFT_SLOTS, FIELD_RIGHT_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_BATTERY_LOW, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_LEFT_PROPORTIONAL, FIELD_LEFT_INTEGRAL, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_RIGHT_PROPORTIONAL, FIELD_RIGHT_INTEGRAL, FIELD_STANDBY };
+_Static_assert(sizeof(settings_t) == 54, "the structure is the payload");
+enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_DRIVER, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_LEFT_SLOTS, FIELD_RIGHT_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_BATTERY_LOW, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_LEFT_PROPORTIONAL, FIELD_LEFT_INTEGRAL, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_RIGHT_PROPORTIONAL, FIELD_RIGHT_INTEGRAL, FIELD_STANDBY, FIELD_TRIGGER_1, FIELD_INPUT_1, FIELD_TRIGGER_2, FIELD_INPUT_2, FIELD_TRIGGER_3, FIELD_INPUT_3, FIELD_TRIGGER_4, FIELD_INPUT_4 };
 
 /* both wheels at one time, with the ages of their last edges */
 typedef struct __attribute__((packed)) {
@@ -222,6 +238,16 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_ANSWER = 12 };
 _Static_assert(sizeof(answer_t) == 6, "the structure is the payload");
 
+/* a measurement of one of the further distance sensors, as soon as it is done */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t sensor : 2; /* its index in the settings */
+    uint16_t value : 14; /* length of its echo in 4 us, or its analog reading plus 1; or RANGE_... */
+    uint8_t age : 4; /* since the trigger, 4 ms */
+} range_t;
+enum { TYPE_RANGE = 14 };
+_Static_assert(sizeof(range_t) == 3, "the structure is the payload");
+
 /* raw edges, rising and falling, unfiltered */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
@@ -250,6 +276,7 @@ static inline uint8_t payload_size(uint8_t type)
         [TYPE_STATUS] = sizeof(status_t),
         [TYPE_HELLO] = sizeof(hello_t),
         [TYPE_ANSWER] = sizeof(answer_t),
+        [TYPE_RANGE] = sizeof(range_t),
         [TYPE_CAPTURE] = sizeof(capture_t),
     };
     return pgm_read_byte(&sizes[type]);

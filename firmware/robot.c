@@ -7,6 +7,7 @@
 #include "codec.h"
 #include "deadman.h"
 #include "link.h"
+#include "ranges.h"
 #include "reset.h"
 #include "settings.h"
 #include "store.h"
@@ -22,7 +23,7 @@
     (BIT(CAPABILITY_EDGE_TIMES) | BIT(CAPABILITY_CAPTURE) | BIT(CAPABILITY_STORMS) \
      | BIT(CAPABILITY_BATTERY_STOP) | BIT(CAPABILITY_QUADRATURE) | BIT(CAPABILITY_ENABLE_IN1_IN2) \
      | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
-     | BIT(CAPABILITY_ANALOG_RANGE))
+     | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES))
 /* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
 /* Time that the button must be pressed, so that motor noise is not taken for a press. */
@@ -98,6 +99,7 @@ static void use(void)
     use_wheel(RIGHT, &settings.right_enable, &settings.right_start, settings.right_slots);
     wake_driver();
     analog_configure(&settings);
+    ranges_configure(&settings);
     battery = (battery_t){.low = settings.battery_low};
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
@@ -207,6 +209,11 @@ static void light(uint8_t how)
             return;
     if (settings.standby == LIGHT_PIN + 1)
         return;
+    for (uint8_t i = 0; i < RANGE_SENSORS; i++) {
+        const uint8_t *pins = settings_range_pins(&settings, i);
+        if (pins[0] == LIGHT_PIN + 1 || (pins[0] != 0 && pins[1] == LIGHT_PIN + 1))
+            return;
+    }
     board_pin(LIGHT_PIN, &pin);
     lit = how == 2 ? !lit : how;
     board_write(&pin.bit, DIRECTION, true);

@@ -5,7 +5,7 @@
 
 #include "board.h"
 
-enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, NO_PIN, MOTOR_PIN, OPTIONAL = 0x10 };
+enum { PLAIN_PIN, PWM_PIN, INTERRUPT_PIN, ANALOG_CHANNEL, NO_PIN, MOTOR_PIN, ECHO_PIN, OPTIONAL = 0x10 };
 
 /* Roles of the pins of the settings frame, in its order from left_enable on. */
 #define PINS 13
@@ -46,17 +46,42 @@ static uint8_t suits(uint8_t number, uint8_t role)
         return REFUSAL_PIN_PWM;
     if (role == INTERRUPT_PIN && pin.interrupt == BOARD_NOTHING)
         return REFUSAL_PIN_INTERRUPT;
+    if (role == ECHO_PIN && board_group(&pin.bit) == NO_GROUP)
+        return REFUSAL_PIN_INTERRUPT;
     return REFUSAL_NONE;
 }
 
-/* `standby` is counted from 1; *index is PINS for it. */
-static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uint8_t standby, uint8_t *index)
+/* Pins that are in use, with analog channels as pin numbers. */
+#define USES (PINS + 1 + 2 * RANGE_SENSORS)
+typedef struct {
+    uint8_t pins[USES];
+    uint8_t count;
+} uses_t;
+
+/* Adds a use of a pin, or of an analog channel. */
+static uint8_t use(uses_t *uses, uint8_t pin, uint8_t role)
 {
-    uint8_t pins[PINS]; /* analog channels as pin numbers */
+    if (role == ANALOG_CHANNEL) {
+        if (pin >= board_analogs)
+            return REFUSAL_PIN_ANALOG;
+        pin = (uint8_t)(pin + board_first_analog);
+    }
+    uint8_t refusal = suits(pin, role);
+    if (refusal != REFUSAL_NONE)
+        return refusal;
+    for (uint8_t i = 0; i < uses->count; i++)
+        if (uses->pins[i] == pin)
+            return REFUSAL_PIN_TWICE;
+    uses->pins[uses->count++] = pin;
+    return REFUSAL_NONE;
+}
+
+/* *field is the refused one. */
+static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uses_t *uses, uint8_t *field)
+{
     for (uint8_t i = 0; i < PINS; i++) {
         uint8_t role = pgm_read_byte(&roles[i]), pin = wanted[i];
-        *index = i;
-        pins[i] = PIN_NONE;
+        *field = (uint8_t)(FIELD_LEFT_ENABLE + i);
         if (pin == PIN_NONE && role & OPTIONAL)
             continue;
         if (role == MOTOR_PIN)
@@ -66,27 +91,34 @@ static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uint8_t standby
                 return REFUSAL_RANGE;
             continue;
         }
-        role &= (uint8_t)~OPTIONAL;
-        if (role == ANALOG_CHANNEL) {
-            if (pin >= board_analogs)
-                return REFUSAL_PIN_ANALOG;
-            pin = (uint8_t)(pin + board_first_analog);
-        }
-        uint8_t refusal = suits(pin, role);
+        uint8_t refusal = use(uses, pin, role & (uint8_t)~OPTIONAL);
         if (refusal != REFUSAL_NONE)
             return refusal;
-        for (uint8_t j = 0; j < i; j++)
-            if (pins[j] == pin)
-                return REFUSAL_PIN_TWICE;
-        pins[i] = pin;
     }
-    *index = PINS;
-    if (standby == 0)
-        return REFUSAL_NONE;
-    for (uint8_t i = 0; i < PINS; i++)
-        if (pins[i] == (uint8_t)(standby - 1))
-            return REFUSAL_PIN_TWICE;
-    return suits((uint8_t)(standby - 1), PLAIN_PIN);
+    return REFUSAL_NONE;
+}
+
+/* Pins of the fields that were appended; counted from 1. */
+static uint8_t check_more_pins(const settings_t *settings, uses_t *uses, uint8_t *field)
+{
+    *field = FIELD_STANDBY;
+    uint8_t refusal = REFUSAL_NONE;
+    if (settings->standby != 0)
+        refusal = use(uses, settings->standby - 1, PLAIN_PIN);
+    for (uint8_t i = 0; i < RANGE_SENSORS && refusal == REFUSAL_NONE; i++) {
+        uint8_t trigger = settings_range_pins(settings, i)[0], input = settings_range_pins(settings, i)[1];
+        *field = (uint8_t)(FIELD_TRIGGER_1 + 2 * i);
+        if (trigger != 0)
+            refusal = use(uses, trigger - 1, PLAIN_PIN);
+        if (refusal != REFUSAL_NONE)
+            break;
+        (*field)++;
+        if (input != 0)
+            refusal = use(uses, input - 1, trigger ? ECHO_PIN : ANALOG_CHANNEL);
+        else if (trigger != 0)
+            refusal = REFUSAL_RANGE;
+    }
+    return refusal;
 }
 
 static bool numbers_fit(const settings_t *settings, uint8_t *index)
@@ -122,8 +154,10 @@ uint8_t settings_check(const settings_t *settings, uint8_t *field)
     *field = FIELD_DRIVER;
     if (settings->driver > DRIVER_TWO_PWM)
         return REFUSAL_UNKNOWN;
-    uint8_t refusal = check_pins(pins, settings->driver, settings->standby, &index);
-    *field = index == PINS ? FIELD_STANDBY : (uint8_t)(FIELD_LEFT_ENABLE + index);
+    uses_t uses = {.count = 0};
+    uint8_t refusal = check_pins(pins, settings->driver, &uses, field);
+    if (refusal == REFUSAL_NONE)
+        refusal = check_more_pins(settings, &uses, field);
     if (refusal != REFUSAL_NONE)
         return refusal;
     bool fits = numbers_fit(settings, &index);

@@ -14,4 +14,10 @@ bool settings_known(const settings_t *settings, uint8_t size, uint8_t *field);
 /* REFUSAL_NONE, or the reason why these settings cannot be used and the field that causes it. */
 uint8_t settings_check(const settings_t *settings, uint8_t *field);
 
+/* Trigger and input of a sensor, as in the settings. */
+static inline const uint8_t *settings_range_pins(const settings_t *settings, uint8_t sensor)
+{
+    return &settings->trigger_1 + 2 * sensor;
+}
+
 #endif

@@ -5,6 +5,7 @@
 #include "board.h"
 #include "capture.h"
 #include "link.h"
+#include "ranges.h"
 #include "reset.h"
 #include "status.h"
 #include "store.h"
@@ -117,6 +118,9 @@ void telemetry_tick(const deadman_t *deadman, uint16_t faults)
     send_faults(deadman, faults);
     if (capturing && capture_take(&edges, now))
         send(&edges, sizeof edges, ANY_BACKLOG);
+    range_t range;
+    if (ranges_tick(&range) && !capturing)
+        send(&range, sizeof range, ANY_BACKLOG);
     if (!ticks_due(now, next_state))
         return;
     ticks_t step = capturing ? 2 * period : period;

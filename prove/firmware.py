@@ -17,6 +17,7 @@ from diffbotctl.testing.trials import (
     board_runs,
     flash,
     frame_damage,
+    two_channels,
     wheel_loop,
 )
 from diffbotctl.testing.trials.row import Row, printed
@@ -33,6 +34,8 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board.latency, seed, trials(200, 20)),
         partial(board.telemetry, trials(60, 5)),
         partial(board.edges),
+        partial(two_channels.full_speed),
+        partial(two_channels.rocking, trials(100, 20)),
         partial(board.bounce, seed, trials(3, 1)),
         partial(board.refused_settings, seed, trials(400, 40)),
         partial(board.eeprom_cuts, seed, trials(200, 20)),
@@ -70,6 +73,8 @@ def uno_rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board.latency, seed, trials(200, 20)),
         partial(board.telemetry, trials(60, 5)),
         partial(board.edges, 12_000),
+        partial(two_channels.full_speed),
+        partial(two_channels.rocking, trials(100, 20)),
         partial(board.bounce, seed, trials(3, 1)),
         partial(board.refused_settings, seed, trials(400, 40)),
         partial(board.eeprom_cuts, seed, trials(200, 20)),

@@ -7,6 +7,7 @@ from math import sqrt
 from typing import assert_never
 
 from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.geometry.distance_sensors import sensor_timing
 from diffbotctl.geometry.footprint import MountedDevice
 from diffbotctl.messages import Range, Resume, Stop, StopCode, Twist
 from diffbotctl.params import Param
@@ -136,7 +137,9 @@ class ObstacleStop(Block):
         """Reaction time (s), with the present value of `debounce`, which is live."""
         if self.reaction is not None:
             return self.reaction
-        return reaction_time(self.telemetry, self.debounce, self.command_delay, self.lag)
+        name = self.sensor or next(iter(self.sensors), "")
+        guard = guard_reaction(self.sensors, name, self.telemetry, self.debounce)
+        return guard + self.command_delay + self.lag
 
     def _log_slowing(self, free: float) -> None:
         self.is_slowing = not self.is_slowing
@@ -200,6 +203,19 @@ class ObstacleStop(Block):
             self.reported_code = ""
             return Stop(now, "", "", False)
         return None
+
+
+def guard_reaction(
+    sensors: Mapping[str, MountedDevice], name: str, telemetry: float, debounce: int
+) -> float:
+    """Longest time (s) from an obstacle in view of a sensor to the reading that stops the robot."""
+    timing = sensor_timing(sensor_kinds(sensors), name, telemetry)
+    return timing.measuring + debounce * timing.period
+
+
+def sensor_kinds(sensors: Mapping[str, MountedDevice]) -> dict[str, str]:
+    """Types of the sensors by name."""
+    return {name: str(getattr(sensor, "type", "")) for name, sensor in sensors.items()}
 
 
 def reaction_time(rate: float, debounce: int, delay: float, lag: float) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
+from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.pose_filter import PoseFilter
@@ -126,6 +127,8 @@ class OdometryBlock(Block):
     def _wheel_kind(self, side: SideConfig) -> type[Wheel]:
         if not side.encoder.channels:
             return CommandedWheelOdometer
+        if side.encoder.channels == 2:
+            return DirectedWheelOdometer
         if self.method == "count":
             return CountWheelOdometer
         return FineWheelOdometer if side.encoder.slots > LEARNABLE_SLOTS_MAX else WheelOdometer

@@ -7,33 +7,38 @@ from math import isfinite
 from typing import Protocol
 
 from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.geometry.distance_sensors import (
+    SHARPS,
+    SensorFold,
+    SharpFacts,
+    sensor_facts,
+    volts_at,
+)
 from diffbotctl.messages import Range, Resume, Volts
 from diffbotctl.params import Param
 
-DISTANCE_MIN = (
-    0.042  # m; the GP2Y0A41SK0F measures from 4 cm (data sheet); the curve is good to 2 mm
-)
-REACH = 0.30  # m; at larger distances the voltage hardly changes
-# The peak, 3.03 V, is 1.14 times the voltage at 4.2 cm. Over 9 mm (typical part: 3.7 to 2.8 cm) the
-# voltage exceeds 1.09 times that value, so readings less than 9 mm apart cannot miss the peak.
-PEAK_RATIO = 1.09
-PEAK_WIDTH = 0.009  # m
-# An object at 5 mm gives 1.38 V, half the voltage at 4.2 cm; less means contact or far away.
-CONTACT_RATIO = 0.5
-FOLDED_WIDTH = 0.020  # m; from 2.5 cm, where the ambiguous part begins, to these 5 mm
+REACH = SHARPS["sharp_gp2y0a41sk0f"].reach
 ZERO_READINGS_MAX = 3  # consecutive readings of zero volts; a single one is noise
 
 
 class Curve(Protocol):
-    """volts = a / (distance + b) + c: a in V m, b in m, c in V."""
+    """volts = a / (distance + b) + c: a in V m, b in m, c in V; None: the data sheet's."""
 
-    a: float
-    b: float
-    c: float
+    a: float | None
+    b: float | None
+    c: float | None
 
 
-class CurvedSensor(Protocol):
-    """A distance sensor of the robot file."""
+class DistanceSensor(Protocol):
+    """A distance sensor of the robot file; `near` and `reach` (m) of one of another type."""
+
+    type: str
+    near: float | None
+    reach: float | None
+
+
+class CurvedSensor(DistanceSensor, Protocol):
+    """One with a voltage."""
 
     curve: Curve
 
@@ -41,10 +46,10 @@ class CurvedSensor(Protocol):
 class RangeSensor(Block):
     """Convert the voltage of a Sharp sensor into a distance, with its ambiguity at close range.
 
-    The curve is volts = a / (distance + b) + c from 4 to 30 cm. Closer than 3 cm the voltage falls
-    again: 2 cm reads as 5.3 cm. An object that came too close therefore stays `too_close` until the
-    voltage has passed the peak again, or until `resume`. `fault`: no voltage, zero volts, or a
-    constant voltage, as the voltage of a working sensor has noise.
+    The curve is volts = a / (distance + b) + c, for a GP2Y0A41 from 4 to 30 cm. Closer than 3 cm
+    its voltage falls again: 2 cm reads as 5.3 cm. An object that came too close therefore stays
+    `too_close` until the voltage has passed the peak again, or until `resume`. `fault`: no voltage,
+    zero volts, or a constant voltage, as the voltage of a working sensor has noise.
 
     blocks:
       range: {block: range_sensor, in: {volts: robot.front}, with: {sensor: front}}
@@ -67,10 +72,16 @@ class RangeSensor(Block):
     range = Out(Range, help="Distance along the axis of the sensor.")
 
     def reset(self) -> None:
-        curve = self.sensors[self.sensor].curve
-        self.curve = (curve.a, curve.b, curve.c)
-        near = volts_at(DISTANCE_MIN, *self.curve)
-        self.foldback = FoldbackDetector(near, self.speed)
+        sensor = self.sensors[self.sensor]
+        facts = sharp_facts(sensor)
+        stated = (sensor.curve.a, sensor.curve.b, sensor.curve.c)
+        a, b, c = (
+            own if value is None else value for own, value in zip(facts.curve, stated, strict=True)
+        )
+        self.curve = (a, b, c)
+        self.reach = facts.reach
+        near = volts_at(facts.near, *self.curve)
+        self.foldback = FoldbackDetector(near, self.speed, facts.fold)
         self.last_volts = float("nan")
         self.volts_since = 0
         self.zero_readings = 0
@@ -104,8 +115,8 @@ class RangeSensor(Block):
         if self.foldback.is_too_close(volts.time, volts.volts):
             return Range(volts.time, 0.0, "too_close")
         distance = distance_at(volts.volts, *self.curve)
-        if distance >= REACH:
-            return Range(volts.time, REACH, "clear")
+        if distance >= self.reach:
+            return Range(volts.time, self.reach, "clear")
         return Range(volts.time, distance, "measured")
 
     def _is_faulty(self, volts: Volts) -> bool:
@@ -121,7 +132,7 @@ class RangeSensor(Block):
 
 
 class FoldbackDetector:
-    """Detects objects closer than the peak of the curve at 3 cm, where the voltage is ambiguous.
+    """Detects objects closer than the peak of the curve, where the voltage is ambiguous.
 
     A voltage above `near_volts`, that of the nearest unambiguous distance, is too close on either
     side of the peak. When it falls below again, the history decides. The object may have passed the
@@ -130,10 +141,18 @@ class FoldbackDetector:
     faster than the robot can drive: then the object has moved away sideways.
     """
 
-    def __init__(self, near_volts: float, speed: float) -> None:
+    def __init__(
+        self,
+        near_volts: float,
+        speed: float,
+        fold: SensorFold = SHARPS["sharp_gp2y0a41sk0f"].fold,
+    ) -> None:
         self.near_volts = near_volts
-        self.peak_time = int(PEAK_WIDTH / speed * 1e9)  # ns
-        self.contact_time = int(FOLDED_WIDTH / speed * 1e9)  # ns
+        self.peak_volts = fold.peak_ratio * near_volts
+        self.contact_volts = fold.contact_ratio * near_volts
+        # Readings less than the width of the peak apart cannot miss it.
+        self.peak_time = int(fold.peak_width / speed * 1e9)  # ns
+        self.contact_time = int(fold.width / speed * 1e9)  # ns
         self.reset()
 
     def reset(self) -> None:
@@ -147,16 +166,16 @@ class FoldbackDetector:
         self.last_inside = 0  # last time inside, in ns
 
     def is_too_close(self, now: int, volts: float) -> bool:
-        """Process a voltage at `now` (ns); True while an object is or may be closer than 4 cm."""
+        """Process a voltage at `now` (ns); True while an object is or may be too close."""
         is_jump, self.last_time = now - self.last_time >= self.peak_time, now
         if volts >= self.near_volts:
             self.is_inside, self.last_inside = True, now
-            self.has_peaked = self.has_peaked or volts >= PEAK_RATIO * self.near_volts
+            self.has_peaked = self.has_peaked or volts >= self.peak_volts
             self.has_jumped = self.has_jumped or is_jump
             return True
         if self.is_inside:
             self._leave(is_jump)
-        is_contact = volts < CONTACT_RATIO * self.near_volts
+        is_contact = volts < self.contact_volts
         has_dropped = is_contact and now - self.last_inside < self.contact_time
         if has_dropped and not self.was_folded:
             self.is_folded = False
@@ -171,9 +190,19 @@ class FoldbackDetector:
         self.is_inside = self.has_peaked = self.has_jumped = False
 
 
-def volts_at(distance: float, a: float, b: float, c: float) -> float:
-    """Voltage of the curve at `distance` (m); a in V m, b in m, c in V."""
-    return a / (distance + b) + c
+def sharp_facts(sensor: CurvedSensor) -> SharpFacts:
+    """The figures of a Sharp sensor of the robot file."""
+    facts = sensor_facts(sensor.type, sensor.near, sensor.reach)
+    assert isinstance(facts, SharpFacts)  # other sensors are not wired to this block
+    return facts
+
+
+def sensor_reach(sensors: Mapping[str, DistanceSensor], name: str) -> float:
+    """Distance (m) up to which a sensor of the robot file measures."""
+    sensor = sensors.get(name)
+    if sensor is None:
+        return REACH
+    return sensor_facts(sensor.type, sensor.near, sensor.reach).reach
 
 
 def distance_at(volts: float, a: float, b: float, c: float) -> float:

@@ -16,6 +16,7 @@ from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, drive_sides
 from diffbotctl.config.robot import SIDES, Robot
 
 MOTOR_PINS = ("enable", "in1", "in2")
+ENCODER_PINS = ("pin", "pin_b")
 OTHER_SIDE = {"left": "right", "right": "left"}
 PULSE_COUNTS_MIN = 2  # of a turning wheel; noise gives fewer
 
@@ -51,6 +52,8 @@ class MotorPulse:
     seen: WheelMotion
     counts: Mapping[str, int]
     """by encoder input, without sign"""
+    directions: Mapping[str, int] = field(default_factory=dict)
+    """1 or -1 as two channels counted, by encoder input; empty with one channel"""
 
 
 @dataclass(slots=True)
@@ -63,6 +66,8 @@ class DetectedWiring:
     """whether an output turns its wheel backward"""
     input: dict[str, str | None] = field(default_factory=dict)
     """the input that counts the encoder of each wheel"""
+    counts_down: dict[str, bool] = field(default_factory=dict)
+    """whether the two channels of a wheel's encoder count down going forward, with its settings"""
     faults: list[str] = field(default_factory=list)
     """what settings cannot correct"""
     corrections: list[str] = field(default_factory=list)
@@ -82,6 +87,7 @@ def detect_wiring(pulses: Mapping[str, MotorPulse], noise: Mapping[str, int]) ->
         _check_motor(wiring, pulses[output], pulses[OTHER_SIDE[output]])
     for wheel in SIDES:
         _check_encoder(wiring, wheel, pulses, noisy)
+        _check_direction(wiring, wheel, pulses)
     _report_swaps(wiring)
     return wiring
 
@@ -132,6 +138,20 @@ def _check_encoder(
         )
 
 
+def _check_direction(wiring: DetectedWiring, wheel: str, pulses: Mapping[str, MotorPulse]) -> None:
+    """Compare the direction that two channels counted with the one that was seen."""
+    socket = wiring.input[wheel]
+    for pulse in pulses.values():
+        if socket is None or pulse.seen.wheel != wheel or socket not in pulse.directions:
+            continue
+        wiring.counts_down[wheel] = (pulse.directions[socket] < 0) != pulse.seen.is_backward
+        if wiring.counts_down[wheel]:
+            wiring.corrections.append(
+                f"{wheel} encoder: channels A and B exchanged: it counted down going forward"
+            )
+        return
+
+
 def _report_swaps(wiring: DetectedWiring) -> None:
     wheels = wiring.wheel
     if wheels == OTHER_SIDE:
@@ -172,7 +192,15 @@ def wiring_findings(wiring: DetectedWiring, robot: Robot) -> list[Finding]:
                 findings.append(Finding(f"drive.{wheel}.motor.reversed", is_reversed))
     if _has_swapped_encoders(wiring):
         findings += [
-            Finding(f"drive.{wheel}.encoder.pin", str(sides[OTHER_SIDE[wheel]].encoder.pin))
+            Finding(f"drive.{wheel}.encoder.{pin}", str(stated))
             for wheel in SIDES
+            for pin in ENCODER_PINS
+            if (stated := getattr(sides[OTHER_SIDE[wheel]].encoder, pin)) is not None
         ]
+    for wheel, counts_down in wiring.counts_down.items():
+        socket = wiring.input[wheel]
+        assert socket is not None
+        is_reversed = sides[socket].encoder.reversed != counts_down
+        if is_reversed != sides[wheel].encoder.reversed:
+            findings.append(Finding(f"drive.{wheel}.encoder.reversed", is_reversed))
     return findings

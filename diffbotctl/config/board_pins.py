@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 class BoardPins:
     """One type of board. Pins have their printed names; an analog pin also has a digital number.
 
+    `interrupts` are pins for encoders, `changes` pins whose changes raise an interrupt too.
     `pwm` maps a pin to its timer, `uarts` a port to its (receive, transmit) pins. By protocol,
     `clock_timer` is the timer that the firmware uses for its clock, whose PWM is not available, and
     `links` are the ports that the firmware uses. `chip` is its name in the
@@ -22,6 +23,7 @@ class BoardPins:
     first_analog: int
     pwm: dict[str, int]
     interrupts: tuple[str, ...]
+    changes: tuple[str, ...]
     uarts: dict[int, tuple[str, str]]
     clock_timer: dict[str, int]
     links: dict[str, tuple[int, ...]]
@@ -74,6 +76,7 @@ MEGA_2560 = BoardPins(
     first_analog=54,
     pwm=_pwm({0: "4 13", 1: "11 12", 2: "9 10", 3: "2 3 5", 4: "6 7 8", 5: "44 45 46"}),
     interrupts=("2", "3", "18", "19", "20", "21"),
+    changes=tuple(str(number) for number in (*range(10, 14), *range(50, 54))),
     uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
     clock_timer={"diffbot": 1, "rosserial": 0},
     links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
@@ -88,6 +91,7 @@ NANO = BoardPins(
     first_analog=14,
     pwm=_pwm({0: "5 6", 1: "9 10", 2: "3 11"}),
     interrupts=("2", "3"),
+    changes=(*map(str, range(2, 14)), *(f"A{n}" for n in range(6))),
     uarts={0: ("0", "1")},
     clock_timer={"diffbot": 2, "rosserial": 0},
     links={"diffbot": (0,), "rosserial": (0,)},

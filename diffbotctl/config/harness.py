@@ -13,6 +13,7 @@ from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
 from diffbotctl.config.robot import SIDES, Robot, SideSection
 from diffbotctl.errors import Problem, UsageError, join_words
+from diffbotctl.geometry.distance_sensors import ECHOES, is_analog
 
 SUPPLY, GROUND = "red", "black"
 ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
@@ -222,13 +223,24 @@ def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[Harness
         return
     key, pin = f"{name} encoder", board.named(str(side.encoder.pin))
     yield from _supplied(key, "VCC", "GND", key)
-    yield _wire(key, "OUT", BOARD, pin, ENCODER, f"{key}: edges")
+    if side.encoder.channels == 1:
+        yield _wire(key, "OUT", BOARD, pin, ENCODER, f"{key}: edges")
+        return
+    pin_b = board.named(str(side.encoder.pin_b))
+    yield _wire(key, "A", BOARD, pin, ENCODER, f"{key}: channel A")
+    yield _wire(key, "B", BOARD, pin_b, ENCODER, f"{key}: channel B")
 
 
 def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     for name, sensor in robot.sensors.items():
-        key, pin = f"{name} sensor", board.named(str(sensor.pin))
+        key = f"{name} sensor"
         yield from _supplied(key, "VCC", "GND", key)
+        if sensor.type in ECHOES:
+            trigger, echo = board.named(str(sensor.trigger)), board.named(str(sensor.echo))
+            yield _wire(BOARD, trigger, key, "Trig", FROM_BOARD, f"{key}: trigger")
+            yield _wire(key, "Echo", BOARD, echo, SENSOR, f"{key}: echo, 5 V")
+            continue
+        pin = board.named(str(sensor.pin))
         yield _wire(key, "Vo", BOARD, pin, SENSOR, f"{key}: 0 to 3.1 V")
 
 
@@ -273,7 +285,8 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
     facts = driver_facts(robot.drive.left.motor.driver)
     titles = {CELLS: "battery", DRIVER: facts.title, BOARD: board.title, RADIO: "HC-05"}
     titles |= {STOP: "stop button", TAP: "battery +"} | {
-        f"{name} sensor": f"{name}: Sharp" for name in robot.sensors
+        f"{name} sensor": f"{name}: {'HC-SR04' if sensor.type in ECHOES else 'Sharp'}"
+        for name, sensor in robot.sensors.items()
     }
     pins: dict[str, dict[str, None]] = {}
     for wire in wires:
@@ -322,8 +335,14 @@ def notes(robot: Robot) -> Iterator[str]:
     )
     if robot.link.has_radio and robot.link.level == "divider":
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
-    if robot.sensors:
+    if any(is_analog(sensor.type) for sensor in robot.sensors.values()):
         yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in pulses."
+    if any(sensor.type in ECHOES for sensor in robot.sensors.values()):
+        yield (
+            "The echo of an HC-SR04 is a 5 V signal: right for this board, too much for one of "
+            "3.3 V. Mount it at least 10 cm above the floor, or tilted up: it hears 15 degrees "
+            "around its axis."
+        )
     if robot.battery.pin is not None:
         divider = battery_divider(robot, str(robot.battery.pin))
         yield (

@@ -19,7 +19,7 @@ from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
-from diffbotctl.config.robot import Robot, field_value, fill_glitch
+from diffbotctl.config.robot import Robot, field_value, fill_curves, fill_glitch
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, UserError, closest_match
@@ -260,12 +260,14 @@ class _Loader:
         whole = robot_tree.copy_common_to_sides(calibrated)
         robot = read_section(whole, Robot, "the robot file", self.problems)
         fill_glitch(robot)
+        fill_curves(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
         if robot.calibration:
             stated = robot_tree.copy_common_to_sides(tree)
             self.context.nominal = read_section(stated, Robot, "the robot file", [])
             fill_glitch(self.context.nominal)
+            fill_curves(self.context.nominal)
         return file
 
     def _use(self, name: str, entry: BlockEntry) -> BlockUse:

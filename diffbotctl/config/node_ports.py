@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 from diffbotctl import block, messages
 from diffbotctl.config.robot import Robot
+from diffbotctl.geometry.distance_sensors import CUSTOM, ECHOES, SHARPS
 
 SENSOR_MESSAGES: dict[str, type] = {
-    "sharp_gp2y0a41sk0f": messages.Volts,
+    **dict.fromkeys((*SHARPS, CUSTOM), messages.Volts),
+    **dict.fromkeys(ECHOES, messages.Range),
     "lds01": messages.Scan,
     "overhead_camera": messages.Odometry,
 }

@@ -6,11 +6,13 @@ in the middle of the axle.
 
 from __future__ import annotations
 
+from copy import copy
 from math import pi
 from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.simulation import Simulation
+from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
 
@@ -41,7 +43,15 @@ MotorDriver = Literal[
 IdleMode = Literal["coast", "brake"]
 CountedEdge = Literal["rising", "falling"]
 Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
-SensorType = Literal["sharp_gp2y0a41sk0f", "lds01", "overhead_camera"]
+SensorType = Literal[
+    "sharp_gp2y0a41sk0f",
+    "sharp_gp2y0a21yk0f",
+    "sharp_gp2y0a02yk0f",
+    "sharp_custom",
+    "hc_sr04",
+    "lds01",
+    "overhead_camera",
+]
 
 
 class BoardSection(Section):
@@ -240,9 +250,9 @@ class EncoderSection(Section):
 
     channels = Param(
         int,
-        choices=(0, 1),
+        choices=(0, 1, 2),
         default=1,
-        help="Channels; one does not show the direction; 0, also `encoder: none`: no encoder.",
+        help="Channels; two, A and B, show the direction; 0, also `encoder: none`: no encoder.",
     )
     slots = Param(
         int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
@@ -256,9 +266,17 @@ class EncoderSection(Section):
         minimum=0.0,
         maximum=0.05,
         help="A level shorter than this is noise, and the edge at its end is not counted; default: "
-        "a quarter of the shortest level at the rated speed, at most 2 ms.",
+        "a quarter of the shortest level at the rated speed, at most 2 ms; none with two channels.",
     )
-    pin = Param(Pin, none=True, help="Pin of the encoder's output; needs an interrupt.")
+    pin = Param(
+        Pin, none=True, help="Pin of the encoder's output, or channel A; needs an interrupt."
+    )
+    pin_b = Param(Pin, none=True, default=None, help="Pin of channel B; none: one channel.")
+    reversed = Param(
+        bool,
+        default=False,
+        help="True when two channels count down going forward: A and B are exchanged.",
+    )
     slot_errors = Param(
         list[float],
         unit="1",
@@ -334,18 +352,47 @@ class MountSection(Section):
 class CurveSection(Section):
     """Curve of a Sharp distance sensor: volts = a / (distance + b) + c."""
 
-    a = Param(float, default=0.1498, above=0.0, help="Slope, in V m.")
-    b = Param(float, unit="m", default=0.0134, minimum=0.0, help="Offset of the distance.")
-    c = Param(float, unit="V", default=-0.047, help="Offset of the voltage.")
+    a = Param(float, none=True, default=None, above=0.0, help="Slope, in V m.")
+    b = Param(float, unit="m", none=True, default=None, minimum=0.0, help="Offset of the distance.")
+    c = Param(float, unit="V", none=True, default=None, help="Offset of the voltage.")
 
 
 class SensorSection(Section):
     """One sensor. Laser scanner and overhead camera exist only in the simulator."""
 
     type: SensorType = Choice(
-        SensorType, help="Part name. overhead_camera: sees the actual pose from above."
+        SensorType,
+        help="Part name. sharp_custom: another Sharp, with near, reach and curve; overhead_camera: "
+        "sees the actual pose from above.",
     )
-    pin = Param(Pin, none=True, help="Analog pin of its output; none: not read by a pin.")
+    pin = Param(
+        Pin, none=True, default=None, help="Analog pin of its output; none: not read by a pin."
+    )
+    trigger = Param(Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04.")
+    echo = Param(
+        Pin,
+        none=True,
+        default=None,
+        help="Pin of its echo; needs a pin change interrupt.",
+    )
+    near = Param(
+        float,
+        unit="m",
+        none=True,
+        default=None,
+        above=0.0,
+        below=1.0,
+        help="Smallest distance of a sharp_custom.",
+    )
+    reach = Param(
+        float,
+        unit="m",
+        none=True,
+        default=None,
+        above=0.0,
+        below=10.0,
+        help="Largest distance of a sharp_custom.",
+    )
     at = Param(MountSection, default=MountSection(), help="Pose on the robot.")
     curve = Param(CurveSection, default=CurveSection(), help="Curve; default: the data sheet's.")
 
@@ -473,9 +520,24 @@ def fill_glitch(robot: Robot) -> None:
             encoder = field_value(robot, f"drive.{side}.encoder")
             rated = field_value(robot, f"drive.{side}.motor.rated")
             if encoder.glitch is None:
-                encoder.glitch = default_glitch(encoder.slots, rated)
+                # Bounce of two channels counts up and down in turn.
+                is_one = encoder.channels == 1
+                encoder.glitch = default_glitch(encoder.slots, rated) if is_one else 0.0
         except (AttributeError, TypeError, ZeroDivisionError):
             continue
+
+
+def fill_curves(robot: Robot) -> None:
+    """Set the curve of each Sharp sensor that does not state one, as its data sheet has it."""
+    for sensor in (robot.sensors or {}).values():
+        facts = SHARPS.get(getattr(sensor, "type", ""))
+        curve = getattr(sensor, "curve", None)
+        if facts is None or curve is None:
+            continue
+        sensor.curve = copy(curve)  # a curve that is not stated is one object for all sensors
+        for name, value in zip("abc", facts.curve, strict=True):
+            if getattr(curve, name, value) is None:
+                setattr(sensor.curve, name, value)
 
 
 def default_glitch(slots: int, rated: float) -> float:

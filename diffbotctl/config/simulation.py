@@ -15,7 +15,8 @@ Coasting = Literal["linear", "coulomb"]
 SlotPhase = Literal["random", "zero"]
 MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
 EncoderPlugs = Literal["plain", "swapped"]
-EncoderWiring = Literal["plain", "dead", "floating"]
+EchoFault = Literal["plain", "silent", "endless"]
+EncoderWiring = Literal["plain", "dead", "floating", "exchanged"]
 
 
 class MotorTruth(Section):
@@ -187,6 +188,18 @@ class SensorTruth(Section):
         minimum=0.0,
         help="Standard deviation of a laser scanner's distance.",
     )
+    echo_spread = Param(
+        float,
+        default=0.003,
+        unit="m",
+        minimum=0.0,
+        help="Standard deviation of an HC-SR04's distance.",
+    )
+    echo: EchoFault = Choice(
+        EchoFault,
+        default="plain",
+        help="Fault of an HC-SR04: it does not answer its trigger, or its echo does not end.",
+    )
 
 
 class Start(Section):
@@ -216,12 +229,12 @@ class WiringTruth(Section):
     left_encoder: EncoderWiring = Choice(
         EncoderWiring,
         default="plain",
-        help="Left encoder: light barrier dead, or wire off.",
+        help="Left encoder: light barrier dead, wire off, or its two channels exchanged.",
     )
     right_encoder: EncoderWiring = Choice(
         EncoderWiring,
         default="plain",
-        help="Right encoder: light barrier dead, or wire off.",
+        help="Right encoder: light barrier dead, wire off, or its two channels exchanged.",
     )
 
 

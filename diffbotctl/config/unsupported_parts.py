@@ -26,25 +26,10 @@ def _board(title: str, difference: str) -> UnsupportedPart:
     return UnsupportedPart(cause, fix)
 
 
-def _sharp(title: str, reach: str) -> UnsupportedPart:
-    cause = (
-        f"a {title} measures {reach} with a curve of its own; the curve of a GP2Y0A41 (4 to 30 cm) "
-        "would give wrong distances"
-    )
-    return UnsupportedPart(
-        cause,
-        "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), or leave the sensor out",
-    )
-
-
 OTHER_DRIVE = UnsupportedPart(
     "only two driven wheels, or four that are switched in pairs, are supported",
     "four wheels in skid steering: write differential, with wheelbase: the distance of the axles, "
     "and track: the one at which it turns (`check` estimates it, `calibrate spin` measures it)",
-)
-ULTRASONIC = UnsupportedPart(
-    "an ultrasonic sensor answers with the length of a pulse, which our firmware does not measure",
-    "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm, or leave the sensor out",
 )
 LASER = UnsupportedPart(
     "the robot file has only the place of a laser scanner, as lds01, and simulates that one",
@@ -77,22 +62,12 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
         ),
     },
     "sensors.type": {
-        "gp2y0a21": _sharp("GP2Y0A21", "10 to 80 cm"),
-        "gp2y0a02": _sharp("GP2Y0A02", "20 to 150 cm"),
-        "hcsr04": ULTRASONIC,
         "vl53l0x": UnsupportedPart(
             "a VL53L0X is read over I2C, which our firmware does not use",
-            "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm",
+            "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm, or an HC-SR04",
         ),
         "rplidar": LASER,
         "ydlidar": LASER,
-    },
-    "encoder.channels": {
-        "2": UnsupportedPart(
-            "the second channel, which shows the direction, is not used yet",
-            "write 1, and connect the first channel only (A); the direction is then that of the "
-            "command",
-        ),
     },
 }
 

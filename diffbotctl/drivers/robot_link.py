@@ -7,13 +7,14 @@ from math import pi
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.motor_drivers import driver_facts
-from diffbotctl.config.robot import Robot, SideSection, line_baud
+from diffbotctl.config.robot import Robot, SensorSection, SideSection, line_baud
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.drivers.board_ports import is_usb
 from diffbotctl.errors import ConfigurationError, Problem, join_words
+from diffbotctl.geometry.distance_sensors import ECHOES, further_sensors, is_analog
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
+from diffbotctl.links.diffbot_settings import BoardSettings, RangeInput, WheelSettings
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.time import SECOND
 
@@ -32,7 +33,9 @@ def rosserial_host(robot: Robot) -> RosserialHost:
     return RosserialHost(
         left.motor.rated * left.encoder.slots / (2 * pi),
         baud=link.baud,
-        sensor=next(iter(robot.sensors), "front"),
+        sensor=next(
+            (name for name, sensor in robot.sensors.items() if is_analog(sensor.type)), "front"
+        ),
         command_delay=round(link.command_delay * SECOND),
         wire_time=TICK_BYTES * BITS_PER_BYTE * SECOND // link.baud,
     )
@@ -49,7 +52,10 @@ def board_settings(robot: Robot) -> BoardSettings:
         fix = f"set board: {{type: {join_words(BOARDS)}}}, or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     left, right, board, battery = robot.drive.left, robot.drive.right, robot.board, robot.battery
-    name, sensor = next(iter(robot.sensors.items()), ("range", None))
+    kinds = {name: sensor.type for name, sensor in robot.sensors.items()}
+    further = further_sensors(kinds)
+    name = next((name for name in kinds if is_analog(kinds[name]) and name not in further), "range")
+    sensor = robot.sensors.get(name)
     return BoardSettings(
         _wheel_settings(pins, left),
         _wheel_settings(pins, right),
@@ -64,6 +70,7 @@ def board_settings(robot: Robot) -> BoardSettings:
         brake=left.motor.idle == "brake",
         range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),
         range_name=name,
+        further_ranges=tuple(_range_input(pins, name, robot.sensors[name]) for name in further),
         battery_channel=None if battery.pin is None else _analog_channel(pins, battery.pin),
         battery_divider=battery.divider or 1.0,
         battery_low=battery.low,
@@ -81,6 +88,8 @@ def _wheel_settings(pins: BoardPins, side: SideSection) -> WheelSettings:
         in1=pins.number(motor.in1),
         in2=_number(pins, motor.in2),
         encoder=_number(pins, side.encoder.pin) if side.encoder.channels else None,
+        encoder_b=_number(pins, side.encoder.pin_b),
+        encoder_reversed=side.encoder.reversed,
         reversed=motor.reversed,
         start=gains.static,
         gain=gains.slope,
@@ -88,6 +97,12 @@ def _wheel_settings(pins: BoardPins, side: SideSection) -> WheelSettings:
         integral=gains.integral,
         slots=side.encoder.slots,
     )
+
+
+def _range_input(pins: BoardPins, name: str, sensor: SensorSection) -> RangeInput:
+    if sensor.type in ECHOES:
+        return RangeInput(name, pins.number(sensor.echo), pins.number(sensor.trigger))
+    return RangeInput(name, _analog_channel(pins, sensor.pin))
 
 
 def _number(pins: BoardPins, pin: object) -> int | None:

@@ -12,12 +12,12 @@ from collections import deque
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
-from diffbotctl.emulator.process import Emulator, MotorPins, PinTransition
+from diffbotctl.emulator.process import FIRST_SONAR, Emulator, MotorPins, PinTransition, SonarPins
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_frames import PIN_NONE
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.links.diffbot_settings import BoardSettings
+from diffbotctl.links.diffbot_settings import BoardSettings, RangeInput
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.plant.simulated_board import RADIO_DELAY
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
@@ -83,11 +83,13 @@ class EmulatedBoard:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
 
     def _transitions(self, edges: list[CapturedEdge]) -> list[PinTransition]:
-        return [
-            PinTransition(time, pin, level)
-            for time, side, level in edges
-            if (pin := self.sides[side].encoder) is not None
-        ]
+        transitions = []
+        for time, side, level, channel in edges:
+            pins = self.sides[side]
+            pin = pins.encoder_b if channel else pins.encoder
+            if pin is not None:
+                transitions.append(PinTransition(time, pin, level))
+        return transitions
 
     def _button_changes(self) -> list[PinTransition]:
         """The stop button's change; it pulls its pin to ground, or opens a contact to ground."""
@@ -98,14 +100,20 @@ class EmulatedBoard:
         return [PinTransition(self.plant.now, button, int(pressed == self.settings.button_high))]
 
     def _millivolts(self) -> dict[int, int]:
-        """Voltages at the analog channels, in mV."""
+        """Voltages at the analog channels, in mV; echoes of the ultrasonic sensors, in us."""
         settings, millivolts = self.settings, {}
         if settings.battery_channel is not None:
             voltage = self.plant.battery_pin_voltage()
             millivolts[settings.battery_channel] = round(voltage * MILLIVOLTS)
-        volts = self.plant.sensor_volts().get(settings.range_name)
-        if settings.range_channel is not None and volts is not None:
-            millivolts[settings.range_channel] = round(volts * MILLIVOLTS)
+        volts = self.plant.sensor_volts()
+        channels = {settings.range_name: settings.range_channel} | {
+            sensor.name: sensor.pin for sensor in settings.further_ranges if sensor.trigger is None
+        }
+        for name, channel in channels.items():
+            if channel is not None and name in volts:
+                millivolts[channel] = round(volts[name] * MILLIVOLTS)
+        for number, sensor in enumerate(_sonars(settings)):
+            millivolts[FIRST_SONAR + number] = self.plant.echo_us(sensor.name)
         return millivolts
 
 
@@ -202,7 +210,16 @@ def emulated_board(
 
 def board_emulator(settings: BoardSettings) -> Emulator:
     """An emulator with the board and the motors of these settings. Raises EmulatorError."""
-    return Emulator(motor_pins(settings), board=settings.board)
+    return Emulator(motor_pins(settings), board=settings.board, sonars=sonar_pins(settings))
+
+
+def _sonars(settings: BoardSettings) -> list[RangeInput]:
+    return [sensor for sensor in settings.further_ranges if sensor.trigger is not None]
+
+
+def sonar_pins(settings: BoardSettings) -> list[SonarPins]:
+    """The pins of the ultrasonic sensors."""
+    return [SonarPins(_or_none(sensor.trigger), sensor.pin) for sensor in _sonars(settings)]
 
 
 def motor_pins(settings: BoardSettings) -> list[MotorPins]:

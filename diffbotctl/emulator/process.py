@@ -27,6 +27,8 @@ EEPROM_SIZE = 4096
 DUTY_ONE = 32767
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
 POWER, LINE, BROWNOUT, WATCHDOG = 1, 2, 4, 8
+FIRST_SONAR = 128  # analog channel of the first HC-SR04: the length of its echo, us
+SONAR_SILENT, SONAR_ENDLESS = 0, 0xFFFF  # it does not answer; its echo does not end
 EXIT_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
 
@@ -82,6 +84,13 @@ class PinTransition(NamedTuple):
     time: int  # ns of board time
     pin: int  # Arduino number
     level: int  # 0 or 1
+
+
+class SonarPins(NamedTuple):
+    """The board's pins of an HC-SR04."""
+
+    trigger: int
+    echo: int
 
 
 class MotorChange(NamedTuple):
@@ -202,6 +211,7 @@ class Emulator:
         eeprom: Path | None = None,
         pty: bool = False,
         paced: bool = False,
+        sonars: Sequence[SonarPins] = (),
     ) -> None:
         if image == "ours":
             image = image_of(board)
@@ -210,6 +220,8 @@ class Emulator:
             command += [option, str(path)] if path else []
         for pins in motors:
             command += ["--motor", ",".join(map(str, MotorPins(*pins)))]
+        for sonar in sonars:
+            command += ["--sonar", ",".join(map(str, sonar))]
         command += ["--pty"] * pty + ["--paced"] * paced
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         if pty or paced:  # otherwise its time waits for the caller
@@ -245,7 +257,8 @@ class Emulator:
     ) -> StepResult:
         """Run to `until`, with pins changing on the way and bytes arriving from now on.
 
-        `millivolts` gives analog channels (A0 is 0); `received` is what goes into each UART, at its
+        `millivolts` gives analog channels (A0 is 0), and from FIRST_SONAR on the echoes of the
+        HC-SR04 sensors in us; `received` is what goes into each UART, at its
         own baud rate. Raises EmulatorError when the emulator has crashed.
         """
         changes = transitions or []

@@ -11,7 +11,7 @@ from tempfile import mkdtemp
 
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import board_settings
-from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins
+from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins, sonar_pins
 from diffbotctl.emulator.process import Emulator, Firmware, bootloader
 from diffbotctl.plant.world import World
 from diffbotctl.processes.real_time import prefer
@@ -75,7 +75,14 @@ class VirtualBoard:
         """
         settings = board_settings(robot)
         pins, board = motor_pins(settings), settings.board
-        emulator = Emulator(pins, board=board, image=image, boot=bootloader(board), pty=True)
+        emulator = Emulator(
+            pins,
+            board=board,
+            image=image,
+            boot=bootloader(board),
+            pty=True,
+            sonars=sonar_pins(settings),
+        )
         self.board = emulated_board(robot, seed, world, emulator)
         assert emulator.ports is not None
         self.folder = Path(mkdtemp(prefix="diffbot-"))

@@ -35,6 +35,14 @@ FLAG_LEFT_STORM = 256  # the pin of the left encoder changes faster than a wheel
 FLAG_RIGHT_STORM = 512  # the same on the right
 FLAG_BATTERY = 1024  # the battery is below battery_low
 RECEIVE_MOST = 96  # bytes of the longest payload that a board of this version takes
+RANGE_MASK = 16383  # bits of a range value
+RANGE_NOTHING = 16383  # no echo was heard: nothing in range
+RANGE_SILENT = 16382  # the sensor does not answer its trigger
+RANGE_ENDLESS = 16381  # the echo does not end
+ECHO_NANOSECONDS = 4000  # unit of the length of an echo
+RANGE_AGE_NANOSECONDS = 4000000  # unit of the age of a range
+RANGE_TURN_NANOSECONDS = 51000000  # time from one of the further sensors to the next
+RANGE_SENSORS = 4  # sensors of range frames
 CAPTURE_EDGES = 8  # edges in one capture frame
 CAPTURE_TIME = 16383  # mask of the time in an edge
 
@@ -46,6 +54,7 @@ Uint4 = Annotated[int, 4]
 Uint6 = Annotated[int, 6]
 Uint8 = Annotated[int, 8]
 Uint12 = Annotated[int, 12]
+Uint14 = Annotated[int, 14]
 Uint16 = Annotated[int, 16]
 Uint16x8 = Annotated[tuple[int, ...], 16, 8]
 Uint32 = Annotated[int, 32]
@@ -153,6 +162,8 @@ class CapabilityCode(ProtocolCode):
     TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
     STANDBY = 11, "standby input of the motor driver, as a TB6612 has"
     ANALOG_RANGE = 16, "distance sensor with a voltage, as a Sharp"
+    ECHO_RANGE = 17, "distance sensor with an echo, as an HC-SR04"
+    SEVERAL_RANGES = 18, "up to four sensors in range frames, besides that of the state frame"
 
 
 class DriverCode(ProtocolCode):
@@ -259,6 +270,14 @@ class SettingsFrame(NamedTuple):
     right_proportional: Uint16  # duty per rad/s of error, 1/32768
     right_integral: Uint16  # duty per rad of error, 1/INTEGRAL_ONE
     standby: Uint8  # pin of the standby input, counted from 1; 0: none
+    trigger_1: Uint8  # pin, counted from 1, of sensor 1 in range frames; 0: analog
+    input_1: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
+    trigger_2: Uint8  # pin, counted from 1, of sensor 2 in range frames; 0: analog
+    input_2: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
+    trigger_3: Uint8  # pin, counted from 1, of sensor 3 in range frames; 0: analog
+    input_3: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
+    trigger_4: Uint8  # pin, counted from 1, of sensor 4 in range frames; 0: analog
+    input_4: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
 
 
 class StateFrame(NamedTuple):
@@ -328,6 +347,14 @@ class AnswerFrame(NamedTuple):
     settings: Uint32  # checksum of the settings now in use, 0: none
 
 
+class RangeFrame(NamedTuple):
+    """A measurement of one of the further distance sensors, as soon as it is done."""
+
+    sensor: Uint2  # its index in the settings
+    value: Uint14  # length of its echo in 4 us, or its analog reading plus 1; or RANGE_...
+    age: Uint4  # since the trigger, 4 ms
+
+
 class CaptureFrame(NamedTuple):
     """Raw edges, rising and falling, unfiltered."""
 
@@ -351,6 +378,7 @@ Frame = (
     | StatusFrame
     | HelloFrame
     | AnswerFrame
+    | RangeFrame
     | CaptureFrame
 )
 # Bytes of payload in version 1, where a board of that version must be understood.
@@ -369,5 +397,6 @@ OF_TYPE: dict[int, type[Frame]] = {
     10: StatusFrame,
     11: HelloFrame,
     12: AnswerFrame,
+    14: RangeFrame,
     13: CaptureFrame,
 }

@@ -21,6 +21,7 @@ from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, storm_text
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
+from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
 from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
@@ -71,6 +72,7 @@ class DiffbotHost:
         self._decoder = FrameDecoder()
         self._telemetry = Telemetry(self.baud)
         self._commands = CommandSender(settings.deadman, self._telemetry)
+        self._range_faults: dict[str, str] = {}  # by sensor
         self._boot: int | None = None
         self._was_up = False
         self._silence = SILENT  # why the link became stale
@@ -253,6 +255,8 @@ class DiffbotHost:
                 return self._on_answer(now, self.hello, frame)
             case frames.StatusFrame():
                 return self._on_status(now, frame)
+            case frames.RangeFrame():
+                return self._on_range(now, frame)
             case frames.CaptureFrame():
                 self.edges += self._telemetry.raw_edges(now, frame)
         return []
@@ -324,6 +328,18 @@ class DiffbotHost:
         output.append(("encoders", encoders))
         if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             output.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
+        return output
+
+    def _on_range(self, now: int, frame: frames.RangeFrame) -> LinkOutput:
+        if frame.sensor >= len(self.settings.further_ranges):
+            return []
+        sensor = self.settings.further_ranges[frame.sensor]
+        message = further_range(self._telemetry.measured_at(now, frame), sensor, frame.value)
+        output: LinkOutput = [(sensor.name, message)]
+        fault = range_fault(sensor, frame.value)
+        if fault != self._range_faults.get(sensor.name, ""):
+            self._range_faults[sensor.name] = fault
+            output.append(("text", Text(now, fault or f"{sensor.name}: the sensor works again")))
         return output
 
     def _on_status(self, now: int, status: frames.StatusFrame) -> LinkOutput:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import checksum, pack
@@ -13,6 +14,17 @@ UINT16_MAX = 0xFFFF
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before the board has settings
 REFERENCE_V = 5.0  # full scale of an analog input
+
+
+class RangeInput(NamedTuple):
+    """A distance sensor whose measurements come in frames of their own."""
+
+    name: str
+    """output port on which they appear"""
+    pin: int
+    """pin of its echo, or its analog channel"""
+    trigger: int | None = None
+    """pin of its trigger; None: an analog sensor"""
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,8 @@ class BoardSettings:
     """analog channel of the distance sensor"""
     range_name: str = "range"
     """output port on which its voltage appears"""
+    further_ranges: tuple[RangeInput, ...] = ()
+    """HC-SR04 sensors, and analog sensors besides the first one"""
     battery_channel: int | None = None
     """analog channel of the battery's voltage divider"""
     battery_divider: float = 1.0
@@ -134,9 +148,23 @@ class BoardSettings:
             deadman=_uint16("dead-man", round(self.deadman / MILLISECOND)),
             battery_low=self._battery_low_reading(),
             driver=self.driver,
-            standby=0 if self.standby is None else self.standby + 1,
+            standby=_from_one(self.standby),
             **wheels,
+            **self._range_pins(),
         )
+
+    def _range_pins(self) -> dict[str, int]:
+        sensors = self.further_ranges
+        if len(sensors) > frames.RANGE_SENSORS:
+            raise ValueError(
+                f"a board reads {frames.RANGE_SENSORS} further distance sensors, not {len(sensors)}"
+            )
+        fields = {}
+        for index in range(frames.RANGE_SENSORS):
+            sensor = sensors[index] if index < len(sensors) else None
+            fields[f"trigger_{index + 1}"] = _from_one(sensor.trigger if sensor else None)
+            fields[f"input_{index + 1}"] = _from_one(sensor.pin if sensor else None)
+        return fields
 
     def _battery_low_reading(self) -> int:
         """The board's reading at `battery_low`; 0 when it is not measured."""
@@ -162,6 +190,10 @@ def settings_name(mark: int) -> str:
 
 def _pin(pin: int | None) -> int:
     return frames.PIN_NONE if pin is None else pin
+
+
+def _from_one(pin: int | None) -> int:
+    return 0 if pin is None else pin + 1
 
 
 def _uint16(name: str, value: int) -> int:

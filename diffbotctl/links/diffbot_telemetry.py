@@ -128,6 +128,11 @@ class Telemetry:
         """The distance sensor's voltage in a state frame."""
         return Volts(encoders.time, volts_of(frame.range))
 
+    def measured_at(self, now: int, frame: frames.RangeFrame) -> int:
+        """Host time of the measurement in a frame that arrived at `now`."""
+        wire_time = WIRE_BYTES[type(frame)] * BITS_PER_BYTE * SECOND // self.baud
+        return now - wire_time - frame.age * frames.RANGE_AGE_NANOSECONDS
+
     def _unwrap_time(self, now: int, low: int) -> int:
         """Board time (ns) from its low 16 bits: the one nearest to the clock's estimate."""
         if self._board_time is None:

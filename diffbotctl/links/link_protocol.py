@@ -21,6 +21,7 @@ BITS_PER_BYTE = 10  # on the wire: start bit, eight data bits, stop bit
 USB_BAUD = 115_200  # of the board's USB port, always
 EDGE_FRAME_BYTES = 21  # counts, two edge times, one sensor, command in force, framing, CRC
 COUNT_FRAME_BYTES = 17  # the same without edge times
+RANGE_FRAME_BYTES = 8  # one measurement of a distance sensor that is measured in turn
 ROSSERIAL_FRAME_BYTES = 36  # three messages of 12: left ticks, right ticks, range
 TELEMETRY_LOAD_MAX = 0.9  # of the capacity; replies, log lines and settings need the rest
 

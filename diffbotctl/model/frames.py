@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from diffbotctl.config.robot import Robot
+from diffbotctl.geometry.distance_sensors import TYPES, sensor_facts
 
 WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
-ON_ROBOT = ("sharp_gp2y0a41sk0f", "lds01")  # types of sensors that are mounted on the robot
+ON_ROBOT = (*TYPES, "lds01")  # types of sensors that are mounted on the robot
 CASTER_SHARE = 0.8  # of the longer overhang: default position of the caster
 
 
@@ -64,10 +65,10 @@ def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
 
 
 Moments = tuple[float, float, float]  # about x, y and z
-SENSOR_MASS = {"sharp_gp2y0a41sk0f": 0.0036, "lds01": 0.125}  # kg, data sheets
-SENSOR_SIZE = {  # m: depth, width, height; data sheets
-    "sharp_gp2y0a41sk0f": (0.0135, 0.0295, 0.0130),
-    "lds01": (0.0695, 0.0955, 0.0395),
+# kg; m: depth, width, height; data sheets
+SENSOR_MASS = {kind: sensor_facts(kind).mass for kind in TYPES} | {"lds01": 0.125}
+SENSOR_SIZE = {kind: sensor_facts(kind).size for kind in TYPES} | {
+    "lds01": (0.0695, 0.0955, 0.0395)
 }
 
 

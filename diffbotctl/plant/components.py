@@ -1,15 +1,17 @@
 """The components of a simulated robot, drawn at random about what the robot file states."""
 
+from math import pi
 from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.simulation import Simulation
-from diffbotctl.model.laser_scanners import LASER_SCANNERS
+from diffbotctl.geometry.distance_sensors import is_analog
 from diffbotctl.plant.battery import RecoveringBattery, SimulatedBattery
 from diffbotctl.plant.chassis import Chassis, draw_chassis
 from diffbotctl.plant.drive_train import DriveTrain, ExponentialDrive
 from diffbotctl.plant.encoder_disc import EncoderDisc, draw_disc, draw_eccentric
-from diffbotctl.plant.range_sensors import RangeSensors, draw_scanners, draw_sharps
+from diffbotctl.plant.quadrature import edges_of_two
+from diffbotctl.plant.range_sensors import RangeSensors, draw_echoes, draw_scanners, draw_sharps
 from diffbotctl.plant.robot_parameters import PlantParameters
 from diffbotctl.plant.torque_drive import TorqueDrive, TorqueWheel, draw_setup, draw_torque_motor
 from diffbotctl.plant.wheel import MotorModel, WheelModel, draw_motors
@@ -39,12 +41,12 @@ def draw_components(
     built = simulation.encoder.slots
     slots = (built, built) if built else parameters.disc or parameters.slots
     discs = tuple(draw_disc(simulation.encoder, count, rng) for count in slots)
+    if parameters.encoder_channels == 2:
+        discs = tuple(
+            disc._replace(edges=edges_of_two(disc.edges, 2 * pi), channels=2) for disc in discs
+        )
     chassis = draw_chassis(parameters, simulation, rng)
-    sharps = [
-        sensor
-        for sensor in parameters.sensors
-        if sensor.kind not in (*LASER_SCANNERS, OVERHEAD_CAMERA)
-    ]
+    sharps = [sensor for sensor in parameters.sensors if is_analog(sensor.kind)]
     drawn_sharps = draw_sharps(sharps, simulation.sensors, rng)
     # Own generators for what happens often: the draws of one wheel do not change the other's.
     seeds = [rng.getrandbits(64) for _ in range(3)]
@@ -54,6 +56,7 @@ def draw_components(
         )
     battery, drive = _draw_drive(parameters, simulation, motors, discs, chassis, seeds)
     scanners = draw_scanners(parameters.sensors, simulation.sensors, rng)
+    echoes = draw_echoes(parameters.sensors, simulation.sensors, rng)
     cameras = (sensor.name for sensor in parameters.sensors if sensor.kind == OVERHEAD_CAMERA)
     return PlantComponents(
         motors,
@@ -61,7 +64,7 @@ def draw_components(
         chassis,
         drive,
         battery,
-        RangeSensors(world, drawn_sharps, scanners),
+        RangeSensors(world, drawn_sharps, scanners, echoes),
         tuple(cameras),
         Random(seeds[2]),
     )

@@ -22,6 +22,16 @@ class Wheel(Protocol):
         """Level of the encoder's pin."""
         ...
 
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Levels of the pins of all channels."""
+        ...
+
+    @property
+    def taken_directions(self) -> Sequence[int]:
+        """1 or -1: of the edges that the drive has returned last; empty with one channel."""
+        ...
+
     def stop_counting(self) -> None:
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         ...
@@ -32,6 +42,10 @@ class Wheel(Protocol):
 
     def changes(self, until: int) -> list[LevelChange]:
         """Changes of the watched pin since the last call, until `until`; after `advance`."""
+        ...
+
+    def changes_b(self, until: int) -> list[LevelChange]:
+        """The same of channel B; none with one channel."""
         ...
 
     def turn_by_hand(self, angle: float, speed: float) -> int:

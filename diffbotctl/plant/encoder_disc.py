@@ -26,7 +26,10 @@ class LevelChange(NamedTuple):
 
 
 class EncoderDisc(NamedTuple):
-    """A slotted disc. `edges`: angles in one turn (rad), rising and falling alternately."""
+    """A slotted disc. `edges`: angles in one turn (rad), rising and falling alternately.
+
+    With two channels those of both, see quadrature.py.
+    """
 
     edges: tuple[float, ...]
     start: float  # rad; the disc's angle under the light barrier at the start
@@ -35,6 +38,12 @@ class EncoderDisc(NamedTuple):
     bounce_share: float = 1.0  # of the edges that bounce
     missed: float = 0.0  # probability that a slot's pulse does not reach the board
     doubled: float = 0.0  # probability that a counted edge is followed by a second one
+    channels: int = 1
+
+    @property
+    def pitch(self) -> float:
+        """Angle from one slot to the next, rad."""
+        return 4 * pi * self.channels / len(self.edges)
 
 
 def draw_disc(truth: EncoderTruth, slots: int, rng: Random) -> EncoderDisc:
@@ -61,7 +70,7 @@ def draw_disc(truth: EncoderTruth, slots: int, rng: Random) -> EncoderDisc:
 
 def draw_eccentric(disc: EncoderDisc, spread: float, rng: Random) -> EncoderDisc:
     """`disc` mounted beside its centre: errors of up to twice `spread` (pitches), once per turn."""
-    amplitude = rng.uniform(0.0, 2.0) * spread * 4 * pi / len(disc.edges)
+    amplitude = rng.uniform(0.0, 2.0) * spread * disc.pitch
     phase = rng.uniform(0.0, 2 * pi)
     return disc._replace(edges=tuple(edge + amplitude * sin(edge + phase) for edge in disc.edges))
 

@@ -7,14 +7,23 @@ from math import cos, inf, sin
 from random import Random
 
 from diffbotctl.config.simulation import SensorTruth
-from diffbotctl.messages import Scan
+from diffbotctl.geometry.distance_sensors import (
+    ECHOES,
+    TURN,
+    SharpFacts,
+    further_sensors,
+    sensor_facts,
+)
+from diffbotctl.messages import Message, Scan, Volts
 from diffbotctl.model.laser_scanners import LASER_SCANNERS, ScannerModel
 from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.echo_sensor import EchoSensor
 from diffbotctl.plant.robot_parameters import MountedSensor
 from diffbotctl.plant.sharp_ir import Sharp
 from diffbotctl.plant.world import Wall, World
-from diffbotctl.time import NEVER
+from diffbotctl.time import NEVER, SECOND
 
+TURN_TIME = round(TURN * SECOND)
 TARGET_WIDTH = 0.3  # m, of the board that `put_before` places
 
 
@@ -54,15 +63,32 @@ class RangeSensors:
     `next_sharp` and `next_scan`: when a sensor of each kind next measures, ns.
     """
 
-    __slots__ = ("next_scan", "next_sharp", "scanners", "sharps", "world")
+    __slots__ = (
+        "_turn",
+        "echoes",
+        "further",
+        "next_scan",
+        "next_sharp",
+        "next_turn",
+        "scanners",
+        "sharps",
+        "world",
+    )
 
     def __init__(
         self,
         world: World,
         sharps: list[tuple[MountedSensor, Sharp]],
         scanners: list[tuple[MountedSensor, Scanner]],
+        echoes: Sequence[tuple[MountedSensor, EchoSensor]] = (),
     ) -> None:
         self.world, self.sharps, self.scanners = world, sharps, scanners
+        self.echoes = {mounting.name: (mounting, sensor) for mounting, sensor in echoes}
+        kinds = {mounting.name: mounting.kind for mounting, _ in (*sharps, *echoes)}
+        self.further = further_sensors(kinds)
+        """names of the sensors that the board measures in turn"""
+        self._turn = 0
+        self.next_turn = TURN_TIME if self.further else NEVER
         # In an empty world a Sharp sensor never measures anything.
         self.next_sharp = NEVER if world.empty else self._next_sharp()
         self.next_scan = self._next_scan()
@@ -77,6 +103,22 @@ class RangeSensors:
             if sensor.due <= now:
                 sensor.measure(self.world.distance(*_sensor_pose(mounting, pose)))
         self.next_sharp = self._next_sharp()
+
+    def take_turn(self, now: int, pose: Pose) -> tuple[str, Message]:
+        """(name, message) of the sensor whose turn it is."""
+        self.next_turn += TURN_TIME
+        name = self.further[self._turn]
+        self._turn = (self._turn + 1) % len(self.further)
+        if name in self.echoes:
+            mounting, echo = self.echoes[name]
+            return name, echo.reading(now, self.world, _sensor_pose(mounting, pose))
+        sharp = next(sharp for mounting, sharp in self.sharps if mounting.name == name)
+        return name, Volts(now, sharp.output(now))
+
+    def echo_us(self, name: str, pose: Pose) -> int:
+        """Length of the echo of a sensor in us, for an emulated board."""
+        mounting, echo = self.echoes[name]
+        return echo.echo_us(self.world, _sensor_pose(mounting, pose))
 
     def scan(self, now: int, pose: Pose) -> list[tuple[str, Scan]]:
         """(sensor name, scan) of every scanner whose turn ends now."""
@@ -118,9 +160,29 @@ def draw_sharps(
     sensors = []
     for mounting in mountings:
         truth = errors.get(mounting.name) or SensorTruth()
-        sensor = Sharp(truth.noise, truth.offset, Random(rng.getrandbits(64)))
+        facts = sensor_facts(mounting.kind)
+        assert isinstance(facts, SharpFacts)
+        sensor = Sharp(truth.noise, truth.offset, Random(rng.getrandbits(64)), facts=facts)
         sensors.append((mounting, sensor))
     return sensors
+
+
+def draw_echoes(
+    mountings: Sequence[MountedSensor], errors: Mapping[str, SensorTruth], rng: Random
+) -> list[tuple[MountedSensor, EchoSensor]]:
+    """An ultrasonic sensor for each of the mountings that is one, with its own generator."""
+    return [
+        (
+            mounting,
+            EchoSensor(
+                mounting.kind,
+                errors.get(mounting.name) or SensorTruth(),
+                Random(rng.getrandbits(64)),
+            ),
+        )
+        for mounting in mountings
+        if mounting.kind in ECHOES
+    ]
 
 
 def draw_scanners(

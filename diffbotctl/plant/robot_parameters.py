@@ -56,6 +56,8 @@ class PlantParameters(NamedTuple):
     has_encoders: bool = True
     is_skid_steered: bool = False  # four wheels, which slide in turns
     has_button: bool = False  # a stop button is connected to the board
+    encoder_channels: int = 1
+    encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -102,6 +104,8 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         has_encoders=bool(left.encoder.channels),
         is_skid_steered=built.wheelbase is not None,
         has_button=board.stop_button is not None,
+        encoder_channels=built.left.encoder.channels,
+        encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),

@@ -192,9 +192,14 @@ class SimulatedBoard:
             self._run_loops(now)
         self._update_due()
 
-    def edge(self, side: BoardSide, time: int) -> None:
-        """A counted edge at the pin of `side`; one within the glitch time is ignored."""
-        if side.last_edge is not None and time - side.last_edge < self._glitch:
+    def edge(self, side: BoardSide, time: int, direction: int = 0) -> None:
+        """A counted edge at the pin of `side`; one within the glitch time is ignored.
+
+        `direction`: 1 or -1 as two channels show it; 0: one channel, the direction of the drive.
+        """
+        if direction:
+            side.direction = direction
+        elif side.last_edge is not None and time - side.last_edge < self._glitch:
             return
         side.last_edge = time
         side.count += side.direction

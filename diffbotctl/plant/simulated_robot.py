@@ -33,6 +33,7 @@ class CapturedEdge(NamedTuple):
     time: int  # ns
     side: int  # 0 left, 1 right: of the board that captured it, or of the socket it is plugged into
     level: int  # 0 or 1, after the change
+    channel: int = 0  # 0 A, 1 B
 
 
 class PlantTruth(NamedTuple):
@@ -132,7 +133,7 @@ class SimulatedRobot:
         if until <= self.now:
             return
         board, sensors, disturbances = self.board, self._sensors, self._disturbances
-        rare = min(sensors.next_sharp, sensors.next_scan, disturbances.due)
+        rare = min(sensors.next_sharp, sensors.next_scan, sensors.next_turn, disturbances.due)
         while True:
             at = min(self._next_roll, self._next_frame, board.due, rare)
             if at > until:
@@ -151,8 +152,12 @@ class SimulatedRobot:
                 self._measure(at)
             if at == sensors.next_scan:
                 self._scan(at)
+            if at == sensors.next_turn:
+                self._measure_in_turn(at)
             if at == rare:
-                rare = min(sensors.next_sharp, sensors.next_scan, disturbances.due)
+                rare = min(
+                    sensors.next_sharp, sensors.next_scan, sensors.next_turn, disturbances.due
+                )
             if at == self._next_frame:
                 self._next_frame += self._model.period
                 self._send_frame(at)
@@ -183,9 +188,13 @@ class SimulatedRobot:
         wiring = self._wiring
         return [
             CapturedEdge(
-                self.now, wiring.socket(number), 0 if number in wiring.pickups else wheel.level
+                self.now,
+                wiring.socket(number),
+                0 if number in wiring.pickups else level,
+                wiring.channel(number, channel),
             )
             for number, wheel in enumerate(self.wheels)
+            for channel, level in enumerate(wheel.levels)
         ]
 
     def advance_with_duties(
@@ -210,8 +219,11 @@ class SimulatedRobot:
         for number in range(2):
             socket = self._wiring.socket(number)
             changes += [
-                CapturedEdge(time, socket, level)
-                for time, level in self._level_changes(number, until)
+                CapturedEdge(time, socket, level, self._wiring.channel(number, channel))
+                for channel, channel_changes in enumerate(
+                    (self._level_changes(number, until), self.wheels[number].changes_b(until))
+                )
+                for time, level in channel_changes
             ]
         self._roll()
         if until >= self._sensors.next_sharp:
@@ -222,6 +234,10 @@ class SimulatedRobot:
     def sensor_volts(self) -> dict[str, float]:
         """The distance sensors' output voltages now."""
         return self._sensors.volts(self.now)
+
+    def echo_us(self, name: str) -> int:
+        """Length of the echo of an HC-SR04 now, in us, as the emulator takes it."""
+        return self._sensors.echo_us(name, self.pose_in_world())
 
     def battery_voltage(self) -> float:
         """The battery's voltage now, in V."""
@@ -302,8 +318,14 @@ class SimulatedRobot:
         side = self._wiring.pins[number]
         if side is None:
             return
-        for time in edges:
-            self.board.edge(self.board.sides[side], time)
+        board_side, directions = self.board.sides[side], self.wheels[number].taken_directions
+        if directions and number not in self._wiring.pickups:
+            sign = -1 if self._wiring.counts_down(number, side) else 1
+            for time, direction in zip(edges, directions, strict=True):
+                self.board.edge(board_side, time, sign * direction)
+        else:
+            for time in edges:
+                self.board.edge(board_side, time)
         if self._is_capturing:
             resolution = CAPTURE_RESOLUTION
             self.captured_edges += [
@@ -390,7 +412,8 @@ class SimulatedRobot:
             frame = frame._replace(time=now + late)
         self._arriving.append((arrival, "encoders", frame))
         for name, volts in self._sensors.volts(now).items():
-            self._arriving.append((arrival, name, Volts(now + late, volts)))
+            if name not in self._sensors.further:
+                self._arriving.append((arrival, name, Volts(now + late, volts)))
         for name in self._cameras:
             self._arriving.append((arrival, name, self._camera_pose(now)))
         divider = self.parameters.divider
@@ -424,10 +447,23 @@ class SimulatedRobot:
         """Put the scans of every scanner whose turn ends at `now` on their way to the host."""
         self._roll()
         for name, scan in self._sensors.scan(now, self.pose_in_world()):
-            # Behind what already waits, so that messages arrive in order.
-            waiting = [arrival for arrival, _, _ in self._arriving]
-            arrival = max([now + self._model.frame_delay, *waiting])
-            self._arriving.append((arrival, name, scan))
+            self._add_arriving(now, name, scan)
+
+    def _measure_in_turn(self, now: int) -> None:
+        """Let the sensor measure whose turn it is, and put the result on its way to the host.
+
+        The published firmware has only one sensor.
+        """
+        self._roll()
+        name, message = self._sensors.take_turn(now, self.pose_in_world())
+        if self._model.has_speed_loop:
+            self._add_arriving(now, name, message)
+
+    def _add_arriving(self, now: int, name: str, message: Message) -> None:
+        """Put a message behind what already waits, so that messages arrive in order."""
+        waiting = [arrival for arrival, _, _ in self._arriving]
+        arrival = max([now + self._model.frame_delay, *waiting])
+        self._arriving.append((arrival, name, message))
 
 
 def _start_pose(simulation: Simulation) -> Pose:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from math import atan2, copysign, cos, exp, hypot, inf, pi, sin
 from random import Random
 from typing import NamedTuple
@@ -34,6 +35,7 @@ from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.drive_train import Edges
 from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
 from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel
+from diffbotctl.plant.quadrature import TwoChannelPins, levels_of_two
 from diffbotctl.plant.wheel import MotorModel
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -118,6 +120,7 @@ class TorqueWheel:
         "_edge_index",
         "_next_edge",
         "_pin",
+        "_pins",
         "_previous_edge",
         "angle",
         "drag",
@@ -133,6 +136,7 @@ class TorqueWheel:
     ) -> None:
         self.motor, self._disc = motor, disc
         self._pin = EncoderPin(disc, falling, rng)
+        self._pins = TwoChannelPins(disc, rng) if disc.channels == 2 else None
         self.angle = self.speed = self.drag = 0.0
         self.now = self.hand_until = 0
         self.hand_speed = 0.0
@@ -145,19 +149,33 @@ class TorqueWheel:
     @property
     def level(self) -> int:
         """Level of the pin: 1 while a slot is open."""
-        return self._edge_index % 2
+        return self._edge_index % 2 if self._pins is None else self.levels[0]
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Levels of the pins of all channels."""
+        return (self.level,) if self._pins is None else levels_of_two(self._edge_index)
+
+    @property
+    def taken_directions(self) -> Sequence[int]:
+        """1 or -1: of the edges that were taken last; empty with one channel."""
+        return () if self._pins is None else self._pins.taken_directions
 
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
-        self._pin.watch(on)
+        (self._pins or self._pin).watch(on)
 
     def changes(self, until: int) -> list[LevelChange]:
         """Changes of the watched pin since the last call, until `until`."""
-        return self._pin.changes(until)
+        return (self._pins or self._pin).changes(until)
+
+    def changes_b(self, until: int) -> list[LevelChange]:
+        """The same of channel B; none with one channel."""
+        return [] if self._pins is None else self._pins.changes(until, 1)
 
     def take_edges(self, until: int) -> Edges:
         """Times of the counted edges since the last call, until `until`."""
-        return self._pin.take(until)
+        return (self._pins or self._pin).take(until)
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
@@ -185,6 +203,9 @@ class TorqueWheel:
     def _cross_edges(self, start: int, before: float, angle: float) -> None:
         """Pass the edges between two angles; the speed is constant within the step."""
         pin, pace = self._pin, STEP / (angle - before)
+        if self._pins is not None:
+            self._cross_edges_of_two(self._pins, start, before, angle)
+            return
         while angle >= self._next_edge:
             level = 1 - self._edge_index % 2
             if pin.is_watched or level == pin.counted_level:
@@ -197,6 +218,26 @@ class TorqueWheel:
             level = self._edge_index % 2
             if pin.is_watched or level == pin.counted_level:
                 pin.record(start + int((self._previous_edge - before) * pace), level)
+            self._next_edge = self._previous_edge
+            self._previous_edge = self._edge_angle(self._edge_index - 1)
+
+    def _cross_edges_of_two(
+        self, pins: TwoChannelPins, start: int, before: float, angle: float
+    ) -> None:
+        """The same with two channels."""
+        pace = STEP / (angle - before)
+        while angle >= self._next_edge:
+            if pins.is_needed(self._edge_index):
+                time = start + int((self._next_edge - before) * pace)
+                pins.record(time, self._edge_index, True)
+            self._edge_index += 1
+            self._previous_edge = self._next_edge
+            self._next_edge = self._edge_angle(self._edge_index)
+        while angle < self._previous_edge:
+            self._edge_index -= 1
+            if pins.is_needed(self._edge_index):
+                time = start + int((self._previous_edge - before) * pace)
+                pins.record(time, self._edge_index, False)
             self._next_edge = self._previous_edge
             self._previous_edge = self._edge_angle(self._edge_index - 1)
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.simulation import MotorTruth
 from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
+from diffbotctl.plant.quadrature import TwoChannelPins, levels_of_two
 from diffbotctl.time import NEVER, SECOND
 
 RIPPLE_STEP = 10_000_000  # ns that the ripple is held: a twentieth of its period at 100 rpm
@@ -88,6 +89,7 @@ class WheelModel:
         "_next_edge",
         "_phase",
         "_pin",
+        "_pins",
         "_previous_edge",
         "_ripple",
         "_scale",
@@ -116,6 +118,7 @@ class WheelModel:
         self.motor = motor
         self._disc = disc
         self._pin = EncoderPin(disc, falling, rng)
+        self._pins = TwoChannelPins(disc, rng) if disc.channels == 2 else None
         self.now = now
         self.angle = self.speed = self.duty = 0.0
         self._keep, self._lag, self._drag = motor.keep, motor.lag, 0.0
@@ -134,7 +137,17 @@ class WheelModel:
     @property
     def level(self) -> int:
         """Level of the pin: 1 while a slot is open."""
-        return self._edge_index % 2
+        return self._edge_index % 2 if self._pins is None else self.levels[0]
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Levels of the pins of all channels."""
+        return (self.level,) if self._pins is None else levels_of_two(self._edge_index)
+
+    @property
+    def taken_directions(self) -> Sequence[int]:
+        """1 or -1: of the edges that `advance` has returned last; empty with one channel."""
+        return () if self._pins is None else self._pins.taken_directions
 
     def stop_counting(self) -> None:
         """Ignore all edges from now on, for a run that looks at the truth alone."""
@@ -142,11 +155,15 @@ class WheelModel:
 
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
-        self._pin.watch(on)
+        (self._pins or self._pin).watch(on)
 
     def changes(self, until: int) -> list[LevelChange]:
         """Changes of the watched pin since the last call, until `until`; after `advance`."""
-        return self._pin.changes(until)
+        return (self._pins or self._pin).changes(until)
+
+    def changes_b(self, until: int) -> list[LevelChange]:
+        """The same of channel B; none with one channel."""
+        return [] if self._pins is None else self._pins.changes(until, 1)
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
@@ -175,6 +192,8 @@ class WheelModel:
             self.now = until
         elif until > self.now:
             self._follow(until)
+        if self._pins is not None:
+            return self._pins.take(until)
         return self._pin.take(until) if self._pin.pending else ()
 
     def _begin_stretch(self) -> None:
@@ -231,6 +250,9 @@ class WheelModel:
 
         Only those that count are timed, unless the pin is watched.
         """
+        if self._pins is not None:
+            self._cross_edges_of_two(self._pins, angle, elapsed)
+            return
         watched, counted = self._pin.is_watched, self._pin.counted_level
         while angle >= self._next_edge:
             if watched or 1 - self._edge_index % 2 == counted:
@@ -245,11 +267,31 @@ class WheelModel:
             self._next_edge = self._previous_edge
             self._previous_edge = self._edge_angle(self._edge_index - 1)
 
+    def _cross_edges_of_two(self, pins: TwoChannelPins, angle: float, elapsed: float) -> None:
+        """The same with two channels."""
+        while angle >= self._next_edge:
+            if pins.is_needed(self._edge_index):
+                time = self._time_at(self._next_edge, angle, elapsed)
+                pins.record(time, self._edge_index, True)
+            self._edge_index += 1
+            self._previous_edge = self._next_edge
+            self._next_edge = self._edge_angle(self._edge_index)
+        while angle < self._previous_edge:
+            self._edge_index -= 1
+            if pins.is_needed(self._edge_index):
+                time = self._time_at(self._previous_edge, angle, elapsed)
+                pins.record(time, self._edge_index, False)
+            self._next_edge = self._previous_edge
+            self._previous_edge = self._edge_angle(self._edge_index - 1)
+
     def _record_edge(self, place: float, angle: float, elapsed: float, level: int) -> None:
         """Record the edge at angle `place`, after which the pin is at `level`."""
+        self._pin.record(self._time_at(place, angle, elapsed), level)
+
+    def _time_at(self, place: float, angle: float, elapsed: float) -> int:
+        """When (ns) the angle was `place`; it is `angle` at `elapsed` seconds of the stretch."""
         guess = elapsed * (place - self._start_angle) / (angle - self._start_angle)
-        time = self._stretch_start + round(self._crossing_time(place, guess, elapsed) * SECOND)
-        self._pin.record(time, level)
+        return self._stretch_start + round(self._crossing_time(place, guess, elapsed) * SECOND)
 
     def _crossing_time(self, place: float, elapsed: float, high: float) -> float:
         """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).

@@ -54,7 +54,7 @@ class PlantWiring:
     `pickups`: by wheel, the signal on the wire of an encoder that does not work.
     """
 
-    __slots__ = ("_wiring", "outputs", "pickups", "pins")
+    __slots__ = ("_parameters", "_wiring", "outputs", "pickups", "pins")
 
     def __init__(self, wiring: WiringTruth, parameters: PlantParameters, rng: Random) -> None:
         self._wiring = wiring
@@ -63,12 +63,25 @@ class PlantWiring:
 
     def set_board(self, parameters: PlantParameters) -> None:
         """Update what depends on the board's settings; the wires stay."""
+        self._parameters = parameters
         self.outputs = _outputs(self._wiring, parameters)
         self.pins = (self._pin(0, parameters), self._pin(1, parameters))
 
     def socket(self, wheel: int) -> int:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
         return 1 - wheel if self._wiring.encoders == "swapped" else wheel
+
+    def channel(self, wheel: int, channel: int) -> int:
+        """The input (0 for A, 1 for B) that this channel of a wheel's encoder is connected to."""
+        return 1 - channel if self._exchanged(wheel) else channel
+
+    def counts_down(self, wheel: int, side: int) -> bool:
+        """Whether the board counts this wheel's two channels down going forward, on its `side`."""
+        return self._exchanged(wheel) != self._parameters.encoder_reversed[side]
+
+    def _exchanged(self, wheel: int) -> bool:
+        wiring = self._wiring.right_encoder if wheel else self._wiring.left_encoder
+        return wiring == "exchanged"
 
     def _pin(self, wheel: int, parameters: PlantParameters) -> int | None:
         socket = self.socket(wheel)

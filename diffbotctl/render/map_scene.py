@@ -11,10 +11,11 @@ from math import cos, sin
 from typing import Any, NamedTuple
 
 from diffbotctl.block import outputs
-from diffbotctl.blocks.range_sensor import REACH, RangeSensor
+from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import Robot, SensorSection
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
+from diffbotctl.geometry.distance_sensors import ECHOES, sensor_facts
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
 from diffbotctl.model.laser_scanners import LASER_SCANNERS
@@ -91,16 +92,18 @@ def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
     sensors = []
     for node in graph.nodes:
         if isinstance(node.block, RangeSensor):
-            at = robot.sensors[node.block.sensor].at
-            place = {"x": at.x, "y": at.y, "heading": at.heading}
-            sensors.append({"topic": f"{node.name}.range", **place, "reach": REACH})
+            sensor = robot.sensors[node.block.sensor]
+            reach = sensor_facts(sensor.type, sensor.near, sensor.reach).reach
+            sensors.append({"topic": f"{node.name}.range", **_mount_of(sensor), "reach": reach})
     for name, sensor in robot.sensors.items():
-        if sensor.type in LASER_SCANNERS:
-            place = {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
-            sensors.append(
-                {"topic": f"robot.{name}", **place, "reach": LASER_SCANNERS[sensor.type].reach}
-            )
+        facts = LASER_SCANNERS.get(sensor.type) or ECHOES.get(sensor.type)
+        if facts is not None:
+            sensors.append({"topic": f"robot.{name}", **_mount_of(sensor), "reach": facts.reach})
     return sensors
+
+
+def _mount_of(sensor: SensorSection) -> dict[str, Any]:
+    return {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
 
 
 class SceneOutline(NamedTuple):

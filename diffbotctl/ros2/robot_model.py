@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffbotctl.blocks.range_sensor import DISTANCE_MIN, REACH, RangeSensor
+from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import UserError
+from diffbotctl.geometry.distance_sensors import ECHOES, EchoFacts, SharpFacts, sensor_facts
 from diffbotctl.model.frames import robot_frames
 from diffbotctl.model.laser_scanners import LASER_SCANNERS
 from diffbotctl.model.urdf import urdf
@@ -18,6 +19,7 @@ from diffbotctl.ros2.options import ModelFrame, RobotModel
 from diffbotctl.time import SECOND
 
 SHARP_FIELD_OF_VIEW = 0.1  # rad: its spot is some 4 cm wide at 40 cm (data sheet GP2Y0A41SK0F)
+ECHO_FIELD_OF_VIEW = 0.26  # rad: 15 degrees (data sheet HC-SR04)
 
 
 def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
@@ -47,7 +49,10 @@ def model_of(configuration: Configuration) -> RobotModel:
     for use in configuration.blocks:
         if use.cls is RangeSensor:
             name = use.values.get("sensor", "front")
-            sensors[f"{use.name}.range"] = _infrared(name)
+            sensor = robot.sensors[name]
+            sensors[f"{use.name}.range"] = _distance_sensor(
+                name, sensor_facts(sensor.type, sensor.near, sensor.reach)
+            )
     name = configuration.robot_file.stem if configuration.robot_file else configuration.name
     return _model_without_wires(robot, name)._replace(sensors=sensors)
 
@@ -62,8 +67,9 @@ def _model_without_wires(robot: Robot, name: str) -> RobotModel:
     )
 
 
-def _infrared(name: str) -> SensorModel:
-    return SensorModel(f"{name}_sensor_link", DISTANCE_MIN, REACH, SHARP_FIELD_OF_VIEW)
+def _distance_sensor(name: str, facts: SharpFacts | EchoFacts) -> SensorModel:
+    field = ECHO_FIELD_OF_VIEW if isinstance(facts, EchoFacts) else SHARP_FIELD_OF_VIEW
+    return SensorModel(f"{name}_sensor_link", facts.near, facts.reach, field)
 
 
 def _scanners(robot: Robot) -> dict[str, SensorModel]:
@@ -72,7 +78,12 @@ def _scanners(robot: Robot) -> dict[str, SensorModel]:
         for name, sensor in robot.sensors.items()
         if sensor.type in LASER_SCANNERS
     }
-    return {
+    echoes = {
+        f"robot.{name}": _distance_sensor(name, ECHOES[sensor.type])
+        for name, sensor in robot.sensors.items()
+        if sensor.type in ECHOES
+    }
+    return echoes | {
         f"robot.{name}": SensorModel(
             f"{name}_sensor_link", model.nearest, model.reach, 0.0, model.period / SECOND
         )

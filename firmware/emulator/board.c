@@ -12,6 +12,7 @@
 #include "lines.h"
 #include "motors.h"
 #include "pins.h"
+#include "sonars.h"
 
 #define SUPPLY_MILLIVOLTS 5000
 #define MCUSR 0x54
@@ -51,6 +52,7 @@ static void restarted(board_t *board)
 {
     quiet_interrupts(board->avr);
     start_trains(board);
+    sonars_reset(board);
     lines_reset(board);
     board->flags |= FLAG_RESET;
     motors_poll(board);
@@ -140,6 +142,7 @@ void board_begin(board_t *board, const options_t *options)
     }
     avr->codeend = avr->flashend; /* code that a bootloader writes is code */
     lines_begin(board);
+    sonars_begin(board);
     load_eeprom(board);
     board_reset(board, PORF);
 }
@@ -150,26 +153,6 @@ void board_end(board_t *board)
     lines_end(board);
 }
 
-/* Sets the level outside of a pin. simavr drives an input with pull-up from the port's register at
-   every write unless it knows the external level; both must agree. */
-static void drive(board_t *board, uint8_t pin, uint8_t level)
-{
-    place_t place = pin_place(pin);
-    if (place.port == '?')
-        return;
-    avr_t *avr = board->avr;
-    avr_ioport_t *port = NULL;
-    for (avr_io_t *io = avr->io_port; io && !port; io = io->next)
-        if (io->kind && !strcmp(io->kind, "port") && ((avr_ioport_t *)io)->name == place.port)
-            port = (avr_ioport_t *)io;
-    if (!port)
-        return;
-    uint8_t mask = (uint8_t)(1 << place.bit);
-    port->external.pull_mask |= mask;
-    port->external.pull_value = (uint8_t)((port->external.pull_value & ~mask) | (level ? mask : 0));
-    avr_raise_irq(port->io.irq + place.bit, level);
-}
-
 static avr_cycle_count_t change(avr_t *avr, avr_cycle_count_t when, void *value)
 {
     board_t *board = value;
@@ -178,7 +161,7 @@ static avr_cycle_count_t change(avr_t *avr, avr_cycle_count_t when, void *value)
            && ns_to_cycles(board->transitions[board->first].time) <= avr->cycle) {
         transition_t *next = &board->transitions[board->first];
         board->first = (board->first + 1) % TRANSITIONS;
-        drive(board, next->pin, next->level);
+        pins_drive(board->avr, next->pin, next->level);
     }
     if (board->first == board->last)
         return 0;
@@ -205,7 +188,7 @@ static avr_cycle_count_t toggle(avr_t *avr, avr_cycle_count_t when, void *value)
     pulse_train_t *train = value;
     (void)avr;
     train->level = !train->level;
-    drive(train->board, train->pin, train->level);
+    pins_drive(train->board->avr, train->pin, train->level);
     uint32_t more = train->jitter ? random_bits(train) % (train->jitter + 1) : 0;
     return when + (train->level ? train->high : train->low) + more;
 }

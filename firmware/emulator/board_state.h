@@ -16,6 +16,7 @@
 #define BYTES 16384
 #define TRANSITIONS 65536
 #define PULSE_TRAINS 4
+#define SONARS 4
 
 /* What differs between the chips. */
 typedef struct {
@@ -31,6 +32,8 @@ typedef struct {
     bool pty;
     unsigned motors;
     uint8_t motor[MOTORS][5]; /* pins of enable, in1, in2; kind of driver; pin of standby; 255: none */
+    unsigned sonars;
+    uint8_t sonar[SONARS][2]; /* pins of trigger and echo */
 } options_t;
 
 typedef struct {
@@ -54,6 +57,18 @@ typedef struct {
     uint32_t jitter;    /* largest random addition to each of them */
     uint64_t random_state;
 } pulse_train_t;
+
+/* An HC-SR04. Times are cycles. */
+typedef struct {
+    board_t *board;
+    uint8_t trigger, echo;
+    uint32_t width;           /* of the echo for its own target; SONAR_SILENT, SONAR_ENDLESS */
+    bool is_triggered;        /* the trigger pin is high */
+    avr_cycle_count_t raised; /* when it went high */
+    avr_cycle_count_t sent;   /* when its last burst left */
+    bool listens;             /* between its burst and the end of its echo */
+} sonar_t;
+enum { SONAR_SILENT = 0, SONAR_ENDLESS = 0xFFFF };
 
 /* One UART: bytes that wait to be received, and its pseudo-terminal. */
 typedef struct {
@@ -90,6 +105,7 @@ struct board {
     transition_t transitions[TRANSITIONS];
     unsigned first, last;
     pulse_train_t trains[PULSE_TRAINS];
+    sonar_t sonars[SONARS];
     uint32_t dirty_writes;
     uint8_t flags;
     int16_t duty[MOTORS];

@@ -2,11 +2,13 @@
    input, or paced to real time, with its UARTs as messages or as pseudo-terminals.
 
    emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2,KIND,STANDBY]...
+            [--sonar TRIGGER,ECHO]...
 
    Requests (little-endian), one reply each:
      'S' u64 until_ns, u16 transitions, u16 analogs, u16 bytes0, u16 bytes1, then
          transitions of (u32 ns since the last step's end, u8 pin, u8 level),
-         analogs of (u8 channel, u16 millivolts), bytes for UART0, bytes for UART1
+         analogs of (u8 channel, u16 millivolts; from channel 128 on HC-SR04 sensors, us of their
+         echoes, 0: it does not answer, 65535: it does not end), bytes for UART0, bytes for UART1
      reply: u64 now_ns, u16 motor events, u16 bytes, u8 flags (1: reset, 2: crashed), then
          events of (u32 ns since the step began, u8 motor, i16 duty of 32767, u8 brake),
          bytes of (u32 ns since the step began, at its stop bit, u8 uart, u8 byte)
@@ -29,8 +31,10 @@
 #include <unistd.h>
 
 #include "lines.h"
+#include "sonars.h"
 
 #define PACE_NS 1000000            /* step of real time when paced */
+#define FIRST_SONAR 128
 
 static const chip_t chips[] = {
     {.mcu = "atmega2560", .uarts = 2, .eeprom_size = 4096, .page = 256, .hang = 0x3DFFE},
@@ -123,7 +127,10 @@ static bool step(void)
         } analog;
         if (!read_all(&analog, sizeof analog))
             return false;
-        board_analog(&board, analog.channel, analog.millivolts);
+        if (analog.channel >= FIRST_SONAR)
+            sonars_set(&board, analog.channel - FIRST_SONAR, analog.millivolts);
+        else
+            board_analog(&board, analog.channel, analog.millivolts);
     }
     for (unsigned uart = 0; uart < UARTS; uart++) {
         uint8_t bytes[UINT16_MAX];
@@ -238,7 +245,7 @@ static const chip_t *chip_named(const char *name)
 static void usage(void)
 {
     fprintf(stderr, "emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] "
-                    "[--motor EN,IN1,IN2,KIND,STANDBY]...\n");
+                    "[--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]...\n");
     exit(2);
 }
 
@@ -272,6 +279,10 @@ int main(int count, char **words)
                            &options.motor[options.motors][1], &options.motor[options.motors][2],
                            &options.motor[options.motors][3], &options.motor[options.motors][4]) == 5)
             options.motors++;
+        else if (!strcmp(words[i - 1], "--sonar") && options.sonars < SONARS
+                 && sscanf(value, "%hhu,%hhu", &options.sonar[options.sonars][0],
+                           &options.sonar[options.sonars][1]) == 2)
+            options.sonars++;
         else
             usage();
     }

@@ -1,5 +1,6 @@
 #include "pins.h"
 
+#include <simavr/avr_ioport.h>
 #include <string.h>
 
 /* Pin, TCCRnA, OCRnx, bit COMnx1. */
@@ -71,4 +72,21 @@ uint16_t pin_address(char port)
         if (order[i] == port)
             return (uint16_t)(0x100 + 3 * i);
     return (uint16_t)(0x20 + 3 * (port - 'A'));
+}
+
+void pins_drive(avr_t *avr, uint8_t pin, uint8_t level)
+{
+    place_t place = pin_place(pin);
+    if (place.port == '?')
+        return;
+    avr_ioport_t *port = NULL;
+    for (avr_io_t *io = avr->io_port; io && !port; io = io->next)
+        if (io->kind && !strcmp(io->kind, "port") && ((avr_ioport_t *)io)->name == place.port)
+            port = (avr_ioport_t *)io;
+    if (!port)
+        return;
+    uint8_t mask = (uint8_t)(1 << place.bit);
+    port->external.pull_mask |= mask;
+    port->external.pull_value = (uint8_t)((port->external.pull_value & ~mask) | (level ? mask : 0));
+    avr_raise_irq(port->io.irq + place.bit, level);
 }

@@ -17,4 +17,8 @@ void pins_begin(const chip_t *chip);
 place_t pin_place(uint8_t pin);
 uint16_t pin_address(char port); /* of PINx */
 
+/* Sets the level outside of a pin. simavr drives an input with pull-up from the port's register at
+   every write unless it knows the external level; both must agree. */
+void pins_drive(avr_t *avr, uint8_t pin, uint8_t level);
+
 #endif

@@ -124,3 +124,78 @@ def test_nothing_is_exchanged_on_incomplete_evidence():
     detected = detect(("none", 0, 0), ("left forward", 4, 0))
     assert not detected.is_complete
     assert wiring_detection.wiring_findings(detected, load_robot("book_2wd").robot) == []
+
+
+def two_channels(left, right, stated):
+    """Corrections and findings of pulses of 40 counts; `left`, `right`: what was seen, the input
+    that counted, and the direction that it counted."""
+    pulses = {}
+    for channel, (seen, socket, direction) in (("left", left), ("right", right)):
+        counts = {side: 40 if side == socket else 0 for side in ("left", "right")}
+        pulses[channel] = MotorPulse(channel, WheelMotion(seen), counts, {socket: direction})
+    detected = wiring_detection.detect_wiring(pulses, QUIET)
+    sets = [
+        "robot.drive.encoder.channels=2",
+        "robot.drive.left.encoder.pin_b=22",
+        "robot.drive.right.encoder.pin_b=23",
+        *(f"robot.drive.{side}.encoder.reversed={value}" for side, value in stated.items()),
+    ]
+    findings = wiring_detection.wiring_findings(detected, load_robot(None, sets).robot)
+    return begins(detected.corrections), {
+        finding.field.removeprefix("drive."): finding.value
+        for finding in findings
+        if ".encoder." in finding.field
+    }
+
+
+@pytest.mark.parametrize(
+    "left, right, stated, mended, written",
+    [
+        (("left forward", "left", 1), ("right forward", "right", 1), {}, [], {}),
+        (
+            ("left forward", "left", -1),
+            ("right forward", "right", 1),
+            {},
+            ["left encoder"],
+            {"left.encoder.reversed": True},
+        ),
+        # the motor turns backward, and the encoder counts back, as it must
+        (
+            ("left backward", "left", -1),
+            ("right forward", "right", 1),
+            {},
+            ["left motor reversed"],
+            {},
+        ),
+        (
+            ("left forward", "left", 1),
+            ("right backward", "right", 1),
+            {},
+            ["right encoder", "right motor reversed"],
+            {"right.encoder.reversed": True},
+        ),
+        # stated as reversed, and it is not
+        (
+            ("left forward", "left", -1),
+            ("right forward", "right", 1),
+            {"left": "true"},
+            ["left encoder"],
+            {"left.encoder.reversed": False},
+        ),
+        # both plugs swapped: pins of both channels change sides
+        (
+            ("left forward", "right", 1),
+            ("right forward", "left", 1),
+            {},
+            ["encoders swapped"],
+            {
+                "left.encoder.pin": "3",
+                "left.encoder.pin_b": "23",
+                "right.encoder.pin": "2",
+                "right.encoder.pin_b": "22",
+            },
+        ),
+    ],
+)
+def test_the_direction_of_two_channels(left, right, stated, mended, written):
+    assert two_channels(left, right, stated) == (mended, written)

@@ -46,7 +46,23 @@ sensors: {rear: {type: sharp_gp2y0a41sk0f, pin: A1}}
 """
 
 
-@pytest.mark.parametrize("include", ["book_2wd", "book_2wd_counts", "book_2wd_stock"])
+@pytest.mark.parametrize("include", ["book_2wd", "book_2wd_counts"])
+@pytest.mark.parametrize("real", [False, True])
+def test_our_firmware_reads_four_distance_sensors(tmp_path, include, real):
+    (tmp_path / "two.yaml").write_text(TWO % include + "board: {telemetry: 30 Hz}\n")
+    problems = check("goal", str(tmp_path / "two.yaml"), [], real=real)
+    assert [problem.code for problem in problems if problem.severity == "error"] == []
+    five = "".join(f"  s{pin}: {{type: sharp_gp2y0a21yk0f, pin: A{pin}}}\n" for pin in range(1, 5))
+    (tmp_path / "five.yaml").write_text(
+        f"format: 1\nkind: robot\ninclude: {include}\nboard: {{telemetry: 30 Hz}}\nsensors:\n{five}"
+    )
+    problems = check("goal", str(tmp_path / "five.yaml"), [], real=real)
+    errors = [problem for problem in problems if problem.severity == "error"]
+    assert [problem.code for problem in errors] == ["E-BOARD-SENSOR"]
+    assert "'s4' is one more" in errors[0].cause
+
+
+@pytest.mark.parametrize("include", ["book_2wd_stock"])
 @pytest.mark.parametrize(
     ("real", "listens", "refused", "warned"),
     [

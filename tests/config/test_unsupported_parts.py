@@ -23,10 +23,9 @@ def problems(folder, line):
         ("drive: {motor: {driver: TB6621}}", "allowed values", "did you mean tb6612?"),
         ("drive: {motor: {driver: L293D}}", "0.6 A", "driver: l298n"),
         ("drive: {motor: {driver: l289n}}", "allowed values", "did you mean l298n?"),
-        ("drive: {encoder: {channels: 2}}", "second channel", "write 1"),
         ("drive: {right: {encoder: none}}", "one wheel has an encoder", "the other one"),
-        ("sensors: {front: {type: GP2Y0A21YK0F}}", "10 to 80 cm", "sharp_gp2y0a41sk0f"),
-        ("sensors: {front: {type: hc_sr04}}", "length of a pulse", "sharp_gp2y0a41sk0f"),
+        ("sensors: {front: {type: GP2Y0A21YK0F}}", "allowed values", "sharp_gp2y0a21yk0f"),
+        ("sensors: {front: {type: HC-SR04}}", "allowed values", "did you mean hc_sr04?"),
         (
             "sensors: {front: {type: rplidar a1}}",
             "only the place of a laser scanner",

@@ -76,7 +76,9 @@ class EncoderStep:
             session.try_findings(findings)
         if wiring.is_complete:
             findings += yield from _prove_directions(session)
-        can_capture = session.capture_edges(True) is not None
+        # Glitch time and open share are those of one channel.
+        has_one_channel = session.file.robot.drive.left.encoder.channels == 1
+        can_capture = has_one_channel and session.capture_edges(True) is not None
         # With the findings applied, each encoder counts at the input of its own side.
         inputs = {side: side if socket else None for side, socket in wiring.input.items()}
         parts = [(yield from self._count_slots(session, inputs))]
@@ -160,7 +162,8 @@ def _pulse(
         duty = duties[0]
         yield MarkFloor(f"Look at both wheels. The {output} motor is driven now.")
         left, right = (duty, 0.0) if output == "left" else (0.0, duty)
-        counts = _drive_pulse(session, Duty(0, left, right))
+        signed = _drive_pulse(session, Duty(0, left, right))
+        counts = {side: abs(count) for side, count in signed.items()}
         seen = yield from _ask_motion(
             "encoders.wheel",
             "Which wheel turned, and in which direction?",
@@ -174,15 +177,23 @@ def _pulse(
         answers.clear()
         duties.pop(0)
         if seen is not WheelMotion.NONE or not duties:
-            return MotorPulse(output, seen, counts)
+            return MotorPulse(output, seen, counts, _directions(session, signed))
 
 
 def _drive_pulse(session: RobotSession, duty: Duty) -> dict[str, int]:
-    """Apply a pulse. Returns the counts of both inputs."""
+    """Apply a pulse. Returns the signed counts of both inputs."""
     before = _counts(session)
     session.run_for(duty, PULSE_TIME_S)
     session.stop_and_wait()
-    return {side: abs(count - before[side]) for side, count in _counts(session).items()}
+    return {side: count - before[side] for side, count in _counts(session).items()}
+
+
+def _directions(session: RobotSession, signed: Mapping[str, int]) -> dict[str, int]:
+    """The direction that each input with two channels counted."""
+    drive = session.file.robot.drive
+    if drive.left.encoder.channels != 2:
+        return {}
+    return {side: 1 if count > 0 else -1 for side, count in signed.items() if count}
 
 
 def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Finding]]:
@@ -192,7 +203,8 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
     answers: list[WheelMotion] = []
     while True:
         yield MarkFloor("Look at both wheels. Both motors are driven forward now.")
-        counts = _drive_pulse(session, Duty(0, WEAK_DUTY, WEAK_DUTY))
+        signed = _drive_pulse(session, Duty(0, WEAK_DUTY, WEAK_DUTY))
+        counts = {side: abs(count) for side, count in signed.items()}
         seen = yield from _ask_motion(
             "encoders.proof",
             "Which wheels turned, and in which direction?",

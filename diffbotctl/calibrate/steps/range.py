@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
 
-from diffbotctl.blocks.range_sensor import volts_at
 from diffbotctl.calibrate.range_fit import (
     RULER_DISTANCES_M,
     RangeFit,
@@ -20,6 +19,7 @@ from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import CurvePlot, Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError, join_words
+from diffbotctl.geometry.distance_sensors import is_analog, volts_at
 from diffbotctl.messages import Volts
 from diffbotctl.prompts.question import ManualAction, Question
 
@@ -72,11 +72,12 @@ class RangeStep:
         )
 
     def _sensor(self, robot: Robot) -> str:
-        names = list(robot.sensors)
+        names = [name for name, sensor in robot.sensors.items() if is_analog(sensor.type)]
         if self.sensor in names or (not self.sensor and len(names) == 1):
             return self.sensor or names[0]
         if not names:
-            cause, fix = "the robot file has no distance sensor", "add it under `sensors:`"
+            cause = "the robot file has no distance sensor with a voltage; others need no curve"
+            fix = "add it under `sensors:`"
         else:
             cause = f"there is no sensor '{self.sensor}'" if self.sensor else "which sensor?"
             fix = f"give --sensor {join_words(names, 'or')}"

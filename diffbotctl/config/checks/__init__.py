@@ -9,9 +9,11 @@ from diffbotctl.config.checks import (
     board,
     calibration,
     drive,
+    encoders,
     graph,
     pins,
     proportions,
+    sensors,
     world,
 )
 from diffbotctl.config.checks.context import CheckContext
@@ -23,7 +25,8 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     graph.check_loops,
     block_needs.check_fields,
     pins.check_pins,
-    board.check_channels,
+    encoders.check_channels,
+    sensors.check_sensors,
     board.check_budget,
     drive.check_deadman,
     drive.check_speed,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from diffbotctl.block import In, inputs, outputs, robot_fields
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
-from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.configuration import BlockEntry, Pipeline
 from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import field_value
 from diffbotctl.errors import Place, closest_match, join_words
@@ -87,6 +87,9 @@ def drop_unusable_blocks(context: CheckContext) -> None:
         for sensor in (robot.sensors or {}).values()
         if sensor is not None and sensor.type in SENSOR_MESSAGES
     }
+    if "Range" in measured:
+        measured.add("Volts")  # a need of Volts is that of a distance
+    _bypass_converters(context, pipeline)
     entries = {name: entry for name, entry in (pipeline.blocks or {}).items() if entry is not None}
     unusable = [
         name
@@ -105,12 +108,44 @@ def drop_unusable_blocks(context: CheckContext) -> None:
         _drop_block(context, pipeline, name)
 
 
-def _drop_block(context: CheckContext, pipeline: Pipeline, name: str) -> None:
-    """Drop one block; connect inputs on its outputs to its own input of the same message."""
+def _bypass_converters(context: CheckContext, pipeline: Pipeline) -> None:
+    """Drop each block with a need that converts the voltage of a sensor that measures a distance.
+
+    What follows it is connected to the sensor: an HC-SR04 needs no `range_sensor`.
+    """
+    sensors = {
+        f"robot.{name}": SENSOR_MESSAGES.get(getattr(sensor, "type", ""))
+        for name, sensor in ((context.robot.sensors if context.robot else None) or {}).items()
+    }
+    for name, block in list(context.block_classes.items()):
+        entry = (pipeline.blocks or {}).get(name)
+        if entry is None or entry.needs is None:
+            continue
+        for port, declared in inputs(block).items():
+            source = (entry.wires or {}).get(port, "")
+            kind = sensors.get(source)
+            if kind is None or not isinstance(declared, In) or declared.kind is kind:
+                continue
+            same = [output for output, out in outputs(block).items() if out.kind is kind]
+            if same:
+                _remove_block(context, pipeline, name)
+                context.block_classes.pop(name)
+                _rewire(context, pipeline, {f"{name}.{output}": source for output in same})
+                break
+
+
+def _remove_block(context: CheckContext, pipeline: Pipeline, name: str) -> BlockEntry:
+    """Take one block out of the pipeline; its wires stay."""
     assert context.pipeline_tree is not None
-    dropped = pipeline.blocks.pop(name)
+    removed = pipeline.blocks.pop(name)
     context.pipeline_tree.entries["blocks"].entries.pop(name)
     context.parameters.pop(name, None)
+    return removed
+
+
+def _drop_block(context: CheckContext, pipeline: Pipeline, name: str) -> None:
+    """Drop one block; connect inputs on its outputs to its own input of the same message."""
+    dropped = _remove_block(context, pipeline, name)
     block = context.block_classes.pop(name, None)
     if block is None:
         return
@@ -119,6 +154,11 @@ def _drop_block(context: CheckContext, pipeline: Pipeline, name: str) -> None:
         for port, declared in inputs(block).items():
             if isinstance(declared, In) and declared.kind is out.kind and port in dropped.wires:
                 replacement[f"{name}.{output}"] = dropped.wires[port]
+    _rewire(context, pipeline, replacement)
+
+
+def _rewire(context: CheckContext, pipeline: Pipeline, replacement: dict[str, str]) -> None:
+    """Connect every input on one of these outputs to the replacement."""
     for node, value in nodes_with_inputs(context).items():
         entry = pipeline.robot if node == "robot" else pipeline.blocks[node]
         for port, source in (entry.wires if entry and entry.wires else {}).items():

@@ -1,4 +1,4 @@
-"""Checks of the board and what is wired to it: line capacity, sensor channels, voltages."""
+"""Checks of the board and what is wired to it: line capacity, voltages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from math import floor
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.checks.graph import nodes_with_inputs
-from diffbotctl.config.checks.pins import PINLESS_SENSORS
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
-from diffbotctl.config.robot import SIDES, line_baud
-from diffbotctl.config.yaml_tree import Value
+from diffbotctl.config.robot import SIDES, Robot, line_baud
 from diffbotctl.errors import join_words
+from diffbotctl.geometry.distance_sensors import TURN, further_sensors
 from diffbotctl.links import link_protocol
 
 # Input of a linear 5 V regulator (Mega's VIN; 78M05 of an L298N board): its dropout is 2 V, and
@@ -30,14 +28,16 @@ def check_budget(context: CheckContext) -> None:
     rate, has_edge_times, protocol, _, _ = values
     baud = line_baud(context.robot)
     frame = link_protocol.frame_bytes(protocol, has_edge_times)
-    load, capacity = rate * frame, link_protocol.capacity(baud)
+    ranges = range_load(context.robot)
+    load, capacity = rate * frame + ranges, link_protocol.capacity(baud)
     if load <= link_protocol.TELEMETRY_LOAD_MAX * capacity:
         return
+    further = f", with {ranges:.0f} of the distance sensors" if ranges else ""
     cause = (
-        f"{rate:g} frames of {frame} bytes per second are {load:.0f} bytes/s; "
+        f"{rate:g} frames of {frame} bytes per second are {load:.0f} bytes/s{further}; "
         f"at {baud} baud the link carries {capacity:.0f} bytes/s"
     )
-    rate_max = floor(link_protocol.TELEMETRY_LOAD_MAX * capacity / frame)
+    rate_max = floor((link_protocol.TELEMETRY_LOAD_MAX * capacity - ranges) / frame)
     options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
     if has_edge_times and protocol == "diffbot":
         options.append("set edge_times: false")
@@ -49,52 +49,11 @@ def check_budget(context: CheckContext) -> None:
         context.warn("W-LINK-BUDGET", place, f"{cause}; replies will be delayed", fix)
 
 
-def check_channels(context: CheckContext) -> None:
-    """Warn of every further sensor, which has no data on a real board; refuse wires from it.
-
-    The frames of both firmwares have one distance channel.
-    """
-    if context.robot is None or context.values("board.type") in (None, (SIMULATED,)):
-        return
-    names = [
-        name
-        for name, sensor in (context.robot.sensors or {}).items()
-        if sensor is not None and sensor.type not in PINLESS_SENSORS
-    ]
-    for name in names[1:]:
-        wires = _wires_from(context, name)
-        if context.real and wires:
-            _refuse_wires(context, name, names[0], wires)
-            continue
-        cause = (
-            f"a board reports one distance per frame, that of '{names[0]}'; '{name}' has data in "
-            "the simulator only"
-        )
-        fix = "remove it, or set board: {type: simulated} for a simulated robot"
-        sensor = context.robot_value("sensors", name)
-        place = sensor.name_place if sensor else context.robot_place("sensors")
-        context.warn("W-BOARD-SENSOR", place, cause, fix)
-
-
-def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
-    """The wires from this sensor, by the node that they lead to."""
-    return {
-        node: source
-        for node, value in nodes_with_inputs(context).items()
-        if (inputs := value.at("in"))
-        for source in inputs.entries.values()
-        if source.data == f"robot.{sensor}"
-    }
-
-
-def _refuse_wires(context: CheckContext, name: str, measured: str, wires: dict[str, Value]) -> None:
-    for node, source in wires.items():
-        cause = (
-            f"'{node}' uses the sensor '{name}', but a board reports one distance per frame, "
-            f"that of '{measured}': this wire would have no data"
-        )
-        fix = f"wire it to robot.{measured}, or remove the block"
-        context.error("E-BOARD-SENSOR", source.place, cause, fix)
+def range_load(robot: Robot) -> float:
+    """Bytes per second of the sensors that are measured in turn; one of them in each turn."""
+    kinds = {name: sensor.type for name, sensor in (robot.sensors or {}).items() if sensor}
+    has_turns = robot.link.protocol == "diffbot" and further_sensors(kinds)
+    return link_protocol.RANGE_FRAME_BYTES / TURN if has_turns else 0.0
 
 
 def check_radio(context: CheckContext) -> None:

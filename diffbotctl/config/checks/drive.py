@@ -7,11 +7,11 @@ from math import floor, hypot, pi, sqrt
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
     ObstacleStop,
+    guard_reaction,
     max_safe_speed,
-    reaction_time,
     stopping_distance,
 )
-from diffbotctl.blocks.range_sensor import REACH
+from diffbotctl.blocks.range_sensor import sensor_reach
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES, BoardSection, default_glitch, line_baud, shortest_level
 from diffbotctl.errors import Place, join_words
@@ -73,8 +73,8 @@ def check_edges(context: CheckContext) -> None:
         "drive.left.encoder.slots",
         "limits.speed",
     )
-    if values is None:
-        return
+    if values is None or context.values("drive.left.encoder.channels") == (2,):
+        return  # two channels show the direction of every edge
     has_edge_times, telemetry, diameter, slots, speed = values
     rate = speed / (pi * diameter) * slots
     if not has_edge_times or slots > LEARNABLE_SLOTS_MAX or rate <= EDGES_PER_FRAME_MAX * telemetry:
@@ -106,6 +106,8 @@ def check_glitch(context: CheckContext) -> None:
     """Compare the glitch time of each encoder with the shortest level at the rated speed."""
     if context.values("link.protocol") != ("diffbot",) or not has_encoders(context):
         return  # a rosserial board has no glitch filter that we could set
+    if context.values("drive.left.encoder.channels") == (2,):
+        return  # two channels need none
     paths = ("encoder.glitch", "encoder.slots", "motor.rated")
     values = {side: context.values(*(f"drive.{side}.{path}" for path in paths)) for side in SIDES}
     if values["left"] == values["right"]:
@@ -140,11 +142,14 @@ def _check_side_glitch(
 def check_polarity(context: CheckContext) -> None:
     """Warn of a real robot whose motor directions are not verified."""
     values = context.values("drive.polarity", "drive.left.encoder.channels")
-    if not context.real or values != ("unproven", 1):
+    if not context.real or values is None or values[0] != "unproven":
         return
+    encoders = "and one-channel encoders cannot detect them"
+    if values[1] == 2:
+        encoders = "nor which of channels A and B is which"
     cause = (
-        "the directions of the motors are not verified, and one-channel encoders cannot detect "
-        "them; the speed is limited to 0.1 m/s"
+        f"the directions of the motors are not verified, {encoders}; the speed is limited to "
+        "0.1 m/s"
     )
     fix = (
         "run `diffbotctl calibrate encoders`, or check that both wheels turn in the right "
@@ -210,10 +215,12 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
     sensor = parameters["sensor"] or next(iter(robot["sensors"]), "")
     reaction = parameters["reaction"]
     if reaction is None:
-        reaction = reaction_time(robot["telemetry"], debounce, robot["command_delay"], robot["lag"])
+        reaction = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
+        reaction += robot["command_delay"] + robot["lag"]
     needed = stopping_distance(speed, robot["braking"], reaction)
     mounted = context.values(f"sensors.{sensor}.at.x")
-    seen = REACH - (robot["front"] - mounted[0] if mounted else 0.0)
+    seen = sensor_reach(robot["sensors"], sensor)
+    seen -= robot["front"] - mounted[0] if mounted else 0.0
     if needed + margin <= seen:
         return
     cause = (

@@ -8,11 +8,12 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS, MOTOR_INPUTS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
+from diffbotctl.geometry.distance_sensors import ECHOES
 
 PINS_SHOWN_MAX = 6  # pins listed in a fix
 PINLESS_SENSORS = ("lds01", "overhead_camera")
 
-PinRole = Literal["digital", "pwm", "interrupt", "analog"]
+PinRole = Literal["digital", "pwm", "interrupt", "analog", "change"]
 
 
 class PinUse(NamedTuple):
@@ -71,7 +72,8 @@ def _check_required(context: CheckContext) -> None:
             fix = "remove it, or set board: {type: simulated}"
             context.error("E-BOARD-SENSOR", place, cause, fix)
         elif sensor is not None:
-            paths.append(("sensors", name, "pin"))
+            keys = ("trigger", "echo") if sensor.type in ECHOES else ("pin",)
+            paths += [("sensors", name, key) for key in keys]
     for steps in paths:
         value = context.robot_value(*steps)
         if value is not None and value.data in (None, "none"):
@@ -115,8 +117,13 @@ def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
             pins.append(("pwm", f"{side} motor enable", f"drive.{side}.motor.enable"))
     pins.append(("digital", "driver's standby", "drive.left.motor.standby"))
     pins += [("interrupt", f"{side} encoder", f"drive.{side}.encoder.pin") for side in SIDES]
+    pins += [
+        ("digital", f"{side} encoder's channel B", f"drive.{side}.encoder.pin_b") for side in SIDES
+    ]
     for name in (context.robot.sensors or {}) if context.robot else ():
         pins.append(("analog", f"{name} sensor", f"sensors.{name}.pin"))
+        pins.append(("digital", f"{name} sensor's trigger", f"sensors.{name}.trigger"))
+        pins.append(("change", f"{name} sensor's echo", f"sensors.{name}.echo"))
     pins += [("analog", "battery", "battery.pin"), ("digital", "stop button", "board.stop_button")]
     for role, label, path in pins:
         pin = context.values(path)
@@ -163,10 +170,10 @@ class _PinCheck(NamedTuple):
                 if board.pwm[pin] == timer:
                     source = f"timer {timer}, which keeps the board's clock"
                     return "E-PIN-TIMER", f"the PWM of pin {pin} comes from {source}"
-            case "interrupt":
-                if pin not in board.interrupts:
-                    cause = f"{pin_of_board} cannot raise an interrupt, so edges would be missed"
-                    return "E-PIN-INTERRUPT", cause
+            case "interrupt" | "change":
+                cause = self._interrupt_problem(use)
+                if cause is not None:
+                    return "E-PIN-INTERRUPT", f"{pin_of_board} {cause}"
             case "analog":
                 if pin not in board.analog:
                     cause = f"{pin_of_board} cannot measure a voltage, only high or low"
@@ -179,6 +186,13 @@ class _PinCheck(NamedTuple):
         if pin in board.analog_only:
             return "E-PIN-DIGITAL", f"{pin_of_board} can only measure a voltage, not switch"
         return None
+
+    def _interrupt_problem(self, use: PinUse) -> str | None:
+        if use.pin in pins_for(self.board, use.role, self.protocol):
+            return None
+        if use.role == "change":
+            return "raises no interrupt when it changes, as an echo needs"
+        return "cannot raise an interrupt, so edges would be missed"
 
     def _fix(self, use: PinUse) -> str:
         candidates = pins_for(self.board, use.role, self.protocol)
@@ -211,6 +225,8 @@ def pins_for(board: BoardPins, role: PinRole, protocol: str) -> list[str]:
             return list(board.interrupts)
         case "analog":
             return list(board.analog)
+        case "change":
+            return list(board.changes)
         case "digital":
             pins = (*board.digital, *board.analog)
             return [pin for pin in pins if pin not in board.analog_only]

@@ -1,0 +1,52 @@
+"""Travel of a wheel whose encoder shows the direction: its signed counts.
+
+Two channels need neither the motor's model nor the command: a wheel that is pushed, or turned by
+hand, counts as it turns. The model of the motor is only used for the speed between two edges.
+"""
+
+from __future__ import annotations
+
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.wheel_side import settled_speed
+
+
+class DirectedWheelOdometer(FineWheelOdometer):
+    """A wheel whose travel is its signed counts times the pitch."""
+
+    def update(
+        self,
+        time: int,
+        count: int,
+        edge_time: int | None,
+        command: float,
+        is_duty: bool,
+        command_since: int,
+    ) -> None:
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        steps = count - self.count
+        self.count = count
+        span = (time - self.time) * 1e-9
+        edge = time if edge_time is None or not steps else edge_time
+        edge_span = (edge - self.edge_time) * 1e-9
+        sign = self.drive_direction = (command > 0.0) - (command < 0.0)
+        speed = settled_speed(command, self.static, self.rated) if is_duty else command
+        predicted, mean = self._predicted(speed * self.pitches_per_rad, sign, span)
+        if steps:
+            self._set_direction(1 if steps > 0 else -1)
+        self.position += steps
+        if steps or not self.has_edge_times:
+            self.edge_time = edge
+            self.faults.add(edge_span, abs(steps), self.direction)
+        self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
+        if self.has_edge_times:
+            age = (time - self.edge_time) * 1e-9
+            passed = min(abs(self.signed_speed) * age, 1.0) if self.direction else 0.5
+            self.beyond = passed if self.direction > 0 else 1.0 - passed
+        self.time = time
+
+    def _set_direction(self, direction: int) -> None:
+        """Both directions count at the same places of the disc: a reversal adds no uncertainty but
+        the play between wheel and encoder."""
+        if self.direction == -direction:
+            self.reversals += 1
+        self.direction = direction
