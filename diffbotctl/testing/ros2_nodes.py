@@ -8,6 +8,7 @@ import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, Queue
+from zlib import crc32
 
 from diffbotctl.ros2.find_python import PYTHON_VARIABLE, ros_environment
 from diffbotctl.testing.running import command
@@ -17,7 +18,7 @@ ENVIRONMENT = ROOT / ".venv-ros2" / "bin" / "python"  # made by `make ros2`
 LINE_TIMEOUT_S = 60  # that a test waits for what must come
 COMMANDED_NODE = Path(__file__).parent / "ros2_commanded_node.py"
 EXIT_TIMEOUT_S = 3  # for each way to end a process
-DOMAIN = os.getpid() % 100 + 1  # processes of this machine do not hear each other
+DOMAINS = 100  # a run in another folder has another one: their nodes do not hear each other
 
 
 def ros_python():
@@ -33,7 +34,7 @@ def environment(folder):
     return {
         **ros_environment(()),
         "XDG_RUNTIME_DIR": str(folder),
-        "ROS_DOMAIN_ID": str(DOMAIN),
+        "ROS_DOMAIN_ID": str(crc32(str(folder).encode()) % DOMAINS + 1),
         "ROS_LOG_DIR": str(folder),
         PYTHON_VARIABLE: ros_python(),
     }

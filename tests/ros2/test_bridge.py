@@ -185,17 +185,19 @@ def test_a_bridge_that_is_killed_while_the_robot_moves_stops_it(tmp_path):
             client.until(stands)
 
 
-def test_a_keyboard_teleop_that_publishes_on_key_presses_only(folder, client):
-    with ros_node(folder, PROGRAMS / "keyboard_teleop.py") as teleop:
-        teleop.send("i")
-        client.until(moves)
-        client.until(held("operator_lost"))
-        teleop.send("k")
-        client.until(free)
-        teleop.send("j")
-        client.until(moves)
-        teleop.send("k")
-        client.until(free)
+def test_a_keyboard_teleop_that_publishes_on_key_presses_only(tmp_path):
+    with running(tmp_path, "standby", "--stay"), bridge(tmp_path, "--drive"):
+        client = PlainClient(tmp_path)
+        with ros_node(tmp_path, PROGRAMS / "keyboard_teleop.py") as teleop:
+            teleop.send("i")
+            client.until(moves)
+            client.until(held("operator_lost"))
+            teleop.send("k")
+            client.until(free)
+            teleop.send("j")
+            client.until(moves)
+            teleop.send("k")
+            client.until(free)
 
 
 def test_a_square_driver_for_turtlesim_leaves_no_stop(folder, client):
