@@ -41,7 +41,8 @@ class Seen(NamedTuple):
     step: float
     """m; longest step of the odometry: a difference of counts across the restart would be a jump"""
     waited: bool
-    """the goal was still under way after the wait, and reached after `resume`"""
+    """the goal was still under way after the wait, and reached after `resume`, if with an uncertain
+    pose: nothing is known of the wheels while the board restarts"""
 
 
 class Struck:
@@ -142,5 +143,5 @@ def one(kind: str, rng: Random, seed: int) -> Seen:
         stopped=run.struck and run.still,
         told=run.held and any(ResetCode[kind.upper()].meaning in text for text in run.texts),
         step=run.step,
-        waited=run.waited and result.reached == 1,
+        waited=run.waited and result.reached + run.operator.reached_unsure == 1,
     )
