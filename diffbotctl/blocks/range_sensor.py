@@ -148,8 +148,7 @@ class FoldbackDetector:
         fold: SensorFold = SHARPS["sharp_gp2y0a41sk0f"].fold,
     ) -> None:
         self.near_volts = near_volts
-        self.peak_volts = fold.peak_ratio * near_volts
-        self.contact_volts = fold.contact_ratio * near_volts
+        self.fold = fold
         # Readings less than the width of the peak apart cannot miss it.
         self.peak_time = int(fold.peak_width / speed * 1e9)  # ns
         self.contact_time = int(fold.width / speed * 1e9)  # ns
@@ -170,12 +169,12 @@ class FoldbackDetector:
         is_jump, self.last_time = now - self.last_time >= self.peak_time, now
         if volts >= self.near_volts:
             self.is_inside, self.last_inside = True, now
-            self.has_peaked = self.has_peaked or volts >= self.peak_volts
+            self.has_peaked = self.has_peaked or volts >= self.fold.peak_ratio * self.near_volts
             self.has_jumped = self.has_jumped or is_jump
             return True
         if self.is_inside:
             self._leave(is_jump)
-        is_contact = volts < self.contact_volts
+        is_contact = volts < self.fold.contact_ratio * self.near_volts
         has_dropped = is_contact and now - self.last_inside < self.contact_time
         if has_dropped and not self.was_folded:
             self.is_folded = False

@@ -244,7 +244,8 @@ class RobotSession:
             return None
         source.capture(self.now, on)
         self.listen(CAPTURE_TIME_S)
-        edges = [RawEdge(*edge) for edge in source.edges]
+        # The simulated robot also tells the channel; those of channel B are not of interest.
+        edges = [RawEdge(*edge[:3]) for edge in source.edges if not any(edge[3:])]
         source.edges.clear()
         return edges
 

@@ -90,8 +90,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     (
         "Look",
         (
-            ("dash", "Show a running engine on one screen"),
-            ("web", "Serve a page of a running engine to browsers"),
+            ("dash, web", "Show a running engine on one screen; on a page"),
             ("why", "Explain why the robot stopped"),
             ("topic, log", "Print messages; follow the log"),
             ("blocks, graph", "List blocks; draw a pipeline"),

@@ -21,6 +21,7 @@ from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
 from diffbotctl.estimation.wheel_kalman import MotorKind
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
+from diffbotctl.geometry.distance_sensors import SHARPS
 
 # (module, class) then and now.
 CLASSES = {
@@ -172,6 +173,8 @@ ATTRIBUTES["CountWheelOdometer"] = ATTRIBUTES["WheelOdometer"]
 
 # What later versions added to the states of their classes, with its value in a state of 0.1.
 ADDED: dict[str, dict[str, Any]] = {
+    "FoldbackDetector": {"fold": SHARPS["sharp_gp2y0a41sk0f"].fold},
+    "RangeSensor": {"reach": SHARPS["sharp_gp2y0a41sk0f"].reach},
     "EdgeHypothesis": {
         "faults": NO_FAULTS,
         "unseen_edges": 0,

@@ -56,6 +56,9 @@ NOT_FROM_FILES = {
     "E-SOCKET",
     "E-SSH",
     "E-START-ANSWER",
+    "E-WEB-CERTIFICATE",
+    "E-WEB-LIBRARY",
+    "E-WEB-LISTEN",
     "E-WIRING-NONE",
 }
 

@@ -29,6 +29,7 @@ class Person:
         self.folder = folder
         self.environment = os.environ | {
             "PYTHONPATH": str(ROOT),
+            "XDG_RUNTIME_DIR": str(folder),  # no other engine than that of this person
             "XDG_STATE_HOME": str(folder / "state"),
             "XDG_CACHE_HOME": str(folder / "cache"),
         }

@@ -12,10 +12,11 @@ from diffbotctl.errors import Place
 DIAMETER_TRACK_RATIO_MAX = 1.2
 # Travel of a wheel in one count: at 0.2 tracks one count turns the robot by 11 degrees.
 PITCH_TRACK_RATIO_MAX = 0.2
-# Counted edges per second of one encoder while the other turns as fast. Both AVR boards count every
-# edge of two channels at 16,000; above 3,000 they interrupt the board at counted edges only.
-EDGE_RATE_MAX_HZ = 12_000
-SIMULATED_RATE_MAX_HZ = 20_000
+# Counted edges per second of one encoder while the other turns as fast. An edge of one channel
+# takes 4 us of a board's time. Both AVR boards count every edge of two channels at 16,000; above
+# 3,000 they interrupt the board at counted edges only.
+EDGE_RATE_MAX_HZ = 20_000
+TWO_CHANNEL_RATE_MAX_HZ = 12_000
 ROUNDING = 1.001
 
 
@@ -44,8 +45,9 @@ def check_proportions(context: CheckContext) -> None:
         if pi * diameter / slots > ROUNDING * PITCH_TRACK_RATIO_MAX * track:
             _report_pitch(context, place, pi * diameter, slots, track)
             return
+        has_two = context.values(f"drive.{side}.encoder.channels") == (2,)
         is_simulated = context.values("board.type") == (SIMULATED,)
-        limit = SIMULATED_RATE_MAX_HZ if is_simulated else EDGE_RATE_MAX_HZ
+        limit = TWO_CHANNEL_RATE_MAX_HZ if has_two and not is_simulated else EDGE_RATE_MAX_HZ
         if rated * slots / (2 * pi) > ROUNDING * limit:
             _report_rate(context, place, slots, rated, limit)
             return
