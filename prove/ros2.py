@@ -26,7 +26,7 @@ TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 def rows(repeats: int) -> Iterator[Row]:
     """All rows; each failure is repeated `repeats` times."""
     if ros_python() is None:
-        yield NoData("bridge to ROS 2", "no rclpy", "`make ros2` installs it")
+        yield NoData("bridge to ROS 2", "no rclpy", "`make ros2` installs it", True)
         return
     yield load_row()
     for name, fail in FAILURES.items():
