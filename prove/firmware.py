@@ -22,27 +22,15 @@ from diffbotctl.testing.trials import (
 )
 from diffbotctl.testing.trials.row import Row, printed
 
+Section = Callable[[], Iterator[Row]]
+
 
 def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
     """All rows, with the fraction `share` of the trials, at least a few of each."""
-
-    def trials(full: float, minimum: int = 1) -> int:
-        return max(minimum, round(full * share))
-
-    sections: list[Callable[[], Iterator[Row]]] = [
+    trials = partial(trials_of, share)
+    sections: list[Section] = [
         partial(board.image),
-        partial(board.latency, seed, trials(200, 20)),
-        partial(board.telemetry, trials(60, 5)),
-        partial(board.edges),
-        partial(two_channels.full_speed),
-        partial(two_channels.rocking, trials(100, 20)),
-        partial(board.bounce, seed, trials(3, 1)),
-        partial(board.refused_settings, seed, trials(400, 40)),
-        partial(board.eeprom_cuts, seed, trials(200, 20)),
-        partial(board.restarts, seed, trials(15, 3)),
-        partial(board.deadman, seed, trials(1000, 20)),
-        partial(board_faults.storms, seed, trials(100, 20)),
-        partial(board_faults.hellos, seed, trials(20, 20)),
+        *chip_sections(seed, trials, partial(board.edges)),
         partial(wheel_loop.starts, seed, trials(1000, 50)),
         partial(wheel_loop.starts, seed + 1, trials(100, 10), emulated=True),
         partial(wheel_loop.stalls, seed, trials(200, 20)),
@@ -51,11 +39,6 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(wheel_loop.settling, seed, trials(10, 3), emulated=True),
         partial(frame_damage.to_board, seed, trials(1e7, 100_000)),
         partial(frame_damage.to_host, seed, trials(1e7, 20_000)),
-        partial(frame_damage.through_binary, seed, trials(1e4, 100)),
-        partial(board_runs.agreement, seed, trials(10, 2)),
-        partial(board_runs.goals, seed, trials(20, 3)),
-        partial(board_runs.same_twice, seed),
-        partial(board_restarts.rows, seed, trials(30, 3)),
         partial(flash.rows),
     ]
     for section in sections:
@@ -65,14 +48,20 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
 
 def uno_rows(seed: int, share: float = 1.0) -> Iterator[Row]:
     """The rows of the Mega that concern its chip, on an Uno."""
+    trials = partial(trials_of, share)
+    for section in chip_sections(seed, trials, partial(board.edges, 12_000)):
+        with trials_on(UNO_BOARD):
+            found = list(section())
+        for row in found:
+            yield row._replace(what=f"Uno: {row.what}")
 
-    def trials(full: float, minimum: int = 1) -> int:
-        return max(minimum, round(full * share))
 
-    sections: list[Callable[[], Iterator[Row]]] = [
+def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section) -> list[Section]:
+    """What each chip has to show; `edges`: at the highest rate of its encoders."""
+    return [
         partial(board.latency, seed, trials(200, 20)),
         partial(board.telemetry, trials(60, 5)),
-        partial(board.edges, 12_000),
+        edges,
         partial(two_channels.full_speed),
         partial(two_channels.rocking, trials(100, 20)),
         partial(board.bounce, seed, trials(3, 1)),
@@ -88,11 +77,11 @@ def uno_rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         partial(board_runs.same_twice, seed),
         partial(board_restarts.rows, seed, trials(30, 3)),
     ]
-    for section in sections:
-        with trials_on(UNO_BOARD):
-            found = list(section())
-        for row in found:
-            yield row._replace(what=f"Uno: {row.what}")
+
+
+def trials_of(share: float, full: float, minimum: int) -> int:
+    """The `share` of the trials of a full proof, at least `minimum`."""
+    return max(minimum, round(full * share))
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from diffbotctl.control.motion_profile import (
     rest_to_rest_time,
     shortest_turn,
 )
-from diffbotctl.control.velocity_limits import acceleration_limited
+from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
@@ -165,11 +165,8 @@ class GoalFollower(Block):
         """What the limits of acceleration leave of a velocity (m/s, rad/s) after the one before."""
         time, last_linear, last_angular = self.sent[-1]
         step = min((now - time) / SECOND, LIMITED_STEP_MAX)
-        rise, fall, arm = self.acceleration * step, self.braking * step, 2.0 / self.track
-        return (
-            acceleration_limited(last_linear, linear, rise, fall),
-            acceleration_limited(last_angular, angular, rise * arm, fall * arm),
-        )
+        rate = VelocityRate(self.acceleration, self.braking, self.track)
+        return rate.limited((last_linear, last_angular), (linear, angular), step)
 
     def _replace_goal(self, now: int, goal: Goal, odometry: Odometry) -> GoalState | None:
         """Take the operator's goal, or withdraw the present one; the end of the one before."""

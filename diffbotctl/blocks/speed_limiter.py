@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.velocity_limits import acceleration_limited, brake_limited
+from diffbotctl.control.velocity_limits import VelocityRate, brake_limited
 from diffbotctl.messages import Twist
 from diffbotctl.params import FromRobot, Param
 
@@ -42,11 +42,7 @@ class SpeedLimiter(Block):
             step = self.first_step
         self.time = twist.time
         linear, angular = brake_limited(twist.linear, twist.angular, self.speed, self.turn_rate)
-        arm = 2.0 / self.track  # angular acceleration per acceleration of the wheels
-        self.linear = acceleration_limited(
-            self.linear, linear, self.acceleration * step, self.braking * step
-        )
-        self.angular = acceleration_limited(
-            self.angular, angular, self.acceleration * arm * step, self.braking * arm * step
-        )
+        rate = VelocityRate(self.acceleration, self.braking, self.track)
+        before = self.linear, self.angular
+        self.linear, self.angular = rate.limited(before, (linear, angular), step)
         return Twist(twist.time, self.linear, self.angular)

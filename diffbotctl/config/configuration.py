@@ -93,19 +93,24 @@ class WorldEntry(Section):
     obstacles = Param(list[ObstacleEntry], default=[], help="Round obstacles.")
 
 
-class InputEntry(Section):
-    """A wire on which a client of the control socket publishes: `input.NAME`."""
-
-    type = Param(str, help="Message type, such as Range or my_package/Face.")
-    timeout = Param(
+def _timeout(whose: str) -> float:
+    """The entry that bounds the age of a message from outside of the graph."""
+    return Param(
         float,
         unit="s",
         default=0.5,
         minimum=0.02,
         maximum=60.0,
-        help="Age at which the newest message is no longer valid; at most 1 s where it feeds "
+        help=f"Age at which {whose} newest message is no longer valid; at most 1 s where it feeds "
         "motion.",
     )
+
+
+class InputEntry(Section):
+    """A wire on which a client of the control socket publishes: `input.NAME`."""
+
+    type = Param(str, help="Message type, such as Range or my_package/Face.")
+    timeout = _timeout("the")
     neutral: Any = Param(
         dict,
         none=True,
@@ -124,15 +129,7 @@ class ProgramEntry(Section):
     types = Param(
         dict[str, str], key="out", default={}, help="What it publishes: name, then message type."
     )
-    timeout = Param(
-        float,
-        unit="s",
-        default=0.5,
-        minimum=0.02,
-        maximum=60.0,
-        help="Age at which its newest message is no longer valid; at most 1 s where it feeds "
-        "motion.",
-    )
+    timeout = _timeout("its")
     neutral: Any = Param(
         dict,
         none=True,
@@ -146,15 +143,7 @@ class SourceEntry(Section):
 
     driver = Param(str, help="Kind of driver; `diffbotctl blocks` lists them.")
     values: Any = Param(dict, key="with", default={}, help="Values of the driver's parameters.")
-    timeout = Param(
-        float,
-        unit="s",
-        default=0.5,
-        minimum=0.02,
-        maximum=60.0,
-        help="Age at which its newest message is no longer valid; at most 1 s where it feeds "
-        "motion.",
-    )
+    timeout = _timeout("its")
 
 
 class Pipeline(Section):

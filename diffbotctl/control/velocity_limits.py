@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 
 def brake_limited(
     linear: float, angular: float, speed: float, turn_rate: float
@@ -29,3 +31,25 @@ def acceleration_limited(before: float, target: float, increase: float, decrease
     if before > 0.0 and target < 0.0:
         return max(lowest, 0.0)
     return max(target, -increase if before == 0.0 else lowest)
+
+
+class VelocityRate(NamedTuple):
+    """Limits of the rate of change of a velocity: m/s2 of each wheel, and the track in m."""
+
+    acceleration: float
+    braking: float
+    track: float
+
+    def limited(
+        self, before: tuple[float, float], target: tuple[float, float], step: float
+    ) -> tuple[float, float]:
+        """The velocity (m/s, rad/s) nearest to `target` that is reached in `step` seconds."""
+        arm = 2.0 / self.track  # angular acceleration per acceleration of the wheels
+        return (
+            acceleration_limited(
+                before[0], target[0], self.acceleration * step, self.braking * step
+            ),
+            acceleration_limited(
+                before[1], target[1], self.acceleration * arm * step, self.braking * arm * step
+            ),
+        )

@@ -38,11 +38,7 @@ class DirectedWheelOdometer(FineWheelOdometer):
             self.edge_time = edge
             self.faults.add(edge_span, abs(steps), self.direction)
         self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
-        if self.has_edge_times:
-            age = (time - self.edge_time) * 1e-9
-            passed = min(abs(self.signed_speed) * age, 1.0) if self.direction else 0.5
-            self.beyond = passed if self.direction > 0 else 1.0 - passed
-        self.time = time
+        self._place_between_edges(time)
 
     def _set_direction(self, direction: int) -> None:
         """Both directions count at the same places of the disc: a reversal adds no uncertainty but

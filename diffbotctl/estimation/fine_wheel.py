@@ -126,11 +126,7 @@ class FineWheelOdometer:
             self.edge_time = edge
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
-        if self.has_edge_times:
-            age = (time - self.edge_time) * 1e-9
-            passed = min(abs(self.signed_speed) * age, 1.0) if self.direction else 0.5
-            self.beyond = passed if self.direction > 0 else 1.0 - passed
-        self.time = time
+        self._place_between_edges(time)
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
 
@@ -222,6 +218,14 @@ class FineWheelOdometer:
         self.added_since += REVERSAL_VARIANCE
         if self.signed_speed * self.direction < 0.0:
             self.signed_speed = 0.0
+
+    def _place_between_edges(self, time: int) -> None:
+        """Place the wheel at `time` (ns) beyond its last edge; without edge times it is unknown."""
+        self.time = time
+        if self.has_edge_times:
+            age = (time - self.edge_time) * 1e-9
+            passed = min(abs(self.signed_speed) * age, 1.0) if self.direction else 0.5
+            self.beyond = passed if self.direction > 0 else 1.0 - passed
 
     def _update_speed(
         self, predicted: float, mean: float, net: float, edges: int, span: float, edge_span: float
