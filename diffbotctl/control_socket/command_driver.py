@@ -34,12 +34,18 @@ GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
 
 
 class DriveLease:
-    """The client that drives, None for none, and the time limit of its next command (ns)."""
+    """The client that drives, None for none, and the time limit of its next command (ns).
+
+    `expired` are the clients that fell silent while they drove, and from when on each is accepted
+    again. Such a client may not know that the robot was stopped: when its link works again, it
+    would go on as if nothing had happened.
+    """
 
     def __init__(self) -> None:
         self.client: int | None = None
         self.who = ""
         self.deadline = NEVER
+        self.expired: dict[int, int] = {}
 
     def renew(self, now: int, command: EngineCommand) -> None:
         """The client of `command` drives, until DRIVE_TIMEOUT from now."""
@@ -49,6 +55,26 @@ class DriveLease:
     def end(self) -> None:
         """No client drives any more."""
         self.client, self.deadline = None, NEVER
+
+    def expire(self) -> None:
+        """The client was silent for too long: it is accepted only when it begins afresh."""
+        if self.client is not None:
+            self.expired[self.client] = NEVER
+        self.end()
+
+    def begin_afresh(self, client: int) -> None:
+        """`client` commands zero, releases control, resumes or has gone: it is not refused."""
+        self.expired.pop(client, None)
+
+    def refuses(self, now: int, client: int) -> bool:
+        """Whether `client` has expired and goes on; a pause of DRIVE_TIMEOUT is a fresh start."""
+        if client not in self.expired:
+            return False
+        if now >= self.expired[client]:
+            self.begin_afresh(client)
+            return False
+        self.expired[client] = now + DRIVE_TIMEOUT
+        return True
 
 
 class ControlClientDriver:
@@ -94,7 +120,9 @@ class ControlClientDriver:
     def deliver(self, now: int) -> list[Delivery]:
         """Deliver what waits, stamped with `now`, and end a lease that has run out."""
         if now >= self.lease.deadline:
-            self._stop_lost(now, f"{self.lease.who} was driving and sent no command for 300 ms")
+            cause = f"{self.lease.who} was driving and sent no command for 300 ms"
+            self.lease.expire()
+            self._stop_lost(now, cause)
         deliveries = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
         return deliveries
@@ -137,6 +165,7 @@ class ControlClientDriver:
             case requests.ResumeRequest():
                 if self.lease.client is not None:
                     return ResultCode.DRIVING  # a goal must not start while a client drives
+                self.lease.begin_afresh(command.client)
                 self.operator.resume(now)
             case requests.GotoRequest(x, y, heading):
                 self.operator.replace_goals(now, Goal(now, 0, x, y, heading))
@@ -170,6 +199,7 @@ class ControlClientDriver:
                 if self.profiler is not None:
                     self.profiler.request()
             case ClientDisconnected():
+                self.lease.begin_afresh(command.client)
                 if self.lease.client == command.client:
                     self._stop_gone(now)
                 if self.inputs is not None:
@@ -197,9 +227,14 @@ class ControlClientDriver:
         """Pass a velocity to the mux; an active goal is paused until `resume`."""
         if is_late(now, request.time, request.lease):
             return ResultCode.LATE
+        if request.linear == 0.0 and request.angular == 0.0:
+            self.lease.begin_afresh(command.client)
+        has_expired = self.lease.refuses(now, command.client)
         stop = self.operator.stops_in_force.get(GATE_STOP)
         if stop is not None and stop.latched:
             return ResultCode.STOPPED
+        if has_expired:
+            return ResultCode.EXPIRED
         if self.lease.client != command.client:
             if self.lease.client is not None and not request.take_over:
                 return ResultCode.BUSY
@@ -210,6 +245,7 @@ class ControlClientDriver:
         return ResultCode.DONE
 
     def _release(self, now: int, command: EngineCommand) -> ResultCode:
+        self.lease.begin_afresh(command.client)
         if self.lease.client != command.client:
             return ResultCode.NOT_DRIVING
         self._queue("twist", now, Twist(now, 0.0, 0.0))

@@ -84,6 +84,7 @@ class ResultCode(StrEnum):
     REFUSED = "refused"
     OVERLOADED = "overloaded"
     LATE = "late"
+    EXPIRED = "expired"
     PUBLISHED_BY_ANOTHER = "published_by_another"
 
 
@@ -118,6 +119,10 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
         case ResultCode.LATE:
             cause = "the command to drive is older than its lease: the link was too slow"
             refusal = RefusalError("E-LATE", cause, "drive again when the link works")
+        case ResultCode.EXPIRED:
+            cause = "this client was silent for 300 ms while it drove, and the robot was stopped"
+            fix = "command zero or release control first, then drive again"
+            refusal = RefusalError("E-LATE", cause, fix)
         case ResultCode.PUBLISHED_BY_ANOTHER:
             fix = "wait until it has disconnected or its message has expired"
             refusal = RefusalError("E-BUSY", f"{detail} publishes on this input", fix)

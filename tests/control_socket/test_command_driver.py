@@ -3,6 +3,8 @@
 import pickle
 import socket
 
+import pytest
+
 from diffbotctl.control_socket.command_driver import DRIVE_TIMEOUT, ControlClientDriver
 from diffbotctl.control_socket.engine_channel import (
     ClientDisconnected,
@@ -125,6 +127,45 @@ def test_a_goal_is_paused_until_resume_while_a_client_drives_and_after_it_is_los
     assert desk.idle(20 + DRIVE_TIMEOUT) == [ResultCode.STOPPED, ""]
     delivered = desk.instant(21 + DRIVE_TIMEOUT)
     assert delivered["operator.goal"].number == 1 and "operator.resume" in delivered
+
+
+def expired(desk):
+    """Client 1 drives and falls silent; then another client resumes. The time (ns)."""
+    desk.send(DriveRequest(0.2, 0.0))
+    desk.idle(0)
+    for now in (1, DRIVE_TIMEOUT):
+        desk.instant(now)
+    desk.send(ResumeRequest(), client=2)
+    assert desk.idle(1000 * MS) == [""]
+    desk.instant(1000 * MS + 1)
+    return 1001 * MS
+
+
+def test_a_client_that_fell_silent_does_not_go_on_after_a_resume_of_another():
+    desk = Desk()
+    now = expired(desk)
+    for step in range(20):
+        desk.send(DriveRequest(0.2, 0.0))
+        assert desk.idle(now + step * 250 * MS) == [ResultCode.EXPIRED]
+        assert "operator.twist" not in desk.instant(now + step * 250 * MS + 1)
+    desk.send(DriveRequest(0.2, 0.0), client=2)
+    assert desk.idle(now + 5000 * MS) == [""]
+
+
+@pytest.mark.parametrize(
+    "afresh", [DriveRequest(0.0, 0.0), ReleaseRequest(), ResumeRequest(), None]
+)
+def test_a_client_that_fell_silent_may_begin_afresh(afresh):
+    desk = Desk()
+    now = expired(desk)
+    desk.send(DriveRequest(0.2, 0.0))
+    assert desk.idle(now) == [ResultCode.EXPIRED]
+    if afresh is not None:
+        desk.send(afresh)
+        desk.idle(now + 10 * MS)
+        desk.instant(now + 10 * MS + 1)
+    desk.send(DriveRequest(0.2, 0.0))
+    assert desk.idle(now + (20 * MS if afresh else DRIVE_TIMEOUT)) == [""]
 
 
 def test_another_client_is_refused_unless_it_takes_over():
