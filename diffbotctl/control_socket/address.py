@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from diffbotctl.errors import Problem, RunError
 
-RUN = Path("/run")
+RUN_VARIABLE = "DIFFBOTCTL_RUN"  # where the folders of groups are, instead of /run
 PREFIX = "diffbotctl"
 NAME_MAX_LENGTH = 40  # characters; the whole path of a socket must fit in 107 bytes
 NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_MAX_LENGTH}}}")
@@ -60,7 +60,12 @@ def own_folder() -> Path:
 
 def group_folder(group: str) -> Path:
     """The folder of the sockets that the members of `group` may use."""
-    return RUN / f"{PREFIX}-{group}"
+    return run_folder() / f"{PREFIX}-{group}"
+
+
+def run_folder() -> Path:
+    """The folder with the folders of all groups."""
+    return Path(os.environ.get(RUN_VARIABLE, "/run"))
 
 
 def start_time(pid: int) -> int | None:
@@ -75,9 +80,8 @@ def start_time(pid: int) -> int | None:
 
 def engines() -> list[EngineAddress]:
     """Every engine that this user may access, and whose process or socket is alive."""
-    shared = [
-        path for path in sorted(RUN.glob(f"{PREFIX}-*")) if os.access(path, os.R_OK | os.X_OK)
-    ]
+    folders = sorted(run_folder().glob(f"{PREFIX}-*"))
+    shared = [path for path in folders if os.access(path, os.R_OK | os.X_OK)]
     addresses = (
         EngineAddress(path.stem, path, process_of(path))
         for folder in (own_folder(), *shared)

@@ -43,7 +43,8 @@ def sockets():
     folders = [own or "/run/user/%d" % os.getuid()]
     folders = [folder + "/diffbotctl" for folder in folders]
     folders += [] if own else ["/tmp/diffbotctl-%d" % os.getuid()]
-    for folder in [*folders, *glob.glob("/run/diffbotctl-*")]:
+    run = os.environ.get("DIFFBOTCTL_RUN", "/run")
+    for folder in [*folders, *glob.glob(run + "/diffbotctl-*")]:
         yield from sorted(glob.glob(folder + "/*.socket"))
 found, wanted = {}, sys.argv[1]
 for path in sockets():

@@ -18,7 +18,7 @@ REPLY_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itse
 
 def command(folder, *words):
     """How to start `diffbotctl words` with its sockets in `folder`."""
-    environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}
+    environment = {"DIFFBOTCTL_RUN": str(folder), **os.environ, "XDG_RUNTIME_DIR": str(folder)}
     return [sys.executable, "-c", PROGRAM, *words], environment
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -249,23 +250,29 @@ def test_another_user_is_refused_by_the_folder_by_the_file_and_by_the_server(fol
 
 
 @ROOT_ONLY
-def test_members_of_the_group_may_and_others_may_not(tmp_path):
+def test_members_of_the_group_may_and_others_may_not(tmp_path, monkeypatch):
     group = "games"  # one that every Debian has
-    name = f"test-{os.getpid()}"
-    with running(tmp_path, "goal", "--stay", "--goal", "0 0", "--group", group, name=name):
+    words = ["goal", "--stay", "--goal", "0 0", "--group", group]
+    with TemporaryDirectory() as run:  # all folders above tmp_path are closed to others
+        os.chmod(run, 0o755)
+        monkeypatch.setenv("DIFFBOTCTL_RUN", run)
+        check_group(tmp_path, group, words)
+
+
+def check_group(tmp_path, group, words):
+    with running(tmp_path, *words):
         folder = group_folder(group)
-        path = folder / f"{name}.socket"
+        path = folder / "test.socket"
         assert stat.S_IMODE(folder.stat().st_mode) == 0o750
         assert stat.S_IMODE(path.stat().st_mode) == 0o660
         assert as_nobody(path) == "refused: Permission denied\n"
         assert json.loads(as_nobody(path, path.stat().st_gid))["hello"] == 2
-        assert cli(tmp_path, "stop", "--engine", name)[0] == 0
-    for each in folder.glob(f"{name}.*"):
-        each.unlink()
+        assert cli(tmp_path, "stop")[0] == 0
 
 
 @ROOT_ONLY
-def test_a_group_that_does_not_exist_is_an_error(tmp_path):
+def test_a_group_that_does_not_exist_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setenv("DIFFBOTCTL_RUN", "/run")
     code, _, complaint = cli(tmp_path, "run", "goal", "--group", "no-such-group")
     assert code == 1 and "there is no group 'no-such-group'" in " ".join(complaint.split())
 
