@@ -50,6 +50,7 @@ TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest
 TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
+TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
@@ -372,7 +373,9 @@ class GoalFollower(Block):
         self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
     ) -> FollowerStep:
         half_track, bounds = 0.5 * self.track, self._turn_bounds(pursuit)
-        if pursuit.leg == "turning":
+        if pursuit.turned > TURNED_MAX:  # one wheel hardly turns, and swings the robot around
+            return self._try_again(pursuit, odometry)
+        if pursuit.leg == "turning" and pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
             pursuit = pursuit.aim(odometry)
         remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
         rolling = half_track * predicted.angular

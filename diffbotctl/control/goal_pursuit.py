@@ -58,6 +58,8 @@ class Pursuit(NamedTuple):
     is_backwards: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
     """point (m) that the robot holds during a turn"""
+    turned: float = 0.0
+    """rad that the robot has turned in this leg, in either direction"""
     opposed_turn: float = 0.0
     """rad that the robot has turned against its command"""
     is_coasting: bool = False
@@ -105,7 +107,7 @@ class Pursuit(NamedTuple):
 
     def restart_turn(self) -> Pursuit:
         """Before the first release of a turn."""
-        return self._replace(releases=0, stalls=0, rest_error=inf)
+        return self._replace(releases=0, stalls=0, rest_error=inf, turned=0.0)
 
     def count_release(self, odometry: Odometry) -> Pursuit:
         """Count a release after which the turn is not done, and whether it had an effect."""
@@ -130,10 +132,10 @@ class Pursuit(NamedTuple):
         return state.restart_turn().aim(odometry)
 
     def watch_turn(self, turn_rate: float, command: float, seconds: float) -> Pursuit:
-        """Sum up how far the robot turns at `turn_rate` against the direction of its `command`."""
-        if turn_rate * command >= 0.0:
-            return self._replace(opposed_turn=0.0) if self.opposed_turn else self
-        return self._replace(opposed_turn=self.opposed_turn + abs(turn_rate) * seconds)
+        """Sum up how far the robot turns at `turn_rate`, and how far against its `command`."""
+        step = abs(turn_rate) * seconds
+        opposed = self.opposed_turn + step if turn_rate * command < 0.0 else 0.0
+        return self._replace(turned=self.turned + step, opposed_turn=opposed)
 
     def _turns(self, odometry: Odometry, line: float) -> float:
         """Sum of both turns (rad) when driving in the direction `line`."""

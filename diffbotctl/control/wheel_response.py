@@ -26,6 +26,10 @@ CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 LOST_SPEED_MIN, LOST_RATIO = 0.05, 0.15
 LOST_AFTER = 0.5  # s
 GAP_MAX = 0.25  # s without a frame of the board
+# Of its commanded travel during a goal. A wheel that is below it, while the other one is not,
+# explains why the goal was not reached.
+LAGGING_RATIO = 0.6
+LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio says anything
 
 
 Side = Literal["left", "right"]
@@ -37,7 +41,9 @@ class WheelResponse:
 
     __slots__ = (
         "command",
+        "commanded_travel",
         "counted_speed",
+        "counted_travel",
         "crawl_command_min",
         "crawl_for",
         "estimated_speed",
@@ -68,6 +74,8 @@ class WheelResponse:
         """averages of its speed by its counts and by odometry, without sign"""
         self.lost_for = 0.0
         """s for which odometry has taken a wheel that counts for one that stands"""
+        self.commanded_travel = self.counted_travel = 0.0
+        """m, without sign, since the goal was accepted"""
 
     def update(
         self,
@@ -85,6 +93,8 @@ class WheelResponse:
         the motor may be at its limit; below it, a loop that sets the duty still raises it.
         """
         self._compare_counts(speed, seconds, counted)
+        self.commanded_travel += abs(command) * seconds
+        self.counted_travel += counted
         if command * self.command <= 0.0:
             self.expected = self.short_for = self.crawl_for = 0.0
         self.command = command
@@ -152,6 +162,8 @@ class DriveResponse:
         self.weak_sides = ()
         self.left.idle_for = self.right.idle_for = 0.0
         self.left.crawl_for = self.right.crawl_for = 0.0
+        self.left.commanded_travel = self.right.commanded_travel = 0.0
+        self.left.counted_travel = self.right.counted_travel = 0.0
 
     @property
     def idle_for(self) -> float:
@@ -189,7 +201,22 @@ class DriveResponse:
 
     def weaknesses(self) -> list[str]:
         """What is known of weak wheels."""
-        return [self.weakness(side) for side in self.weak_sides]
+        return [self.weakness(side) for side in self.weak_sides] or self._lagging()
+
+    def _lagging(self) -> list[str]:
+        """The wheel that has made much less of its commanded travel than the other one."""
+        wheels = [self.left, self.right]
+        if min(wheel.commanded_travel for wheel in wheels) < LAGGING_PITCHES * self.pitch:
+            return []
+        ratios = [wheel.counted_travel / wheel.commanded_travel for wheel in wheels]
+        least = min(ratios)
+        if least > LAGGING_RATIO or max(ratios) <= LAGGING_RATIO:
+            return []
+        side = SIDES[ratios.index(least)]
+        return [
+            f"the {side} wheel has made {least:.0%} of its commanded travel: it rubs, its motor is "
+            "weak, or its encoder misses edges"
+        ]
 
     def weakness(self, side: Side) -> str:
         """What the wheel reaches of its command."""
