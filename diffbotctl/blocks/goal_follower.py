@@ -49,10 +49,14 @@ TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest
 # Of the tolerance: remaining distance that need not be driven.
 TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
+# Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the encoder
+# then still counts often enough for the speed loop (1/s).
+CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
+PUSH_TIME = 0.03  # s, longer with each of them
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
@@ -89,7 +93,8 @@ class GoalFollower(Block):
         default=0.035,
         unit="m/s",
         above=0.0,
-        help="Minimum wheel speed: below it, friction may hold one of the wheels.",
+        help="Minimum wheel speed: below it, friction may hold one of the wheels. Slow motors are "
+        "driven down to a tenth of their top speed.",
     )
     attempts = Param(int, default=6, minimum=1, maximum=50, help="Maximum number of attempts.")
     patience = Param(float, default=4.5, unit="s", above=0.0, help="Maximum wait at an obstacle.")
@@ -129,7 +134,13 @@ class GoalFollower(Block):
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
         self.left_pitch = pi * self.left_diameter / self.left_slots
         self.right_pitch = pi * self.right_diameter / self.right_slots
-        self.wheels = DriveResponse(self.track, max(self.left_pitch, self.right_pitch))
+        pitch = max(self.left_pitch, self.right_pitch)
+        self.wheels = DriveResponse(self.track, pitch)
+        top_speed = 0.5 * min(
+            self.left_rated * self.left_diameter, self.right_rated * self.right_diameter
+        )
+        slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
+        self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
 
     def react(
         self,
@@ -224,7 +235,7 @@ class GoalFollower(Block):
         limits = MotionLimits(
             self.speed, self.turn_rate, self.acceleration, self.braking, self.track
         )
-        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.creep, WEAK_SPEED_RATIO * self.speed))
+        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.least_speed, WEAK_SPEED_RATIO * self.speed))
         pursuit = Pursuit(goal, 0.0, self.coast)
         pursuit = pursuit._replace(start_distance=pursuit.distance(odometry))
         shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, limits)
@@ -281,7 +292,7 @@ class GoalFollower(Block):
             return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
         if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel has turned for {self.stuck_after:g} s"
-        fault = self.wheels.fault(self.creep, self.stuck_after, self.lag_estimate)
+        fault = self.wheels.fault(self.least_speed, self.stuck_after, self.lag_estimate)
         return ("stuck", fault) if fault else None
 
     def _disobeys(self, pursuit: Pursuit, odometry: Odometry) -> tuple[GoalEnd, str] | None:
@@ -383,7 +394,11 @@ class GoalFollower(Block):
         if pursuit.needs_nudge:
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
             is_coarse = self.wheels.pitch > TURN_REST_RATIO * half_track * self.heading_tolerance
-            pursuit = pursuit._replace(needs_nudge=not (is_coarse or self.wheels.has_counted))
+            pushed_for = pursuit.pushed_for + seconds
+            is_enough = is_coarse and pushed_for > pursuit.stalls * PUSH_TIME
+            pursuit = pursuit._replace(
+                needs_nudge=not (is_enough or self.wheels.has_counted), pushed_for=pushed_for
+            )
             speed = speed or copysign(bounds.minimum, remaining)
         if speed == 0.0:
             return FollowerStep(pursuit.released(abs(rolling), predicted.angular))
@@ -429,7 +444,7 @@ class GoalFollower(Block):
 
     def _bounds(self, pursuit: Pursuit, maximum: float, rest: float) -> SpeedBounds:
         """Speeds up to `maximum`: slower in each further attempt, faster for wheels that stick."""
-        creep = min(self.creep * PUSH_GROWTH**pursuit.stalls, maximum)
+        creep = min(self.least_speed * PUSH_GROWTH**pursuit.stalls, maximum)
         top = max(maximum * RETRY_SPEED_RATIO**pursuit.attempts, min(2.0 * creep, maximum))
         idle = self.wheels.idle_for
         if idle > UNSTICK_AFTER:

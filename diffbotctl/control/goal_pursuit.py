@@ -12,7 +12,7 @@ COAST_SD = 0.06  # s; of the coast time before the first release
 COAST_DRIFT = 0.012  # s; change of the coast time from one release to the next
 COAST_NOISE = 0.01  # s; of the coast time that one release shows
 POSE_NOISE = 0.002  # m; of the distance that one release shows
-COAST_SPEED_MIN = 0.03  # m/s; below it the innovation is mostly error of the pose
+COAST_SPEED_MIN = 0.005  # m/s; below it the innovation is mostly error of the pose
 COAST_RATIO_MIN = 0.4  # least coast time, relative to the motors' lag
 COAST_TIME_MAX = 0.6  # s
 
@@ -68,6 +68,8 @@ class Pursuit(NamedTuple):
     """ns"""
     needs_nudge: bool = False
     """turn at the least speed although the remaining angle is too small for it"""
+    pushed_for: float = 0.0
+    """s for which the wheels were driven since the last release"""
     releases: int = 0
     """in this turn; a small one may need several"""
     stalls: int = 0
@@ -91,6 +93,7 @@ class Pursuit(NamedTuple):
             is_coasting=False,
             still_since=None,
             needs_nudge=self.attempts > 0,
+            pushed_for=0.0,
             pivot=position,
         ).restart_turn()
         if self.distance(odometry) <= tolerance:
@@ -117,6 +120,7 @@ class Pursuit(NamedTuple):
             releases=self.releases + 1,
             stalls=self.stalls + 1 if has_stalled else 0,
             needs_nudge=self.needs_nudge or has_stalled,
+            pushed_for=0.0,
             rest_error=error,
         )
 
