@@ -49,8 +49,8 @@ TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest
 # Of the tolerance: remaining distance that need not be driven.
 TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
-# Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the encoder
-# then still counts often enough for the speed loop (1/s).
+# Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the
+# encoder then still counts often enough for the speed loop (1/s).
 CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections

@@ -104,6 +104,8 @@ class CaseSetting(NamedTuple):
     plant_seed: int
     known_at: float
     """s; before it nothing is wrong"""
+    is_fatal: bool
+    """whether the robot cannot move from then on"""
     wheel: str
     """the disturbed wheel, left or right, or empty"""
 
@@ -145,6 +147,7 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
         design.tolerances,
         plant_seed,
         min((one["start"] for one in disturbances), default=0.0),
+        perturbation.fatal,
         wheel,
     )
 
@@ -168,6 +171,7 @@ class ObservedRun(Run):
         self.commanded: tuple[float, float] = (0.0, 0.0)
         self.farthest = self.travel_after = self.standing_after = 0.0
         self.known = False
+        self.commanded_turn = 0.0  # rad, of a wheel that stands
         self.latched_at: int | None = None
         super().__init__(setting.configuration, options, tell=_ignore)
         self._setting, self._looked = setting, 0
@@ -196,15 +200,32 @@ class ObservedRun(Run):
         seconds = (plant.now - self._looked) / SECOND
         self._looked = plant.now
         self._end_after_stop(plant.now)
-        left, right = self.commanded
-        driven = {"left": left, "right": right, "": left or right}[setting.wheel]
-        if driven and plant.now >= setting.known_at * SECOND:
+        if plant.now >= setting.known_at * SECOND and self._could_be_known(seconds):
             self.known = True
         if self.known:
             if any(wheel.speed for wheel in plant.wheels):
                 self.travel_after += seconds
             else:
                 self.standing_after += seconds
+
+    def _could_be_known(self, seconds: float) -> bool:
+        """Whether the disturbance shows in a command to the wheel.
+
+        After a fatal one: in a wheel that stands although an edge was due. A battery that fails in
+        steps drives the robot for a while.
+        """
+        plant, wheel = self.plant, self._setting.wheel
+        assert plant is not None
+        left, right = self.commanded
+        if not self._setting.is_fatal:
+            return bool({"left": left, "right": right, "": left or right}[wheel])
+        sides = [index for index, side in enumerate(("left", "right")) if wheel in (side, "")]
+        speeds = [abs(command) for command in self.commanded]
+        stands = max(
+            (speeds[index] for index in sides if not plant.wheels[index].speed), default=0.0
+        )
+        self.commanded_turn = self.commanded_turn + stands * seconds if stands else 0.0
+        return self.commanded_turn > 2.0 * pi / self._setting.robot.drive.left.encoder.slots
 
     def _end_after_stop(self, now: int) -> None:
         """End the run a while after a stop that only a person could release."""
@@ -245,13 +266,12 @@ def _result(
     limits, lag = setting.robot.limits, setting.robot.drive.left.motor.lag
     xx, _, _, yy, _, hh = pose.covariance
     # Whoever arrives before the end of all motion proves nothing about the time after it.
-    is_fatal = PERTURBATIONS[case.perturbation].fatal
     seconds = run.engine.last_instant / SECOND
     return CaseResult(
         case,
         _end_of(run, result, state),
         state.cause if state is not None and state.cause else result.ending.cause,
-        oracle is not None and not (is_fatal and seconds > setting.known_at),
+        oracle is not None and not (setting.is_fatal and seconds > setting.known_at),
         oracle,
         seconds,
         hypot(goal.x, goal.y),
