@@ -52,4 +52,4 @@ def test_a_reversal_is_no_fault():
     faults = CountFaults(has_edge_times=False)
     for number in range(400):
         faults.add(PERIOD, 20, 1 if number // 40 % 2 else -1)
-    assert faults.share == 0.0
+    assert faults.share < 1e-4
