@@ -196,7 +196,7 @@ class FineWheelOdometer:
             self.added_since += edges * edges
             return float(-old * edges)
         slowest = self.rate * exp(-span / (LAG_FACTOR * self.lag)) * span
-        if is_signed_anew or edges - ROUNDING_MAX <= slowest:
+        if span <= 0.0 or is_signed_anew or edges - ROUNDING_MAX <= slowest:
             return float(old * edges)
         rate = edges / span
         # Where the speed passed zero between the middles of the frames before and this one.

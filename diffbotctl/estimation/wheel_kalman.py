@@ -382,6 +382,7 @@ class WheelKalman:
         settled = self.gain * drive + self.offset
         rise = max(RELEASED_RATIO * self.gain * drive - settled, 0.0)
         self.offset += rise
+        elapsed = max(elapsed, ELAPSED_MIN)  # frames that have queued up have one time
         covariance = list(self.covariance)
         covariance[DIAGONAL[1]] += 1.0 / (elapsed * elapsed)
         covariance[DIAGONAL[3]] += rise * rise

@@ -178,3 +178,28 @@ def test_after_a_gap_the_counts_give_the_travel(kind, silent):
         assert abs(pose.heading - truth.heading) < 2.0 * PITCH / odometry.track
         sd = pose.covariance[5] ** 0.5
         assert abs(pose.heading - truth.heading) < 4.0 * sd
+
+
+def queued(frames, rng):
+    """The frames as a host reads them that stands still now and then: several with one time."""
+    held, until = [], 0
+    for frame in frames:
+        if not held and rng.random() < 0.02:
+            until = frame.time + rng.choice((50, 200, 430, 1000)) * MS
+        if frame.time < until:
+            held.append(frame)
+            continue
+        yield from (one._replace(time=frame.time) for one in held)
+        held.clear()
+        yield frame
+
+
+@pytest.mark.parametrize("kind", ["edges", "counts"])
+def test_frames_that_have_queued_up_have_one_time(kind):
+    frames = [message for _, message, _, _ in drive(kind, 3)]
+    for seed in range(20):
+        _, odometry = block(kind)
+        for frame in queued(frames, Random(seed)):
+            pose = odometry.react(frame.time, frame)
+        assert abs(pose.x) < 1.5 and abs(pose.y) < 1.5
+        assert all(-100.0 < part < 100.0 for part in pose.covariance)
