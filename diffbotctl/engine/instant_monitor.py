@@ -102,7 +102,9 @@ class InstantMonitor:
         spent = time.thread_time_ns() - self._spent_before
         if busy - waited <= self.limits.stop:
             self._pause("host_frozen", OVERLOADED.format(busy / SECOND, waited / SECOND))
-        elif spent < busy // 2:  # nor did it compute: a signal has suspended it within an instant
+        elif (
+            spent < (busy - waited) // 2
+        ):  # nor did it compute: a signal has suspended it within an instant
             self._pause("host_frozen", NOT_RUNNING.format((busy - spent) / SECOND))
         else:
             cause = f"one instant of the engine took {busy / SECOND:.2f} s, with no slow block"

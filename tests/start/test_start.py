@@ -75,7 +75,7 @@ def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
         ports = ("--port", virtual.usb, "--radio", virtual.radio)
         code, said = person.types("start", *ports, answers=ALL)
         assert code == 0, said
-        assert said.count("1 of 1 reached") == 3  # simulated, metre, goal
+        assert said.count("1 of 1 reached") == 3, said  # simulated, metre, goal
         assert (
             said.count("Are the wheels off the ground?")
             == said.count("Is the robot on the floor")
