@@ -216,11 +216,11 @@ class GoalFollower(Block):
             left_limited = abs(encoders.left_command) >= FULL_DUTY
             right_limited = abs(encoders.right_command) >= FULL_DUTY
         before, self.last_encoders = self.last_encoders, encoders
-        left_counted = right_counted = 0.0
+        left_counted = right_counted = None
         if before is not None and encoders is not None and encoders.boot == before.boot:
             left_counted = self.left_pitch * abs(encoders.left - before.left)
             right_counted = self.right_pitch * abs(encoders.right - before.right)
-        self.wheels.has_counted = left_counted + right_counted > 0.0
+        self.wheels.has_counted = bool(left_counted or right_counted)
         self.wheels.left.update(
             left, odometry.linear - aside, lag, seconds, left_counted, left_limited
         )

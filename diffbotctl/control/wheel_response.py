@@ -19,6 +19,7 @@ WEAK_AFTER = 0.7  # s for which a wheel is slower than commanded, before it coun
 IDLE_AFTER = 1.5
 IDLE_COMMAND_MIN = 0.01  # m/s; at lower commands a wheel may stand
 IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
+IDLE_TRAVEL_MIN = 0.03  # m; of shorter movements friction may have held all
 MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
 CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 # A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
@@ -53,6 +54,8 @@ class WheelResponse:
         "ratio",
         "short_for",
         "speed",
+        "uncounted_for",
+        "uncounted_travel",
     )
 
     def __init__(self) -> None:
@@ -64,6 +67,8 @@ class WheelResponse:
         """measured, positive in the direction of the command"""
         self.idle_for = 0.0
         """s for which it was driven since it turned last"""
+        self.uncounted_for = self.uncounted_travel = 0.0
+        """s for which it was driven, and m that it should have travelled, since its last count"""
         self.short_for = 0.0
         """s for which it has reached less than SHORT_RATIO of its command"""
         self.crawl_for = 0.0
@@ -83,15 +88,19 @@ class WheelResponse:
         speed: float,
         lag: float,
         seconds: float,
-        counted: float = 0.0,
+        counted: float | None = None,
         is_limited: bool = True,
     ) -> None:
         """Apply the `speed` measured `seconds` after the last with `command` in force since then.
 
-        `lag` of the motors in s; `counted`: travel (m) of the counts in that time. A wheel that
-        turns against its command, or of which the odometry believes so, still turns. `is_limited`:
-        the motor may be at its limit; below it, a loop that sets the duty still raises it.
+        `lag` of the motors in s; `counted`: travel (m) of the counts in that time, None if unknown.
+        A wheel that turns against its command, or of which the odometry believes so, still turns.
+        `is_limited`: the motor may be at its limit; below it, a loop that sets the duty still
+        raises it.
         """
+        if counted is None or counted > 0.0:
+            self.uncounted_for = self.uncounted_travel = 0.0
+        counted = counted or 0.0
         self._compare_counts(speed, seconds, counted)
         self.commanded_travel += abs(command) * seconds
         self.counted_travel += counted
@@ -103,6 +112,8 @@ class WheelResponse:
         level = abs(command)
         self.speed = speed = speed if command > 0.0 else -speed
         self.expected += (level - self.expected) * seconds / (seconds + lag)
+        self.uncounted_for += seconds
+        self.uncounted_travel += self.expected * seconds
         has_turned = counted > 0.0 or abs(speed) >= MOVING_SPEED_MIN
         if has_turned:
             self.idle_for = 0.0
@@ -161,6 +172,8 @@ class DriveResponse:
         self.left.crawl_command_min = self.right.crawl_command_min = crawl_command_min
         self.weak_sides = ()
         self.left.idle_for = self.right.idle_for = 0.0
+        self.left.uncounted_for = self.right.uncounted_for = 0.0
+        self.left.uncounted_travel = self.right.uncounted_travel = 0.0
         self.left.crawl_for = self.right.crawl_for = 0.0
         self.left.commanded_travel = self.right.commanded_travel = 0.0
         self.left.counted_travel = self.right.counted_travel = 0.0
@@ -242,6 +255,11 @@ class DriveResponse:
                     f"the {side} wheel has not turned for {wheel.idle_for:.1f} s, commanded "
                     f"{abs(wheel.command):.2f} m/s: blocked, or its motor or encoder is faulty"
                 )
+            if self._gives_no_counts(wheel, other, stuck_after):
+                return (
+                    f"the {side} wheel has given no count for {wheel.uncounted_travel:.2f} m of "
+                    "its commands: blocked, or its motor or encoder is faulty"
+                )
             if wheel.crawl_for > IDLE_AFTER + self._known_after(wheel, creep, lag):
                 return self.weakness(side)
         return ""
@@ -256,6 +274,17 @@ class DriveResponse:
                     f"its counts, {wheel.estimated_speed:.2f} m/s estimated"
                 )
         return ""
+
+    def _gives_no_counts(
+        self, wheel: WheelResponse, other: WheelResponse, stuck_after: float
+    ) -> bool:
+        """Whether a wheel was driven again and again, and has not turned in any of the times.
+
+        Its counts alone tell: between two of them odometry takes it for turning.
+        """
+        longest = IDLE_AFTER if other.uncounted_for < wheel.uncounted_for else stuck_after
+        travel = max(IDLE_TRAVEL_MIN, IDLE_PITCHES * self.pitch)
+        return wheel.uncounted_for > longest and wheel.uncounted_travel > travel
 
     def _idle_max(
         self,

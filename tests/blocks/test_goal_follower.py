@@ -366,3 +366,47 @@ def test_what_is_counted_between_two_goals_is_not_compared():
         _, state = block.react(time, pose, wanted, Encoders(time, counts, counts), None)
         states += [state] if state is not None else []
     assert states and "given_up" not in {state.state for state in states}
+
+
+class SwingingCourse(Course):
+    """A robot whose right wheel stands: each turn swings it around that wheel."""
+
+    def step(self, goal, stop=None):
+        left = self.linear - self.angular * 0.0625
+        self.linear, self.angular = 0.5 * left, -left / 0.125
+        return super().step(goal, stop)
+
+
+def test_a_robot_that_swings_around_a_near_goal_does_not_turn_for_ever():
+    course = SwingingCourse(creep=0.01)
+    course.drive(goal(0.03, 0.0, 1.0), 40.0)
+    assert course.states[-1] in ("given_up", "stuck", "reached")
+    assert abs(course.heading) < 6 * 1.5 * 2 * 3.1416  # 1.5 turns in each of six attempts
+    assert course.now < 39e9
+
+
+def test_slow_motors_creep_slowly():
+    course = Course()
+    # 10.5 rad/s * 0.0325 m, and 20 slots of 10.2 mm: the encoder must count four times a second.
+    assert course.block.least_speed == 0.035
+    fine = GoalFollower(
+        speed=0.1,
+        turn_rate=4.0,
+        acceleration=1.0,
+        braking=1.5,
+        track=0.125,
+        wheelbase=None,
+        lag=0.1,
+        left_diameter=0.065,
+        right_diameter=0.065,
+        left_slots=2000,
+        right_slots=2000,
+        left_rated=5.0,
+        right_rated=5.0,
+        command_delay=0.0,
+        calibration={},
+    )
+    fine.reset()
+    assert fine.least_speed == pytest.approx(0.1 * 5.0 * 0.0325)
+    fast = Course(creep=0.02)
+    assert fast.block.least_speed == 0.02

@@ -100,3 +100,44 @@ def test_a_wheel_that_sticks_at_a_low_command_is_not_weak():
         drive.left.update(0.05, 0.002, LAG, STEP, 0.0001)
         drive.right.update(0.05, 0.002, LAG, STEP, 0.0001)
     assert drive.fault(creep=0.035, stuck_after=2.0, lag=LAG) == ""
+
+
+def driven_in_bursts(counted, seconds=6.0, command=0.2):
+    """Both wheels driven half a second forth and back with pauses, the left one as `counted` says.
+
+    Odometry takes both for turning as commanded.
+    """
+    drive = DriveResponse(0.2, 0.001)
+    for step in range(round(seconds / STEP)):
+        phase = int(step * STEP / 0.5) % 4
+        sign = {0: 1.0, 2: -1.0}.get(phase, 0.0)
+        for wheel, travel in ((drive.left, counted), (drive.right, command * STEP)):
+            wheel.update(
+                sign * command, sign * command, LAG, STEP, travel and travel * abs(sign), True
+            )
+        cause = drive.fault(0.035, 2.0, LAG)
+        if cause:
+            return step * STEP, cause
+    return None, ""
+
+
+def test_a_wheel_that_never_counts_in_short_drives_is_named():
+    # Half of the time it is driven, and each time 0.2 m/s * (0.5 s - lag) are expected of it.
+    seconds, cause = driven_in_bursts(counted=0.0)
+    assert 1.5 < seconds < 4.0 and "the left wheel has given no count for" in cause
+
+
+@pytest.mark.parametrize("counted", [0.2 * STEP, None])
+def test_a_wheel_that_counts_or_has_no_encoder_is_not(counted):
+    assert driven_in_bursts(counted) == (None, "")
+
+
+def test_a_wheel_that_lags_behind_the_other_one_explains_a_failure():
+    drive = DriveResponse(0.2, 0.001)
+    for _ in range(200):
+        drive.left.update(0.1, 0.1, LAG, STEP, 0.1 * STEP)
+        drive.right.update(0.1, 0.1, LAG, STEP, 0.03 * STEP)
+    (text,) = drive.weaknesses()
+    assert text.startswith("the right wheel has made 30% of its commanded travel")
+    drive.begin()
+    assert drive.weaknesses() == []
