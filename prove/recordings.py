@@ -32,6 +32,7 @@ PUBLISHED = {
     "foxglove.PoseInFrame": "8988b1b89d7350306accf887a32a28d9879ba543e15607b8c8096849dfcd2b09",
     "foxglove.LaserScan": "adaabd6e7b2beccce7d86b206bef823bf5161a2fcd49a62238d5e59c83474c64",
     "foxglove.Log": "3837e1e52d67502baf7b977c7602985ca65da64e2af5b114343f29554945dc54",
+    "foxglove.SceneUpdate": "aa4199d1493bd87e7fba5f9a07ff27e5b1e8204e7cbac2058bfe4106445b5be7",
 }
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 CORNERS = ("0.6 0", "0.6 0.6", "0 0.6", "0 0")

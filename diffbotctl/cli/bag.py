@@ -64,6 +64,7 @@ def _info_record(info: RecordingInfo) -> dict[str, Any]:
         "duration": (info.ends - info.begins) / SECOND,
         "run": info.about,
         "end": info.end,
+        "attachments": list(info.attachments),
         "topics": [topic._asdict() for topic in info.topics],
     }
 
@@ -88,19 +89,37 @@ def recover(file: Path, output: Path | None, force: bool) -> int:
     return 0
 
 
+def _write_attachment(file: Path, name: str, output: Path | None, force: bool) -> int:
+    from diffbotctl.recording.reader import read_attachment
+
+    text = read_attachment(file, name).decode("utf-8", "replace")
+    if output is None:
+        click.echo(text)
+        return 0
+    with open_output(output, [Path(name).suffix], force) as target:
+        target.write(text)
+    return 0
+
+
 @command.command()
 @recording_argument
 @click.argument("fields", nargs=-1, metavar="[FIELD]...")
+@click.option("--attachment", metavar="NAME", help="Write this attached file: layout.json.")
 @output_option("Write FILE.csv instead of standard output.")
-def export(file: Path, fields: tuple[str, ...], output: Path | None, force: bool) -> int:
+def export(
+    file: Path, fields: tuple[str, ...], attachment: str | None, output: Path | None, force: bool
+) -> int:
     """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a whole topic.
 
     One row for each instant with a value; a field without a value then is empty. Times are seconds
     since the start of the run. Without FIELD everything is written. The last column of a file is
     empty; its name, diffbotctl, marks the file as one that a later export may overwrite.
+    With --attachment, an attached file is written instead: robot.urdf, or layout.json.
     """
     from diffbotctl.recording import fields as recording_fields
 
+    if attachment is not None:
+        return _write_attachment(file, attachment, output, force)
     wires = recording_fields.column_wires(file)
     if fields:
         columns = recording_fields.choose_columns(fields, wires)

@@ -46,6 +46,11 @@ def caster_x(robot: Robot) -> float:
     return CASTER_SHARE * (-body.back if body.back >= body.front else body.front)
 
 
+def sensor_frame(name: str) -> str:
+    """The frame of the sensor `name`."""
+    return f"{name}_sensor_link"
+
+
 def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
     """All frames of `robot`, parents first."""
     height = axle_height(robot)
@@ -61,7 +66,7 @@ def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
             at = sensor.at
-            yield RobotFrame(f"{name}_sensor_link", BASE, at.x, at.y, at.z, at.heading)
+            yield RobotFrame(sensor_frame(name), BASE, at.x, at.y, at.z, at.heading)
 
 
 Moments = tuple[float, float, float]  # about x, y and z
@@ -133,4 +138,4 @@ def robot_solids(robot: Robot) -> Iterator[Solid]:
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
             box = Box(SENSOR_SIZE[sensor.type])
-            yield Solid(f"{name}_sensor_link", box, SENSOR_MASS[sensor.type], colour="red")
+            yield Solid(sensor_frame(name), box, SENSOR_MASS[sensor.type], colour="red")

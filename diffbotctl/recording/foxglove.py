@@ -1,31 +1,37 @@
 """Messages for the viewers Foxglove, Lichtblick and PlotJuggler: `foxglove.*` in JSON.
 
 The recording's process makes them from the messages of the run; they are no part of the run, so a
-replay and a digest ignore them. Frames are `odom`, `base_link` (REP-105) and a sensor's name; times
-are ns since 1970, because viewers show the time of day. Values that are not finite are left out:
-JSON cannot represent them.
+replay and a digest ignore them. Frames are those of the robot's model (REP-105); times are ns since
+1970, because viewers show the time of day. JSON cannot represent values that are not finite: such
+messages are left out, and such a ray of a scan is 0.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import cos, isfinite, sin
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from diffbotctl.config import lookup
-from diffbotctl.messages import LogLine, Odometry, Range
+from diffbotctl.geometry.trail import Trail
+from diffbotctl.messages import Goal, LogLine, Odometry, Path, Range, Scan
+from diffbotctl.model.frames import BASE, GROUND, WORLD, RobotFrame
+from diffbotctl.recording import scene_update
+from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
 
-SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log")
+SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log", "SceneUpdate")
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}  # foxglove.LogLevel
 # Half the beam width of a Sharp sensor, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F). With three
 # rays no viewer divides by zero to find the angle between them.
 BEAM_HALF_WIDTH_RAD, RAYS = 0.05, 3
 TRANSFORMS = "tf"  # topic, as ROS tools call it
-MOUNT_PERIOD = 5 * SECOND  # viewers that start in the middle learn where the sensors are
+FIXED_PERIOD = 5 * SECOND  # viewers that start in the middle learn what does not change
+WALLS, ROBOT, GOAL, PATH, TRAIL = "walls", "robot", "goal", "path", "trail"  # topics of the scene
+TRAIL_PERIOD = SECOND  # each message has the whole trail
+TRAIL_SPACING_M, TRAIL_MAX_POINTS = 0.02, 500
 
 _TIME = '{"sec": %d, "nsec": %d}'
-_VECTOR = '{"x": %r, "y": %r, "z": 0.0}'
+_VECTOR = '{"x": %r, "y": %r, "z": %r}'
 _TURN = '{"x": 0.0, "y": 0.0, "z": %r, "w": %r}'
 _POSE = f'{{"position": {_VECTOR}, "orientation": {_TURN}}}'
 _TRANSFORM = (
@@ -34,46 +40,37 @@ _TRANSFORM = (
 )
 _POSE_IN_FRAME = f'{{"timestamp": {_TIME}, "frame_id": "odom", "pose": {_POSE}}}'
 _SCAN = (
-    f'{{"timestamp": {_TIME}, "frame_id": "%s", "pose": {_POSE % (0.0, 0.0, 0.0, 1.0)}, '
-    f'"start_angle": {-BEAM_HALF_WIDTH_RAD}, "end_angle": {BEAM_HALF_WIDTH_RAD}, '
-    f'"ranges": [%s], "intensities": []}}'
+    f'{{"timestamp": {_TIME}, "frame_id": "%s", "pose": {_POSE % (0.0, 0.0, 0.0, 0.0, 1.0)}, '
+    f'"start_angle": %r, "end_angle": %r, "ranges": [%s], "intensities": []}}'
 )
 
 
-class SensorMount(NamedTuple):
-    """Pose of a sensor in base_link: x, y in m, heading in rad; `frame` is its name."""
-
-    frame: str
-    x: float
-    y: float
-    heading: float
-
-
 def schema(name: str) -> bytes:
-    """The published JSON Schema of foxglove.`name`."""
-    path: Path = lookup.folder("schemas") / "foxglove" / f"{name}.json"
-    return path.read_bytes()
+    """The published JSON Schema of foxglove.`name`, without white space."""
+    text = (lookup.folder("schemas") / "foxglove" / f"{name}.json").read_text()
+    return json.dumps(json.loads(text), separators=(",", ":")).encode()
 
 
-def odometry_transform(epoch: int, pose: Odometry) -> bytes | None:
-    """foxglove.FrameTransform of base_link in odom; None when it is not finite."""
-    base_link = SensorMount("base_link", pose.x, pose.y, pose.heading)
-    return frame_transform(epoch + pose.time, "odom", base_link)
+def odometry_transform(epoch: int, pose: Odometry, child: str) -> bytes | None:
+    """foxglove.FrameTransform of the frame `child` of the robot in odom; None when not finite."""
+    frame = RobotFrame(child, WORLD, pose.x, pose.y, heading=pose.heading)
+    return frame_transform(epoch + pose.time, frame)
 
 
-def frame_transform(time: int, parent: str, child: SensorMount) -> bytes | None:
-    """foxglove.FrameTransform of `child.frame` in the frame `parent`; None when not finite."""
-    if not _is_finite(child):
+def frame_transform(time: int, frame: RobotFrame) -> bytes | None:
+    """foxglove.FrameTransform of a frame in its parent; None when it is not finite."""
+    place = (frame.x, frame.y, frame.z)
+    if not all(map(isfinite, (*place, frame.heading))):
         return None
-    pose = (child.x, child.y, *_quaternion(child.heading))
-    return (_TRANSFORM % (*divmod(time, SECOND), parent, child.frame, *pose)).encode()
+    pose = (*place, *_quaternion(frame.heading))
+    return (_TRANSFORM % (*divmod(time, SECOND), frame.parent, frame.name, *pose)).encode()
 
 
 def pose_in_frame(epoch: int, pose: Odometry) -> bytes | None:
-    """foxglove.PoseInFrame of base_link in odom; None when it is not finite."""
-    if not _is_finite(pose):
+    """foxglove.PoseInFrame of the robot in odom; None when it is not finite."""
+    if not (isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.heading)):
         return None
-    values = (pose.x, pose.y, *_quaternion(pose.heading))
+    values = (pose.x, pose.y, 0.0, *_quaternion(pose.heading))
     return (_POSE_IN_FRAME % (*divmod(epoch + pose.time, SECOND), *values)).encode()
 
 
@@ -81,7 +78,15 @@ def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
     """foxglove.LaserScan of a sensor that measures one distance; empty when it measured none."""
     is_measured = reading.state == "measured" and isfinite(reading.distance)
     ranges = ", ".join([repr(reading.distance)] * RAYS) if is_measured else ""
-    return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, ranges)).encode()
+    angles = (-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD)
+    return (_SCAN % (*divmod(epoch + reading.time, SECOND), frame, *angles, ranges)).encode()
+
+
+def full_scan(epoch: int, scan: Scan, frame: str) -> bytes:
+    """foxglove.LaserScan of a laser scanner; 0 for a ray that measured nothing."""
+    last = scan.start + scan.step * max(len(scan.distances) - 1, 0)
+    ranges = ", ".join([repr(each) if isfinite(each) else "0.0" for each in scan.distances])
+    return (_SCAN % (*divmod(epoch + scan.time, SECOND), frame, scan.start, last, ranges)).encode()
 
 
 def log(epoch: int, line: LogLine) -> bytes:
@@ -98,10 +103,6 @@ def log(epoch: int, line: LogLine) -> bytes:
     return json.dumps(fields).encode()
 
 
-def _is_finite(pose: Odometry | SensorMount) -> bool:
-    return isfinite(pose.x) and isfinite(pose.y) and isfinite(pose.heading)
-
-
 def _quaternion(heading: float) -> tuple[float, float]:
     """z and w of the unit quaternion of a rotation by `heading` about the vertical axis."""
     return sin(heading / 2), cos(heading / 2)
@@ -114,52 +115,95 @@ Builder = Callable[[Any], Iterable[TopicMessage]]
 class ViewerMessages:
     """Makes viewers' messages from a run's.
 
-    `epoch`: ns since 1970 at logical time 0. `mounts` maps the wire of a range to its sensor's
-    pose, `topics` each topic to its schema.
+    `epoch`: ns since 1970 at logical time 0. `wires` are those of the run, with their classes;
+    `topics` maps each topic for viewers to its schema.
     """
 
-    def __init__(self, epoch: int, wires: dict[str, type], mounts: dict[str, SensorMount]) -> None:
+    def __init__(self, epoch: int, wires: Mapping[str, type], model: ViewerModel) -> None:
         self.epoch = epoch
-        self.mounts = {wire: mount for wire, mount in mounts.items() if wire in wires}
+        self.model = model
         self.topics: dict[str, str] = {}
-        self.builders: list[tuple[int, Builder]] = []
-        self.mounts_due = 0
+        self.builders: dict[str, Builder] = {}
+        self.places: list[tuple[int, Builder]] = []  # in an instant
+        self.trail = Trail(TRAIL_SPACING_M, TRAIL_MAX_POINTS)
+        self.has_moved = False  # since the last message with the trail
+        self.trail_due = self.fixed_due = 0
         for place, (wire, kind) in enumerate(wires.items(), 1):
             builder = self._builder(wire, kind)
             if builder is not None:
-                self.builders.append((place, builder))
+                self.builders[wire] = builder
+                self.places.append((place, builder))
+        self._add_fixed_topics()
 
     def messages(self, instant: tuple[Any, ...]) -> Iterator[tuple[str, bytes]]:
         """(topic, message) to write with an instant: (time, message or None for each wire)."""
         messages: list[TopicMessage] = []
-        time = instant[0]
-        if self.mounts and time >= self.mounts_due:
-            self.mounts_due = time + MOUNT_PERIOD
-            for mount in set(self.mounts.values()):
-                transform = frame_transform(self.epoch + time, "base_link", mount)
-                messages.append((TRANSFORMS, transform))
-        for place, builder in self.builders:
+        if instant[0] >= self.fixed_due:
+            self.fixed_due = instant[0] + FIXED_PERIOD
+            messages += self.fixed(instant[0])
+        for place, builder in self.places:
             if instant[place] is not None:
                 messages += builder(instant[place])
         return ((topic, data) for topic, data in messages if data is not None)
 
+    def fixed(self, now: int) -> Iterator[TopicMessage]:
+        """What does not change during a run: walls, solids of the robot, fixed frames."""
+        time, model = self.epoch + now, self.model
+        for frame in model.frames:
+            if frame.moves != "odometry":
+                yield TRANSFORMS, frame_transform(time, frame)
+        if model.solids:
+            yield ROBOT, scene_update.robot(time, model.solids)
+        if WALLS in self.topics:
+            yield WALLS, scene_update.walls(time, model.walls, model.rounds)
+
+    def _add_fixed_topics(self) -> None:
+        if self.model.frames:
+            self.topics |= {TRANSFORMS: "FrameTransform", ROBOT: "SceneUpdate"}
+        if self.model.walls or self.model.rounds:
+            self.topics[WALLS] = "SceneUpdate"
+
     def _builder(self, wire: str, kind: type) -> Builder | None:
         epoch = self.epoch
         if kind is Odometry:
-            has_transform = TRANSFORMS not in self.topics  # two would contradict each other
-            topic = f"{wire}.pose"
-            self.topics |= {TRANSFORMS: "FrameTransform", topic: "PoseInFrame"}
-            if has_transform:
-                return lambda pose: (
-                    (TRANSFORMS, odometry_transform(epoch, pose)),
-                    (topic, pose_in_frame(epoch, pose)),
-                )
-            return lambda pose: ((topic, pose_in_frame(epoch, pose)),)
-        if kind is Range and wire in self.mounts:
-            frame = self.mounts[wire].frame
-            self.topics |= {TRANSFORMS: "FrameTransform", f"{wire}.scan": "LaserScan"}
-            return lambda reading: ((f"{wire}.scan", laser_scan(epoch, reading, frame)),)
+            return self._odometry_builder(wire)
+        if kind in (Range, Scan) and wire in self.model.sensors:
+            frame = self.model.sensors[wire]
+            self.topics[f"{wire}.scan"] = "LaserScan"
+            make = laser_scan if kind is Range else full_scan
+            return lambda reading: ((f"{wire}.scan", make(epoch, reading, frame)),)
         if kind is LogLine:
             self.topics[f"{wire}.lines"] = "Log"
             return lambda line: ((f"{wire}.lines", log(epoch, line)),)
+        if kind is Goal:
+            self.topics[GOAL] = "SceneUpdate"
+            return lambda goal: ((GOAL, scene_update.goal(epoch + goal.time, goal)),)
+        if kind is Path:
+            self.topics[PATH] = "SceneUpdate"
+            return lambda path: ((PATH, scene_update.path(epoch + path.time, path)),)
         return None
+
+    def _odometry_builder(self, wire: str) -> Builder:
+        epoch, topic = self.epoch, f"{wire}.pose"
+        is_first = TRAIL not in self.topics  # two transforms would contradict each other
+        self.topics[topic] = "PoseInFrame"
+        if not is_first:
+            return lambda pose: ((topic, pose_in_frame(epoch, pose)),)
+        self.topics |= {TRANSFORMS: "FrameTransform", TRAIL: "SceneUpdate"}
+        child = GROUND if self.model.frames else BASE
+
+        def build(pose: Odometry) -> Iterator[TopicMessage]:
+            yield TRANSFORMS, odometry_transform(epoch, pose, child)
+            yield topic, pose_in_frame(epoch, pose)
+            yield TRAIL, self._trail(pose)
+
+        return build
+
+    def _trail(self, pose: Odometry) -> bytes | None:
+        """The trail with this pose; None while there is nothing new in it, or it is too early."""
+        if isfinite(pose.x) and isfinite(pose.y):
+            self.has_moved = self.trail.add((pose.x, pose.y)) or self.has_moved
+        if not self.has_moved or pose.time < self.trail_due:
+            return None
+        self.has_moved, self.trail_due = False, pose.time + TRAIL_PERIOD
+        return scene_update.trail(self.epoch + pose.time, self.trail.points)

@@ -13,7 +13,7 @@ from diffbotctl.messages import BUILT_IN, Message
 from diffbotctl.recording.json_codec import message_decoder
 from diffbotctl.recording.message_schema import message_class
 from diffbotctl.recording.run_metadata import check_end, check_run
-from diffbotctl.recording.writer import STATE, VIEWER
+from diffbotctl.recording.writer import LAYOUT, STATE, URDF, VIEWER
 from diffbotctl.time import SECOND
 
 TIME_MAX = 10 * 365 * 86_400 * SECOND  # ns; a run is shorter
@@ -38,7 +38,7 @@ class RecordingReader:
     `about`, `end` and `recovered` are metadata of the run, of its end (None when cut) and of the
     recovery; `wires` maps a wire to (message class name, origin), `kinds` to the message class;
     `cut` is why reading ended early; `state` is the state, as (time in ns, bytes), from which a
-    replay begins.
+    replay begins; `attachments` are the files for viewers, by name.
 
     A message of another package is of the class in `known` for its wire, if that has the recorded
     name; otherwise of a class made from the schema in the recording.
@@ -54,6 +54,7 @@ class RecordingReader:
         self.wires: dict[str, tuple[str, str]] = {}
         self.cut: str | None = None
         self.state: tuple[int, bytes] | None = None
+        self.attachments: dict[str, bytes] = {}
         self._place = 0  # first byte of the record that is being read
         self._channels: dict[int, Any] = {}
         self._schemas: dict[int, bytes] = {}
@@ -120,6 +121,8 @@ class RecordingReader:
             case "Attachment" if record.name == STATE:
                 self._require_metadata()
                 self.state = (self.time(record), record.data)
+            case "Attachment" if record.name in (URDF, LAYOUT):
+                self.attachments[record.name] = record.data
             case "Schema":
                 self._schemas.setdefault(record.id, record.data)
             case "Channel" if record.id not in self._channels:
@@ -216,6 +219,7 @@ class RecordingInfo(NamedTuple):
     ends: int
     topics: tuple[TopicInfo, ...]
     cut: str | None
+    attachments: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -245,7 +249,20 @@ def recording_info(path: Path) -> RecordingInfo:
         max((last for _, _, last in spans.values()), default=0),
         tuple(sorted(topics, key=lambda topic: (_origin_rank(topic.origin), topic.name))),
         reader.cut,
+        tuple(reader.attachments),
     )
+
+
+def read_attachment(path: Path, name: str) -> bytes:
+    """The file `name` that is attached to the recording at `path`. Raises RunError."""
+    reader = RecordingReader(path)
+    for _ in reader.records():
+        pass
+    if name not in reader.attachments:
+        known = ", ".join(reader.attachments) or "no files"
+        cause = f"'{name}' is not attached to it; it has {known}"
+        raise RunError(Problem("E-RECORDING", str(path), cause))
+    return reader.attachments[name]
 
 
 def _origin_rank(origin: str) -> int:

@@ -22,13 +22,16 @@ from diffbotctl.processes.child_process import (
     read_items,
     report,
 )
-from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
+from diffbotctl.recording.foxglove import ViewerMessages, schema
 from diffbotctl.recording.json_codec import message_encoder
 from diffbotctl.recording.message_schema import json_schema
+from diffbotctl.recording.viewer_layout import viewer_layout
+from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
 
 VIEWER = "viewer"  # origin of messages that are written for viewers and are no part of the run
 STATE = "state"  # name of the attachment with the state from which a replay begins
+URDF, LAYOUT = "robot.urdf", "layout.json"  # names of the attachments for viewers
 CHUNK_BYTES = 256 << 10  # an unpaced run fills it in a few ms, a paced one flushes each second
 
 
@@ -36,13 +39,13 @@ class RecordingHeader(NamedTuple):
     """What a recording must know of its run before the first instant.
 
     `wires` are all wires with their message classes, the first `sources` of them the drivers';
-    `about` is the metadata of the run; `mounts` maps the wire of a range to its sensor's place.
+    `about` is the metadata of the run; `model` is what viewers draw besides the messages.
     """
 
     wires: dict[str, type]
     sources: int
     about: dict[str, str]
-    mounts: dict[str, SensorMount] = {}
+    model: ViewerModel = ViewerModel()
 
 
 class RecordingWriter:
@@ -70,13 +73,29 @@ class RecordingWriter:
             origin = "driver" if place < header.sources else "block"
             channel = self._channel(wire, schemas[kind], origin, type_name(kind))
             self.channels.append((channel, message_encoder(kind)))
-        self.viewers = ViewerMessages(self.epoch, header.wires, header.mounts)
-        self.viewer_channels = {
-            topic: self._channel(topic, self._schema(name, schema(kind)), VIEWER, name)
-            for topic, kind in self.viewers.topics.items()
-            for name in (f"foxglove.{kind}",)
+        self.viewers = ViewerMessages(self.epoch, header.wires, header.model)
+        published = {
+            kind: self._schema(f"foxglove.{kind}", schema(kind))
+            for kind in dict.fromkeys(self.viewers.topics.values())
         }
+        self.viewer_channels = {
+            topic: self._channel(topic, published[kind], VIEWER, f"foxglove.{kind}")
+            for topic, kind in self.viewers.topics.items()
+        }
+        self._attach_for_viewers(header.wires)
         self.flush()  # killed within the first second, the file still has the run's metadata
+
+    def _attach_for_viewers(self, wires: dict[str, type]) -> None:
+        """Attach the robot's model and a layout; black box files have nothing to show in them."""
+        urdf = self.viewers.model.urdf
+        if urdf:
+            self._attach(self.epoch, URDF, "application/xml", urdf.encode())
+        layout = viewer_layout(wires, self.viewers.topics)
+        if layout:
+            self._attach(self.epoch, LAYOUT, "application/json", json.dumps(layout).encode())
+
+    def _attach(self, time: int, name: str, media_type: str, data: bytes) -> None:
+        self.writer.add_attachment(time, time, name, media_type, data)
 
     def _schema(self, name: str, text: bytes) -> int:
         return int(self.writer.register_schema(name, "jsonschema", text))
@@ -98,8 +117,7 @@ class RecordingWriter:
 
     def attach_state(self, time: int, state: bytes) -> None:
         """Attach the state of the blocks after the instant `time` (ns): a replay begins there."""
-        wall_time = self.epoch + time
-        self.writer.add_attachment(wall_time, wall_time, STATE, "application/octet-stream", state)
+        self._attach(self.epoch + time, STATE, "application/octet-stream", state)
 
     def flush(self) -> None:
         """Write everything to the disk, as a chunk that a reader can open."""

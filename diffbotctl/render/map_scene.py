@@ -18,6 +18,7 @@ from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.geometry.distance_sensors import ECHOES, sensor_facts
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
+from diffbotctl.model.frames import sensor_frame
 from diffbotctl.model.laser_scanners import LASER_SCANNERS
 
 Numbers = list[list[float]]
@@ -94,16 +95,18 @@ def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
         if isinstance(node.block, RangeSensor):
             sensor = robot.sensors[node.block.sensor]
             reach = sensor_facts(sensor.type, sensor.near, sensor.reach).reach
-            sensors.append({"topic": f"{node.name}.range", **_mount_of(sensor), "reach": reach})
+            mount = _mount_of(node.block.sensor, sensor, reach)
+            sensors.append({"topic": f"{node.name}.range", **mount})
     for name, sensor in robot.sensors.items():
         facts = LASER_SCANNERS.get(sensor.type) or ECHOES.get(sensor.type)
         if facts is not None:
-            sensors.append({"topic": f"robot.{name}", **_mount_of(sensor), "reach": facts.reach})
+            sensors.append({"topic": f"robot.{name}", **_mount_of(name, sensor, facts.reach)})
     return sensors
 
 
-def _mount_of(sensor: SensorSection) -> dict[str, Any]:
-    return {"x": sensor.at.x, "y": sensor.at.y, "heading": sensor.at.heading}
+def _mount_of(name: str, sensor: SensorSection, reach: float) -> dict[str, Any]:
+    at, frame = sensor.at, sensor_frame(name)
+    return {"x": at.x, "y": at.y, "heading": at.heading, "reach": reach, "frame": frame}
 
 
 class SceneOutline(NamedTuple):
@@ -120,13 +123,14 @@ class SceneOutline(NamedTuple):
 
 
 class SceneBeam(NamedTuple):
-    """A distance sensor: pose in base_link (m, rad), and the topic of its distances."""
+    """A distance sensor: its frame, its pose in base_link (m, rad), and its topic."""
 
     topic: str
     x: float
     y: float
     heading: float
     reach: float
+    frame: str = ""
 
 
 class Scene(NamedTuple):

@@ -17,8 +17,7 @@ from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook
-from diffbotctl.messages import Encoders, Range, Resume, Stop
-from diffbotctl.recording.foxglove import SensorMount
+from diffbotctl.messages import Encoders, Resume, Stop
 from diffbotctl.time import SECOND
 
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
@@ -128,18 +127,3 @@ def wires_of(assembly: Assembly, kind: type) -> list[str]:
         for port, out in outputs(type(node.block)).items()
         if out.kind is kind
     ]
-
-
-def mounts(configuration: Configuration) -> dict[str, SensorMount]:
-    """The pose of the sensor behind each range, by the wire of the range."""
-    robot = configuration.robot
-    poses: dict[str, SensorMount] = {}
-    for use in configuration.blocks:
-        name = use.values.get("sensor")
-        if robot is None or name not in robot.sensors:
-            continue
-        at = robot.sensors[name].at
-        for port, out in outputs(use.cls).items():
-            if out.kind is Range:
-                poses[f"{use.name}.{port}"] = SensorMount(name, at.x, at.y, at.heading)
-    return poses

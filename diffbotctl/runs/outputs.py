@@ -26,8 +26,10 @@ from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
 from diffbotctl.recording.black_box import BlackBox
 from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
 from diffbotctl.recording.recorder import Recorder, last_line, log_sink, open_log
+from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.recording.writer import RecordingHeader, start_recorder
-from diffbotctl.runs.build_graph import Assembly, mounts
+from diffbotctl.render.map_scene import describe_scene
+from diffbotctl.runs.build_graph import Assembly
 from diffbotctl.runs.options import RunOptions
 
 if TYPE_CHECKING:
@@ -241,7 +243,8 @@ def record_to(
     """Start recording to `path`. Returns the engine's end and the child's pid. Raises RunError."""
     graph = assembly.graph
     try:
-        header = RecordingHeader(graph.kinds, len(graph.sources), facts, mounts(configuration))
+        model = viewer_model(configuration, describe_scene(configuration, graph, facts["port"]))
+        header = RecordingHeader(graph.kinds, len(graph.sources), facts, model)
         channel, pid = start_recorder(path, header)
     except OSError as error:
         cause = f"cannot record there: {error.strerror}"

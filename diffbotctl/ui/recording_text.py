@@ -50,6 +50,8 @@ def info_lines(info: RecordingInfo) -> Iterator[str]:
     yield f"version    {about.get('version', 'unknown')}"
     yield f"ended      {_end(info)}"
     yield f"file is    {_state(info)}"
+    if info.attachments:
+        yield f"attached   {', '.join(info.attachments)}"
     yield ""
     yield f"{'topic':28} {'type':24} {'messages':>8} {'rate':>10}  from"
     for topic in info.topics:

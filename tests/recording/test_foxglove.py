@@ -9,9 +9,10 @@ from jsonschema import Draft7Validator
 from mcap.reader import make_reader
 
 from diffbotctl.config.load import load
-from diffbotctl.messages import LogLine, Odometry, Range, Twist
+from diffbotctl.messages import LogLine, Odometry, Range, Scan, Twist
 from diffbotctl.recording import foxglove
-from diffbotctl.recording.foxglove import SensorMount, ViewerMessages, schema
+from diffbotctl.recording.foxglove import ViewerMessages, schema
+from diffbotctl.recording.viewer_model import ViewerModel, viewer_model
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 
@@ -22,6 +23,7 @@ PUBLISHED = {
     "PoseInFrame": "8988b1b89d7350306accf887a32a28d9879ba543e15607b8c8096849dfcd2b09",
     "LaserScan": "adaabd6e7b2beccce7d86b206bef823bf5161a2fcd49a62238d5e59c83474c64",
     "Log": "3837e1e52d67502baf7b977c7602985ca65da64e2af5b114343f29554945dc54",
+    "SceneUpdate": "aa4199d1493bd87e7fba5f9a07ff27e5b1e8204e7cbac2058bfe4106445b5be7",
 }
 
 
@@ -71,8 +73,21 @@ def test_the_frames_form_one_tree(views):
     parts = {
         (m["parent_frame_id"], m["child_frame_id"]) for n, _, _, m in views if n.endswith("form")
     }
-    assert parts == {("odom", "base_link"), ("base_link", "front")}
-    assert {m["frame_id"] for n, _, _, m in views if n == "foxglove.LaserScan"} == {"front"}
+    assert parts == {
+        ("odom", "base_footprint"),
+        ("base_footprint", "base_link"),
+        ("base_link", "left_wheel_link"),
+        ("base_link", "right_wheel_link"),
+        ("base_link", "caster_link"),
+        ("base_link", "front_sensor_link"),
+    }
+    frames = {child for _, child in parts} | {"odom"}
+    entities = [
+        each for n, _, _, m in views if n == "foxglove.SceneUpdate" for each in m["entities"]
+    ]
+    assert {each["frame_id"] for each in entities} <= frames
+    scans = [m for n, _, _, m in views if n == "foxglove.LaserScan"]
+    assert {scan["frame_id"] for scan in scans} == {"front_sensor_link"}
     measured = [m["ranges"] for n, _, _, m in views if n == "foxglove.LaserScan" and m["ranges"]]
     assert measured and all(0.03 < each[0] < 0.31 for each in measured)
 
@@ -95,7 +110,9 @@ def test_a_pose(heading, z, w):
     assert posed["timestamp"] == {"sec": 1_700_000_001, "nsec": 500_000_000}
     assert posed["pose"]["position"] == {"x": 1.5, "y": -0.25, "z": 0.0}
     assert posed["pose"]["orientation"] == pytest.approx({"x": 0, "y": 0, "z": z, "w": w})
-    moved = json.loads(foxglove.odometry_transform(EPOCH, odometry(1.5, -0.25, heading)))
+    moved = json.loads(
+        foxglove.odometry_transform(EPOCH, odometry(1.5, -0.25, heading), "base_link")
+    )
     assert (moved["parent_frame_id"], moved["child_frame_id"]) == ("odom", "base_link")
     assert moved["translation"] == posed["pose"]["position"]
     assert moved["rotation"] == posed["pose"]["orientation"]
@@ -104,7 +121,7 @@ def test_a_pose(heading, z, w):
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
 def test_values_that_are_not_finite_are_left_out(bad):
     assert foxglove.pose_in_frame(EPOCH, odometry(bad, 0.0, 0.0)) is None
-    assert foxglove.odometry_transform(EPOCH, odometry(0.0, 0.0, bad)) is None
+    assert foxglove.odometry_transform(EPOCH, odometry(0.0, 0.0, bad), "base_link") is None
     scan = json.loads(foxglove.laser_scan(EPOCH, Range(0, bad, "measured"), "front"))
     assert scan["ranges"] == []
 
@@ -121,7 +138,7 @@ def test_only_a_measured_distance_is_drawn(state, drawn):
     "level, number", [("debug", 1), ("info", 2), ("warning", 3), ("error", 4), ("loud", 0)]
 )
 def test_a_line_of_the_log(level, number):
-    viewers = ViewerMessages(EPOCH, {"mux.twist": Twist, "log": LogLine}, {})
+    viewers = ViewerMessages(EPOCH, {"mux.twist": Twist, "log": LogLine}, ViewerModel())
     line = LogLine(2_000_000_001, level, "guard", 'the "wall" is near')
     ((topic, data),) = viewers.messages((2_000_000_001, None, line))
     assert topic == "log.lines"
@@ -137,17 +154,27 @@ def test_a_line_of_the_log(level, number):
 
 def test_only_one_of_two_odometries_makes_the_transform():
     wires = {"raw.odometry": Odometry, "odometry.odometry": Odometry}
-    viewers = ViewerMessages(EPOCH, wires, {})
+    viewers = ViewerMessages(EPOCH, wires, ViewerModel())
     output = list(viewers.messages((1, odometry(1.0, 0.0, 0.0), odometry(2.0, 0.0, 0.0))))
     assert [topic for topic, _ in output] == [
         "tf",
         "raw.odometry.pose",
+        "trail",
         "odometry.odometry.pose",
     ]
 
 
-def test_sensor_transforms_are_repeated():
-    mount = {"range.range": SensorMount("front", 0.08, 0.0, 0.0)}
-    viewers = ViewerMessages(EPOCH, {"range.range": Range}, mount)
+def test_what_does_not_change_is_repeated():
+    scene = {"walls": [[0.0, 0.0, 1.0, 0.0]], "rounds": [], "sensors": []}
+    model = viewer_model(load("goal"), scene)
+    viewers = ViewerMessages(EPOCH, {"range.range": Range}, model)
     batches = [list(viewers.messages((t * 1_000_000_000, None))) for t in range(11)]
-    assert [len(each) for each in batches] == [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    once = len(model.frames) - 1 + len(["robot", "walls"])  # the pose in odom is not fixed
+    assert [len(each) for each in batches] == [once, 0, 0, 0, 0, once, 0, 0, 0, 0, once]
+
+
+def test_a_laser_scan_has_its_angles_and_no_infinity():
+    made = json.loads(foxglove.full_scan(EPOCH, Scan(0, -1.0, 0.5, (0.4, inf, 0.0)), "lidar"))
+    assert (made["frame_id"], made["start_angle"], made["end_angle"]) == ("lidar", -1.0, 0.0)
+    assert made["ranges"] == [0.4, 0.0, 0.0]
+    Draft7Validator(json.loads(schema("LaserScan"))).validate(made)

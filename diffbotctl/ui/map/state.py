@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from math import hypot
 
+from diffbotctl.geometry.trail import JUMP_MIN_M, Trail
 from diffbotctl.messages import Canvas
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
@@ -12,25 +13,8 @@ from diffbotctl.ui.map.canvas import Point
 from diffbotctl.ui.run_text import newest_message, newest_odometry
 
 POINT_SPACING_M = 0.01  # closer points cannot be told apart on the map
-JUMP_MIN_M = 0.5  # between two snapshots: the pose was set, and the trail begins again
 TRAIL_MAX_POINTS = 3000  # then the oldest is dropped
 TURTLE_MAX_LINES = 5000  # then the oldest is dropped
-
-
-class Trail:
-    """`points` in m in odom, the oldest first."""
-
-    def __init__(self) -> None:
-        self.points: deque[Point] = deque(maxlen=TRAIL_MAX_POINTS)
-
-    def add(self, point: Point) -> None:
-        """Append the robot's position, unless it has hardly moved."""
-        last = self.points[-1] if self.points else point
-        distance = abs(point[0] - last[0]) + abs(point[1] - last[1])
-        if distance > JUMP_MIN_M:
-            self.points.clear()
-        if distance > POINT_SPACING_M or not self.points:
-            self.points.append(point)
 
 
 class TurtleTrail:
@@ -72,7 +56,7 @@ class MapState:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.snapshot = RunSnapshot(0, {}, 0, 0)
-        self.trail = Trail()
+        self.trail = Trail(POINT_SPACING_M, TRAIL_MAX_POINTS)
         self.turtle = TurtleTrail()
 
     def update(self, snapshot: RunSnapshot) -> None:
