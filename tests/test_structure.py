@@ -40,7 +40,7 @@ LAYERS = [
     ["runs"],
     ["replay", "board", "calibrate", "diagnostics", "ros2"],
     ["flash", "start"],
-    ["ui", "web", "cli"],
+    ["ui", "web", "foxglove", "cli"],
     ["testing"],
     ["__init__", "__main__"],
 ]

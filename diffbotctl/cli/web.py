@@ -109,11 +109,12 @@ def _serve(engine: EngineAddress, lan: bool, tcp_port: int) -> None:
     import asyncio
 
     from diffbotctl.web.certificate import load_certificate, state_folder, utc_now
+    from diffbotctl.web.connections import listen
     from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, network_addresses
-    from diffbotctl.web.server import WebServer, listen
+    from diffbotctl.web.server import WebServer
 
     addresses = [*network_addresses(), LOOPBACK] if lan else [LOOPBACK]
-    listener = listen(EVERY_ADDRESS if lan else LOOPBACK, tcp_port)
+    listener = listen(EVERY_ADDRESS if lan else LOOPBACK, tcp_port, "E-WEB-LISTEN", "the page")
     certificate = load_certificate(state_folder(), addresses, utc_now()) if lan else None
 
     def joined(session: Session) -> None:

@@ -146,6 +146,12 @@ class ViewerMessages:
                 messages += builder(instant[place])
         return ((topic, data) for topic, data in messages if data is not None)
 
+    def of_wire(self, wire: str, message: Any) -> Iterator[tuple[str, bytes]]:
+        """(topic, message) for one message of a wire that is in `builders`."""
+        for topic, data in self.builders[wire](message):
+            if data is not None:
+                yield topic, data
+
     def fixed(self, now: int) -> Iterator[TopicMessage]:
         """What does not change during a run: walls, solids of the robot, fixed frames."""
         time, model = self.epoch + now, self.model

@@ -30,14 +30,19 @@ def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
     """
     try:
         if robot is None and status["robot"]:
-            folder = Path(f"/proc/{status['pid']}/cwd")  # its relative paths begin there
-            pipeline, own = str(folder / status["pipeline"]), str(folder / status["robot"])
-            return model_of(load(pipeline, own)), ""
+            return model_of(configuration_of_run(status)), ""
         file = load_robot(robot)
         return _model_without_wires(file.robot, file.file.stem), ""
     except UserError as error:
         problem = error.problems[0]
         return RobotModel(), f"no robot description: {problem.file}: {problem.cause}"
+
+
+def configuration_of_run(status: Fields) -> Configuration:
+    """The files of a run, from the reply to `status`. Raises UserError, as on another computer."""
+    folder = Path(f"/proc/{status['pid']}/cwd")  # its relative paths begin there
+    pipeline, own = str(folder / status["pipeline"]), str(folder / status["robot"])
+    return load(pipeline, own)
 
 
 def model_of(configuration: Configuration) -> RobotModel:

@@ -84,7 +84,7 @@ class PageServer:
         }
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Let the kernel kill this process when its parent ends, also by SIGKILL."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
@@ -101,7 +101,7 @@ def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[Pa
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        preexec_fn=_end_with_parent,
+        preexec_fn=end_with_parent,
     )
     try:
         yield PageServer(process)

@@ -8,10 +8,27 @@ import ssl
 from collections.abc import Callable
 from contextlib import suppress
 
+from diffbotctl.errors import Problem, RunError
+
 CONNECTIONS_MAX = 96  # besides those of open pages
 TLS_TIMEOUT_S = 5.0
 RETRY_S = 0.2  # when the system refuses to open another file
 Peer = tuple[str, int]
+
+
+def listen(address: str, port: int, code: str, subject: str) -> socket.socket:
+    """A socket that listens there for `subject`. Raises RunError with `code`."""
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((address, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        cause = f"{subject} cannot be served there: {error.strerror}"
+        fix = "choose another port with --tcp-port"
+        raise RunError(Problem(code, f"{address}:{port}", cause, fix)) from error
+    return listener
 
 
 class ConnectionLimiter:

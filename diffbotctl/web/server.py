@@ -17,7 +17,6 @@ from aiohttp import web
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
-from diffbotctl.errors import Problem, RunError
 from diffbotctl.web.certificate import ServerCertificate
 from diffbotctl.web.connections import ConnectionLimiter, Peer
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
@@ -69,21 +68,6 @@ def load_assets() -> dict[str, Asset]:
         for file in folder.iterdir()
     }
     return {**assets, "/": assets["/index.html"]}
-
-
-def listen(address: str, port: int) -> socket.socket:
-    """A socket that listens there. Raises RunError."""
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((address, port))
-        listener.listen()
-    except OSError as error:
-        listener.close()
-        cause = f"the page cannot be served there: {error.strerror}"
-        fix = "choose another port with --tcp-port"
-        raise RunError(Problem("E-WEB-LISTEN", f"{address}:{port}", cause, fix)) from error
-    return listener
 
 
 class WebServer:

@@ -1,0 +1,102 @@
+"""`diffbotctl foxglove`: a running engine in Foxglove or Lichtblick."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from diffbotctl.cli.options import engine_option
+
+if TYPE_CHECKING:
+    from diffbotctl.foxglove.commands import Command
+    from diffbotctl.foxglove.server import FoxgloveServer
+
+TCP_PORT = 8765  # that viewers propose
+TCP_PORT_MAX = 65535
+
+
+@click.command()
+@click.option(
+    "--allow",
+    metavar="LIST",
+    default="",
+    help="What viewers may publish: goal, velocity, or both with a comma between.",
+)
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Also accept a viewer that is a web page of this origin, such as http://localhost:8080.",
+)
+@click.option(
+    "--tcp-port",
+    metavar="NUMBER",
+    type=click.IntRange(1, TCP_PORT_MAX),
+    default=TCP_PORT,
+    show_default=True,
+    help="TCP port for viewers.",
+)
+@engine_option
+def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | None) -> int:
+    """Serve a running engine to Foxglove and Lichtblick on this machine.
+
+    Prints the address to open in the viewer; it carries a secret. Without --allow viewers watch,
+    and may stop the robot. With it they may also resume, and set parameters. Leaving this program
+    stops a robot that a viewer drives.
+    """
+    import asyncio
+
+    from diffbotctl.control_socket.client import choose_engine
+
+    _require_library()
+    allowed = _allowed(allow)
+
+    from diffbotctl.foxglove.server import KNOWN_ORIGINS, FoxgloveServer, ViewerRules
+    from diffbotctl.web.connections import listen
+
+    address = choose_engine(engine)
+    listener = listen("127.0.0.1", tcp_port, "E-FOXGLOVE-LISTEN", "viewers")
+    rules = ViewerRules(allowed, KNOWN_ORIGINS | {origin.rstrip("/") for origin in origins})
+    server = FoxgloveServer(address, listener, rules, _report)
+    asyncio.run(server.run(partial(_print_start, server)))
+    click.echo("the run has ended")
+    return 0
+
+
+def _report(text: str) -> None:
+    click.echo(text)
+
+
+def _allowed(text: str) -> frozenset[Command]:
+    from diffbotctl.foxglove.commands import Command
+
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    known = [command.value for command in Command]
+    for word in words:
+        if word not in known:
+            raise click.UsageError(f"--allow: '{word}' is none of {', '.join(known)}")
+    return frozenset(Command(word) for word in words)
+
+
+def _require_library() -> None:
+    from diffbotctl.errors import Problem, RunError
+
+    try:
+        import aiohttp
+    except ImportError as error:
+        cause = f"the package {error.name} is not installed"
+        fix = "pip install 'diffbotctl[foxglove]'"
+        raise RunError(Problem("E-FOXGLOVE-LIBRARY", "viewers", cause, fix)) from error
+    del aiohttp
+
+
+def _print_start(server: FoxgloveServer) -> None:
+    click.echo("Open a connection of the kind Foxglove WebSocket in the viewer, with this address:")
+    click.echo(f"  {server.address}")
+    if server.allowed:
+        click.echo(f"Viewers may publish: {', '.join(sorted(server.allowed))}; resume; parameters.")
+    else:
+        click.echo("Viewers watch, and may stop the robot; --allow goal,velocity lets them drive.")

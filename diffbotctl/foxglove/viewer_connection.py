@@ -1,0 +1,344 @@
+"""One viewer: its web socket, its subscriptions, and its client of the control socket."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections import deque
+from collections.abc import Coroutine, Iterable
+from contextlib import suppress
+from typing import Any, Protocol
+
+from aiohttp import WSMsgType, web
+
+from diffbotctl.control_socket.address import EngineAddress
+from diffbotctl.control_socket.client import AsyncControlClient
+from diffbotctl.control_socket.connection import TokenBucket
+from diffbotctl.control_socket.protocol import RefusalError
+from diffbotctl.errors import RunError
+from diffbotctl.foxglove import commands, protocol
+from diffbotctl.foxglove.channels import ChannelMessage, RunChannels
+from diffbotctl.foxglove.commands import Command, RobotService
+from diffbotctl.foxglove.parameters import Values, parameter_rows
+from diffbotctl.foxglove.protocol import ClientMessage, Fields, FrameError, ServiceCall
+from diffbotctl.foxglove.viewer_driving import ViewerDriving
+from diffbotctl.ros2.velocity_rules import Limits
+
+FRAME_MAX_BYTES = 64 << 10
+FRAMES_PER_SECOND = 200.0  # panels publish at most 60 velocities a second
+FRAME_BURST = 400.0  # at the start a viewer subscribes, perhaps one topic a frame
+NAMES_MAX = 1000  # subscriptions, own channels and parameters of a viewer
+MESSAGES_MAX = 500  # that wait for a viewer which reads slowly; then the oldest is dropped
+REPLIES_MAX = 1000  # that wait; one that reads nothing is disconnected
+SEND_TIMEOUT_S = 5.0
+
+
+class ViewerHost(Protocol):
+    """What a viewer needs of its server."""
+
+    engine: EngineAddress
+    channels: RunChannels
+    allowed: frozenset[Command]
+    services: list[RobotService]
+    limits: Limits
+
+    def subscriptions_changed(self) -> None:
+        """A viewer has subscribed or unsubscribed."""
+
+    async def read_parameters(self) -> Values:
+        """The parameters of the run. Raises RefusalError."""
+
+    async def read_graph(self) -> Fields:
+        """The connection graph of the run. Raises RefusalError."""
+
+    def parameters_changed(self, values: Values, names: Iterable[str]) -> None:
+        """Parameters have changed; tell those who follow them."""
+
+
+class ViewerConnection:
+    """Serves one web socket. `name` is unique, such as `viewer 1`."""
+
+    def __init__(self, server: ViewerHost, name: str) -> None:
+        self.server = server
+        self.name = name
+        self.socket = web.WebSocketResponse(
+            protocols=protocol.SUBPROTOCOLS,
+            compress=False,
+            max_msg_size=FRAME_MAX_BYTES,
+            timeout=1.0,
+        )
+        self.client = AsyncControlClient(self._on_line, self._on_run_end)
+        self.driving = ViewerDriving(name, server.limits, self._send_request, self._warn)
+        self.transport: asyncio.Transport | None = None
+        self.peer: Any = None
+        self.subscriptions: dict[int, int] = {}  # subscription to channel
+        self.published: dict[int, Command] = {}  # the viewer's channel to what it is
+        self.followed: set[str] = set()  # parameters
+        self.has_graph = False
+        self.replies: deque[str | bytes] = deque()
+        self.messages: deque[bytes] = deque(maxlen=MESSAGES_MAX)
+        self.has_news = asyncio.Event()
+        self.bucket = TokenBucket(FRAMES_PER_SECOND, FRAME_BURST, time.monotonic())
+        self.work: set[asyncio.Task[None]] = set()
+
+    async def serve(self, request: web.Request, greeting: Iterable[str]) -> web.WebSocketResponse:
+        """Send `greeting`, and serve until the socket is closed."""
+        self.transport = request.transport
+        self.peer = request.transport and request.transport.get_extra_info("peername")
+        await self.socket.prepare(request)
+        try:
+            await self.client.connect(self.server.engine, f"foxglove {self.name}")
+        except RunError as error:
+            await self.socket.send_str(protocol.status(protocol.ERROR, str(error)))
+            await self.socket.close()
+            return self.socket
+        for text in greeting:
+            self.reply(text)
+        sending = asyncio.create_task(self._send_all())
+        try:
+            async for message in self.socket:
+                if not self._allows() or not self._frame_received(message.type, message.data):
+                    break
+        finally:
+            self.driving.ended()
+            self.subscriptions.clear()
+            self.server.subscriptions_changed()
+            sending.cancel()
+            for task in self.work:
+                task.cancel()
+            # A socket that is closed with replies unread may lose what was written to it: the
+            # reply to a last request shows that the loss has been read.
+            with suppress(RefusalError):
+                await self.client.request("status")
+            self.client.close()
+        await self.socket.close()
+        return self.socket
+
+    # What is sent.
+
+    def reply(self, frame: str | bytes) -> None:
+        """Queue a frame that must not be lost."""
+        self.replies.append(frame)
+        self.has_news.set()
+        if len(self.replies) > REPLIES_MAX and self.transport is not None:
+            self.transport.abort()
+
+    def show(self, message: ChannelMessage) -> None:
+        """Queue a message for each subscription to its channel."""
+        for subscription, channel in self.subscriptions.items():
+            if channel == message.channel:
+                self._queue(subscription, message)
+
+    def show_parameters(self, values: Values, names: Iterable[str]) -> None:
+        """Tell the viewer those of the parameters `names` that it follows."""
+        followed = [name for name in names if name in self.followed]
+        if followed:
+            self._reply_parameters(values, followed, None)
+
+    def _queue(self, subscription: int, message: ChannelMessage) -> None:
+        self.messages.append(protocol.message_data(subscription, message.time, message.data))
+        self.has_news.set()
+
+    def _warn(self, text: str) -> None:
+        self.reply(protocol.status(protocol.WARNING, text))
+
+    def _refuse(self, refusal: RefusalError) -> None:
+        text = f"{refusal.cause}; {refusal.fix}" if refusal.fix else refusal.cause
+        self.reply(protocol.status(protocol.ERROR, text))
+
+    def _reply_parameters(self, values: Values, names: list[str], request: object) -> None:
+        extra = {"id": request} if isinstance(request, str) else {}
+        rows = parameter_rows(values, names)
+        self.reply(protocol.operation("parameterValues", parameters=rows, **extra))
+
+    async def _send_all(self) -> None:
+        """Send what waits, until the socket is closed or reads nothing."""
+        try:
+            while True:
+                await self.has_news.wait()
+                self.has_news.clear()
+                while self.replies or self.messages:
+                    queue: deque[Any] = self.replies or self.messages
+                    await self._send(queue.popleft())
+        except (OSError, TimeoutError, RuntimeError):
+            if self.transport is not None:
+                self.transport.abort()  # it reads nothing, or is gone
+
+    async def _send(self, frame: str | bytes) -> None:
+        async with asyncio.timeout(SEND_TIMEOUT_S):
+            if isinstance(frame, str):
+                await self.socket.send_str(frame)
+            else:
+                await self.socket.send_bytes(frame)
+
+    # What is received.
+
+    def _allows(self) -> bool:
+        is_allowed = self.bucket.allows(time.monotonic())
+        self.bucket.spend()
+        return is_allowed
+
+    def _frame_received(self, kind: WSMsgType, data: Any) -> bool:
+        """Follow one frame. Returns whether the connection goes on."""
+        try:
+            if kind is WSMsgType.TEXT:
+                self._operation_received(*protocol.parse_operation(data))
+            elif kind is WSMsgType.BINARY:
+                frame = protocol.parse_binary(data)
+                if isinstance(frame, ClientMessage):
+                    self._message_received(frame)
+                else:
+                    self._start(self._call(frame))
+            else:
+                return False
+        except FrameError as error:
+            self.reply(protocol.status(protocol.ERROR, str(error)))
+        except RefusalError as refusal:
+            self._refuse(refusal)
+        return True
+
+    def _operation_received(self, name: str, fields: Fields) -> None:
+        match name:
+            case "subscribe":
+                self._subscribe(protocol.rows(fields, "subscriptions", ("id", "channelId")))
+            case "unsubscribe":
+                for subscription in protocol.numbers(fields, "subscriptionIds"):
+                    self.subscriptions.pop(subscription, None)
+                self.server.subscriptions_changed()
+            case "advertise":
+                self._advertise(protocol.rows(fields, "channels", ("id",)))
+            case "unadvertise":
+                for channel in protocol.numbers(fields, "channelIds"):
+                    self.published.pop(channel, None)
+            case "fetchAsset":
+                self._send_file(fields)
+            case "subscribeConnectionGraph":
+                self._start(self._show_graph())
+            case "unsubscribeConnectionGraph":
+                pass  # the graph of a run does not change
+            case _:
+                self._parameter_operation(name, fields)
+
+    def _parameter_operation(self, name: str, fields: Fields) -> None:
+        match name:
+            case "getParameters":
+                names = protocol.texts(fields, "parameterNames")
+                self._start(self._show_parameters(names, fields.get("id")))
+            case "setParameters":
+                rows = protocol.rows(fields, "parameters", ())
+                self._start(self._set_parameters(rows, fields.get("id")))
+            case "subscribeParameterUpdates":
+                names = protocol.texts(fields, "parameterNames")
+                self.followed |= set(names[:NAMES_MAX])
+                if len(self.followed) > NAMES_MAX:
+                    self.followed = set(names[:NAMES_MAX])
+            case "unsubscribeParameterUpdates":
+                self.followed -= set(protocol.texts(fields, "parameterNames"))
+            case _:
+                raise FrameError(f"there is no operation '{name[:40]}'")
+
+    def _subscribe(self, rows: list[Fields]) -> None:
+        channels = self.server.channels
+        for row in rows:
+            subscription, channel = row["id"], row["channelId"]
+            if channel not in channels.topics:
+                raise FrameError(f"there is no channel {channel}")
+            if len(self.subscriptions) >= NAMES_MAX:
+                raise FrameError(f"more than {NAMES_MAX} subscriptions")
+            self.subscriptions[subscription] = channel
+            for message in channels.begin(channel):
+                self._queue(subscription, message)
+        self.server.subscriptions_changed()
+
+    def _advertise(self, rows: list[Fields]) -> None:
+        for row in rows:
+            if len(self.published) >= NAMES_MAX:
+                raise FrameError(f"more than {NAMES_MAX} channels")
+            topic, encoding = str(row.get("topic"))[:100], str(row.get("encoding"))
+            command = commands.command_of(topic, encoding, self.server.allowed)
+            self.published[row["id"]] = command
+
+    def _message_received(self, message: ClientMessage) -> None:
+        match self.published.get(message.channel):
+            case Command.VELOCITY:
+                self.driving.velocity_received(time.monotonic(), *commands.velocity(message.data))
+            case Command.GOAL:
+                self._start(self._request("goto", commands.goal(message.data)))
+            case None:
+                raise FrameError(f"channel {message.channel} was not advertised")
+
+    def _send_file(self, fields: Fields) -> None:
+        request, uri = fields.get("requestId"), fields.get("uri")
+        if type(request) is not int or not 0 <= request < 1 << 32:
+            raise FrameError("requestId is no number")
+        data = self.server.channels.file(uri) if isinstance(uri, str) else None
+        self.reply(protocol.asset_response(request, data))
+
+    # Requests to the engine.
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(self._guard(work))
+        self.work.add(task)
+        task.add_done_callback(self.work.discard)
+
+    async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except RefusalError as refusal:
+            self._refuse(refusal)
+
+    async def _request(self, method: str, fields: Fields) -> None:
+        await self.client.request(method, **fields)
+
+    async def _call(self, call: ServiceCall) -> None:
+        service = next((each for each in self.server.services if each.number == call.service), None)
+        if service is None:
+            text = f"there is no service {call.service}"
+            self.reply(
+                protocol.operation(
+                    "serviceCallFailure", serviceId=call.service, callId=call.call, message=text
+                )
+            )
+            return
+        cause = ""
+        reason = {"reason": f"service {service.name} of {self.name}"}
+        try:
+            await self.client.request(service.method, **(reason if service.name == "stop" else {}))
+        except RefusalError as refusal:
+            cause = refusal.cause
+        answer = json.dumps({"success": not cause, "message": cause}).encode()
+        self.reply(protocol.service_response(call, answer))
+
+    async def _show_graph(self) -> None:
+        self.reply(protocol.operation("connectionGraphUpdate", **await self.server.read_graph()))
+
+    async def _show_parameters(self, names: list[str], request: object) -> None:
+        self._reply_parameters(await self.server.read_parameters(), names, request)
+
+    async def _set_parameters(self, rows: list[Fields], request: object) -> None:
+        """Set them one after the other; the reply has the values in force afterwards."""
+        if not self.server.allowed:
+            fix = "start the server with --allow"
+            raise RefusalError("E-REQUEST", "viewers may not set parameters", fix)
+        names = [str(row.get("name")) for row in rows[:NAMES_MAX]]
+        for name, row in zip(names, rows, strict=False):
+            try:
+                await self.client.request("set_parameter", parameter=name, value=row.get("value"))
+            except RefusalError as refusal:
+                self._refuse(refusal)
+        values = await self.server.read_parameters()
+        if isinstance(request, str):
+            self._reply_parameters(values, names, request)
+        self.server.parameters_changed(values, names)
+
+    # The engine.
+
+    def _send_request(self, method: str, **fields: object) -> None:
+        self.client.send(method, method, **fields)
+
+    def _on_line(self, line: Fields) -> None:
+        self.driving.reply_received(line)
+
+    def _on_run_end(self) -> None:
+        self.reply(protocol.status(protocol.WARNING, "the run has ended"))
