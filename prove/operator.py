@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from diffbotctl.testing.trials.row import Row, printed
-from prove import dashboard, operator_load, operator_people
+from prove import dashboard, operator_load, operator_people, viewers
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
@@ -15,6 +15,7 @@ def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
     return chain(
         operator_people.rows(seed, trials, lines),
         dashboard.rows(seed, max(trials // 4, 1)),
+        viewers.rows(seed, trials),
         operator_load.rows(),
     )
 

@@ -1,6 +1,8 @@
 """A viewer without a window, written from the specification of Foxglove's WebSocket protocol.
 
 It has none of the server's code, so that both must agree with the specification.
+`python -m diffbotctl.testing.foxglove_viewer ADDRESS drive` publishes a velocity until it is ended,
+`... ADDRESS watch` subscribes to every topic.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import json
 import re
 import struct
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +25,7 @@ from diffbotctl.testing.running import command
 
 ADDRESS = re.compile(r"ws://127\.0\.0\.1:(\d+)/(\S+)")
 TIMEOUT_S = 60.0  # for what must come; a test fails by itself afterwards
+DRIVE_PERIOD_S = 0.05
 Fields = dict[str, Any]
 
 
@@ -185,3 +189,20 @@ def serving_viewers(folder: Path, *words: str) -> Iterator[FoxgloveProcess]:
         process.kill()
         rest = process.communicate()[0]
         assert "Traceback" not in rest, rest
+
+
+async def _work(address: str, task: str) -> None:
+    async with FoxgloveViewer(address) as viewer:
+        await viewer.greeted()
+        if task == "watch":
+            await viewer.subscribe(*viewer.channels)
+            async for _ in viewer.socket:
+                pass
+        await viewer.advertise(1, "/cmd_vel", "geometry_msgs/Twist")
+        while True:
+            await viewer.publish(1, twist(0.1))
+            await asyncio.sleep(DRIVE_PERIOD_S)
+
+
+if __name__ == "__main__":
+    asyncio.run(_work(*sys.argv[1:]))
