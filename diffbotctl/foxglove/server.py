@@ -107,6 +107,8 @@ class FoxgloveServer:
         is_ready()
         try:
             await self.ended.wait()
+            for viewer in self.viewers:
+                viewer.warn("the run has ended")
             await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to be told
         finally:
             for task in tasks:

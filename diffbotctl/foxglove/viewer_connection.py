@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections import deque
 from collections.abc import Coroutine, Iterable
 from contextlib import suppress
 from typing import Any, Protocol
@@ -20,6 +19,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.foxglove import commands, protocol
 from diffbotctl.foxglove.channels import ChannelMessage, RunChannels
 from diffbotctl.foxglove.commands import Command, RobotService
+from diffbotctl.foxglove.frame_queue import FrameQueue
 from diffbotctl.foxglove.parameters import Values, parameter_rows
 from diffbotctl.foxglove.protocol import ClientMessage, Fields, FrameError, ServiceCall
 from diffbotctl.foxglove.viewer_driving import ViewerDriving
@@ -29,9 +29,6 @@ FRAME_MAX_BYTES = 64 << 10
 FRAMES_PER_SECOND = 200.0  # panels publish at most 60 velocities a second
 FRAME_BURST = 400.0  # at the start a viewer subscribes, perhaps one topic a frame
 NAMES_MAX = 1000  # subscriptions, own channels and parameters of a viewer
-MESSAGES_MAX = 500  # that wait for a viewer which reads slowly; then the oldest is dropped
-REPLIES_MAX = 1000  # that wait; one that reads nothing is disconnected
-SEND_TIMEOUT_S = 5.0
 
 
 class ViewerHost(Protocol):
@@ -68,17 +65,14 @@ class ViewerConnection:
             max_msg_size=FRAME_MAX_BYTES,
             timeout=1.0,
         )
-        self.client = AsyncControlClient(self._on_line, self._on_run_end)
-        self.driving = ViewerDriving(name, server.limits, self._send_request, self._warn)
+        self.client = AsyncControlClient(self._on_line, lambda: None)  # the server notices the end
+        self.driving = ViewerDriving(name, server.limits, self._send_request, self.warn)
         self.transport: asyncio.Transport | None = None
         self.peer: Any = None
         self.subscriptions: dict[int, int] = {}  # subscription to channel
         self.published: dict[int, Command] = {}  # the viewer's channel to what it is
         self.followed: set[str] = set()  # parameters
-        self.has_graph = False
-        self.replies: deque[str | bytes] = deque()
-        self.messages: deque[bytes] = deque(maxlen=MESSAGES_MAX)
-        self.has_news = asyncio.Event()
+        self.queue = FrameQueue(self.socket, self._disconnect)
         self.bucket = TokenBucket(FRAMES_PER_SECOND, FRAME_BURST, time.monotonic())
         self.work: set[asyncio.Task[None]] = set()
 
@@ -94,8 +88,8 @@ class ViewerConnection:
             await self.socket.close()
             return self.socket
         for text in greeting:
-            self.reply(text)
-        sending = asyncio.create_task(self._send_all())
+            self.queue.reply(text)
+        sending = asyncio.create_task(self.queue.run())
         try:
             async for message in self.socket:
                 if not self._allows() or not self._frame_received(message.type, message.data):
@@ -117,18 +111,11 @@ class ViewerConnection:
 
     # What is sent.
 
-    def reply(self, frame: str | bytes) -> None:
-        """Queue a frame that must not be lost."""
-        self.replies.append(frame)
-        self.has_news.set()
-        if len(self.replies) > REPLIES_MAX and self.transport is not None:
-            self.transport.abort()
-
     def show(self, message: ChannelMessage) -> None:
         """Queue a message for each subscription to its channel."""
         for subscription, channel in self.subscriptions.items():
             if channel == message.channel:
-                self._queue(subscription, message)
+                self._show(subscription, message)
 
     def show_parameters(self, values: Values, names: Iterable[str]) -> None:
         """Tell the viewer those of the parameters `names` that it follows."""
@@ -136,41 +123,25 @@ class ViewerConnection:
         if followed:
             self._reply_parameters(values, followed, None)
 
-    def _queue(self, subscription: int, message: ChannelMessage) -> None:
-        self.messages.append(protocol.message_data(subscription, message.time, message.data))
-        self.has_news.set()
+    def _show(self, subscription: int, message: ChannelMessage) -> None:
+        self.queue.show(protocol.message_data(subscription, message.time, message.data))
 
-    def _warn(self, text: str) -> None:
-        self.reply(protocol.status(protocol.WARNING, text))
+    def _disconnect(self) -> None:
+        if self.transport is not None:
+            self.transport.abort()
+
+    def warn(self, text: str) -> None:
+        """Show a sentence in the viewer's list of problems."""
+        self.queue.reply(protocol.status(protocol.WARNING, text))
 
     def _refuse(self, refusal: RefusalError) -> None:
         text = f"{refusal.cause}; {refusal.fix}" if refusal.fix else refusal.cause
-        self.reply(protocol.status(protocol.ERROR, text))
+        self.queue.reply(protocol.status(protocol.ERROR, text))
 
     def _reply_parameters(self, values: Values, names: list[str], request: object) -> None:
         extra = {"id": request} if isinstance(request, str) else {}
         rows = parameter_rows(values, names)
-        self.reply(protocol.operation("parameterValues", parameters=rows, **extra))
-
-    async def _send_all(self) -> None:
-        """Send what waits, until the socket is closed or reads nothing."""
-        try:
-            while True:
-                await self.has_news.wait()
-                self.has_news.clear()
-                while self.replies or self.messages:
-                    queue: deque[Any] = self.replies or self.messages
-                    await self._send(queue.popleft())
-        except (OSError, TimeoutError, RuntimeError):
-            if self.transport is not None:
-                self.transport.abort()  # it reads nothing, or is gone
-
-    async def _send(self, frame: str | bytes) -> None:
-        async with asyncio.timeout(SEND_TIMEOUT_S):
-            if isinstance(frame, str):
-                await self.socket.send_str(frame)
-            else:
-                await self.socket.send_bytes(frame)
+        self.queue.reply(protocol.operation("parameterValues", parameters=rows, **extra))
 
     # What is received.
 
@@ -193,7 +164,7 @@ class ViewerConnection:
             else:
                 return False
         except FrameError as error:
-            self.reply(protocol.status(protocol.ERROR, str(error)))
+            self.queue.reply(protocol.status(protocol.ERROR, str(error)))
         except RefusalError as refusal:
             self._refuse(refusal)
         return True
@@ -248,7 +219,7 @@ class ViewerConnection:
                 raise FrameError(f"more than {NAMES_MAX} subscriptions")
             self.subscriptions[subscription] = channel
             for message in channels.begin(channel):
-                self._queue(subscription, message)
+                self._show(subscription, message)
         self.server.subscriptions_changed()
 
     def _advertise(self, rows: list[Fields]) -> None:
@@ -273,7 +244,7 @@ class ViewerConnection:
         if type(request) is not int or not 0 <= request < 1 << 32:
             raise FrameError("requestId is no number")
         data = self.server.channels.file(uri) if isinstance(uri, str) else None
-        self.reply(protocol.asset_response(request, data))
+        self.queue.reply(protocol.asset_response(request, data))
 
     # Requests to the engine.
 
@@ -287,6 +258,8 @@ class ViewerConnection:
             await work
         except RefusalError as refusal:
             self._refuse(refusal)
+        except ValueError:  # JSON of another program may have NaN
+            self._refuse(RefusalError("E-REQUEST", "a value is no finite number"))
 
     async def _request(self, method: str, fields: Fields) -> None:
         await self.client.request(method, **fields)
@@ -295,7 +268,7 @@ class ViewerConnection:
         service = next((each for each in self.server.services if each.number == call.service), None)
         if service is None:
             text = f"there is no service {call.service}"
-            self.reply(
+            self.queue.reply(
                 protocol.operation(
                     "serviceCallFailure", serviceId=call.service, callId=call.call, message=text
                 )
@@ -308,10 +281,12 @@ class ViewerConnection:
         except RefusalError as refusal:
             cause = refusal.cause
         answer = json.dumps({"success": not cause, "message": cause}).encode()
-        self.reply(protocol.service_response(call, answer))
+        self.queue.reply(protocol.service_response(call, answer))
 
     async def _show_graph(self) -> None:
-        self.reply(protocol.operation("connectionGraphUpdate", **await self.server.read_graph()))
+        self.queue.reply(
+            protocol.operation("connectionGraphUpdate", **await self.server.read_graph())
+        )
 
     async def _show_parameters(self, names: list[str], request: object) -> None:
         self._reply_parameters(await self.server.read_parameters(), names, request)
@@ -339,6 +314,3 @@ class ViewerConnection:
 
     def _on_line(self, line: Fields) -> None:
         self.driving.reply_received(line)
-
-    def _on_run_end(self) -> None:
-        self.reply(protocol.status(protocol.WARNING, "the run has ended"))

@@ -106,6 +106,10 @@ def test_parameters_are_read_set_and_followed(server, engine):
         await viewer.operate("setParameters", parameters=[{"name": "odometry.nothing", "value": 1}])
         refused = await viewer.until(lambda frame: frame.get("op") == "status")
         assert refused["level"] == 2 and "nothing" in refused["message"]
+        rows = [{"name": "guard.margin", "value": float("nan")}]
+        await viewer.operate("setParameters", parameters=rows)
+        refused = await viewer.until(lambda frame: frame.get("op") == "status")
+        assert refused["level"] == 2
 
     viewed(server, work)
     rows = engine.request("list_parameters")["parameters"]
@@ -340,3 +344,13 @@ def test_a_port_that_is_taken_and_a_wrong_word_are_said(folder):
     assert code == 1 and "E-FOXGLOVE-LISTEN" in complaint and "--tcp-port" in complaint
     code, _, complaint = cli(folder, "foxglove", "--allow", "goal,all")
     assert code == 2 and "'all' is none of goal, velocity" in complaint
+
+
+def test_the_server_ends_with_the_run(tmp_path):
+    async def work(viewer):
+        run.terminate()
+        await viewer.until(lambda frame: "the run has ended" in frame.get("message", ""))
+
+    with running(tmp_path, "standby", "--stay") as run, serving_viewers(tmp_path) as server:
+        viewed(server, work)
+        assert server.process.wait(TIMEOUT_S) == 0
