@@ -254,7 +254,7 @@ class FoxgloveServer:
                 continue
             with suppress(RefusalError):  # the engine is late, or has ended
                 values = await self.read_parameters()
-                changed = [name for name in values if known.get(name, values[name]) != values[name]]
+                changed = [name for name in values if known.get(name) != values[name]]
                 known = values
                 self.parameters_changed(values, changed)
 

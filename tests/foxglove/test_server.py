@@ -116,6 +116,18 @@ def test_parameters_are_read_set_and_followed(server, engine):
     assert {row["parameter"]: row["value"] for row in rows}["guard.margin"] == 0.07
 
 
+def test_what_another_client_sets_is_told_to_viewers(server, engine):
+    async def work(viewer):
+        await viewer.operate("subscribeParameterUpdates", parameterNames=["guard.margin"])
+        reply = engine.request("set_parameter", parameter="guard.margin", value=0.065)
+        assert reply["ok"]
+        await viewer.until(
+            lambda frame: [row["value"] for row in frame.get("parameters", [])] == [0.065]
+        )
+
+    viewed(server, work)
+
+
 def test_the_connection_graph_and_the_files(server):
     async def work(viewer):
         await viewer.operate("subscribeConnectionGraph")
