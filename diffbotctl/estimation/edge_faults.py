@@ -21,9 +21,10 @@ RATE_MAX = 0.1  # above it counts are no measurement any more
 BURST_PROBABILITY = 0.3
 LOG_BURST = log(BURST_PROBABILITY)
 FAULT_SD = 0.5  # pitches; of an assumed fault
-# Faults per edge at which the motion was too uncertain to notice one: most often faults have made
-# it so. Found with simulated robots; the times of edges leave less unexplained than counts.
-UNRESOLVED_RATE, UNRESOLVED_RATE_TIMED = 0.08, 0.03
+# Faults per edge at which the motion was too uncertain to notice one because the counts had not
+# been as predicted: most often faults are the reason. Found with simulated robots; the times of
+# edges leave less unexplained than counts.
+SUSPECT_RATE, SUSPECT_RATE_TIMED = 0.08, 0.03
 SHARE_REPORTED = 0.004  # faults per edge that are worth a warning: four times the prior rate
 
 
@@ -35,6 +36,8 @@ class EdgeFaults(NamedTuple):
     extra: int = 0
     unresolved: int = 0
     """edges at which the motion was too uncertain to notice that another one was missing"""
+    suspect: int = 0
+    """those of them before which the counts were not as predicted"""
 
     def log_prior(self, missed: int) -> float:
         """Log probability that `missed` edges were not counted; negative: counted in excess."""
@@ -57,12 +60,17 @@ class EdgeFaults(NamedTuple):
     def variance(self, has_edge_times: bool) -> float:
         """Variance of the travel (pitches2).
 
-        Faults that could not be noticed are one pitch each, and all of one kind: missing or
-        additional edges. Those assumed may be errors of the motor model instead, all alike.
+        Faults that could not be noticed are one pitch each, and as probable as the faults seen make
+        them; where the counts are suspect they are all of one kind, missing or additional edges.
+        Those assumed may be errors of the motor model instead, all alike.
         """
         uncertain = FAULT_SD * self.number
-        unseen = self.unresolved * (UNRESOLVED_RATE_TIMED if has_edge_times else UNRESOLVED_RATE)
-        return uncertain * uncertain + unseen + unseen * unseen
+        if not self.unresolved:
+            return uncertain * uncertain
+        faults = PRIOR_RATE * PRIOR_EDGES + self.number
+        unseen = self.unresolved * min(faults / (PRIOR_EDGES + self.edges), RATE_MAX)
+        alike = self.suspect * (SUSPECT_RATE_TIMED if has_edge_times else SUSPECT_RATE)
+        return uncertain * uncertain + unseen + alike + alike * alike
 
     @property
     def number(self) -> int:
