@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.bag_live import record, save
-from diffbotctl.cli.options import Quantity, json_option, output_option
+from diffbotctl.cli.options import Quantity, force_option, json_option, output_option
 from diffbotctl.cli.output import (
     CSV_MARK,
     check_overwrite,
@@ -105,9 +105,30 @@ def _write_attachment(file: Path, name: str, output: Path | None, force: bool) -
 @recording_argument
 @click.argument("fields", nargs=-1, metavar="[FIELD]...")
 @click.option("--attachment", metavar="NAME", help="Write this attached file: layout.json.")
-@output_option("Write FILE.csv instead of standard output.")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["csv", "rosbag2"]),
+    default="csv",
+    show_default=True,
+    help="A table, or a folder for ROS 2.",
+)
+@click.option(
+    "--output",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Write FILE.csv instead of standard output; the folder of a rosbag2.",
+)
+@force_option
+@click.option("--robot", metavar="ROBOT", help="rosbag2: robot file in place of the recorded one.")
 def export(
-    file: Path, fields: tuple[str, ...], attachment: str | None, output: Path | None, force: bool
+    file: Path,
+    fields: tuple[str, ...],
+    attachment: str | None,
+    kind: str,
+    output: Path | None,
+    force: bool,
+    robot: str | None,
 ) -> int:
     """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a whole topic.
 
@@ -115,7 +136,13 @@ def export(
     since the start of the run. Without FIELD everything is written. The last column of a file is
     empty; its name, diffbotctl, marks the file as one that a later export may overwrite.
     With --attachment, an attached file is written instead: robot.urdf, or layout.json.
+
+    A rosbag2 has the topics of `diffbotctl ros2`, and /cmd_vel: `ros2 bag play FOLDER`.
     """
+    if kind == "rosbag2":
+        from diffbotctl.cli.bag_rosbag2 import export_rosbag2
+
+        return export_rosbag2(file, fields, output, robot, force)
     from diffbotctl.recording import fields as recording_fields
 
     if attachment is not None:

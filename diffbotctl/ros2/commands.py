@@ -13,7 +13,7 @@ from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import RunError
 from diffbotctl.ros2.conversion import heading_of
 from diffbotctl.ros2.engine_connection import EngineConnection
-from diffbotctl.ros2.publishers import WORLD
+from diffbotctl.ros2.topics import WORLD
 
 SET_POSE = "odometry.set_pose"
 RESET_ACTIONS = ("robot.home", SET_POSE)  # in this order, as far as the run has them

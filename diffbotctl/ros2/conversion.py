@@ -53,12 +53,15 @@ def odometry(message: Fields) -> Fields:
         covariance[index] = UNKNOWN_VARIANCE
     return {
         "pose": {"pose": pose(message), "covariance": covariance},
-        "twist": {
-            "twist": {
-                "linear": {"x": number(message["linear"])},
-                "angular": {"z": number(message["angular"])},
-            }
-        },
+        "twist": {"twist": twist(message)},
+    }
+
+
+def twist(message: Fields) -> Fields:
+    """geometry_msgs/Twist of a forward speed and a turn rate."""
+    return {
+        "linear": {"x": number(message["linear"])},
+        "angular": {"z": number(message["angular"])},
     }
 
 

@@ -1,14 +1,9 @@
-"""Publishers of the bridge: each wire of the run becomes messages on ROS topics.
-
-Reliability as ROS users expect it: sensors best effort, odometry reliable, description and fixed
-frames latched (transient local).
-"""
+"""Publishers of the bridge: each wire of the run becomes messages on ROS topics."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from math import cos, sin
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -20,10 +15,29 @@ from sensor_msgs.msg import BatteryState, JointState, LaserScan, Range
 from std_msgs.msg import String
 
 from diffbotctl.ros2 import conversion
-from diffbotctl.ros2.conversion import Fields, SensorModel
+from diffbotctl.ros2.conversion import DiagnosticEntry, Fields, SensorModel
 from diffbotctl.ros2.message_fields import fill, fill_header
 from diffbotctl.ros2.options import BridgeOptions, ModelFrame
 from diffbotctl.ros2.stamps import StampClock, seconds_and_nanoseconds
+from diffbotctl.ros2.topics import (
+    BASE,
+    DESCRIPTION,
+    DIAGNOSTICS,
+    FIXED_TRANSFORMS,
+    LOG,
+    TRANSFORMS,
+    WORLD,
+    Delivery,
+    Diagnosis,
+    RosTopic,
+    choose_topics,
+    fixed_frames,
+    frame_transform,
+    robot_frame,
+    wheel_joint,
+    wheel_rotation,
+    wheels,
+)
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -31,12 +45,12 @@ except ImportError:
     TFMessage = None  # not part of every installation; `ros2 --check` names it
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-ROSOUT = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-QUEUE_DEPTH = 10
-DIAGNOSTICS_PERIOD_S = 1.0
-DIAGNOSED = ("Stop", "Link", "GoalState", "Battery")
-WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
-SENSOR_TOPICS = {"Range": "range", "Scan": "scan"}
+PROFILES: dict[Delivery, QoSProfile] = {
+    "reliable": QoSProfile(depth=10),
+    "best_effort": qos_profile_sensor_data,
+    "latched": LATCHED,
+}
+MANY = 100  # messages that a queue of transforms or log lines holds
 
 Publish = Callable[[Fields, int], None]
 
@@ -48,73 +62,62 @@ class RunPublishers:
         self.node, self.options, self.clock = node, options, clock
         self.prefix = options.frame_prefix
         self.publish: dict[str, Publish] = {}
-        self.kinds: dict[str, str] = {}
-        self.newest: dict[str, tuple[str, Fields]] = {}
-        self.diagnosed_at = 0.0
-        self.diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QUEUE_DEPTH)
-        self.transforms = self._transform_publisher("/tf", QoSProfile(depth=100))
+        self.diagnosis = Diagnosis({})
+        self.diagnostics = self._publisher(DiagnosticArray, DIAGNOSTICS)
+        self.transforms = self._transform_publisher(TRANSFORMS, QoSProfile(depth=MANY))
         self._publish_model()
 
     def choose_wires(self, kinds: dict[str, str]) -> list[str]:
         """Create the publishers for a run with these wires; the wires to subscribe."""
-        makers: dict[str, Callable[[str], Publish]] = {
+        makers: dict[str, Callable[[str, RosTopic], Publish]] = {
             "Odometry": self._odometry,
             "Encoders": self._joint_states,
             "Battery": self._battery,
+            "Range": self._sensor,
+            "Scan": self._sensor,
         }
-        count: dict[str, int] = {}
-        for wire, kind in kinds.items():
-            if wire == "log":
-                self.publish[wire] = self._rosout()
-            elif kind in SENSOR_TOPICS:
-                name = SENSOR_TOPICS[kind]
-                count[kind] = count.get(kind, 0) + 1
-                topic = name if count[kind] == 1 else f"{name}_{count[kind]}"
-                self.publish[wire] = self._sensor(wire, kind, topic)
-            elif kind in makers:
-                self.publish[wire] = makers.pop(kind)(wire)
-            if kind in DIAGNOSED and not wire.startswith("operator."):
-                self.kinds[wire] = kind
-        return list(dict.fromkeys([*self.publish, *self.kinds]))
+        for wire, topic in choose_topics(kinds).items():
+            make = self._rosout if topic is LOG else makers[kinds[wire]]
+            self.publish[wire] = make(wire, topic)
+        self.diagnosis = Diagnosis(kinds)
+        return list(dict.fromkeys([*self.publish, *self.diagnosis.kinds]))
 
     def message_received(self, wire: str, message: Fields) -> None:
         """Publish one message of the run."""
-        kind = self.kinds.get(wire)
-        if kind is not None:
-            self.newest[wire] = (kind, message)
         publish = self.publish.get(wire)
         if publish is not None:
             publish(message, self.clock.stamp(message["time"], time.time_ns()))
-        now = time.monotonic()
-        if kind == "Stop" or now - self.diagnosed_at >= DIAGNOSTICS_PERIOD_S:
-            self.diagnosed_at = now
-            self._publish_diagnostics()
+        entries = self.diagnosis.message_received(wire, message, time.monotonic_ns())
+        if entries:
+            self._publish_diagnostics(entries)
 
-    def _transform_publisher(self, topic: str, profile: QoSProfile) -> Any:
-        return None if TFMessage is None else self.node.create_publisher(TFMessage, topic, profile)
+    def _publisher(self, kind: type, topic: RosTopic) -> Any:
+        return self.node.create_publisher(kind, topic.name, PROFILES[topic.delivery])
+
+    def _transform_publisher(self, topic: RosTopic, profile: QoSProfile) -> Any:
+        if TFMessage is None:
+            return None
+        return self.node.create_publisher(TFMessage, topic.name, profile)
 
     def _publish_model(self) -> None:
         """Publish description and fixed frames once; they are latched."""
         model = self.options.model
-        self.description = self.node.create_publisher(String, "robot_description", LATCHED)
+        self.description = self._publisher(String, DESCRIPTION)
         if model.urdf:
             self.description.publish(String(data=model.urdf))
-        self.fixed = self._transform_publisher("/tf_static", LATCHED)
+        self.fixed = self._transform_publisher(FIXED_TRANSFORMS, LATCHED)
         if self.fixed is not None:
-            transforms = [self._fixed_frame(frame) for frame in model.frames if not frame.moves]
+            transforms = [self._frame(frame) for frame in fixed_frames(model.frames)]
             self.fixed.publish(TFMessage(transforms=transforms))
 
-    def _fixed_frame(self, frame: ModelFrame) -> Any:
+    def _frame(self, frame: ModelFrame) -> Any:
         transform = TransformStamped(child_frame_id=self.prefix + frame.name)
-        fields = conversion.transform({"x": frame.x, "y": frame.y, "heading": frame.heading})
-        fields["translation"]["z"] = frame.z
-        fill(transform.transform, fields)
+        fill(transform.transform, frame_transform(frame))
         return fill_header(transform, time.time_ns(), self.prefix + frame.parent)
 
-    def _odometry(self, wire: str) -> Publish:
-        publisher = self.node.create_publisher(Odometry, "odom", QUEUE_DEPTH)
-        frames = self.options.model.frames
-        child = self.prefix + (GROUND if frames else BASE)
+    def _odometry(self, wire: str, topic: RosTopic) -> Publish:
+        publisher = self._publisher(Odometry, topic)
+        child = self.prefix + robot_frame(self.options.model.frames)
         message = Odometry(child_frame_id=child)
         transform = TransformStamped(child_frame_id=child)
         transforms = None if TFMessage is None else TFMessage(transforms=[transform])
@@ -129,35 +132,34 @@ class RunPublishers:
 
         return publish
 
-    def _joint_states(self, wire: str) -> Publish:
-        publisher = self.node.create_publisher(JointState, "joint_states", QUEUE_DEPTH)
+    def _joint_states(self, wire: str, topic: RosTopic) -> Publish:
+        publisher = self._publisher(JointState, topic)
         model = self.options.model
-        wheels = [frame for frame in model.frames if frame.moves == "wheel"]
-        message = JointState(name=[wheel_joint(frame.name) for frame in wheels])
-        moving = [self._fixed_frame(frame) for frame in wheels]
+        turning = wheels(model.frames)
+        message = JointState(name=[wheel_joint(frame.name) for frame in turning])
+        moving = [self._frame(frame) for frame in turning]
         transforms = None if TFMessage is None else TFMessage(transforms=moving)
 
         def publish(fields: Fields, stamp: int) -> None:
-            if not wheels:
+            if not turning:
                 return
             angles = conversion.wheel_angles(fields, model.counts_per_turn)
             message.position = list(angles)
             publisher.publish(fill_header(message, stamp, ""))
             for transform, angle in zip(moving, angles, strict=True):
-                rotation = transform.transform.rotation  # about the axle, the y axis
-                rotation.y, rotation.w = sin(0.5 * angle), cos(0.5 * angle)
+                fill(transform.transform.rotation, wheel_rotation(angle))
                 fill_header(transform, stamp, self.prefix + BASE)
             if transforms is not None:
                 self.transforms.publish(transforms)
 
         return publish
 
-    def _sensor(self, wire: str, kind: str, topic: str) -> Publish:
+    def _sensor(self, wire: str, topic: RosTopic) -> Publish:
         sensor = self.options.model.sensors.get(wire, SensorModel(BASE, 0.0, 0.0))
-        is_scan = kind == "Scan"
+        is_scan = topic.type == "sensor_msgs/msg/LaserScan"
         message = LaserScan() if is_scan else Range()
         convert = conversion.scan if is_scan else conversion.range_fields
-        publisher = self.node.create_publisher(type(message), topic, qos_profile_sensor_data)
+        publisher = self._publisher(type(message), topic)
         frame = self.prefix + sensor.frame
 
         def publish(fields: Fields, stamp: int) -> None:
@@ -165,8 +167,8 @@ class RunPublishers:
 
         return publish
 
-    def _battery(self, wire: str) -> Publish:
-        publisher = self.node.create_publisher(BatteryState, "battery_state", QUEUE_DEPTH)
+    def _battery(self, wire: str, topic: RosTopic) -> Publish:
+        publisher = self._publisher(BatteryState, topic)
 
         def publish(fields: Fields, stamp: int) -> None:
             message = fill(BatteryState(), conversion.battery(fields))
@@ -174,8 +176,9 @@ class RunPublishers:
 
         return publish
 
-    def _rosout(self) -> Publish:
-        publisher = self.node.create_publisher(Log, "/rosout", ROSOUT)
+    def _rosout(self, wire: str, topic: RosTopic) -> Publish:
+        profile = QoSProfile(depth=MANY, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        publisher = self.node.create_publisher(Log, topic.name, profile)
 
         def publish(fields: Fields, stamp: int) -> None:
             message = fill(Log(), conversion.log_line(fields))
@@ -184,9 +187,9 @@ class RunPublishers:
 
         return publish
 
-    def _publish_diagnostics(self) -> None:
+    def _publish_diagnostics(self, entries: list[DiagnosticEntry]) -> None:
         message = fill_header(DiagnosticArray(), time.time_ns(), "")
-        for entry in conversion.diagnostics(self.newest):
+        for entry in entries:
             values = [KeyValue(key=key, value=value) for key, value in entry.values.items()]
             status = DiagnosticStatus(
                 level=entry.level,
@@ -197,8 +200,3 @@ class RunPublishers:
             )
             message.status.append(status)
         self.diagnostics.publish(message)
-
-
-def wheel_joint(frame: str) -> str:
-    """The name of a wheel's joint in the URDF, from that of its frame."""
-    return frame.removesuffix("_link") + "_joint"

@@ -32,7 +32,7 @@ def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
         if robot is None and status["robot"]:
             return model_of(configuration_of_run(status)), ""
         file = load_robot(robot)
-        return _model_without_wires(file.robot, file.file.stem), ""
+        return model_of_robot(file.robot, file.file.stem), ""
     except UserError as error:
         problem = error.problems[0]
         return RobotModel(), f"no robot description: {problem.file}: {problem.cause}"
@@ -59,10 +59,11 @@ def model_of(configuration: Configuration) -> RobotModel:
                 name, sensor_facts(sensor.type, sensor.near, sensor.reach)
             )
     name = configuration.robot_file.stem if configuration.robot_file else configuration.name
-    return _model_without_wires(robot, name)._replace(sensors=sensors)
+    return model_of_robot(robot, name)._replace(sensors=sensors)
 
 
-def _model_without_wires(robot: Robot, name: str) -> RobotModel:
+def model_of_robot(robot: Robot, name: str) -> RobotModel:
+    """The model of a robot alone, with the wires of sensors that it drives itself."""
     left, right = (side.encoder.slots for side in (robot.drive.left, robot.drive.right))
     return RobotModel(
         urdf(robot, name),

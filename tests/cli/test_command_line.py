@@ -20,6 +20,7 @@ DIFFERENT = {  # command, option: why its text differs
     ("show", "--robot"), ("frames", "--robot"), ("urdf", "--robot"),  # also the argument
     ("wiring", "--robot"), ("emulate", "--robot"),
     ("start", "--robot"),  # a new file is made without it
+    ("export", "--robot"),  # the recorded robot without it
 }  # fmt: skip
 
 
