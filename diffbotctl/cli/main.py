@@ -172,21 +172,21 @@ class LazyGroup(click.Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does; names the closest command when there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            raise click.UsageError(_unknown_command(args))
+            raise _unknown_command(args)
         return super().resolve_command(ctx, args)
 
 
-def _unknown_command(words: list[str]) -> str:
+def _unknown_command(words: list[str]) -> Exception:
     from difflib import get_close_matches
 
-    from diffbotctl.cli.ros_aliases import answer
+    from diffbotctl.cli.ros_aliases import ros_error
 
-    ros_answer = answer(words)
-    if ros_answer:
-        return ros_answer
+    error = ros_error(words)
+    if error is not None:
+        return error
     near = get_close_matches(words[0], COMMANDS, n=1)
     hint = f"Did you mean '{near[0]}'?" if near else "See diffbotctl --help."
-    return f"There is no command '{words[0]}'. {hint}"
+    return click.UsageError(f"There is no command '{words[0]}'. {hint}")
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -209,7 +209,7 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     for word in words:
         child = command.get_command(shown, word) if isinstance(command, click.Group) else None
         if child is None:
-            raise click.UsageError(_unknown_command([word]))
+            raise _unknown_command([word])
         shown = click.Context(child, info_name=word, parent=shown)
         command = child
     click.echo(command.get_help(shown))

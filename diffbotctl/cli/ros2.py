@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from diffbotctl.ros2.find_python import RosPython
 
 
-@click.command()
+# After the first word of a command of ROS 2, such as `ros2 topic echo --once`, its options follow.
+@click.command(context_settings={"allow_interspersed_args": False})
 @engine_option
 @click.option(
     "--socket",
@@ -52,9 +53,9 @@ def command(
     from diffbotctl.ros2.find_python import find_python, missing_problem
 
     if words:
-        from diffbotctl.cli.ros_aliases import answer
+        from diffbotctl.cli.ros_aliases import ros_error
 
-        raise click.UsageError(answer(["ros2", *words]) or f"unknown word '{words[0]}'")
+        raise ros_error(["ros2", *words]) or click.UsageError(f"unknown word '{words[0]}'")
     found = find_python(python)
     if check:
         return _report(found)

@@ -5,7 +5,6 @@ from math import radians
 
 import pytest
 
-from diffbotctl.cli.ros_aliases import answer
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 
@@ -143,7 +142,10 @@ def test_actions_are_called_and_wrong_ones_refused(folder):
     assert x == pytest.approx(0.5, abs=0.01)
     code, _, complaint = cli(folder, "call", "odometry.set_pose", "z=1")
     assert code == 1 and "no field 'z'" in complaint
-    assert "no action" in cli(folder, "call", "odometry.explode")[2]
+    assert "no action 'odometry.explode'" in cli(folder, "call", "odometry.explode")[2]
+    complaint = cli(folder, "call", "/reset")[2]
+    assert "no action '/reset'" in complaint
+    assert "here it is robot.home and odometry.set_pose" in " ".join(complaint.split())
 
 
 @pytest.mark.parametrize(
@@ -173,18 +175,3 @@ def test_blocks_and_graph_show_rates(folder):
     assert "Odometry" in cli(folder, "blocks", "--live")[1]
     out = cli(folder, "graph", "--live")[1]
     assert "robot.encoders" in out and "Hz" in out and "-> robot.wheels" in out
-
-
-@pytest.mark.parametrize(
-    "typed, ours",
-    [
-        ("rostopic echo /odom", "diffbotctl topic echo /odom"),
-        ("ros2 topic bw /odom", "diffbotctl topic hz /odom"),
-        ("rosparam dump", "diffbotctl param list"),
-        ("rqt_graph", "diffbotctl graph --live"),
-        ("ros2 param list", "diffbotctl param list"),
-    ],
-)
-def test_ros_commands_are_answered_with_ours(typed, ours):
-    assert answer(typed.split()).endswith(ours)
-    assert answer(["run"]) == ""

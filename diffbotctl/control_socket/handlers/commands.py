@@ -6,7 +6,7 @@ A handler checks what depends on the run, such as limits and names, and returns 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import isfinite
 from typing import Any, TypeVar
 
@@ -29,6 +29,16 @@ from diffbotctl.messages import Call, Setting
 from diffbotctl.params import Declaration, declared
 from diffbotctl.units import UnitError, quantity
 
+# The last part of a service's name in ROS and turtlesim: the actions that do the same here.
+ROS_SERVICES = {
+    "reset": ("robot.home", "odometry.set_pose", "canvas.clear"),
+    "clear": ("canvas.clear",),
+    "spawn": ("canvas.spawn",),
+    "kill": ("canvas.kill",),
+    "teleport_absolute": ("robot.teleport",),
+    "teleport_relative": ("robot.hop",),
+    "set_pose": ("odometry.set_pose",),
+}
 VALUE_MAX = 1e300  # beyond any parameter; a larger whole number may not fit into a float
 
 
@@ -211,8 +221,8 @@ def handle_call_action(context: RequestContext, request: requests.CallActionRequ
     block, _, action = request.action.partition(".")
     method = available.get(request.action)
     if method is None:
-        cause = f"there is no action '{block}.{action}'"
-        raise RefusalError("E-REQUEST", cause, suggestion(block, available))
+        cause = f"there is no action '{request.action}'"
+        raise RefusalError("E-REQUEST", cause, _action_hint(request.action, available))
     arguments = _arguments(method)
     refuse_unknown(request.arguments, arguments)
     numbers = []
@@ -222,6 +232,13 @@ def handle_call_action(context: RequestContext, request: requests.CallActionRequ
             raise wrong_field(name, float, "SI", is_missing=value is None)
         numbers.append(number)
     return Call(0, block, action, tuple(numbers))
+
+
+def _action_hint(name: str, available: Iterable[str]) -> str:
+    """The fix for an action that does not exist, which may be called like a service of ROS."""
+    service = name.strip("/").split("/")[-1]
+    meant = [action for action in ROS_SERVICES.get(service, ()) if action in available]
+    return f"here it is {' and '.join(meant)}" if meant else suggestion(name, available)
 
 
 def _actions(context: RequestContext) -> dict[str, Callable[..., Any]]:
