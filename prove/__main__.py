@@ -32,6 +32,7 @@ from prove import (
     plants,
     recordings,
     ros2,
+    several_robots,
 )
 
 
@@ -53,6 +54,7 @@ def main() -> int:
     parser.add_argument("--hostile", type=int, default=200, help="hostile files of each kind")
     parser.add_argument("--failures", type=int, default=50, help="of programs, of each kind")
     parser.add_argument("--bridge", type=int, default=2, help="failures beside ROS 2, of each kind")
+    parser.add_argument("--cuts", type=int, default=5, help="of the link to two robots")
     parser.add_argument("--hours", type=float, default=24.0, help="simulated, memory measured")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
@@ -82,6 +84,7 @@ def main() -> int:
         hostile.rows(options.seed, options.hostile, options.hours),
         extending.rows(options.failures),
         ros2.rows(options.bridge),
+        several_robots.rows(options.cuts),
     )
     missed = printed(joined.from_iterable(sections))
     state.cleanup()

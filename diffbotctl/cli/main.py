@@ -40,6 +40,7 @@ COMMANDS = {
     "completion": Entry("completion", "Print the completion script for bash, zsh or fish."),
     "run": Entry("run", "Run a pipeline on the simulated robot, or on a real one with --port."),
     "emulate": Entry("emulate", "Start a virtual board that runs the real firmware."),
+    "engines": Entry("engines", "List the running engines, here and on other computers."),
     "dash": Entry("screens", "Show a running engine on one screen."),
     "web": Entry("web", "Serve a page of a running engine to browsers and phones."),
     "why": Entry("stop", "Explain why the robot stopped, from the sensor to the motors."),
@@ -92,7 +93,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
         "Look",
         (
             ("dash, web", "Show a running engine on one screen; on a page"),
-            ("why", "Explain why the robot stopped"),
+            ("engines, why", "List the running engines; explain why one stopped"),
             ("topic, log", "Print messages; follow the log"),
             ("blocks, graph", "List blocks; draw a pipeline"),
             ("param, call", "Change parameters; call an action of a block"),

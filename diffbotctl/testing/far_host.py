@@ -1,7 +1,7 @@
 """Another computer for tests: an ssh server that runs what its clients ask, here.
 
-`python -m diffbotctl.testing.far_host FOLDER` serves until it is ended; `far_host` starts it and an
-`ssh` that reaches it as the host `robot`, with a key made for this folder.
+`python -m diffbotctl.testing.far_host FOLDER HOST ADDRESS` serves until it is ended; `far_host`
+starts it and an `ssh` that reaches it as HOST, with a key made for this folder.
 """
 
 import asyncio
@@ -16,8 +16,8 @@ import asyncssh
 
 START_TIMEOUT_S = 60
 CONFIG = """
-Host robot
-  HostName 127.0.0.1
+Host {host}
+  HostName {address}
   Port {port}
   User tester
   IdentityFile {folder}/key
@@ -50,12 +50,12 @@ async def _feed(client, stdin):
     stdin.close()
 
 
-async def serve(folder):
+async def serve(folder, host, address):
     """For ever."""
     key = asyncssh.generate_private_key("ssh-ed25519")
     listener = await asyncssh.create_server(
         asyncssh.SSHServer,
-        "127.0.0.1",
+        address,
         0,
         server_host_keys=[key],
         authorized_client_keys=str(folder / "key.pub"),
@@ -64,14 +64,13 @@ async def serve(folder):
     )
     port = listener.sockets[0].getsockname()[1]
     draft = folder / "ssh_config.new"
-    draft.write_text(CONFIG.format(port=port, folder=folder))
+    draft.write_text(CONFIG.format(port=port, folder=folder, host=host, address=address))
     draft.replace(folder / "ssh_config")
     await asyncio.Event().wait()
 
 
-@contextmanager
-def far_host(folder, runtime):
-    """The server's process, and the PATH on which `ssh robot` reaches it.
+def start_server(folder, runtime, host, address, prefix=()):
+    """The server as a process of the command `prefix`, with a key of its own in `folder`.
 
     Engines of `runtime` are those of that computer.
     """
@@ -80,23 +79,41 @@ def far_host(folder, runtime):
     key.write_private_key(folder / "key")
     (folder / "key").chmod(0o600)
     key.write_public_key(folder / "key.pub")
-    ssh = folder / "ssh"
-    ssh.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {folder}/ssh_config "$@"\n')
-    ssh.chmod(0o755)
-    server = subprocess.Popen(
-        [sys.executable, "-m", "diffbotctl.testing.far_host", str(folder)],
-        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
+    words = ["-m", "diffbotctl.testing.far_host", str(folder), host, address]
+    return subprocess.Popen(
+        [*prefix, sys.executable, *words], env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)}
     )
-    try:
-        deadline = time.monotonic() + START_TIMEOUT_S
-        while not (folder / "ssh_config").exists():
+
+
+def ssh_path(folder, servers):
+    """The PATH on which `ssh HOST` reaches the servers, which map their folders to processes."""
+    deadline = time.monotonic() + START_TIMEOUT_S
+    configuration = ""
+    for place, server in servers.items():
+        while not (place / "ssh_config").exists():
             assert time.monotonic() < deadline and server.poll() is None, "no ssh server"
             time.sleep(0.02)
-        yield server, f"{folder}{os.pathsep}{os.environ['PATH']}"
+        configuration += (place / "ssh_config").read_text()
+    (folder / "all_hosts").write_text(configuration)
+    ssh = folder / "ssh"
+    ssh.write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {folder}/all_hosts "$@"\n')
+    ssh.chmod(0o755)
+    return f"{folder}{os.pathsep}{os.environ['PATH']}"
+
+
+@contextmanager
+def far_host(folder, runtime):
+    """The server's process, and the PATH on which `ssh robot` reaches it.
+
+    Engines of `runtime` are those of that computer.
+    """
+    server = start_server(folder, runtime, "robot", "127.0.0.1")
+    try:
+        yield server, ssh_path(folder, {folder: server})
     finally:
         server.kill()
         server.wait()
 
 
 if __name__ == "__main__":
-    asyncio.run(serve(Path(sys.argv[1])))
+    asyncio.run(serve(Path(sys.argv[1]), *sys.argv[2:]))

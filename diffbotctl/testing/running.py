@@ -32,11 +32,15 @@ def cli(folder, *words, **options):
 
 
 @contextmanager
-def running(folder, *words, name="test"):
-    """`diffbotctl run words`; the process, once its socket answers."""
+def running(folder, *words, name="test", prefix=()):
+    """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
     line, environment = command(folder, "run", *words, *OPEN_FIELD, "--name", name)
     process = subprocess.Popen(
-        line, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [*prefix, *line],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
     try:
         assert process.stdout is not None

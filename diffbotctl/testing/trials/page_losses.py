@@ -9,7 +9,6 @@ import argparse
 import json
 import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,39 +19,10 @@ from diffbotctl.testing.browser import Browser, Page
 from diffbotctl.testing.page_server import PageServer, serving
 from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.tcp_relay import TcpRelay
+from diffbotctl.testing.wheel_watcher import WheelWatcher
 
 WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
 FINGER_LIFT_PX = 80.0
-
-
-class WheelWatcher:
-    """Notes when the gate commands the wheels, on this process's clock."""
-
-    def __init__(self, folder: Path) -> None:
-        self.client = PlainClient(folder)
-        self.client.request("subscribe", topic="gate.wheels")
-        self.news = threading.Condition()
-        self.is_zero = True
-        self.changed = 0.0
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        while (line := self.client.read()) is not None:
-            message = line.get("message")
-            if message is None:
-                continue
-            is_zero = message["left"] == 0 == message["right"]
-            with self.news:
-                if is_zero != self.is_zero:
-                    self.is_zero, self.changed = is_zero, time.monotonic()
-                    self.news.notify_all()
-
-    def wait(self, is_zero: bool) -> float:
-        """Wait until the wheels are commanded to zero, or to turn; returns when that began."""
-        with self.news:
-            came = self.news.wait_for(lambda: self.is_zero == is_zero, WAIT_S)
-            assert came, f"the wheels were never commanded {'to zero' if is_zero else 'to turn'}"
-            return self.changed
 
 
 class Phone:
