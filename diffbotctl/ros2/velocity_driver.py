@@ -45,6 +45,16 @@ class VelocityDriver:
         with self.changed:
             self._carry_out(self.rules.publishers_changed(publishers))
 
+    def publishers_named(self, publishers: frozenset[str], names: str) -> None:
+        """The nodes of the publishers are known, which may be later than their first velocity."""
+        with self.changed:
+            self.rules.publishers_named(publishers, names)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a publisher drives."""
+        return self.rules.state is DriveState.MOVING
+
     def stop_ended(self) -> None:
         """Someone allowed motion again."""
         with self.changed:

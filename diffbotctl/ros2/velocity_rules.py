@@ -159,6 +159,11 @@ class VelocityRules:
             self.state = DriveState.HELD  # the engine is stopped already
         return []
 
+    def publishers_named(self, publishers: frozenset[str], names: str) -> None:
+        """The nodes of `publishers` are called `names`."""
+        if self.source.publishers == publishers:
+            self.source = self.source._replace(names=names)
+
     def stop_ended(self) -> None:
         """Someone allowed motion again."""
         if self.state is not DriveState.MOVING:

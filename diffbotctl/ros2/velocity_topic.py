@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from math import nan
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
+from rclpy._rclpy_pybind11 import RCLError  # rclpy exports it nowhere else
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 
@@ -30,40 +32,60 @@ class VelocityTopic:
     """Passes velocities to the driver, with the publishers that are alive.
 
     A participant of DDS knows a topic under one type. The bridge therefore subscribes to the type
-    that is published, and to Twist while nothing is.
+    of the publisher that came last, and to Twist while there is none. A publisher that was killed
+    is listed for some 20 s more. The type never changes while a publisher drives.
     """
 
     def __init__(self, node: Any, driver: VelocityDriver) -> None:
         self.node, self.driver = node, driver
         self.publishers: frozenset[str] = frozenset()
+        self.types: dict[str, type] = {}  # of the publishers, in the order in which they came
         self.names = ""
         self.complained_at = 0.0
         self.kind: type = Twist
         self.ready_at = 0.0
-        self._subscribe()
-        self.timer = node.create_timer(CHECK_PERIOD_S, self.check_publishers)
+        self.subscription = self._subscribe()
+        self.topic = self.subscription.topic_name
+        self.timer = node.create_timer(CHECK_PERIOD_S, self._check)
 
     def check_publishers(self, _event: Any = None) -> None:
-        """Look who publishes, report changes, and follow a change of type."""
-        found = self.node.get_publishers_info_by_topic(self.subscription.topic_name)
-        wanted = {TYPES[each.topic_type] for each in found if each.topic_type in TYPES}
-        if wanted and self.kind not in wanted:
-            self.kind = wanted.pop()
-            self.ready_at = time.monotonic() + SWITCH_TIME_S
-            self.node.destroy_subscription(self.subscription)
-            self._subscribe()
-        publishers = frozenset(bytes(each.endpoint_gid).hex() for each in found)
+        """Look who publishes, and report changes."""
+        found = self.node.get_publishers_info_by_topic(self.topic)
+        listed = {bytes(each.endpoint_gid).hex(): TYPES.get(each.topic_type) for each in found}
+        known = {gid: kind for gid, kind in self.types.items() if gid in listed}
+        self.types = known | {gid: kind for gid, kind in listed.items() if kind is not None}
+        publishers = frozenset(listed)
         names = {f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found}
         if names:  # those of publishers that are gone are still needed
             self.names = ", ".join(sorted(name for name in names if UNKNOWN not in name) or [TOPIC])
         if publishers != self.publishers:
             self.publishers = publishers
             self.driver.publishers_changed(publishers)
+        elif names:
+            self.driver.publishers_named(publishers, self.names)
 
-    def _subscribe(self) -> None:
+    def _check(self) -> None:
+        """Look who publishes, and follow a change of type.
+
+        Not in an event of the subscription: the executor would still hold it, and DDS would refuse
+        one of another type beside it.
+        """
+        self.check_publishers()
+        wanted = next(reversed(self.types.values()), self.kind)
+        if self.subscription is not None:
+            if wanted is self.kind or self.driver.is_moving:
+                return
+            self.node.destroy_subscription(self.subscription)
+            self.subscription = None
+        self.kind = wanted
+        self.ready_at = time.monotonic() + SWITCH_TIME_S
+        with suppress(RCLError):  # the old one still exists: again at the next check
+            self.subscription = self._subscribe()
+
+    def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(matched=self.check_publishers)
         receive = self._twist_received if self.kind is Twist else self._stamped_received
-        self.subscription = self.node.create_subscription(
+        return self.node.create_subscription(
             self.kind, TOPIC, receive, NEWEST_ONLY, event_callbacks=events
         )
 

@@ -196,3 +196,12 @@ def test_after_a_refusal_a_zero_is_needed_and_the_stop_of_others_is_not_ended():
     assert rules.velocity_received(10.1, 0.2, 0.0, source(6)) == []
     assert rules.velocity_received(10.2, 0.0, 0.0, source(7)) == []
     assert methods(rules.velocity_received(10.3, 0.2, 0.0, source(8))) == ["drive"]
+
+
+def test_the_name_of_a_node_may_be_known_later_than_its_velocity():
+    rules = VelocityRules(LIMITS)
+    rules.velocity_received(10.0, 0.2, 0.0, VelocitySource(TELEOP, "cmd_vel", 5))
+    rules.publishers_named(frozenset({"02"}), "/other")
+    rules.publishers_named(TELEOP, "/teleop")
+    (order,) = rules.time_passed(10.0 + SILENCE_MAX_S)
+    assert order.method == "operator_lost" and "/teleop was silent" in order.reason
