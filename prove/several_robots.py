@@ -1,39 +1,52 @@
-"""Two robots and an operator in networks of their own: both found, lost for 5 s, found again."""
+"""Two robots and an operator in networks of their own: both found, lost for 5 s, driven again.
+
+The operator reaches them through ssh (`--at`), and as a node of ROS 2 through a bridge each.
+"""
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from diffbotctl.testing.lossy_network import can_make_namespaces
+from diffbotctl.testing.ros2_nodes import ros_python
+from diffbotctl.testing.trials import two_robots, two_robots_ros2
 from diffbotctl.testing.trials.row import NoData, Row, printed
-from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome, cut_trial
+from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
 
 STOP_MAX_S = 0.5
 LINK = f"{DELAY_S * 1e3:.0f} ms, {LOSS:.0%} loss, cut {CUT_S:g} s"
+TARGET = "both, 0 in 0.5 s, nothing moves by itself"
 
 
 def rows(trials: int) -> Iterator[Row]:
-    """All rows, of `trials` cuts."""
+    """All rows, of `trials` cuts each."""
     if not can_make_namespaces():
-        cause = "network namespaces need root here"
-        yield NoData(f"two robots, {LINK}", cause, "both, 0.5 s", True)
+        yield NoData(f"two robots, {LINK}", "needs root", TARGET, True)
         return
+    yield from _rows("ssh", _outcomes(two_robots.cut_trial, trials))
+    if ros_python() is None:
+        yield NoData(f"two robots by ROS 2, {LINK}", "no rclpy: `make ros2`", TARGET, True)
+        return
+    yield from _rows("ROS 2", _outcomes(two_robots_ros2.cut_trial, trials))
+
+
+def _outcomes(trial: Callable[[Path, int], CutOutcome], trials: int) -> list[CutOutcome]:
     outcomes = []
     for seed in range(trials):
         with tempfile.TemporaryDirectory() as name:
-            outcomes.append(cut_trial(Path(name), seed))
-    yield from _rows(outcomes)
+            outcomes.append(trial(Path(name), seed))
+    return outcomes
 
 
-def _rows(outcomes: list[CutOutcome]) -> Iterator[Row]:
+def _rows(way: str, outcomes: list[CutOutcome]) -> Iterator[Row]:
     count = len(outcomes)
     found = sum(outcome.found == ROBOTS for outcome in outcomes)
     slowest = max(outcome.listed_s for outcome in outcomes)
     yield Row(
-        f"two robots, {LINK}: listed through ssh",
+        f"two robots by {way}, {LINK}: found",
         f"{found} of {count}, {slowest:.1f} s at most",
         "both",
         found == count,
@@ -44,7 +57,7 @@ def _rows(outcomes: list[CutOutcome]) -> Iterator[Row]:
         for outcome in outcomes
     )
     yield Row(
-        "two robots: wheels 0 after the cut, latched, named",
+        f"two robots by {way}: wheels 0 after the cut, latched",
         f"{right} of {count}, {worst:.2f} s at most",
         f"all, <= {STOP_MAX_S:g} s",
         right == count,
@@ -52,13 +65,15 @@ def _rows(outcomes: list[CutOutcome]) -> Iterator[Row]:
     still = sum(not outcome.moved_after for outcome in outcomes)
     events = {event for outcome in outcomes for event in outcome.moved_after}
     yield Row(
-        "two robots: nothing moves by itself afterwards",
+        f"two robots by {way}: none moves by itself afterwards",
         f"{still} of {count} {', '.join(sorted(events))}".rstrip(),
-        "all, also after resume",
+        "all",
         still == count,
     )
     again = sum(outcome.drives_again for outcome in outcomes)
-    yield Row("two robots: both are driven again", f"{again} of {count}", "all", again == count)
+    yield Row(
+        f"two robots by {way}: both are driven again", f"{again} of {count}", "all", again == count
+    )
 
 
 def main() -> int:

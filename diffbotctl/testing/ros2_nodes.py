@@ -29,10 +29,10 @@ def ros_python():
     return str(ENVIRONMENT) if ENVIRONMENT.exists() else None
 
 
-def environment(folder):
-    """The environment of all processes of a test."""
+def environment(folder, peers=()):
+    """The environment of all processes of a test; `peers` are further computers with nodes."""
     return {
-        **ros_environment(()),
+        **ros_environment(peers),
         "XDG_RUNTIME_DIR": str(folder),
         "ROS_DOMAIN_ID": str(crc32(str(folder).encode()) % DOMAINS + 1),
         "ROS_LOG_DIR": str(folder),
@@ -91,10 +91,14 @@ class LineProcess:
 
 
 @contextmanager
-def bridge(folder, *words, name="test"):
-    """`diffbotctl ros2 words` on the engine `name`, once its node exists."""
+def bridge(folder, *words, name="test", prefix=(), common=None):
+    """`diffbotctl ros2 words` on the engine `name`, once its node exists.
+
+    `common` is the folder of the nodes that it finds, if that is not the one of the engine.
+    """
     line, _ = command(folder, "ros2", "--engine", name, *words)
-    running = LineProcess(line, environment(folder))
+    variables = {**environment(common or folder), "XDG_RUNTIME_DIR": str(folder)}
+    running = LineProcess([*prefix, *line], variables)
     try:
         running.until(lambda line: "is the node" in line)
         yield running
@@ -105,8 +109,9 @@ def bridge(folder, *words, name="test"):
 class RosNode(LineProcess):
     """A node of another process, which follows commands: see ros2_commanded_node.py."""
 
-    def __init__(self, folder, script, *words):
-        super().__init__([ros_python(), str(script), *words], environment(folder))
+    def __init__(self, folder, script, *words, prefix=(), peers=()):
+        line = [*prefix, ros_python(), str(script), *words]
+        super().__init__(line, environment(folder, peers))
 
     def reply(self, key, condition=lambda value: True):
         """The value of the first line of JSON with `key` for which `condition` is true."""
@@ -127,9 +132,9 @@ class RosNode(LineProcess):
 
 
 @contextmanager
-def ros_node(folder, script, *words):
+def ros_node(folder, script, *words, **options):
     """A node, once it has said that it is ready."""
-    node = RosNode(folder, script, *words)
+    node = RosNode(folder, script, *words, **options)
     try:
         node.reply("ready")
         yield node
