@@ -11,6 +11,8 @@ BOARD ?= 1
 FAULTY ?= 30
 EMULATED ?= 5
 WANDER ?= 50
+# Cuts of the link to two robots.
+CUTS ?= 5
 # Hostile files of each kind, and simulated hours over which the memory is measured.
 HOSTILE ?= 200
 HOURS ?= 24
@@ -36,7 +38,7 @@ demo: $(VENV)/installed
 # Debian packages: compiler and emulator library, since the tests run the real firmware binary, and
 # the browser in which they open the page.
 DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
-  netcat-openbsd openssh-client socat dbus-daemon chromium
+  netcat-openbsd iproute2 openssh-client socat dbus-daemon chromium
 
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \
@@ -66,7 +68,7 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 prove: packages $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
-	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --drives $(DRIVES) --calibrated $(CALIBRATED) \
+	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
 	  --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable, Iterator
+from math import inf
 from pathlib import Path
 
 from diffbotctl.testing.lossy_network import can_make_namespaces
@@ -18,6 +19,7 @@ from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, C
 
 STOP_MAX_S = 0.5
 LINK = f"{DELAY_S * 1e3:.0f} ms, {LOSS:.0%} loss, cut {CUT_S:g} s"
+BROKEN_OFF = CutOutcome((), inf, inf, (), ("it broke off",), False)
 TARGET = "both, 0 in 0.5 s, nothing moves by itself"
 
 
@@ -34,10 +36,15 @@ def rows(trials: int) -> Iterator[Row]:
 
 
 def _outcomes(trial: Callable[[Path, int], CutOutcome], trials: int) -> list[CutOutcome]:
+    """The outcomes; a trial that breaks off counts as one in which everything is missed."""
     outcomes = []
     for seed in range(trials):
         with tempfile.TemporaryDirectory() as name:
-            outcomes.append(trial(Path(name), seed))
+            try:
+                outcomes.append(trial(Path(name), seed))
+            except (AssertionError, OSError, ValueError) as error:
+                print(f"trial {seed} of two robots broke off: {error}", flush=True)
+                outcomes.append(BROKEN_OFF)
     return outcomes
 
 
