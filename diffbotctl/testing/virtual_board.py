@@ -61,11 +61,15 @@ def start(*words, **options):
 
 
 def diffbotctl(*words, **options):
-    """Run a command to its end; (exit code, what it said).
+    """Run a command to its end; (exit code, what it said)."""
+    return outcome(start(*words, **options), **options)
+
+
+def outcome(process, **options):
+    """Exit code of a command that was started, and what it said.
 
     A computer that gives a run no processor for 0.3 s has its robot wait for a person: the caller.
     """
-    process = start(*words, **options)
     until = time.monotonic() + LONGEST
     said = None
     try:
