@@ -159,6 +159,11 @@ class CountFaults:
         self.is_certain = is_enough and excess > CERTAIN_ERRORS_MIN * error
 
     @property
+    def shown_share(self) -> float:
+        """The share without what is only not known: what the counts show."""
+        return sqrt(max(self.share**2 - SHARE_UNKNOWN**2, 0.0))
+
+    @property
     def text(self) -> str:
         """What is wrong with the encoder, or an empty text."""
         if self.share < SHARE_REPORTED or not self.is_certain:

@@ -22,9 +22,8 @@ BURST_PROBABILITY = 0.3
 LOG_BURST = log(BURST_PROBABILITY)
 FAULT_SD = 0.5  # pitches; of an assumed fault
 # Faults per edge at which the motion was too uncertain to notice one because the counts had not
-# been as predicted: most often faults are the reason. Found with simulated robots; the times of
-# edges leave less unexplained than counts.
-SUSPECT_RATE, SUSPECT_RATE_TIMED = 0.08, 0.03
+# been as predicted: most often faults are the reason. Found with simulated robots.
+SUSPECT_RATE = 0.08
 SHARE_REPORTED = 0.004  # faults per edge that are worth a warning: four times the prior rate
 
 
@@ -57,7 +56,8 @@ class EdgeFaults(NamedTuple):
             extra=self.extra + max(-missed, 0),
         )
 
-    def variance(self, has_edge_times: bool) -> float:
+    @property
+    def variance(self) -> float:
         """Variance of the travel (pitches2).
 
         Faults that could not be noticed are one pitch each, and as probable as the faults seen make
@@ -69,7 +69,7 @@ class EdgeFaults(NamedTuple):
             return uncertain * uncertain
         faults = PRIOR_RATE * PRIOR_EDGES + self.number
         unseen = self.unresolved * min(faults / (PRIOR_EDGES + self.edges), RATE_MAX)
-        alike = self.suspect * (SUSPECT_RATE_TIMED if has_edge_times else SUSPECT_RATE)
+        alike = self.suspect * SUSPECT_RATE
         return uncertain * uncertain + unseen + alike + alike * alike
 
     @property

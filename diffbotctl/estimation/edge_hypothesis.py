@@ -305,7 +305,7 @@ class EdgeHypothesis:
             counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
         before = self.faults
         if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
-            suspect = before.suspect + (steps if self.motion.is_noisy else 0)
+            suspect = before.suspect + (steps if self.motion.is_suspect else 0)
             before = before._replace(unresolved=before.unresolved + steps, suspect=suspect)
         hypotheses = [self, *(self.copy() for _ in counts[1:])]
         for hypothesis, count in zip(hypotheses, counts, strict=True):

@@ -59,7 +59,7 @@ class WheelFilter:
         """Variance of the travel (pitches2) if the best hypothesis is right, including faults of
         the encoder that nothing shows."""
         best = self.hypotheses[0]
-        return best.motion.variance + best.faults.variance(best.motion.priors.has_edge_times)
+        return best.motion.variance + best.faults.variance
 
     @property
     def disagreement(self) -> float:

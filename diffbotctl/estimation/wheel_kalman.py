@@ -53,6 +53,7 @@ EDGE_TIME_SD = 50e-6  # s
 # Adaptation of the noise by each edge: gain, squared normalised innovation at which it stays as it
 # is, the largest one taken into account, and limit of the factor of the noise's variance.
 NOISE_GAIN, NOISE_RATIO, NOISE_RATIO_MAX, NOISE_FACTOR_MAX = 0.2, 1.3, 9.0, 400.0
+FRAME_TIME_MAX = 0.002  # s; of a board that tells the time of its frames
 SUSPECT_NOISE = 4.0  # factor of the noise's variance above which faults of the encoder are likely
 LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may state
 RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
@@ -192,9 +193,15 @@ class WheelKalman:
         return self.is_typical and self.priors.change_cost != inf
 
     @property
-    def is_noisy(self) -> bool:
-        """Whether its counts have contradicted the predictions for some time."""
-        return self.driven_noise > SUSPECT_NOISE
+    def is_suspect(self) -> bool:
+        """Whether its counts have contradicted the predictions for some time.
+
+        Frames whose own time is uncertain do so without any fault. The times of edges show a fault
+        as such.
+        """
+        priors = self.priors
+        is_told_in_time = priors.frame_time < FRAME_TIME_MAX and not priors.has_edge_times
+        return is_told_in_time and self.driven_noise > SUSPECT_NOISE
 
     def largest_speed(self, sds: float) -> float:
         """Speed (pitches/s) that the wheel may have: `sds` standard deviations more than

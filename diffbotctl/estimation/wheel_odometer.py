@@ -125,7 +125,8 @@ class WheelOdometer:
         square = self.pitch * self.pitch
         self.added_variance = self.counting.added_variance if is_unusual else 0.0
         self.end_variance = self.counting.end_variance if is_unusual else 0.0
-        self.fault_share = self.counting.fault_share if is_unusual else 0.0
+        # Of a few slots the filter's hypotheses include what the counts do not show.
+        self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
         self.variance = self._variance(is_unusual) * square
         self.disagreement = self.filter.disagreement * square
         motion, before = self.filter.motion, self.reported_motion
@@ -149,7 +150,7 @@ class CountWheelOdometer(WheelOdometer):
         counting, before = self.counting, self.reported_travel
         counting.report()
         self.variance, self.end_variance = counting.variance, counting.end_variance
-        self.added_variance, self.fault_share = counting.added_variance, counting.fault_share
+        self.added_variance, self.fault_share = counting.added_variance, counting.faults.shown_share
         self.reported_travel = float(self.count - self.first_count)
         self.travel = (self.reported_travel - before) * self.pitch
 
