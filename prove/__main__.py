@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import tempfile
 from itertools import chain as joined
 from pathlib import Path
@@ -60,6 +61,9 @@ def main() -> int:
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
     options = parser.parse_args()
+    # A background shell may have had them ignored, and every program started here would be, too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     state = tempfile.TemporaryDirectory()
     os.environ["XDG_STATE_HOME"] = state.name  # keep the user's own black-box files
     sections = (
