@@ -84,6 +84,13 @@ class WheelResponse:
         self.commanded_travel = self.counted_travel = 0.0
         """m, without sign, since the goal was accepted"""
 
+    def begin(self, crawl_command_min: float) -> None:
+        """Begin another goal: for how long it has stood, and what it has travelled, counts anew."""
+        self.crawl_command_min = crawl_command_min
+        self.idle_for = self.crawl_for = 0.0
+        self.uncounted_for = self.uncounted_travel = 0.0
+        self.commanded_travel = self.counted_travel = 0.0
+
     def update(
         self,
         command: float,
@@ -171,14 +178,9 @@ class DriveResponse:
 
         `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
         """
-        self.left.crawl_command_min = self.right.crawl_command_min = crawl_command_min
         self.weak_sides = ()
-        self.left.idle_for = self.right.idle_for = 0.0
-        self.left.uncounted_for = self.right.uncounted_for = 0.0
-        self.left.uncounted_travel = self.right.uncounted_travel = 0.0
-        self.left.crawl_for = self.right.crawl_for = 0.0
-        self.left.commanded_travel = self.right.commanded_travel = 0.0
-        self.left.counted_travel = self.right.counted_travel = 0.0
+        self.left.begin(crawl_command_min)
+        self.right.begin(crawl_command_min)
 
     @property
     def idle_for(self) -> float:
