@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.stalled_computer import StalledComputer
+
 os.chdir(Path(__file__).parent.parent)
 # A busy machine makes single examples slow, which says nothing about the program.
 settings.register_profile("no_deadline", deadline=None)
@@ -22,6 +24,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
 os.environ["XDG_STATE_HOME"] = _state  # folder of the black box
 atexit.register(shutil.rmtree, _state, ignore_errors=True)
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(StalledComputer())
 
 
 def pytest_collection_modifyitems(items):

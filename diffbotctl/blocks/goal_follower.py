@@ -18,7 +18,7 @@ from diffbotctl.control.motion_profile import (
     shortest_turn,
 )
 from diffbotctl.control.velocity_limits import VelocityRate
-from diffbotctl.control.wheel_response import DriveResponse
+from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
@@ -280,7 +280,7 @@ class GoalFollower(Block):
         return pursuit._replace(
             blocked_for=0.0,
             elapsed=pursuit.elapsed + seconds,
-            idle_for=pursuit.idle_for + seconds if is_idle else 0.0,
+            idle_for=pursuit.idle_for + min(seconds, GAP_MAX) if is_idle else 0.0,
         )
 
     def _timeout(self, pursuit: Pursuit, stop: Stop | None) -> tuple[GoalEnd, str] | None:

@@ -28,7 +28,9 @@ CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 # that or less. Missed and doubled edges change the ratio by a factor of two, not of seven.
 LOST_SPEED_MIN, LOST_RATIO = 0.05, 0.15
 LOST_AFTER = 0.5  # s
-GAP_MAX = 0.25  # s without a frame of the board
+# s without a frame of the board. What a command did in a longer gap is unknown: the board stops its
+# motors when its host is silent, so a gap is no time in which a wheel was driven and did not turn.
+GAP_MAX = 0.25
 # Of its commanded travel during a goal. A wheel that is below it, while the other one is not,
 # explains why the goal was not reached.
 LAGGING_RATIO = 0.6
@@ -111,6 +113,7 @@ class WheelResponse:
             self.uncounted_for = self.uncounted_travel = 0.0
         counted = counted or 0.0
         self._compare_counts(speed, seconds, counted)
+        seconds = min(seconds, GAP_MAX)
         self.commanded_travel += abs(command) * seconds
         self.counted_travel += counted
         if command * self.command <= 0.0:

@@ -4,7 +4,7 @@ from math import exp
 
 import pytest
 
-from diffbotctl.control.wheel_response import RATIO_FREE, DriveResponse, WheelResponse
+from diffbotctl.control.wheel_response import GAP_MAX, RATIO_FREE, DriveResponse, WheelResponse
 
 LAG, STEP = 0.1, 0.02  # s
 
@@ -68,6 +68,16 @@ def both(left=0.3, right=0.3):
         for wheel, speed in ((drive.left, left), (drive.right, right)):
             wheel.update(0.3, speed, LAG, STEP, speed * STEP)
     return drive
+
+
+def test_a_gap_between_two_frames_is_no_time_in_which_a_wheel_stood():
+    """The computer stood still for 2.3 s: 0.69 m of the command that was in force before."""
+    drive = both()
+    for wheel in (drive.left, drive.right):
+        wheel.update(0.3, 0.0, LAG, 2.3, 0.0)
+    assert drive.fault(creep=0.035, stuck_after=2.0, lag=LAG) == ""
+    assert drive.left.idle_for == GAP_MAX
+    assert drive.left.uncounted_for == pytest.approx(GAP_MAX + STEP)
 
 
 @pytest.mark.parametrize(("speed", "is_named"), [(0.3, False), (0.1, False), (0.02, True)])

@@ -1,0 +1,68 @@
+"""A failure is repeated only if the computer stood still during it, and the summary says so."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PLUGIN = """
+import pytest
+from tests.stalled_computer import StalledComputer
+computer = StalledComputer()
+def pytest_configure(config):
+    config.pluginmanager.register(computer)
+@pytest.fixture
+def watch():
+    return computer.process.pid
+"""
+TEST = """
+import os, signal, time
+from pathlib import Path
+def test_it(watch):
+    runs = Path("runs")
+    count = int(runs.read_text()) if runs.exists() else 0
+    runs.write_text(str(count + 1))
+    [log] = Path({logs!r}).glob("diffbotctl-stalls-*")
+    if {is_stalled}:
+        size = log.stat().st_size
+        os.kill(watch, signal.SIGSTOP)
+        time.sleep(0.3)
+        os.kill(watch, signal.SIGCONT)
+        until = time.monotonic() + 30
+        while log.stat().st_size == size:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+    assert count >= {passes_from}
+"""
+
+
+@pytest.mark.parametrize(
+    ("is_stalled", "passes_from", "runs", "outcome"),
+    [
+        (False, 0, 1, "1 passed"),
+        (False, 9, None, "1 failed"),  # once, unless the computer does stand still meanwhile
+        (True, 1, 2, "1 passed"),
+        (True, 9, 3, "1 failed"),  # it is not repeated for ever
+    ],
+)
+def test_a_failure_is_repeated_only_if_the_computer_stood_still(
+    tmp_path, is_stalled, passes_from, runs, outcome
+):
+    (tmp_path / "conftest.py").write_text(PLUGIN)
+    text = TEST.format(is_stalled=is_stalled, passes_from=passes_from, logs=str(tmp_path))
+    (tmp_path / "test_it.py").write_text(text)
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "TMPDIR": str(tmp_path)}
+    said = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "."],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout
+    assert outcome in said, said
+    count = int((tmp_path / "runs").read_text())
+    assert ("the computer stood still for " in said) == (count > 1), said
+    assert runs in (count, None), said
