@@ -20,6 +20,7 @@ PROPERTY = "repeated"
 WATCH = f"""
 import select, sys, time
 before = time.monotonic()
+print(before, 0.0, flush=True)
 while not select.select([sys.stdin], [], [], 0.02)[0]:
     now = time.monotonic()
     if now - before > {STALL_MIN} + 0.02:

@@ -25,12 +25,14 @@ def test_it(watch):
     count = int(runs.read_text()) if runs.exists() else 0
     runs.write_text(str(count + 1))
     [log] = Path({logs!r}).glob("diffbotctl-stalls-*")
+    until = time.monotonic() + 30
+    while not log.stat().st_size:
+        assert time.monotonic() < until, "the watch did not begin"
     if {is_stalled}:
         size = log.stat().st_size
         os.kill(watch, signal.SIGSTOP)
         time.sleep(0.3)
         os.kill(watch, signal.SIGCONT)
-        until = time.monotonic() + 30
         while log.stat().st_size == size:
             assert time.monotonic() < until
             time.sleep(0.01)
