@@ -6,7 +6,8 @@ delay from a command to telemetry that shows its effect, and decays with the mot
 stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop has settled. What the
 wheel turns beyond a limit is summed (a one-sided CUSUM). The sum stops the robot when it exceeds
 what the encoder cannot resolve, and for the second limit also what the strongest motor turns until
-the loop has settled.
+the loop has settled. After a gap without counts, the limits of its begin hold for all of it, and
+what the first frame does not use of them is left for those that queued up behind it.
 
 A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
 fault.
@@ -15,7 +16,7 @@ fault.
 from __future__ import annotations
 
 from collections import deque
-from math import exp, pi
+from math import exp, inf, pi
 from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import MotorSettings
@@ -36,6 +37,9 @@ SPEED_RATIO = 1.5  # to the command; above it a wheel whose loop has settled is 
 # Until the loop, on the board or on the host, has corrected the feed-forward; after the lag.
 BOARD_SETTLING_S, HOST_SETTLING_S = 0.6, 2.0
 STANDSTILL_TIME = 300 * MILLISECOND  # without a count
+# Without counts, after which several frames may have queued up: the host stood still, or the radio
+# held them back. They arrive nearly at once, within QUEUE_TIME.
+GAP_TIME, QUEUE_TIME = 200 * MILLISECOND, 300 * MILLISECOND
 SPEED_TIME = 500 * MILLISECOND  # over which the speed is told
 PUSHED_COUNTS_MIN = 2  # a wheel that rests on an edge may give one
 
@@ -74,7 +78,8 @@ class OverspeedDetector:
         self.settled_speed = 0.0  # limit of the last motion that was commanded
         self.limit = self.settled_limit = 0.0
         self.held_until = self.settled_held_until = 0
-        self.excess = self.settled_excess = 0.0  # rad
+        self.excess = self.settled_excess = 0.0  # rad; negative only while a queue arrives
+        self.queue_until = 0
         self.time: int | None = None  # of the last counts
         self.count = 0
         self.boot = 0
@@ -98,6 +103,7 @@ class OverspeedDetector:
     def counts(self, now: int, count: int, boot: int) -> WheelExcess | None:
         """Take the count that arrived at `now`; the excess when the wheel is clearly too fast."""
         last, self.time = self.time, now
+        limits = self.limit, self.settled_limit
         steps, self.count = abs(count - self.count), count
         if last is None or boot != self.boot:
             self.boot, self.moved_at = boot, now
@@ -106,27 +112,36 @@ class OverspeedDetector:
         self.recent.append((now, count))
         while self.recent[0][0] < now - SPEED_TIME:
             self.recent.popleft()
-        if steps:
+        is_gap = now - last > GAP_TIME
+        if is_gap:
+            self.queue_until = now + QUEUE_TIME
+        if steps or is_gap:  # a gap does not show that the wheel is at rest
             self.moved_at = now
         elif not self.target and now - self.moved_at >= STANDSTILL_TIME:
             self.is_at_rest, self.pushed = True, 0
         self._decay(now)
         self._raise_limits(now)
+        if not is_gap:
+            limits = self.limit, self.settled_limit
         if self.is_at_rest:
             self.excess = self.settled_excess = 0.0
             self.pushed += steps
             return None
-        return self._sum(steps, (now - last) / SECOND)
+        return self._sum(now, steps, (now - last) / SECOND, limits)
 
     @property
     def is_pushed(self) -> bool:
         """True when the wheel turns by hand."""
         return self.pushed >= PUSHED_COUNTS_MIN
 
-    def _sum(self, steps: int, elapsed: float) -> WheelExcess | None:
+    def _sum(
+        self, now: int, steps: int, elapsed: float, limits: tuple[float, float]
+    ) -> WheelExcess | None:
         turned = steps * self.counted_share * self.pitch
-        self.excess = max(0.0, self.excess + turned - self.limit * elapsed)
-        self.settled_excess = max(0.0, self.settled_excess + turned - self.settled_limit * elapsed)
+        least = -inf if now < self.queue_until else 0.0
+        limit, settled_limit = limits
+        self.excess = max(least, self.excess + turned - limit * elapsed)
+        self.settled_excess = max(least, self.settled_excess + turned - settled_limit * elapsed)
         settling = (self.strongest - self.settled_speed) * self.settling
         if self.excess > self.resolution:
             return WheelExcess(self._speed(), self.limit)
