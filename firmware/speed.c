@@ -24,8 +24,10 @@
 #define FULL ((int32_t)DUTY_FULL << 8)
 /* After a reversal the duty grows by at most 0.05 per period, to protect the gears. */
 #define SLEW 1638
-/* A stall: 0.95 s without an edge, and 0.25 s more than the time for 2.2 pitches at the target. */
+/* A stall: 0.95 s without an edge, or 0.7 s of a wheel that was turning, and 0.25 s more than the time
+   for 2.2 pitches at the target. */
 #define STALL_PERIODS 95
+#define STALL_PERIODS_TURNING 70
 #define STALL_PITCHES(pitch) ((pitch) / 5 * 11)
 #define STALL_EXCESS 25
 #define STALL_DUTY 9830 /* of raw duty; above it a turning wheel gives edges */
@@ -294,5 +296,6 @@ bool speed_stalled(speed_t *speed, bool raw_duty)
         speed->stall_angle += (raw_duty ? speed_of(speed) : magnitude(speed->target)) << 8;
     else if (speed->stall_excess < STALL_EXCESS)
         speed->stall_excess++;
-    return speed->stall_periods >= STALL_PERIODS && speed->stall_excess >= STALL_EXCESS;
+    uint16_t least = speed->measured == MEASURED && !raw_duty ? STALL_PERIODS_TURNING : STALL_PERIODS;
+    return speed->stall_periods >= least && speed->stall_excess >= STALL_EXCESS;
 }

@@ -189,6 +189,30 @@ def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
     assert wheel.duty == pytest.approx(0.58)
 
 
+@pytest.mark.parametrize(
+    ("edges", "seconds"),
+    [
+        (1, 0.95),  # it may have rested just before a slot
+        (2, 0.70),
+        (30, 0.70),
+    ],
+)
+def test_a_wheel_that_was_turning_stalls_sooner(edges, seconds):
+    wheel = loop()
+    wheel.command(0, 5.0)
+    ticks = 0
+    for _ in range(edges):  # a pitch takes 63 ms
+        for _ in range(6):
+            ticks += 1
+            wheel.tick(ticks * LOOP_PERIOD)
+        wheel.edge(ticks * LOOP_PERIOD)
+    last = ticks
+    while not wheel.fault:
+        ticks += 1
+        wheel.tick(ticks * LOOP_PERIOD)
+    assert (ticks - last) * 0.010 == pytest.approx(seconds, abs=0.011)
+
+
 def test_an_edge_in_time_is_no_stall():
     wheel = loop()
     wheel.command(0, 1.0)
