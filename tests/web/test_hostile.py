@@ -5,8 +5,8 @@ import hashlib
 import os
 import signal
 import socket
-import time
 import ssl
+import time
 from contextlib import suppress
 
 import pytest
