@@ -2,11 +2,11 @@
 
 from collections import deque
 from collections.abc import Mapping
-from math import copysign, cos, degrees, pi, sin
+from math import copysign, cos, degrees, pi, sin, sqrt
 from typing import NamedTuple, assert_never
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.goal_pursuit import Coast, Pursuit, position_doubt
+from diffbotctl.control.goal_pursuit import Coast, Pursuit, largest_variance, position_doubt
 from diffbotctl.control.motion_profile import (
     Motion,
     MotionLimits,
@@ -46,6 +46,9 @@ STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
 TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
+# Of the time limit. After it, a robot whose pose is doubtful need not come nearer to the goal than
+# its pose is known (one standard deviation): more attempts would follow the error of the pose.
+SEARCH_RATIO = 1.0 / 3.0
 # Of the tolerance: remaining distance that need not be driven.
 TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
@@ -322,7 +325,8 @@ class GoalFollower(Block):
                     case "turning":
                         pursuit = pursuit._replace(leg="driving", releases=0)
                     case "driving":
-                        if pursuit.distance(odometry) > MISSED_RATIO * self.tolerance:
+                        tolerance, _ = self._tolerances(pursuit, odometry)
+                        if pursuit.distance(odometry) > MISSED_RATIO * tolerance:
                             return self._try_again(pursuit, odometry)
                         # The last turn is about the goal, which reduces the position error further.
                         pivot = (pursuit.goal.x, pursuit.goal.y)
@@ -358,13 +362,32 @@ class GoalFollower(Block):
     def _judge(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
         distance = pursuit.distance(odometry)
         turn = abs(pursuit.heading_error(odometry))
-        if distance <= self.tolerance and turn <= self.heading_tolerance:
-            # The track of four wheels is known so badly that no goal behind a turn is sure.
-            is_skidding = self.wheelbase is not None and TRACK not in self.calibration
-            counts_geometry = is_skidding or self.calibration.keys() >= GEOMETRY
-            doubt = position_doubt(odometry, self.tolerance, counts_geometry)
-            return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
-        return self._try_again(pursuit, odometry)
+        tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
+        if distance > tolerance or turn > heading_tolerance:
+            return self._try_again(pursuit, odometry)
+        doubt = self._doubt(odometry)
+        if distance > self.tolerance or turn > self.heading_tolerance:
+            away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
+            doubt = f"no nearer than {away} by odometry, and {doubt}"
+        return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
+
+    def _doubt(self, odometry: Odometry) -> str:
+        """Why the pose does not prove the goal; empty when it does."""
+        # The track of four wheels is known so badly that no goal behind a turn is sure.
+        is_skidding = self.wheelbase is not None and TRACK not in self.calibration
+        counts_geometry = is_skidding or self.calibration.keys() >= GEOMETRY
+        return position_doubt(odometry, self.tolerance, counts_geometry)
+
+    def _tolerances(self, pursuit: Pursuit, odometry: Odometry) -> tuple[float, float]:
+        """Distance (m) and angle (rad) from the goal with which it ends."""
+        is_late = pursuit.elapsed > SEARCH_RATIO * pursuit.time_limit
+        if not is_late or not self._doubt(odometry):
+            return self.tolerance, self.heading_tolerance
+        xx, xy, _, yy, _, heading = odometry.covariance
+        return (
+            max(self.tolerance, sqrt(largest_variance(xx, xy, yy))),
+            max(self.heading_tolerance, sqrt(heading)),
+        )
 
     def _try_again(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
         """Begin the next attempt, or give up."""
@@ -458,12 +481,13 @@ class GoalFollower(Block):
         if pursuit.leg == "driving":
             return not self._falls_short(pursuit, odometry, seconds)
         error = abs(pursuit.heading_error(odometry))
+        _, tolerance = self._tolerances(pursuit, odometry)
         if pursuit.leg == "turning":
-            tolerance = TURN_TOLERANCE_RATIO * self.heading_tolerance
+            tolerance *= TURN_TOLERANCE_RATIO
             if pursuit.distance(odometry) > STEERED_DISTANCE_MIN:
                 tolerance = max(tolerance, STEERED_ERROR_MAX)
         else:
-            tolerance = ALIGN_TOLERANCE_RATIO * self.heading_tolerance
+            tolerance *= ALIGN_TOLERANCE_RATIO
         if error <= tolerance:
             return True
         # With slow motors the remaining angle may be too small to drive.

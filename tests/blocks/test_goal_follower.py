@@ -354,6 +354,34 @@ def test_a_release_without_effect_is_followed_by_a_push():
     assert (turned.stalls, turned.needs_nudge) == (0, False)
 
 
+@pytest.mark.parametrize(
+    ("elapsed", "sd", "end"),
+    [
+        (19.0, 0.05, None),  # s; it tries again in the first third of the time limit
+        (21.0, 0.05, "reached_unsure"),
+        (21.0, 0.036, None),  # m; known better than it is away
+        (21.0, 0.005, None),  # and where the pose is sure, the tolerance holds
+    ],
+)
+def test_late_a_goal_need_not_be_nearer_than_the_pose_is_known(elapsed, sd, end):
+    """At rest 40 mm and 6 deg from the goal; the heading is known to 8 deg."""
+    course = Course()
+    variances = [0.0] * 6
+    variances[0] = variances[3] = sd * sd
+    variances[5] = radians(8.0) ** 2
+    pose = Odometry(STEP, 1.04, 0.0, radians(6.0), 0.0, 0.0, tuple(variances))
+    pursuit = Pursuit(
+        goal(1.0, 0.0, 0.0), 60.0, Coast(0.1), leg="aligning", is_coasting=True, elapsed=elapsed
+    )
+    course.block.advance(pursuit, STEP, pose, None, 0.0)
+    later = pose._replace(time=11 * STEP)
+    resting = pursuit._replace(still_since=STEP)
+    step = course.block.advance(resting, later.time, later, None, STEP * 1e-9)
+    assert step.end == end
+    if end:
+        assert "no nearer than 40 mm and 6.0 deg away" in step.cause and "50 mm" in step.cause
+
+
 def test_what_is_counted_between_two_goals_is_not_compared():
     block, states = Course().block, []
     for frame in range(1, 200):
