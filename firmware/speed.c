@@ -24,10 +24,10 @@
 #define FULL ((int32_t)DUTY_FULL << 8)
 /* After a reversal the duty grows by at most 0.05 per period, to protect the gears. */
 #define SLEW 1638
-/* A stall: 0.95 s without an edge, or 0.7 s of a wheel that was turning, and 0.25 s more than the time
+/* A stall: 0.95 s without an edge, or 0.6 s of a wheel that was turning, and 0.25 s more than the time
    for 2.2 pitches at the target. */
 #define STALL_PERIODS 95
-#define STALL_PERIODS_TURNING 70
+#define STALL_PERIODS_TURNING 60
 #define STALL_PITCHES(pitch) ((pitch) / 5 * 11)
 #define STALL_EXCESS 25
 #define STALL_DUTY 9830 /* of raw duty; above it a turning wheel gives edges */

@@ -38,11 +38,11 @@ KICK_SHARE = 0.5  # of the integral that is kept at the first edge after it
 STUCK_RATIO = 0.5
 WEIGHT_MIN = 0.125  # of a measurement, which is halved when a turning wheel has to be kicked
 SLEW_MAX = 0.05  # duty per period during a reversal, to protect the gears
-# A stall: no edge for 0.95 s, or 0.7 s of a wheel that was turning, and 0.25 s more than the time
+# A stall: no edge for 0.95 s, or 0.6 s of a wheel that was turning, and 0.25 s more than the time
 # for 2.2 pitches at the target. The largest distance from rest to the first edge is one pitch, at a
 # lag of up to 0.4 s. A wheel that was turning has no start before it; its kick reaches full duty
 # 0.4 s after the edge was due.
-STALL_PERIODS, STALL_PERIODS_TURNING = 95, 70
+STALL_PERIODS, STALL_PERIODS_TURNING = 95, 60
 STALL_PITCHES = 2.2
 STALL_EXCESS_PERIODS = 25
 STALL_DUTY_MIN = 0.3  # of raw duty; above it a turning wheel gives edges

@@ -19,9 +19,9 @@ WEAK_AFTER = 0.7  # s for which a wheel is slower than commanded, before it coun
 IDLE_AFTER = 1.5
 IDLE_COMMAND_MIN = 0.01  # m/s; at lower commands a wheel may stand
 IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
-# m and pitches that a wheel should have travelled in several drives: friction may have held it in
-# each of some short ones.
-IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 0.1, 8.0
+# s without a count, and m and pitches that a wheel should have travelled in several drives:
+# friction may have held it in each of some short ones.
+UNCOUNTED_AFTER, IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 1.0, 0.1, 8.0
 MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
 CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 # A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
@@ -289,7 +289,7 @@ class DriveResponse:
 
         Its counts alone tell: between two of them odometry takes it for turning.
         """
-        longest = IDLE_AFTER if other.uncounted_for < wheel.uncounted_for else stuck_after
+        longest = UNCOUNTED_AFTER if other.uncounted_for < wheel.uncounted_for else stuck_after
         travel = max(IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES * self.pitch)
         return wheel.uncounted_for > longest and wheel.uncounted_travel > travel
 

@@ -193,8 +193,8 @@ def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
     ("edges", "seconds"),
     [
         (1, 0.95),  # it may have rested just before a slot
-        (2, 0.70),
-        (30, 0.70),
+        (2, 0.60),
+        (30, 0.60),
     ],
 )
 def test_a_wheel_that_was_turning_stalls_sooner(edges, seconds):
