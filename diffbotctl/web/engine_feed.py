@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
@@ -59,6 +59,15 @@ class EngineFeed:
     def whole(self) -> str:
         """Everything, for one page."""
         return encode(self.picture.whole())
+
+    @property
+    def topics(self) -> Set[str]:
+        """The topics of the run."""
+        return self.picture.view.rates.keys()
+
+    def history(self, name: str) -> list[tuple[float, float]]:
+        """Time (s) and value of a field, `block.port.field`, as the pictures had them."""
+        return list(self.picture.view.numbers.get(name, ()))
 
     async def _poll(self, *requests: Request) -> None:
         for request in requests:

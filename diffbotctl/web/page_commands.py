@@ -6,13 +6,23 @@ A page has no rights of its own. The engine checks every request again.
 from __future__ import annotations
 
 import json
+from collections.abc import Container
 from typing import Any, NamedTuple
 
 from diffbotctl.control_socket.protocol import Fields, RefusalError
-from diffbotctl.control_socket.requests import finite
+from diffbotctl.control_socket.requests import TEXT_MAX_LENGTH, finite
+from diffbotctl.web.plot_samples import FIELDS_MAX, topic_of
 
 READS = frozenset(
-    {"list_blocks", "list_topics", "list_parameters", "read_log", "explain_stop", "list_wires"}
+    {
+        "list_blocks",
+        "list_topics",
+        "describe_topic",
+        "list_parameters",
+        "read_log",
+        "explain_stop",
+        "list_wires",
+    }
 )
 LOG_LINES = 100
 COMMANDS = frozenset(
@@ -27,6 +37,7 @@ COMMANDS = frozenset(
         "take",
         "give",
         "read",
+        "plot",
         "set",
     }
 )
@@ -91,4 +102,25 @@ def read_request(fields: Fields) -> tuple[str, Fields]:
     method = fields.get("method")
     if method not in READS:
         raise RefusalError("E-REQUEST", "a page may not ask that")
+    if method == "describe_topic":
+        return method, {"topic": short_text(fields.get("topic"), "topic")}
     return method, {"last": LOG_LINES} if method == "read_log" else {}
+
+
+def short_text(value: Any, name: str) -> str:
+    """A text that may go on to the engine. Raises RefusalError."""
+    if not isinstance(value, str) or len(value) > TEXT_MAX_LENGTH:
+        raise RefusalError("E-REQUEST", f"the page sent no short text as {name}")
+    return value
+
+
+def plotted_fields(fields: Fields, topics: Container[str]) -> list[str]:
+    """The fields to plot, all of `topics`; none ends the plots. Raises RefusalError."""
+    names = fields.get("fields")
+    if not isinstance(names, list) or len(names) > FIELDS_MAX:
+        raise RefusalError("E-REQUEST", f"a page plots at most {FIELDS_MAX} fields")
+    chosen = list(dict.fromkeys(short_text(name, "field") for name in names))
+    for name in chosen:
+        if topic_of(name) not in topics:
+            raise RefusalError("E-REQUEST", f"this run has no topic {topic_of(name)} to plot")
+    return chosen

@@ -23,9 +23,11 @@ from diffbotctl.web.page_commands import (
     drive_command,
     goal_fields,
     parse_command,
+    plotted_fields,
     read_request,
     whole_number,
 )
+from diffbotctl.web.plot_samples import PlotSamples
 from diffbotctl.web.sessions import Session
 
 MESSAGE_MAX_BYTES = 4096  # a command has some hundred
@@ -83,6 +85,7 @@ class PageConnection:
         self.late_press = 0
         self.notes: deque[str] = deque(maxlen=NOTES_MAX)
         self.picture: str | None = None  # the newest that was not sent yet
+        self.plotted = PlotSamples()
         self.wants_whole = True
         self.has_news = asyncio.Event()
         self.bucket = TokenBucket(MESSAGES_PER_SECOND, MESSAGE_BURST, time.monotonic())
@@ -144,15 +147,21 @@ class PageConnection:
                 self.has_news.clear()
                 while self.notes:
                     await self._send_text(self.notes.popleft())
-                if self.wants_whole:
-                    self.wants_whole, self.picture = False, None
-                    await self._send_text(self.server.feed.whole())
-                elif self.picture is not None:
-                    text, self.picture = self.picture, None
+                text = self._next_picture()
+                if text is not None:
                     await self._send_text(text)
+                    if samples := self.plotted.drain():
+                        await self._send_text(encode({"plot": samples}))
         except (OSError, TimeoutError, RuntimeError):
             if self.transport is not None:
                 self.transport.abort()  # it reads nothing, or is gone
+
+    def _next_picture(self) -> str | None:
+        text, self.picture = self.picture, None
+        if self.wants_whole:
+            self.wants_whole = False
+            return self.server.feed.whole()
+        return text
 
     async def _send_text(self, text: str) -> None:
         async with asyncio.timeout(SEND_TIMEOUT_S):
@@ -190,6 +199,8 @@ class PageConnection:
                 self.server.give_control(self)
             case "read":
                 self._start(self._read(*read_request(fields)))
+            case "plot":
+                self._plot(plotted_fields(fields, self.server.feed.topics))
             case _:
                 self.server.require_control(self)
                 self._follow_driver(name, fields)
@@ -239,13 +250,26 @@ class PageConnection:
         except RefusalError as refusal:
             self.refuse(refusal.cause)
 
+    def _plot(self, names: list[str]) -> None:
+        """Send every sample of these fields from now on, after what is known of the new ones."""
+        before = self.plotted.topics
+        for name in self.plotted.choose(names):
+            self.plotted.add_history(name, self.server.feed.history(name))
+        after = self.plotted.topics
+        for topic in sorted(before - after):
+            self._send_request("unsubscribe", topic=topic)
+        for topic in sorted(after - before):
+            self._send_request("subscribe", topic=topic)
+
     # The engine.
 
     def _send_request(self, method: str, **fields: object) -> None:
         self.client.send(method, method, **fields)
 
     def _on_line(self, line: Fields) -> None:
-        if line.get("ok") is False:
+        if "message" in line:
+            self.plotted.take(line["topic"], line["message"])
+        elif line.get("ok") is False:
             if line.get("id") == "drive":
                 self.deadman.on_refusal()
                 self.note(lost=line.get("cause", ""))

@@ -2,12 +2,19 @@
 
 import json
 import struct
+import time
 import zlib
 from math import pi
 
 import pytest
 
-from diffbotctl.testing.browser import DESKTOP, PHONE, Browser
+from diffbotctl.testing.browser import (
+    DESKTOP,
+    PHONE,
+    POLL_PERIOD_S,
+    REPLY_TIMEOUT_S,
+    Browser,
+)
 from diffbotctl.testing.page_server import serving
 from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.trials.page_losses import LOSSES, lose_once, station
@@ -141,6 +148,81 @@ def test_a_parameter_is_changed_with_its_unit(open_page, parts):
     page.until(f"{field}.value === '0.09'")
     rows = client.request("list_parameters")["parameters"]
     assert {row["parameter"]: row["value"] for row in rows}["guard.margin"] == 0.09
+
+
+CHOOSE = """(names => {
+    const [topic, field] = ['plot-topic', 'plot-field'].map(id => document.getElementById(id));
+    topic.value = names[0];
+    topic.dispatchEvent(new Event('change'));
+    field.value = names[1];
+    return field.value === names[1] && !document.getElementById('plot-add').disabled;
+})"""
+
+
+@pytest.mark.parametrize("is_phone", [False, True])
+def test_numbers_are_plotted_with_a_scale_for_each_unit(open_page, is_phone):
+    page = open_page(is_phone)
+    press(page, "#view-inside")
+    page.until("document.querySelectorAll('#plots figure').length === 1")  # the wheels
+    page.until(f"{CHOOSE}(['odometry.odometry', 'x'])")
+    page.evaluate("document.getElementById('plot-add').scrollIntoView()")
+    press(page, "#plot-add")
+    page.until("document.querySelectorAll('#plots figure').length === 2")
+    page.until(
+        "/odometry.x.* m$/.test(document.querySelectorAll('#plots output')[2]"
+        ".parentElement.textContent.replace('\u00d7', ''))"
+    )
+    page.until("/rad.s/.test(document.querySelector('#plots output').textContent)")
+    dashes = "[...document.querySelectorAll('.sample line')].map(e => e.outerHTML)"
+    assert len(set(page.evaluate(dashes))) == 3
+    inside = "document.getElementById('inside')"
+    assert page.evaluate(f"{inside}.scrollWidth <= {inside}.clientWidth")
+    colours = (
+        "(c => new Set(new Uint32Array(c.getContext('2d')"
+        ".getImageData(0, 0, c.width, c.height).data.buffer)).size)"
+        "(document.querySelector('#plots canvas'))"
+    )
+    page.until(f"{colours} > 4")  # ground, grid, frame, ink and lines
+    press(page, "#view-drive")  # where nobody can see them, no samples are sent
+    wait_for_last_plot(page, [])
+
+
+def wait_for_last_plot(page, fields):
+    """Wait until the newest choice of fields that the page has sent is `fields`."""
+
+    def chosen():
+        with page.browser.news:
+            sent = [
+                json.loads(event["params"]["response"]["payloadData"])
+                for event in page.browser.events
+                if event["method"] == "Network.webSocketFrameSent"
+                and event["sessionId"] == page.session
+            ]
+        return [command["fields"] for command in sent if command["do"] == "plot"][-1]
+
+    deadline = time.monotonic() + REPLY_TIMEOUT_S
+    while chosen() != fields:
+        assert time.monotonic() < deadline
+        time.sleep(POLL_PERIOD_S)
+
+
+AXES = [  # from, to, about how many ticks, their labels
+    (0, 1, 5, ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+    (-0.26, 0.51, 4, ["-0.2", "0.0", "0.2", "0.4"]),
+    (0, 0, 4, ["-0.5", "0.0", "0.5"]),  # a constant: half a unit around it
+    (100, 100, 2, ["50", "100", "150"]),
+    (17.2, 47.2, 3, ["20", "30", "40"]),
+    (0, 3e7, 3, ["0", "1.00e+7", "2.00e+7", "3.00e+7"]),
+    (0.0311, 0.0319, 2, ["0.0312", "0.0314", "0.0316", "0.0318"]),
+]
+
+
+def test_axes_have_round_numbers(open_page):
+    page = open_page(False)
+    work = "([a, b, n]) => { const axis = m.makeAxis(a, b, n); return axis.ticks.map(axis.label); }"
+    bounds = json.dumps([row[:3] for row in AXES])
+    labels = page.evaluate(f"import('/plot_axis.js').then(m => {bounds}.map({work}))")
+    assert labels == [row[3] for row in AXES]
 
 
 def hold(client, press_down, lift, seen):

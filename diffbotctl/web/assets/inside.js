@@ -1,4 +1,6 @@
-// The view of the inside: why the robot stopped, blocks, topics, parameters and the log.
+// The view of the inside: why the robot stopped, plots, blocks, topics, parameters and the log.
+
+import { Plots } from "./plots.js";
 
 const PERIOD_MS = 1000;
 const READS = ["explain_stop", "list_blocks", "list_topics", "list_parameters", "read_log"];
@@ -30,12 +32,14 @@ export class Inside {
     this.connection = connection;
     this.isShown = false;
     this.turn = 0;
+    this.plots = new Plots(connection);
     setInterval(() => this.ask(), PERIOD_MS / READS.length);
   }
 
   show(isShown) {
     this.isShown = isShown;
     this.turn = 0;
+    this.plots.show(isShown);
     if (isShown) for (let i = 0; i < READS.length; i += 1) this.ask();
   }
 
@@ -49,6 +53,7 @@ export class Inside {
     if (method === "explain_stop") element("why").textContent = reply.text;
     if (method === "list_blocks") this.showBlocks(reply.blocks);
     if (method === "list_topics") this.showTopics(reply.topics);
+    if (method === "describe_topic") this.plots.takeFields(reply);
     if (method === "list_parameters") this.showParameters(reply.parameters);
     if (method === "read_log") this.showLog(reply.lines);
   }
@@ -62,6 +67,7 @@ export class Inside {
   }
 
   showTopics(rows) {
+    this.plots.takeTopics(rows.map((row) => row.topic));
     fill(element("topics"), ["topic", "type", "rate", "age"], rows.map((row) => [
       row.topic, row.type, text(row.rate, " Hz", 1), text(row.age, " s", 1),
     ]));

@@ -27,11 +27,13 @@ function take(message) {
     pad.lock();
     notify(`This page no longer drives: ${message.lost}. Lift the finger, then resume.`);
   }
+  if (message.plot) inside.plots.take(message.plot);
   if (message.read) inside.take(message.read, message.reply);
 }
 
 function showPicture(picture) {
   map.take(picture);
+  inside.plots.takeTime(picture.time);
   if (picture.scene) showScene(picture.scene);
   element("time").textContent = `${picture.time.toFixed(1)} s`;
   showStop(picture.stop);
@@ -66,6 +68,7 @@ function showStop(stop) {
 function showConnection(words) {
   state.connection = words;
   if (words) pad.lock();
+  else inside.plots.ask(); // a new connection knows nothing of them
   document.body.dataset.connected = words ? "no" : "yes";
   showNotice(words);
 }
