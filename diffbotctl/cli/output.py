@@ -21,6 +21,7 @@ MARK_BYTES_MAX = 64 << 10  # our files carry their mark within so many bytes
 MARKS = {
     b"\x89PNG": b"tEXtSoftware\0diffbotctl",
     b"\x89MCAP": b"\x0a\0\0\0diffbotctl",  # the field `library` of the header, with its length
+    b"PK\x03\x04": b"diffbotctl_bundle/",  # the folder in a bundle of `doctor`
     b"<svg": b"<!-- diffbotctl -->",
     b"<?xml": b"<!-- diffbotctl -->",
 }

@@ -7,15 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.options import json_option, robot_option
-from diffbotctl.cli.output import print_json, problem_record
+from diffbotctl.cli.options import force_option, json_option, robot_option
+from diffbotctl.cli.output import check_output, print_json, problem_record, write_output
 
 if TYPE_CHECKING:
+    from diffbotctl.diagnostics.doctor import DoctorFinding
     from diffbotctl.errors import Problem
+    from diffbotctl.ports.access import SystemUser
     from diffbotctl.ports.diagnosis import PortReport, PortSurvey
 
 RESET_NOTICE = "Asking each board. A board on a USB port is reset by this: lift the wheels."
+BUNDLE_SUFFIXES = (".zip",)
 DOCTOR_INDENT = 20  # columns of verdict and topic
+BUNDLE_HEADLINE = (
+    "To be packed, without names of users and computers, home folders, addresses, serial\n"
+    "numbers and access codes:"
+)
+NO_FLIGHT = (
+    "There is no flight recording. Name the files of the robot and the pipeline: --with FILE"
+)
 NOTHING_TO_FIX = "# nothing to fix"  # a comment: the output may be given to a shell
 
 root_option = click.option(
@@ -133,13 +143,43 @@ def _ask_boards(devices: list[str], robot: str | None) -> bool:
 
 @click.command()
 @click.option("--fix", is_flag=True, help="Print the commands that fix the problems; run none.")
+@click.option(
+    "--bundle",
+    metavar="FILE.zip",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Pack what a person who helps needs, nothing private.",
+)
+@click.option(
+    "--with",
+    "added",
+    metavar="FILE",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="With --bundle: pack this file too: a robot, a pipeline, a recording, a log. Repeatable.",
+)
+@force_option
 @root_option
 @json_option
-def doctor(fix: bool, root: Path, as_json: bool) -> int:
+def doctor(
+    fix: bool,
+    bundle: Path | None,
+    added: tuple[Path, ...],
+    force: bool,
+    root: Path,
+    as_json: bool,
+) -> int:
     """Check this machine: versions, groups, ports, Bluetooth, optional packages.
 
     Each line starts with ok, -- (a note) or !! (a problem). Exit code: 1 with any !!.
+
+    --bundle writes a zip file: these findings, versions, ports, the last flight recording with the
+    files of its run. It first lists them. Names of users and computers, home folders, addresses,
+    serial numbers and access codes are removed.
     """
+    if added and bundle is None:
+        raise click.UsageError("--with needs --bundle")
+    if bundle is not None:
+        check_output(bundle, BUNDLE_SUFFIXES, force)
     from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
     from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
@@ -148,6 +188,9 @@ def doctor(fix: bool, root: Path, as_json: bool) -> int:
 
     user = current_user()
     survey = survey_ports(root, user)
+    if bundle is not None:
+        _write_bundle(bundle, force, added, root, user, survey)
+        return 0
     if fix:
         for line in fix_commands(root, survey, user) or [NOTHING_TO_FIX]:
             click.echo(line)
@@ -163,3 +206,26 @@ def doctor(fix: bool, root: Path, as_json: bool) -> int:
         if finding.fix:
             click.echo(fold_text(f"{'':<{DOCTOR_INDENT}}-> {finding.fix}", hang=len("-> ")))
     return 1 if is_bad else 0
+
+
+def _write_bundle(
+    output: Path,
+    force: bool,
+    added: tuple[Path, ...],
+    root: Path,
+    user: SystemUser,
+    survey: PortSurvey,
+) -> None:
+    from diffbotctl.diagnostics.bundle import collect, newest_flight, pack
+    from diffbotctl.diagnostics.doctor import doctor_findings
+    from diffbotctl.diagnostics.private_text import private_text
+
+    findings: list[DoctorFinding] = list(doctor_findings(root, user, survey))
+    entries = collect(root, findings, survey, added, private_text(root, user, survey))
+    click.echo(BUNDLE_HEADLINE)
+    for entry in entries:
+        click.echo(f"  {entry.name:<30} {len(entry.data) / 1000:8.1f} kB  {entry.words}")
+    if newest_flight() is None:
+        click.echo(NO_FLIGHT)
+    write_output(output, {".zip": lambda: pack(entries)}, force)
+    click.echo("Look into it before you pass it on.")

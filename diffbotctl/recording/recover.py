@@ -27,7 +27,7 @@ class RecoveryResult(NamedTuple):
     cut: str | None
 
 
-class _DamagedFile:
+class ReadableRecords:
     """Every record of a damaged file that can still be read."""
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class _DamagedFile:
             self.cut = f"byte {error.place}: {error}"
 
 
-class _Copy:
+class RecordingCopy:
     """Writes records to a new file, with new identifiers."""
 
     def __init__(self, file: Any) -> None:
@@ -62,6 +62,7 @@ class _Copy:
         self.is_recording = False
 
     def add(self, record: Any) -> None:
+        """Write a record; of messages those whose channel has been written."""
         match record:
             case Schema() if record.id not in self.schemas:
                 self.schemas[record.id] = self.writer.register_schema(
@@ -100,7 +101,7 @@ def recover(source: Path, target: Path) -> RecoveryResult:
     refuses it. Raises RunError when `source` is not a recording, or `target` cannot be written.
     """
     draft = target.with_name(target.name + ".part")
-    damaged_file = _DamagedFile()
+    damaged_file = ReadableRecords()
     try:
         with open_recording(source) as file:
             copy = _copy(file, draft, damaged_file)
@@ -116,9 +117,9 @@ def recover(source: Path, target: Path) -> RecoveryResult:
     return RecoveryResult(copy.messages, damaged_file.damaged, damaged_file.cut)
 
 
-def _copy(file: Any, draft: Path, damaged_file: _DamagedFile) -> _Copy:
+def _copy(file: Any, draft: Path, damaged_file: ReadableRecords) -> RecordingCopy:
     with draft.open("wb") as output:
-        copy = _Copy(output)
+        copy = RecordingCopy(output)
         for record in damaged_file.records(file):
             copy.add(record)
         loss = {"damaged_chunks": str(damaged_file.damaged), "cut": damaged_file.cut or ""}
