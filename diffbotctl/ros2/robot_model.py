@@ -45,6 +45,11 @@ def configuration_of_run(status: Fields) -> Configuration:
     return load(pipeline, own)
 
 
+def urdf_of_run(status: Fields) -> str:
+    """The URDF of a run's robot, empty without one. Raises UserError as `configuration_of_run`."""
+    return model_of(configuration_of_run(status)).urdf if status["robot"] else ""
+
+
 def model_of(configuration: Configuration) -> RobotModel:
     """The model of a pipeline's robot, with the wires of its sensors."""
     robot = configuration.robot

@@ -28,6 +28,7 @@ ARGUMENTS = (
     "--no-first-run",
     "--no-sandbox",  # the tests may run as root; they open only pages of their own
     "--disable-gpu",
+    "--enable-unsafe-swiftshader",  # WebGL without a graphics processor
     "--disable-extensions",
     "--disable-background-networking",
     "--disable-component-update",

@@ -69,6 +69,10 @@ class EngineFeed:
         """Time (s) and value of a field, `block.port.field`, as the pictures had them."""
         return list(self.picture.view.numbers.get(name, ()))
 
+    async def status(self) -> Fields:
+        """The engine's status. Raises RefusalError."""
+        return await self.client.request("status")
+
     async def _poll(self, *requests: Request) -> None:
         for request in requests:
             self.picture.take(request, await self.client.request(request, **REQUESTS[request]))

@@ -17,6 +17,8 @@ from aiohttp import web
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
+from diffbotctl.errors import UserError
+from diffbotctl.ros2.robot_model import urdf_of_run
 from diffbotctl.web.certificate import ServerCertificate
 from diffbotctl.web.connections import ConnectionLimiter, Peer
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
@@ -109,6 +111,7 @@ class WebServer:
         application.router.add_get("/socket", self._open_socket)
         application.router.add_post("/session", self._enter)
         application.router.add_get("/session", self._show_session)
+        application.router.add_get("/robot.urdf", self._send_urdf)
         application.router.add_get("/{file:.*}", self._send_asset)
         runner = web.AppRunner(
             application, access_log=None, handle_signals=False, keepalive_timeout=10.0
@@ -161,6 +164,22 @@ class WebServer:
             body=asset.data, content_type=asset.type, charset="utf-8", headers=headers
         )
 
+    async def _send_urdf(self, request: web.Request) -> web.StreamResponse:
+        """The robot's model, for a device with a session."""
+        self._require_session(request)
+        try:
+            # A thread reads the files: pages that drive are served meanwhile.
+            text = await asyncio.to_thread(urdf_of_run, await self.feed.status())
+        except UserError as error:
+            problem = error.problems[0]
+            cause = f"the run's robot file cannot be read here: {problem.file}: {problem.cause}"
+            raise RequestRefusalError(404, cause) from error
+        except RefusalError as refusal:
+            raise RequestRefusalError(503, refusal.cause) from refusal
+        if not text:
+            raise RequestRefusalError(404, "this run has no robot")
+        return web.Response(text=text, content_type="application/xml", headers=HEADERS)
+
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """A device presents a code, and gets a session."""
         now = time.monotonic()
@@ -185,10 +204,14 @@ class WebServer:
 
     async def _show_session(self, request: web.Request) -> web.StreamResponse:
         """The device's name, for a page that was reloaded."""
+        session = self._require_session(request)
+        return web.Response(text=f"{session.name}\n", headers=HEADERS)
+
+    def _require_session(self, request: web.Request) -> Session:
         session = self.sessions.find(self._key(request))
         if session is None:
             raise RequestRefusalError(401, NO_SESSION)
-        return web.Response(text=f"{session.name}\n", headers=HEADERS)
+        return session
 
     def _key(self, request: web.Request) -> str:
         return request.cookies.get(self.cookie, "")

@@ -7,6 +7,7 @@ import zlib
 from math import pi
 
 import pytest
+from PIL import Image, ImageChops
 
 from diffbotctl.testing.browser import (
     DESKTOP,
@@ -20,7 +21,9 @@ from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.trials.page_losses import LOSSES, lose_once, station
 from diffbotctl.web.server import load_assets
 
-TOTAL_MAX_BYTES = 60 << 10  # gzipped, without a view of the robot in three dimensions
+FIRST_MAX_BYTES = 60 << 10  # gzipped, before the view in three dimensions is opened
+TOTAL_MAX_BYTES = 240 << 10
+SOLID_FILES = {"robot_view.js", "urdf_model.js", "solid_shapes.js", "matrix4.js", "robot.urdf"}
 
 
 @pytest.fixture(scope="module")
@@ -88,8 +91,9 @@ def pixels(path):
 
 
 def test_the_page_is_small():
-    assets = load_assets()
-    assert sum(len(asset.data) for path, asset in assets.items() if path != "/") < TOTAL_MAX_BYTES
+    sizes = {path[1:]: len(asset.data) for path, asset in load_assets().items() if path != "/"}
+    first = sum(size for name, size in sizes.items() if name not in SOLID_FILES)
+    assert first < FIRST_MAX_BYTES and sum(sizes.values()) < TOTAL_MAX_BYTES
 
 
 @pytest.mark.parametrize("is_phone", [False, True])
@@ -187,6 +191,79 @@ def test_numbers_are_plotted_with_a_scale_for_each_unit(open_page, is_phone):
     wait_for_last_plot(page, [])
 
 
+KEYS_WIDTH_PX = 84  # on the right of the map
+BODY_PIXELS_MIN = 2000  # of the blue body, on the screen of a phone
+
+
+@pytest.mark.parametrize("is_phone", [False, True])
+def test_the_robot_in_three_dimensions_is_loaded_when_it_is_asked_for(
+    open_page, tmp_path, is_phone
+):
+    page = open_page(is_phone)
+
+    def loaded():
+        return SOLID_FILES & {address.rpartition("/")[2] for address in page.addresses()}
+
+    press(page, "#view-map")
+    assert not loaded()
+    press(page, "#solid")
+    page.until("document.getElementById('solid').getAttribute('aria-pressed') === 'true'")
+    wait_until(lambda: loaded() == SOLID_FILES)
+    wait_until(lambda: body_pixels(page, tmp_path / "solid.png") > BODY_PIXELS_MIN)
+    press(page, "#solid")
+    page.until("!document.getElementById('map').hidden")
+    assert page.evaluate("document.getElementById('robot-view').hidden")
+
+
+def body_pixels(page, path):
+    """How many pixels beside the keys are blue as the body of the robot."""
+    left, top, width, height, ratio = page.evaluate(
+        "(r => [r.x, r.y, r.width, r.height, devicePixelRatio])"
+        "(document.getElementById('robot-view').getBoundingClientRect())"
+    )
+    page.screenshot(path)
+    box = (left, top, left + width - KEYS_WIDTH_PX, top + height)
+    red, _, blue = Image.open(path).convert("RGB").crop([ratio * each for each in box]).split()
+    return sum(ImageChops.subtract(blue, red).point(lambda value: value > 70).histogram()[1:])
+
+
+# The way of a robot from the origin, and by how much its wheels turned, by hand, with the track
+# and the radius r of both wheels: forward by 2 pi r is one turn of each; on the spot by pi the left
+# wheel rolls back on a half circle of track / 2.
+WAYS = [
+    ("[[0, 0, 0], [2 * Math.PI * r, 0, 0]]", "[2 * Math.PI, 2 * Math.PI]"),
+    ("[[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3]]", "[-1.5 * track / r, 1.5 * track / r]"),
+    ("[[0, 0, 3], [0, 0, -3]]", "[(3 - Math.PI) * track / r, (Math.PI - 3) * track / r]"),
+    ("[[1, 2, Math.PI / 2], [1, 2 - r, Math.PI / 2]]", "[-1, -1]"),
+]
+
+
+@pytest.mark.parametrize("way, turned", WAYS)
+def test_wheels_of_the_model_turn_by_the_way_that_they_went(open_page, way, turned):
+    page = open_page(False)
+    angles, expected, place, track, radius = page.evaluate(
+        "Promise.all([import('/urdf_model.js'), fetch('/robot.urdf').then(r => r.text())])"
+        ".then(([{ UrdfModel }, text]) => {"
+        "  const model = new UrdfModel(text);"
+        "  const [left, right] = model.joints.filter(joint => joint.isWheel);"
+        "  const [r, track] = [left.radius, left.left - right.left];"
+        f" for (const pose of {way}) model.moveTo(pose);"
+        f" const angles = [left.angle, right.angle], expected = {turned};"
+        "  model.moveTo([1, 2, Math.PI / 2]);"
+        "  return [angles, expected, model.links().get(left.child).slice(12, 15), track, r];"
+        "})"
+    )
+    assert angles == pytest.approx(expected)
+    assert place == pytest.approx([1 - track / 2, 2, radius])  # the left wheel, robot facing y
+
+
+def wait_until(seen):
+    deadline = time.monotonic() + REPLY_TIMEOUT_S
+    while not seen():
+        assert time.monotonic() < deadline
+        time.sleep(POLL_PERIOD_S)
+
+
 def wait_for_last_plot(page, fields):
     """Wait until the newest choice of fields that the page has sent is `fields`."""
 
@@ -200,10 +277,7 @@ def wait_for_last_plot(page, fields):
             ]
         return [command["fields"] for command in sent if command["do"] == "plot"][-1]
 
-    deadline = time.monotonic() + REPLY_TIMEOUT_S
-    while chosen() != fields:
-        assert time.monotonic() < deadline
-        time.sleep(POLL_PERIOD_S)
+    wait_until(lambda: chosen() == fields)
 
 
 AXES = [  # from, to, about how many ticks, their labels

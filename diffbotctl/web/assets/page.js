@@ -14,6 +14,7 @@ const connection = new Connection(take, showConnection);
 const map = new RunMap(element("map"), setGoal);
 const pad = new Pad(element("pad"), element("knob"), connection, showVelocity);
 const inside = new Inside(connection);
+let robotView = null; // in three dimensions, loaded when it is asked for
 
 // A finger may rest on the map while another one drives: there it sets goals in the view Map only.
 map.acceptsGoal = (event) =>
@@ -34,6 +35,7 @@ function take(message) {
 function showPicture(picture) {
   map.take(picture);
   inside.plots.takeTime(picture.time);
+  robotView?.take();
   if (picture.scene) showScene(picture.scene);
   element("time").textContent = `${picture.time.toFixed(1)} s`;
   showStop(picture.stop);
@@ -115,6 +117,33 @@ function setGoal(x, y, heading) {
   }
 }
 
+async function switchSolid() {
+  const key = element("solid");
+  const isSolid = key.getAttribute("aria-pressed") !== "true";
+  if (!robotView) {
+    key.disabled = true;
+    try {
+      const { makeRobotView } = await import("./robot_view.js");
+      robotView = await makeRobotView(element("robot-view"), map);
+      robotView.take();
+    } catch (error) {
+      notify(`no view in three dimensions: ${error.message}`);
+      return;
+    } finally {
+      key.disabled = false;
+    }
+  }
+  key.setAttribute("aria-pressed", isSolid);
+  for (const id of ["map", "fit", "follow"]) element(id).hidden = isSolid;
+  for (const id of ["robot-view", "solid-hint"]) element(id).hidden = !isSolid;
+  for (const hint of document.querySelectorAll(".map-hint")) hint.hidden = isSolid;
+  robotView.show(isSolid);
+}
+
+function zoom(factor) {
+  (robotView?.isShown ? robotView : map).zoom(factor);
+}
+
 function showView(view) {
   document.body.dataset.view = view;
   for (const each of VIEWS) element(`view-${each}`).setAttribute("aria-pressed", each === view);
@@ -132,10 +161,11 @@ element("resume").addEventListener("click", () => connection.send({ do: "resume"
 element("take").addEventListener("click", () =>
   connection.send({ do: state.role?.is_driver ? "give" : "take" }));
 element("limit-input").addEventListener("input", showLimit);
-element("zoom-in").addEventListener("click", () => map.zoom(1.4));
-element("zoom-out").addEventListener("click", () => map.zoom(1 / 1.4));
+element("zoom-in").addEventListener("click", () => zoom(1.4));
+element("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 element("fit").addEventListener("click", () => map.setMode("all"));
 element("follow").addEventListener("click", () => map.setMode("robot"));
+element("solid").addEventListener("click", switchSolid);
 element("allow-yes").addEventListener("click", () => {
   element("allow").close();
   connection.send({ do: "allow_goals" });
