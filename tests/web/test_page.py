@@ -192,6 +192,13 @@ def test_numbers_are_plotted_with_a_scale_for_each_unit(open_page, is_phone):
 
 
 KEYS_WIDTH_PX = 84  # on the right of the map
+LOSE_GRAPHICS_MEMORY = """new Promise(done => {
+    const canvas = document.getElementById('robot-view');
+    const loss = canvas.getContext('webgl').getExtension('WEBGL_lose_context');
+    canvas.addEventListener('webglcontextlost', () => setTimeout(() => loss.restoreContext()));
+    canvas.addEventListener('webglcontextrestored', () => done(true));
+    loss.loseContext();
+})"""
 BODY_PIXELS_MIN = 2000  # of the blue body, on the screen of a phone
 
 
@@ -209,6 +216,8 @@ def test_the_robot_in_three_dimensions_is_loaded_when_it_is_asked_for(
     press(page, "#solid")
     page.until("document.getElementById('solid').getAttribute('aria-pressed') === 'true'")
     wait_until(lambda: loaded() == SOLID_FILES)
+    wait_until(lambda: body_pixels(page, tmp_path / "solid.png") > BODY_PIXELS_MIN)
+    page.evaluate(LOSE_GRAPHICS_MEMORY)
     wait_until(lambda: body_pixels(page, tmp_path / "solid.png") > BODY_PIXELS_MIN)
     press(page, "#solid")
     page.until("!document.getElementById('map').hidden")

@@ -19,6 +19,7 @@ const WHEEL_FORWARD = 32; // steps of depth: a wheel's face may lie in the side 
 const TARGET_HEIGHT_M = 0.05;
 const GRID_STEP_M = 0.1;
 const GRID_REACH = 20; // lines to each side of the robot
+const GRID_PIECE = 4; // steps
 const WALL_HEIGHT_M = 0.12;
 const WALL_WIDTH_M = 0.01;
 const GOAL_HEIGHT_M = 0.2;
@@ -66,20 +67,29 @@ class RobotView {
     this.pointers = new Map();
     this.isShown = false;
     this.isDue = false;
-    this.program = this.link();
-    for (const solid of model.solids) solid.buffer = this.bufferOf(solid.triangles);
-    this.scene = null; // for which the walls were made
-    this.loose = gl.createBuffer(); // lines that change with each picture
+    this.prepare();
     canvas.addEventListener("pointerdown", (event) => this.onDown(event));
     canvas.addEventListener("pointermove", (event) => this.onMove(event));
     for (const name of ["pointerup", "pointercancel"]) {
       canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
     }
+    // A phone takes the graphics memory of a page in the background.
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.prepare());
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.zoom(event.deltaY < 0 ? 1.25 : 0.8);
     }, { passive: false });
     new ResizeObserver(() => this.draw()).observe(canvas);
+  }
+
+  /** Give the graphics processor the program and the shapes. */
+  prepare() {
+    this.link();
+    for (const solid of this.model.solids) solid.buffer = this.bufferOf(solid.triangles);
+    this.scene = null; // for which the walls were made
+    this.loose = this.gl.createBuffer(); // lines that change with each picture
+    this.draw();
   }
 
   link() {
@@ -98,7 +108,6 @@ class RobotView {
     this.uniforms = Object.fromEntries(
       ["camera", "model", "colour", "lit", "lamp"].map((name) => [name, gl.getUniformLocation(program, name)]),
     );
-    return program;
   }
 
   bufferOf(numbers) {
@@ -210,14 +219,16 @@ class RobotView {
     return this.standing;
   }
 
+  /** Lines around the robot, in pieces: long ones that pass the camera are not drawn everywhere. */
   grid(x, y) {
     const points = [];
     const [column, row] = [x, y].map((value) => Math.round(value / GRID_STEP_M));
-    const reach = GRID_REACH * GRID_STEP_M;
     for (let i = -GRID_REACH; i <= GRID_REACH; i += 1) {
-      const [across, up] = [(column + i) * GRID_STEP_M, (row + i) * GRID_STEP_M];
-      points.push(across, row * GRID_STEP_M - reach, across, row * GRID_STEP_M + reach);
-      points.push(column * GRID_STEP_M - reach, up, column * GRID_STEP_M + reach, up);
+      for (let j = -GRID_REACH; j < GRID_REACH; j += GRID_PIECE) {
+        for (const [a, b, c, d] of [[i, j, i, j + GRID_PIECE], [j, i, j + GRID_PIECE, i]]) {
+          points.push(...[column + a, row + b, column + c, row + d].map((each) => each * GRID_STEP_M));
+        }
+      }
     }
     return points;
   }
