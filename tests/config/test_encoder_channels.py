@@ -29,7 +29,7 @@ def test_two_channels_are_accepted():
         (
             ["robot.drive.left.encoder.channels=2", PINS[0]],
             "E-ENCODER-CHANNELS",
-            "the left encoder has 2 channels, the right one 1",
+            "the right encoder has one channel, the left one has two",
         ),
         (
             [*TWO, *PINS, "robot.drive.encoder.edge=falling"],

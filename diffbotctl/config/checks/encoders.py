@@ -19,7 +19,8 @@ def check_channels(context: CheckContext) -> None:
         if 0 in (left[0], right[0]):
             return  # a wheel without an encoder has a check of its own
         place = context.error_place("drive.right.encoder.channels", "drive.left.encoder.channels")
-        cause = f"the left encoder has {left[0]} channels, the right one {right[0]}"
+        one, two = ("left", "right") if left[0] < right[0] else ("right", "left")
+        cause = f"the {one} encoder has one channel, the {two} one has two"
         context.error(CODE, place, cause, "write the same number for both encoders")
         return
     has_two = left[0] == 2
