@@ -20,7 +20,9 @@ from diffbotctl.testing.book_board import BookBoard, frame
 from diffbotctl.testing.trials.row import Row, printed
 
 SECONDS = 12.0  # of ticks in each run
+GOAL_PAIRS = 10  # of 9 m and 12.7 m: no run of a row comes to the end
 PAIR = 24  # bytes of both wheels' commands
+DRAG = 0.15  # of the speed of a wheel, half a second each
 LATE_S = 0.004  # an answer that takes longer is counted, and its number is printed
 PROGRAM = "from diffbotctl.cli.main import main; main()"
 
@@ -41,10 +43,7 @@ def command(port: str, recording: Path) -> list[str]:
         "robot.drive.polarity=checked_by_hand",
         "--set",
         "robot.link.baud=115200",
-        "--goal",
-        "9 0",
-        "--goal",
-        "0 9",
+        *("--goal", "9 0", "--goal", "0 9") * GOAL_PAIRS,
         "--record",
         str(recording),
     ]
@@ -168,31 +167,53 @@ def negotiate(port: int) -> None:
 
 
 def stimulate(port: int, rate: float) -> Timing:
-    """Send tick pairs at `rate`, turning now left and now right, and time every answer.
+    """Send ticks at `rate` and time every answer."""
+    ticks = Ticks(port, rate)
+    times = ticks.send(SECONDS)
+    return Timing(sorted(times), ticks.count)
 
-    An answer is waited for until the next tick is due.
+
+class Ticks:
+    """The board's end of the line: sends ticks and measures the time to the wheel commands.
+
+    The wheels obey the commands, except that each of them drags by turns: so the robot goes on, and
+    nearly every tick is answered by another command.
     """
-    answers = Answers(port)
-    times: list[float] = []
-    begin = time.perf_counter()
-    due = begin
-    ticks = 0
-    places = [0.0, 0.0]
-    while time.perf_counter() - begin < SECONDS:
-        due += 1.0 / rate
-        while answers.wait(due - time.perf_counter()):
-            pass  # further commands of the tick before
-        curve = 8.0 if int((due - begin) * 2) % 2 else -8.0
-        places[0] += (20.0 - curve) / rate
-        places[1] += (20.0 + curve) / rate
-        os.write(port, frame(127, struct.pack("<f", 25.0 + (int(due * rate) % 3))))
-        os.write(port, frame(125, struct.pack("<i", int(places[0]))))
-        os.write(port, frame(126, struct.pack("<i", int(places[1]))))
-        sent = time.perf_counter()
-        ticks += 1
-        if answers.wait(due + 1.0 / rate - sent):
-            times.append(time.perf_counter() - sent)
-    return Timing(sorted(times), ticks)
+
+    def __init__(self, port: int, rate: float) -> None:
+        self.port, self.rate = port, rate
+        self.answers = Answers(port)
+        self.board = BookBoard()
+        self.count = 0
+
+    def send(self, seconds: float) -> list[float]:
+        """Seconds from the last byte of each tick to the changed commands that answer it.
+
+        An answer is waited for until the next tick is due.
+        """
+        times: list[float] = []
+        due = time.perf_counter()
+        end = due + seconds
+        while (due := due + 1.0 / self.rate) < end:
+            while self.answers.wait(due - time.perf_counter()):
+                pass  # further commands of the tick before
+            self._write_tick()
+            sent = time.perf_counter()
+            if self.answers.wait(due + 1.0 / self.rate - sent):
+                times.append(time.perf_counter() - sent)
+        return times
+
+    def _write_tick(self) -> None:
+        self.count += 1
+        board, period = self.board, 1.0 / self.rate
+        board.take(self.answers.last)
+        board.out.clear()
+        board.turn(period)
+        dragging = "left" if int(self.count / self.rate * 2) % 2 else "right"
+        board.place[dragging] -= DRAG * board.speed[dragging] * period
+        os.write(self.port, frame(127, struct.pack("<f", 25.0 + self.count % 3)))
+        os.write(self.port, frame(125, struct.pack("<i", board.count("left"))))
+        os.write(self.port, frame(126, struct.pack("<i", board.count("right"))))
 
 
 def rows() -> Iterator[Row]:
