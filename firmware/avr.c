@@ -5,6 +5,7 @@
 #include <avr/io.h>
 #include <avr/sleep.h>
 #include <avr/wdt.h>
+#include <util/delay.h>
 
 #include "atomic.h"
 #include "avr_pins.h"
@@ -12,6 +13,8 @@
 #include "protocol.h"
 
 #define PAINT 0xA5
+#define TWO_WIRE_RATE 100000UL
+#define HALF_PULSE_US 5 /* of the bus clock at that rate */
 #define GAP 64
 
 /* Divisors at 16 MHz, double speed, for 9600, 19200, 38400, 57600, 115200 baud. */
@@ -72,6 +75,55 @@ void board_convert(uint8_t channel)
 uint16_t board_converted(void)
 {
     return ADC;
+}
+
+#define WIRE_STEP (1 << TWINT | 1 << TWEN | 1 << TWIE)
+_Static_assert(WIRE_START == 1 << TWSTA && WIRE_MORE == 1 << TWEA && WIRE_STOP == (1 << TWSTO | 1 << TWIE),
+               "bits of TWCR that differ from WIRE_STEP; a stop has no interrupt");
+
+void board_two_wire(uint8_t step)
+{
+    TWCR = WIRE_STEP ^ step;
+}
+
+void board_two_wire_send(uint8_t byte)
+{
+    TWDR = byte;
+}
+
+uint8_t board_two_wire_received(void)
+{
+    return TWDR;
+}
+
+/* board_sda and board_scl. */
+#ifdef __AVR_ATmega328P__
+#define WIRE_LEVELS PINC
+#define WIRE_DIRECTION DDRC
+#define WIRE_OUTPUT PORTC
+#define SDA (1 << 4)
+#define SCL (1 << 5)
+#else
+#define WIRE_LEVELS PIND
+#define WIRE_DIRECTION DDRD
+#define WIRE_OUTPUT PORTD
+#define SDA (1 << 1)
+#define SCL (1 << 0)
+#endif
+
+void board_two_wire_release(void)
+{
+    TWCR = 0;
+    TWBR = (F_CPU / TWO_WIRE_RATE - 16) / 2;
+    /* Without pull-ups of the chip: a sensor of 3.3 V has its own. */
+    WIRE_DIRECTION &= (uint8_t)~SDA;
+    WIRE_OUTPUT &= (uint8_t)~SDA;
+    WIRE_OUTPUT &= (uint8_t)~SCL;
+    if (!(WIRE_LEVELS & SDA)) {
+        WIRE_DIRECTION |= SCL;
+        _delay_us(HALF_PULSE_US);
+    }
+    WIRE_DIRECTION &= (uint8_t)~SCL;
 }
 
 void board_store_read(uint16_t address, void *to, uint8_t size)

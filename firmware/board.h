@@ -105,6 +105,18 @@ void board_sending(uint8_t link, bool on);
 void board_convert(uint8_t channel);
 uint16_t board_converted(void);
 
+/* The I2C bus: at 100 kHz, since a robot's wires are long. board_two_wire begins a step, whose end calls
+   two_wire_stepped with the status of the bus unit. */
+extern const uint8_t board_sda, board_scl; /* pins */
+enum { WIRE_LAST = 0, WIRE_MORE = 0x40, WIRE_START = 0x20, WIRE_STOP = 0x11 }; /* MORE: acknowledges */
+void board_two_wire(uint8_t step);
+void board_two_wire_send(uint8_t byte);
+uint8_t board_two_wire_received(void);
+
+/* Switches the bus unit off, which ends what it does. A device that holds the data line in the middle of
+   a reading gets a clock pulse: nine of them end every reading. */
+void board_two_wire_release(void);
+
 /* Memory that keeps its content without power. Writing a byte goes on in the background. */
 void board_store_read(uint16_t address, void *to, uint8_t size);
 bool board_store_ready(void);

@@ -6,6 +6,8 @@
 const uint8_t board_code = BOARD_ATMEGA328P;
 const uint8_t board_analogs = 8;
 const uint8_t board_first_analog = 14;
+const uint8_t board_sda = 18; /* A4 */
+const uint8_t board_scl = 19; /* A5 */
 
 /* OCnA or OCnB of a timer, in the order of `avr_timers`. */
 #define OC0(channel) (channel)

@@ -5,6 +5,8 @@
 const uint8_t board_code = BOARD_MEGA2560;
 const uint8_t board_analogs = 16;
 const uint8_t board_first_analog = 54;
+const uint8_t board_sda = 20;
+const uint8_t board_scl = 21;
 
 /* OCnA, OCnB or OCnC of a timer, in the order of `avr_timers`. */
 #define OC0(channel) (channel)

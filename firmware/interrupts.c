@@ -1,12 +1,14 @@
 /* The interrupts of AVR boards. Each calls the module that it belongs to; the clock's overflow is in the
    board's file. */
 #include <avr/interrupt.h>
+#include <avr/io.h>
 
 #include "analog.h"
 #include "clock.h"
 #include "link.h"
 #include "ranges.h"
 #include "reset.h"
+#include "two_wire.h"
 #include "wheel.h"
 
 /* The clock's timer of board_<name>.c, and the only UART, which has no number. */
@@ -91,4 +93,9 @@ ISR(CLOCK_COMPARE(B))
 ISR(ADC_vect)
 {
     analog_converted();
+}
+
+ISR(TWI_vect)
+{
+    two_wire_stepped(TWSR & 0xF8); /* without the prescaler's bits */
 }

@@ -35,6 +35,10 @@
 #define FLAG_LEFT_STORM 256
 #define FLAG_RIGHT_STORM 512
 #define FLAG_BATTERY 1024
+#define FLAG_GYRO_SILENT 2048
+#define FLAG_GYRO_BUS 4096
+#define FLAG_GYRO_STUCK 8192
+#define FLAG_GYRO_RANGE 16384
 #define RECEIVE_MOST 96
 #define RANGE_MASK 16383
 #define RANGE_NOTHING 16383
@@ -44,9 +48,11 @@
 #define RANGE_AGE_NANOSECONDS 4000000
 #define RANGE_TURN_NANOSECONDS 51000000
 #define RANGE_SENSORS 4
+#define TURN_NANODEGREES 39083969
+#define GYRO_MAXIMUM 500
 #define CAPTURE_EDGES 8
 #define CAPTURE_TIME 16383
-#define PAYLOAD_LONGEST 54
+#define PAYLOAD_LONGEST 56
 
 enum { MODE_UNSET = 0, MODE_STOPPED = 1, MODE_SPEED = 2, MODE_DUTY = 3, MODE_EXPIRED = 4, MODE_FAULT = 5, MODE_OVERRULED = 6, MODE_BUTTON = 7, MODE_BATTERY = 8 };
 enum { RESET_UNKNOWN = 0, RESET_POWER = 1, RESET_LINE = 2, RESET_BROWNOUT = 3, RESET_WATCHDOG = 4 };
@@ -54,7 +60,7 @@ enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PI
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1, BOARD_ATMEGA328P = 2 };
-enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18 };
+enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18, CAPABILITY_MPU6050 = 24 };
 enum { DRIVER_ENABLE_IN1_IN2 = 0, DRIVER_ENABLE_DIRECTION = 1, DRIVER_TWO_PWM = 2 };
 enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
 enum { BAUD_B9600 = 0, BAUD_B19200 = 1, BAUD_B38400 = 2, BAUD_B57600 = 3, BAUD_B115200 = 4 };
@@ -155,10 +161,12 @@ typedef struct __attribute__((packed)) {
     uint8_t input_3; /* its echo pin or analog channel, counted from 1; 0: no sensor */
     uint8_t trigger_4; /* pin, counted from 1, of sensor 4 in range frames; 0: analog */
     uint8_t input_4; /* its echo pin or analog channel, counted from 1; 0: no sensor */
+    uint8_t gyro_address; /* I2C address of the gyro; 0: none */
+    uint8_t gyro_axis; /* its axis that is read: 0 x, 1 y, 2 z */
 } settings_t;
 enum { TYPE_SETTINGS = 6 };
-_Static_assert(sizeof(settings_t) == 54, "the structure is the payload");
-enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_DRIVER, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_LEFT_SLOTS, FIELD_RIGHT_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_BATTERY_LOW, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_LEFT_PROPORTIONAL, FIELD_LEFT_INTEGRAL, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_RIGHT_PROPORTIONAL, FIELD_RIGHT_INTEGRAL, FIELD_STANDBY, FIELD_TRIGGER_1, FIELD_INPUT_1, FIELD_TRIGGER_2, FIELD_INPUT_2, FIELD_TRIGGER_3, FIELD_INPUT_3, FIELD_TRIGGER_4, FIELD_INPUT_4 };
+_Static_assert(sizeof(settings_t) == 56, "the structure is the payload");
+enum { FIELD_EDGE, FIELD_EDGE_TIMES, FIELD_BRAKE, FIELD_LEFT_REVERSED, FIELD_RIGHT_REVERSED, FIELD_LEFT_ENCODER_REVERSED, FIELD_RIGHT_ENCODER_REVERSED, FIELD_ENABLE_INVERTED, FIELD_BUTTON_HIGH, FIELD_RESERVED, FIELD_BAUD, FIELD_DRIVER, FIELD_LEFT_ENABLE, FIELD_LEFT_IN1, FIELD_LEFT_IN2, FIELD_LEFT_ENCODER, FIELD_LEFT_ENCODER_B, FIELD_RIGHT_ENABLE, FIELD_RIGHT_IN1, FIELD_RIGHT_IN2, FIELD_RIGHT_ENCODER, FIELD_RIGHT_ENCODER_B, FIELD_BUTTON, FIELD_RANGE, FIELD_BATTERY, FIELD_TELEMETRY, FIELD_LEFT_SLOTS, FIELD_RIGHT_SLOTS, FIELD_GLITCH, FIELD_DEADMAN, FIELD_BATTERY_LOW, FIELD_LEFT_START, FIELD_LEFT_GAIN, FIELD_LEFT_PROPORTIONAL, FIELD_LEFT_INTEGRAL, FIELD_RIGHT_START, FIELD_RIGHT_GAIN, FIELD_RIGHT_PROPORTIONAL, FIELD_RIGHT_INTEGRAL, FIELD_STANDBY, FIELD_TRIGGER_1, FIELD_INPUT_1, FIELD_TRIGGER_2, FIELD_INPUT_2, FIELD_TRIGGER_3, FIELD_INPUT_3, FIELD_TRIGGER_4, FIELD_INPUT_4, FIELD_GYRO_ADDRESS, FIELD_GYRO_AXIS };
 
 /* both wheels at one time, with the ages of their last edges */
 typedef struct __attribute__((packed)) {
@@ -179,6 +187,27 @@ typedef struct __attribute__((packed)) {
 } state_t;
 enum { TYPE_STATE = 8 };
 _Static_assert(sizeof(state_t) == 16, "the structure is the payload");
+
+/* a state frame with the turn that a gyro has measured */
+typedef struct __attribute__((packed)) {
+    uint8_t type : 4;
+    uint8_t boot : 4; /* changes at each restart */
+    uint8_t sequence : 6; /* sequence number of frames of this type */
+    uint8_t dropped : 1; /* a frame was dropped since the last one */
+    uint8_t turn_fault : 1; /* the turn is wrong or was wrong lately: bits FLAG_GYRO_... */
+    uint8_t mode : 4; /* code */
+    uint16_t command_age : 12; /* 128 us */
+    uint16_t time; /* 64 us, low bits */
+    uint16_t left; /* low bits of the count */
+    uint16_t right; /* low bits of the count */
+    uint16_t range : 12; /* the analog sensor, mean of 16 readings */
+    uint8_t command : 4; /* sequence number of the command in force */
+    uint16_t left_age; /* 64 us */
+    uint16_t right_age; /* 64 us */
+    uint16_t turn; /* about the axis of the settings since the start, TURN_NANODEGREES, low bits */
+} inertial_t;
+enum { TYPE_INERTIAL = 7 };
+_Static_assert(sizeof(inertial_t) == 18, "the structure is the payload");
 
 /* a state frame without the ages, for 50 Hz */
 typedef struct __attribute__((packed)) {
@@ -272,6 +301,7 @@ static inline uint8_t payload_size(uint8_t type)
         [TYPE_ACTION] = sizeof(action_t),
         [TYPE_SETTINGS] = sizeof(settings_t),
         [TYPE_STATE] = sizeof(state_t),
+        [TYPE_INERTIAL] = sizeof(inertial_t),
         [TYPE_COUNTS] = sizeof(counts_t),
         [TYPE_STATUS] = sizeof(status_t),
         [TYPE_HELLO] = sizeof(hello_t),

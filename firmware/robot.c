@@ -6,6 +6,7 @@
 #include "board.h"
 #include "codec.h"
 #include "deadman.h"
+#include "gyro.h"
 #include "link.h"
 #include "ranges.h"
 #include "reset.h"
@@ -23,7 +24,8 @@
     (BIT(CAPABILITY_EDGE_TIMES) | BIT(CAPABILITY_CAPTURE) | BIT(CAPABILITY_STORMS) \
      | BIT(CAPABILITY_BATTERY_STOP) | BIT(CAPABILITY_QUADRATURE) | BIT(CAPABILITY_ENABLE_IN1_IN2) \
      | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
-     | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES))
+     | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES) \
+     | BIT(CAPABILITY_MPU6050))
 /* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
 /* Time that the button must be pressed, so that motor noise is not taken for a press. */
@@ -100,6 +102,7 @@ static void use(void)
     wake_driver();
     analog_configure(&settings);
     ranges_configure(&settings);
+    gyro_configure(&settings);
     battery = (battery_t){.low = settings.battery_low};
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
@@ -348,7 +351,8 @@ void robot_tick(void)
         release();
     store_tick();
     link_tick();
-    uint16_t flags = faults | storms;
+    gyro_tick();
+    uint16_t flags = faults | storms | gyro_faults();
     if (battery_is_low(&battery))
         flags |= FLAG_BATTERY;
     telemetry_tick(&deadman, flags);

@@ -33,6 +33,8 @@ static const uint16_t limits[GAINS + 1][2] PROGMEM = {
     {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, ANALOG_ONE}, {0, GAIN_MAXIMUM},
 };
 
+#define GYRO_AXES 3
+
 static uint8_t suits(uint8_t number, uint8_t role)
 {
     pin_t pin;
@@ -52,7 +54,7 @@ static uint8_t suits(uint8_t number, uint8_t role)
 }
 
 /* Pins that are in use, with analog channels as pin numbers. */
-#define USES (PINS + 1 + 2 * RANGE_SENSORS)
+#define USES (PINS + 1 + 2 * RANGE_SENSORS + 2)
 typedef struct {
     uint8_t pins[USES];
     uint8_t count;
@@ -116,6 +118,14 @@ static uint8_t check_more_pins(const settings_t *settings, uses_t *uses, uint8_t
         if (input != 0)
             refusal = use(uses, input - 1, trigger ? ECHO_PIN : ANALOG_CHANNEL);
         else if (trigger != 0)
+            refusal = REFUSAL_RANGE;
+    }
+    if (settings->gyro_address != 0 && refusal == REFUSAL_NONE) {
+        *field = FIELD_GYRO_ADDRESS;
+        refusal = use(uses, board_sda, PLAIN_PIN);
+        if (refusal == REFUSAL_NONE)
+            refusal = use(uses, board_scl, PLAIN_PIN);
+        if (settings->gyro_axis >= GYRO_AXES)
             refusal = REFUSAL_RANGE;
     }
     return refusal;

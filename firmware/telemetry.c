@@ -4,6 +4,7 @@
 #include "atomic.h"
 #include "board.h"
 #include "capture.h"
+#include "gyro.h"
 #include "link.h"
 #include "ranges.h"
 #include "reset.h"
@@ -15,10 +16,10 @@
 #define DEFAULT_RATE 40
 #define ANY_BACKLOG UINT8_MAX
 /* Status is sent only directly after a state frame, so that it never delays an answer. */
-#define STATE_BACKLOG (sizeof(state_t) + CHECK_BYTES + 2)
+#define STATE_BACKLOG (sizeof(inertial_t) + CHECK_BYTES + 2)
 
 static uint32_t period = TICKS_PER_SECOND / DEFAULT_RATE; /* ticks */
-static uint8_t state_size = sizeof(state_t);
+static uint8_t state_type = TYPE_STATE;
 static bool capturing;
 static ticks_t next_state;
 static uint8_t sequence, dropped, item;
@@ -27,7 +28,9 @@ static uint16_t told_faults;
 void telemetry_configure(const settings_t *settings)
 {
     period = TICKS_PER_SECOND / settings->telemetry;
-    state_size = settings->edge_times ? sizeof(state_t) : sizeof(counts_t);
+    state_type = settings->edge_times ? TYPE_STATE : TYPE_COUNTS;
+    if (settings->gyro_address != 0)
+        state_type = TYPE_INERTIAL;
 }
 
 void telemetry_capture(bool on)
@@ -44,10 +47,11 @@ static void send(const void *payload, uint8_t size, uint8_t backlog)
             link_send(link, payload, size);
 }
 
-/* One structure for both types of frame: a counts frame is the beginning of a state frame. */
+/* One structure for three types of frame: a counts frame is the beginning of a state frame, and that of
+   an inertial one. */
 static void send_state(const deadman_t *deadman)
 {
-    state_t frame = {.type = state_size == sizeof(state_t) ? TYPE_STATE : TYPE_COUNTS};
+    inertial_t frame = {.type = state_type, .turn_fault = gyro_faults() != 0, .turn = gyro_turn()};
     uint8_t drops = (uint8_t)status[ITEM_DROPPED];
     ticks_t now;
     ATOMIC
@@ -68,7 +72,7 @@ static void send_state(const deadman_t *deadman)
     frame.time = (uint16_t)(now >> 4);
     frame.range = analog_mean(0);
     frame.command = deadman->sequence;
-    send(&frame, state_size, ANY_BACKLOG);
+    send(&frame, payload_size(state_type), ANY_BACKLOG);
 }
 
 static uint16_t flags(const deadman_t *deadman, uint16_t faults)

@@ -210,7 +210,17 @@ def emulated_board(
 
 def board_emulator(settings: BoardSettings) -> Emulator:
     """An emulator with the board and the motors of these settings. Raises EmulatorError."""
-    return Emulator(motor_pins(settings), board=settings.board, sonars=sonar_pins(settings))
+    return Emulator(
+        motor_pins(settings),
+        board=settings.board,
+        sonars=sonar_pins(settings),
+        gyro=gyro_address(settings),
+    )
+
+
+def gyro_address(settings: BoardSettings) -> int:
+    """The I2C address of the gyro, 0 for none."""
+    return settings.gyro.address if settings.gyro else 0
 
 
 def _sonars(settings: BoardSettings) -> list[RangeInput]:

@@ -9,6 +9,7 @@ import shutil
 import struct
 import subprocess
 from collections.abc import Sequence
+from enum import IntEnum
 from pathlib import Path
 from threading import Lock
 from typing import Literal, NamedTuple
@@ -29,6 +30,9 @@ DUTY_ONE = 32767
 POWER, LINE, BROWNOUT, WATCHDOG = 1, 2, 4, 8
 FIRST_SONAR = 128  # analog channel of the first HC-SR04: the length of its echo, us
 SONAR_SILENT, SONAR_ENDLESS = 0, 0xFFFF  # it does not answer; its echo does not end
+FIRST_GYRO = 160  # channels of the gyro's rates about x, y and z
+GYRO_FAULT = FIRST_GYRO + 3  # channel of its fault, a GyroFault
+GYRO_RATE_UNIT = 0.02  # deg/s
 EXIT_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
 
@@ -66,6 +70,22 @@ CHIPS = {
 def image_of(board: BoardCode) -> Path:
     """The file with our firmware for a board."""
     return FIRMWARE / f"diffbot_{board.name.lower()}.hex"
+
+
+class GyroFault(IntEnum):
+    """What the emulated gyro does wrong."""
+
+    NONE = 0
+    SILENT = 1
+    """it does not answer"""
+    BUS_HELD = 2
+    """the bus is low for ever"""
+    BUS_IN_READING = 3
+    """the gyro holds the bus until the clock has ended its reading"""
+    STUCK = 4
+    """its rates do not change any more"""
+    SUPPLY_DIP = 5
+    """it has lost its settings"""
 
 
 class MotorPins(NamedTuple):
@@ -196,7 +216,8 @@ def cache() -> Path:
 class Emulator:
     """One emulated board. Times are ns of board time; every run with equal input is equal.
 
-    `motors`: the pins of each motor. `image`: default is the board's firmware.
+    `motors`: the pins of each motor. `gyro`: the I2C address of a gyro, 0 for none.
+    `image`: default is the board's firmware.
     With `pty` the UARTs are pseudo-terminals named by `ports`, and opening the first resets the
     board. With `paced` the board follows real time by itself and takes no steps.
     """
@@ -212,6 +233,7 @@ class Emulator:
         pty: bool = False,
         paced: bool = False,
         sonars: Sequence[SonarPins] = (),
+        gyro: int = 0,
     ) -> None:
         if image == "ours":
             image = image_of(board)
@@ -222,6 +244,7 @@ class Emulator:
             command += ["--motor", ",".join(map(str, MotorPins(*pins)))]
         for sonar in sonars:
             command += ["--sonar", ",".join(map(str, sonar))]
+        command += ["--gyro", str(gyro)] if gyro else []
         command += ["--pty"] * pty + ["--paced"] * paced
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         if pty or paced:  # otherwise its time waits for the caller
@@ -258,7 +281,8 @@ class Emulator:
         """Run to `until`, with pins changing on the way and bytes arriving from now on.
 
         `millivolts` gives analog channels (A0 is 0), and from FIRST_SONAR on the echoes of the
-        HC-SR04 sensors in us; `received` is what goes into each UART, at its
+        HC-SR04 sensors in us, from FIRST_GYRO on the gyro's rates (signed) in GYRO_RATE_UNIT and
+        its fault; `received` is what goes into each UART, at its
         own baud rate. Raises EmulatorError when the emulator has crashed.
         """
         changes = transitions or []
@@ -267,7 +291,7 @@ class Emulator:
         parts += [
             _TRANSITION.pack(max(0, time - self.now), pin, level) for time, pin, level in changes
         ]
-        parts += [_ANALOG.pack(channel, value) for channel, value in analogs.items()]
+        parts += [_ANALOG.pack(channel, value & 0xFFFF) for channel, value in analogs.items()]
         with self._lock:
             self._write(b"".join([*parts, *received]))
             return self._result()

@@ -11,7 +11,13 @@ from tempfile import mkdtemp
 
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_link import board_settings
-from diffbotctl.emulator.emulated_robot import STEP, emulated_board, motor_pins, sonar_pins
+from diffbotctl.emulator.emulated_robot import (
+    STEP,
+    emulated_board,
+    gyro_address,
+    motor_pins,
+    sonar_pins,
+)
 from diffbotctl.emulator.process import Emulator, Firmware, bootloader
 from diffbotctl.plant.world import World
 from diffbotctl.processes.real_time import prefer
@@ -82,6 +88,7 @@ class VirtualBoard:
             boot=bootloader(board),
             pty=True,
             sonars=sonar_pins(settings),
+            gyro=gyro_address(settings),
         )
         self.board = emulated_board(robot, seed, world, emulator)
         assert emulator.ports is not None

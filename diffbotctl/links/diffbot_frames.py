@@ -34,6 +34,10 @@ FLAG_RIGHT_STALL = 128  # the same on the right
 FLAG_LEFT_STORM = 256  # the pin of the left encoder changes faster than a wheel can turn
 FLAG_RIGHT_STORM = 512  # the same on the right
 FLAG_BATTERY = 1024  # the battery is below battery_low
+FLAG_GYRO_SILENT = 2048  # the gyro does not answer at its address
+FLAG_GYRO_BUS = 4096  # the I2C bus is held low, or has no pull-ups
+FLAG_GYRO_STUCK = 8192  # the rate of the gyro does not change
+FLAG_GYRO_RANGE = 16384  # the robot turns faster than the gyro measures
 RECEIVE_MOST = 96  # bytes of the longest payload that a board of this version takes
 RANGE_MASK = 16383  # bits of a range value
 RANGE_NOTHING = 16383  # no echo was heard: nothing in range
@@ -43,6 +47,8 @@ ECHO_NANOSECONDS = 4000  # unit of the length of an echo
 RANGE_AGE_NANOSECONDS = 4000000  # unit of the age of a range
 RANGE_TURN_NANOSECONDS = 51000000  # time from one of the further sensors to the next
 RANGE_SENSORS = 4  # sensors of range frames
+TURN_NANODEGREES = 39083969  # unit of the turn: 256 readings of 1/65.5 deg/s, each for 10 ms
+GYRO_MAXIMUM = 500  # deg/s, at which the gyro saturates
 CAPTURE_EDGES = 8  # edges in one capture frame
 CAPTURE_TIME = 16383  # mask of the time in an edge
 
@@ -164,6 +170,7 @@ class CapabilityCode(ProtocolCode):
     ANALOG_RANGE = 16, "distance sensor with a voltage, as a Sharp"
     ECHO_RANGE = 17, "distance sensor with an echo, as an HC-SR04"
     SEVERAL_RANGES = 18, "up to four sensors in range frames, besides that of the state frame"
+    MPU6050 = 24, "gyro of an MPU6050, MPU6500 or MPU9250"
 
 
 class DriverCode(ProtocolCode):
@@ -278,6 +285,8 @@ class SettingsFrame(NamedTuple):
     input_3: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
     trigger_4: Uint8  # pin, counted from 1, of sensor 4 in range frames; 0: analog
     input_4: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
+    gyro_address: Uint8  # I2C address of the gyro; 0: none
+    gyro_axis: Uint8  # its axis that is read: 0 x, 1 y, 2 z
 
 
 class StateFrame(NamedTuple):
@@ -296,6 +305,25 @@ class StateFrame(NamedTuple):
     command: Uint4  # sequence number of the command in force
     left_age: Uint16  # 64 us
     right_age: Uint16  # 64 us
+
+
+class InertialFrame(NamedTuple):
+    """A state frame with the turn that a gyro has measured."""
+
+    boot: Uint4  # changes at each restart
+    sequence: Uint6  # sequence number of frames of this type
+    dropped: Uint1  # a frame was dropped since the last one
+    turn_fault: Uint1  # the turn is wrong or was wrong lately: bits FLAG_GYRO_...
+    mode: Uint4  # code
+    command_age: Uint12  # 128 us
+    time: Uint16  # 64 us, low bits
+    left: Uint16  # low bits of the count
+    right: Uint16  # low bits of the count
+    range: Uint12  # the analog sensor, mean of 16 readings
+    command: Uint4  # sequence number of the command in force
+    left_age: Uint16  # 64 us
+    right_age: Uint16  # 64 us
+    turn: Uint16  # about the axis of the settings since the start, TURN_NANODEGREES, low bits
 
 
 class CountsFrame(NamedTuple):
@@ -374,6 +402,7 @@ Frame = (
     | ActionFrame
     | SettingsFrame
     | StateFrame
+    | InertialFrame
     | CountsFrame
     | StatusFrame
     | HelloFrame
@@ -393,6 +422,7 @@ OF_TYPE: dict[int, type[Frame]] = {
     5: ActionFrame,
     6: SettingsFrame,
     8: StateFrame,
+    7: InertialFrame,
     9: CountsFrame,
     10: StatusFrame,
     11: HelloFrame,

@@ -27,6 +27,16 @@ class RangeInput(NamedTuple):
     """pin of its trigger; None: an analog sensor"""
 
 
+class GyroInput(NamedTuple):
+    """A gyro on the board's I2C bus."""
+
+    address: int
+    axis: int = 2
+    """its axis that is vertical: 0 x, 1 y, 2 z"""
+    is_reversed: bool = False
+    """true when that axis points down"""
+
+
 @dataclass(frozen=True)
 class WheelSettings:
     """One wheel's motor and encoder; pins are the board's numbers (A0 of a Mega 2560 is 54)."""
@@ -103,6 +113,8 @@ class BoardSettings:
     """output port on which its voltage appears"""
     further_ranges: tuple[RangeInput, ...] = ()
     """HC-SR04 sensors, and analog sensors besides the first one"""
+    gyro: GyroInput | None = None
+    """the gyro whose turn the board sums"""
     battery_channel: int | None = None
     """analog channel of the battery's voltage divider"""
     battery_divider: float = 1.0
@@ -149,6 +161,8 @@ class BoardSettings:
             battery_low=self._battery_low_reading(),
             driver=self.driver,
             standby=_from_one(self.standby),
+            gyro_address=self.gyro.address if self.gyro else 0,
+            gyro_axis=self.gyro.axis if self.gyro else 0,
             **wheels,
             **self._range_pins(),
         )

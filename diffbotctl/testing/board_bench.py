@@ -182,6 +182,12 @@ class BoardBench:
             raise LookupError(f"settings refused: {answer}")
         self.claim(uart)
 
+    def inertial(self) -> frames.InertialFrame:
+        """The last frame with a turn. Raises LookupError when there was none."""
+        return next(
+            h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.InertialFrame)
+        )
+
     def state(self) -> frames.StateFrame:
         """The last state frame. Raises LookupError when there was none."""
         return next(h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.StateFrame))

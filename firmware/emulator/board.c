@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "flash.h"
+#include "gyro.h"
 #include "lines.h"
 #include "motors.h"
 #include "pins.h"
@@ -53,6 +54,7 @@ static void restarted(board_t *board)
     quiet_interrupts(board->avr);
     start_trains(board);
     sonars_reset(board);
+    gyro_reset(board, board->avr->data[MCUSR] & PORF);
     lines_reset(board);
     board->flags |= FLAG_RESET;
     motors_poll(board);
@@ -143,6 +145,7 @@ void board_begin(board_t *board, const options_t *options)
     avr->codeend = avr->flashend; /* code that a bootloader writes is code */
     lines_begin(board);
     sonars_begin(board);
+    gyro_begin(board);
     load_eeprom(board);
     board_reset(board, PORF);
 }

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include <simavr/avr_twi.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_io.h>
@@ -24,6 +25,7 @@ typedef struct {
     unsigned uarts, eeprom_size;
     uint32_t page;       /* bytes of a flash page */
     uint32_t hang;       /* a word that neither program nor bootloader uses */
+    uint8_t sda, scl;    /* pins of the I2C bus */
 } chip_t;
 
 typedef struct {
@@ -34,6 +36,7 @@ typedef struct {
     uint8_t motor[MOTORS][5]; /* pins of enable, in1, in2; kind of driver; pin of standby; 255: none */
     unsigned sonars;
     uint8_t sonar[SONARS][2]; /* pins of trigger and echo */
+    unsigned gyro;            /* I2C address; 0: none */
 } options_t;
 
 typedef struct {
@@ -69,6 +72,30 @@ typedef struct {
     bool listens;             /* between its burst and the end of its echo */
 } sonar_t;
 enum { SONAR_SILENT = 0, SONAR_ENDLESS = 0xFFFF };
+
+/* A gyro, and the chip's bus unit that it is read with. */
+#define GYRO_REGISTERS 128
+typedef struct {
+    board_t *board;
+    avr_twi_t *unit;
+    uint8_t registers[GYRO_REGISTERS], pointer;
+    int16_t rates[3]; /* about x, y, z; 0.02 deg/s */
+    uint8_t fault, input; /* at present; as the input had it last */
+    enum { ADDRESSING, POINTING, WRITING, READING } phase;
+    bool owned;         /* between start and stop */
+    bool starts;        /* the step under way is a start */
+    avr_cycle_count_t bit; /* length of a bit */
+    bool clock_low;     /* by the chip's pin */
+    uint8_t pulses;     /* of the clock by the chip's pin, since the fault began */
+} gyro_t;
+enum {
+    GYRO_WORKS,
+    GYRO_SILENT,
+    GYRO_BUS_HELD,
+    GYRO_BUS_IN_READING, /* held until the clock has ended the reading */
+    GYRO_STUCK,
+    GYRO_SUPPLY_DIP,
+};
 
 /* One UART: bytes that wait to be received, and its pseudo-terminal. */
 typedef struct {
@@ -106,6 +133,7 @@ struct board {
     unsigned first, last;
     pulse_train_t trains[PULSE_TRAINS];
     sonar_t sonars[SONARS];
+    gyro_t gyro;
     uint32_t dirty_writes;
     uint8_t flags;
     int16_t duty[MOTORS];

@@ -2,13 +2,14 @@
    input, or paced to real time, with its UARTs as messages or as pseudo-terminals.
 
    emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2,KIND,STANDBY]...
-            [--sonar TRIGGER,ECHO]...
+            [--sonar TRIGGER,ECHO]... [--gyro ADDRESS]
 
    Requests (little-endian), one reply each:
      'S' u64 until_ns, u16 transitions, u16 analogs, u16 bytes0, u16 bytes1, then
          transitions of (u32 ns since the last step's end, u8 pin, u8 level),
          analogs of (u8 channel, u16 millivolts; from channel 128 on HC-SR04 sensors, us of their
-         echoes, 0: it does not answer, 65535: it does not end), bytes for UART0, bytes for UART1
+         echoes, 0: it does not answer, 65535: it does not end; from channel 160 on the inputs of
+         the gyro), bytes for UART0, bytes for UART1
      reply: u64 now_ns, u16 motor events, u16 bytes, u8 flags (1: reset, 2: crashed), then
          events of (u32 ns since the step began, u8 motor, i16 duty of 32767, u8 brake),
          bytes of (u32 ns since the step began, at its stop bit, u8 uart, u8 byte)
@@ -30,15 +31,19 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "gyro.h"
 #include "lines.h"
 #include "sonars.h"
 
 #define PACE_NS 1000000            /* step of real time when paced */
 #define FIRST_SONAR 128
+#define FIRST_GYRO 160
 
 static const chip_t chips[] = {
-    {.mcu = "atmega2560", .uarts = 2, .eeprom_size = 4096, .page = 256, .hang = 0x3DFFE},
-    {.mcu = "atmega328p", .uarts = 1, .eeprom_size = 1024, .page = 128, .hang = 0x77FE},
+    {.mcu = "atmega2560", .uarts = 2, .eeprom_size = 4096, .page = 256, .hang = 0x3DFFE,
+     .sda = 20, .scl = 21},
+    {.mcu = "atmega328p", .uarts = 1, .eeprom_size = 1024, .page = 128, .hang = 0x77FE,
+     .sda = 18, .scl = 19},
 };
 
 static board_t board;
@@ -127,7 +132,9 @@ static bool step(void)
         } analog;
         if (!read_all(&analog, sizeof analog))
             return false;
-        if (analog.channel >= FIRST_SONAR)
+        if (analog.channel >= FIRST_GYRO)
+            gyro_set(&board, analog.channel - FIRST_GYRO, analog.millivolts);
+        else if (analog.channel >= FIRST_SONAR)
             sonars_set(&board, analog.channel - FIRST_SONAR, analog.millivolts);
         else
             board_analog(&board, analog.channel, analog.millivolts);
@@ -245,7 +252,8 @@ static const chip_t *chip_named(const char *name)
 static void usage(void)
 {
     fprintf(stderr, "emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] "
-                    "[--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]...\n");
+                    "[--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]... "
+                    "[--gyro ADDRESS]\n");
     exit(2);
 }
 
@@ -283,6 +291,8 @@ int main(int count, char **words)
                  && sscanf(value, "%hhu,%hhu", &options.sonar[options.sonars][0],
                            &options.sonar[options.sonars][1]) == 2)
             options.sonars++;
+        else if (!strcmp(words[i - 1], "--gyro") && sscanf(value, "%u", &options.gyro) == 1)
+            continue;
         else
             usage();
     }

@@ -1,0 +1,195 @@
+/* An MPU6050, as far as a gyro needs: its registers (register map, revision 4.2), and the bus unit of the
+   chip, since that of simavr 1.6 loses bytes of a master. */
+#include "gyro.h"
+
+#include <simavr/avr_ioport.h>
+#include <simavr/avr_twi.h>
+#include <string.h>
+
+#include "pins.h"
+
+enum { TWIE = 1, TWEN = 4, TWSTO = 0x10, TWSTA = 0x20, TWEA = 0x40, TWINT = 0x80 };
+/* Status of the bus unit (data sheet, tables 24-3 and 24-4). */
+enum {
+    STARTED = 0x08,
+    STARTED_AGAIN = 0x10,
+    WRITES = 0x18,
+    WRITES_NOBODY = 0x20,
+    WRITTEN = 0x28,
+    READS = 0x40,
+    READS_NOBODY = 0x48,
+    RECEIVED = 0x50,
+    RECEIVED_LAST = 0x58,
+};
+enum { CONFIG = 0x1B, XOUT = 0x43, POWER = 0x6B, IDENTITY = 0x75 };
+#define ASLEEP 0x40
+#define LSB_PER_DEGREE 131 /* at 250 deg/s; half of it at each larger scale */
+#define UNITS_PER_DEGREE 50
+#define PULSES_TO_RELEASE 9 /* rest of a byte, and its acknowledge */
+#define BITS_OF_BYTE 9
+
+static void power_up(gyro_t *gyro)
+{
+    memset(gyro->registers, 0, sizeof gyro->registers);
+    gyro->registers[POWER] = ASLEEP;
+    gyro->registers[IDENTITY] = 0x68;
+}
+
+/* Registers of the rates hold the last values while the gyro sleeps or is stuck. */
+static void latch(gyro_t *gyro)
+{
+    if (gyro->registers[POWER] & ASLEEP || gyro->fault == GYRO_STUCK)
+        return;
+    int scale = gyro->registers[CONFIG] >> 3 & 3;
+    for (unsigned axis = 0; axis < 3; axis++) {
+        int raw = gyro->rates[axis] * LSB_PER_DEGREE / (1 << scale) / UNITS_PER_DEGREE;
+        raw = raw > INT16_MAX ? INT16_MAX : raw < INT16_MIN ? INT16_MIN : raw;
+        gyro->registers[XOUT + 2 * axis] = (uint8_t)(raw >> 8);
+        gyro->registers[XOUT + 2 * axis + 1] = (uint8_t)raw;
+    }
+}
+
+/* Status after a byte, or after the address. */
+static uint8_t exchange(gyro_t *gyro, uint8_t control)
+{
+    uint8_t *data = &gyro->board->avr->data[gyro->unit->r_twdr];
+    bool answers = gyro->fault != GYRO_SILENT;
+    switch (gyro->phase) {
+    case ADDRESSING:
+        gyro->phase = *data & 1 ? READING : POINTING;
+        if (*data >> 1 != gyro->board->options.gyro || !answers)
+            return *data & 1 ? READS_NOBODY : WRITES_NOBODY;
+        return *data & 1 ? READS : WRITES;
+    case POINTING:
+        gyro->pointer = *data % GYRO_REGISTERS;
+        gyro->phase = WRITING;
+        return WRITTEN;
+    case WRITING:
+        gyro->registers[gyro->pointer] = *data;
+        gyro->pointer = (gyro->pointer + 1) % GYRO_REGISTERS;
+        return WRITTEN;
+    default:
+        *data = gyro->registers[gyro->pointer];
+        gyro->pointer = (gyro->pointer + 1) % GYRO_REGISTERS;
+        return control & TWEA ? RECEIVED : RECEIVED_LAST;
+    }
+}
+
+static bool held(const gyro_t *gyro)
+{
+    return gyro->fault == GYRO_BUS_HELD || gyro->fault == GYRO_BUS_IN_READING;
+}
+
+static avr_cycle_count_t step_done(avr_t *avr, avr_cycle_count_t when, void *value)
+{
+    gyro_t *gyro = value;
+    uint8_t *control = &avr->data[gyro->unit->r_twcr], status;
+    if (held(gyro))
+        return when + gyro->bit * BITS_OF_BYTE; /* the bus unit waits for a free bus */
+    if (gyro->starts) {
+        status = gyro->owned ? STARTED_AGAIN : STARTED;
+        gyro->owned = true;
+        gyro->phase = ADDRESSING;
+    } else {
+        status = exchange(gyro, *control);
+    }
+    avr->data[gyro->unit->r_twsr] = status;
+    *control |= TWINT;
+    avr_raise_interrupt(avr, &gyro->unit->twi);
+    return 0;
+}
+
+static void control_written(avr_t *avr, avr_io_addr_t address, uint8_t value, void *parameter)
+{
+    gyro_t *gyro = parameter;
+    avr->data[address] = value & (uint8_t)~(TWINT | TWSTO);
+    if (!(value & TWEN)) {
+        avr_cycle_timer_cancel(avr, step_done, gyro);
+        avr_clear_interrupt(avr, &gyro->unit->twi);
+        gyro->owned = false;
+        return;
+    }
+    if (!(value & TWINT))
+        return;
+    avr_clear_interrupt(avr, &gyro->unit->twi);
+    avr->data[address] &= (uint8_t)~TWINT;
+    if (value & TWSTO) {
+        gyro->owned = false;
+        return;
+    }
+    gyro->starts = value & TWSTA;
+    gyro->bit = 16 + 2u * avr->data[gyro->unit->r_twbr];
+    avr_cycle_timer_cancel(avr, step_done, gyro);
+    avr_cycle_timer_register(avr, gyro->bit * (gyro->starts ? 1 : BITS_OF_BYTE), step_done, gyro);
+}
+
+static void drive_data(gyro_t *gyro)
+{
+    pins_drive(gyro->board->avr, gyro->board->options.chip->sda, !held(gyro));
+}
+
+/* The chip drives its clock pin low by making it an output. */
+static void direction_changed(avr_irq_t *irq, uint32_t value, void *parameter)
+{
+    gyro_t *gyro = parameter;
+    bool low = value >> pin_place(gyro->board->options.chip->scl).bit & 1;
+    (void)irq;
+    if (low && !gyro->clock_low && ++gyro->pulses == PULSES_TO_RELEASE
+        && gyro->fault == GYRO_BUS_IN_READING) {
+        gyro->fault = GYRO_WORKS;
+        drive_data(gyro);
+    }
+    gyro->clock_low = low;
+}
+
+void gyro_begin(board_t *board)
+{
+    avr_t *avr = board->avr;
+    gyro_t *gyro = &board->gyro;
+    if (!board->options.gyro)
+        return;
+    gyro->board = board;
+    for (avr_io_t *io = avr->io_port; io; io = io->next)
+        if (io->kind && !strcmp(io->kind, "twi"))
+            gyro->unit = (avr_twi_t *)io;
+    avr->io[AVR_DATA_TO_IO(gyro->unit->r_twcr)].w.c = control_written;
+    avr->io[AVR_DATA_TO_IO(gyro->unit->r_twcr)].w.param = gyro;
+    avr->io[AVR_DATA_TO_IO(gyro->unit->r_twdr)].w.c = NULL; /* plain registers */
+    avr->io[AVR_DATA_TO_IO(gyro->unit->r_twsr)].w.c = NULL;
+    place_t clock = pin_place(board->options.chip->scl);
+    avr_irq_t *irq = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(clock.port), IOPORT_IRQ_DIRECTION_ALL);
+    if (irq)
+        avr_irq_register_notify(irq, direction_changed, gyro);
+    power_up(gyro);
+}
+
+void gyro_reset(board_t *board, bool power)
+{
+    if (!board->options.gyro)
+        return;
+    board->gyro.owned = false;
+    if (power)
+        power_up(&board->gyro);
+    drive_data(&board->gyro);
+}
+
+void gyro_set(board_t *board, unsigned input, uint16_t value)
+{
+    gyro_t *gyro = &board->gyro;
+    if (!board->options.gyro)
+        return;
+    if (input < 3) {
+        gyro->rates[input] = (int16_t)value;
+        latch(gyro);
+        return;
+    }
+    if (value == gyro->input)
+        return;
+    gyro->input = gyro->fault = (uint8_t)value;
+    gyro->pulses = 0;
+    if (gyro->fault == GYRO_SUPPLY_DIP) {
+        power_up(gyro);
+        gyro->registers[POWER] = 0; /* an MPU6500 does not sleep after it */
+    }
+    drive_data(gyro);
+}

@@ -1,0 +1,122 @@
+#include "gyro.h"
+
+#include <stdbool.h>
+
+#include "board.h"
+#include "two_wire.h"
+
+/* Registers of an MPU6050, 6500 and 9250 (their register maps): wake with the gyro's clock, a low pass
+   of 42 Hz against aliasing at 100 readings a second, a full scale of 500 deg/s. Then, in every period:
+   read the full scale, read the rate about x, or the axes after it. */
+#define FULL_SCALE_500 0x08
+static const uint8_t steps[][2] PROGMEM = {
+    {0x6B, 1}, {0x1A, 3}, {0x1B, FULL_SCALE_500}, {0x1B, WIRE_READS}, {0x43, WIRE_READS},
+};
+enum { CHECK = 3, READ, DONE };
+
+#define PERIOD_MS 10
+#define TURN_SHIFT 8
+/* Readings: lost ones after which the gyro is silent; equal ones of a sensor that is stuck, since the
+   noise of one that works changes its last bits; those without a fault after which it is trusted. */
+#define LOST_MOST 10
+#define EQUAL_MOST 25
+#define GOOD_LEAST 20
+
+static uint8_t address, axis; /* address 0: no gyro */
+static uint8_t elapsed_ms, step;
+static uint8_t lost, equal;
+static uint8_t doubtful; /* readings without a fault until the gyro is trusted */
+static uint16_t faults;
+static int16_t rate; /* the last reading */
+static uint32_t sum;
+
+static void fail(uint16_t flag)
+{
+    faults = flag;
+    doubtful = GOOD_LEAST;
+}
+
+void gyro_configure(const settings_t *settings)
+{
+    address = settings->gyro_address;
+    axis = settings->gyro_axis;
+    board_two_wire_release();
+    elapsed_ms = lost = equal = 0;
+    step = DONE;
+    faults = 0;
+    if (address != 0)
+        fail(FLAG_GYRO_SILENT); /* until it has answered */
+}
+
+static void add(int16_t reading)
+{
+    lost = 0;
+    if (equal < EQUAL_MOST)
+        equal++;
+    if (reading != rate)
+        equal = 0;
+    rate = reading;
+    if (equal == EQUAL_MOST)
+        fail(FLAG_GYRO_STUCK);
+    if (reading == INT16_MAX || reading == INT16_MIN)
+        fail(FLAG_GYRO_RANGE);
+    if (doubtful != 0 && --doubtful == 0)
+        faults = 0;
+}
+
+__attribute__((noinline)) static void begin_step(void)
+{
+    uint8_t number = pgm_read_byte(&steps[step][0]);
+    if (step == READ)
+        number = (uint8_t)(number + 2 * axis);
+    two_wire_begin(address, number, pgm_read_byte(&steps[step][1]));
+}
+
+/* After a period without a reading, in which the robot turned on as before. */
+static void lose(void)
+{
+    if (++lost < LOST_MOST)
+        return;
+    lost = LOST_MOST;
+    fail(two_wire_state() == TWO_WIRE_BUSY ? FLAG_GYRO_BUS : FLAG_GYRO_SILENT);
+}
+
+/* A sensor that was reset by a dip of its supply has lost its full scale: that is read every time. */
+static void next_step(void)
+{
+    const volatile uint8_t *bytes = two_wire_bytes();
+    if (step == READ)
+        add((int16_t)(bytes[0] << 8 | bytes[1]));
+    if (step == CHECK && bytes[0] != FULL_SCALE_500)
+        step = 0;
+    else
+        step++;
+    if (step != DONE)
+        begin_step();
+}
+
+void gyro_tick(void)
+{
+    if (address == 0)
+        return;
+    if (++elapsed_ms == PERIOD_MS) {
+        elapsed_ms = 0;
+        if (step != DONE)
+            lose();
+        sum += (uint32_t)rate;
+        step = CHECK;
+        begin_step();
+    } else if (step != DONE && two_wire_state() == TWO_WIRE_DONE) {
+        next_step();
+    }
+}
+
+uint16_t gyro_turn(void)
+{
+    return (uint16_t)(sum >> TURN_SHIFT);
+}
+
+uint16_t gyro_faults(void)
+{
+    return faults;
+}

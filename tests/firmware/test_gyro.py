@@ -1,0 +1,194 @@
+"""A gyro on the I2C bus of both emulated boards: its turn, its faults, and what goes on beside them."""
+
+from dataclasses import replace
+from random import Random
+
+import pytest
+
+from diffbotctl.emulator.process import FIRST_GYRO, FIRST_SONAR, GYRO_FAULT, GYRO_RATE_UNIT
+from diffbotctl.emulator.process import GyroFault as Fault
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import pack
+from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
+from diffbotctl.testing import firmware_parts
+from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, BoardBench, speed
+
+SETTINGS = {
+    name: replace(settings, telemetry=30, gyro=GyroInput(0x68))
+    for name, settings in (("mega2560", BOOK), ("uno", UNO))
+}
+BOTH = pytest.mark.parametrize("board", SETTINGS)
+NOISE_SD = 0.05  # deg/s in readings at 100 Hz, of 0.005 deg/s/sqrt(Hz)
+PERIOD = 10 * MS
+
+
+class GyroBench(BoardBench):
+    """A board with a gyro that turns as the bench does."""
+
+    def __init__(self, settings, axis=2):
+        super().__init__(settings=settings)
+        self.axis, self.noise = axis, Random(1)
+
+    def turn_at(self, rate, ms, fault=Fault.NONE):
+        """Turn at `rate` deg/s; the frames with turns meanwhile."""
+        self.heard.clear()
+        for _ in range(ms * MS // PERIOD):
+            noisy = rate + self.noise.gauss(0.0, NOISE_SD)
+            inputs = {FIRST_GYRO + self.axis: round(noisy / GYRO_RATE_UNIT), GYRO_FAULT: fault}
+            self.run(self.now + PERIOD, inputs)
+        return [each for each in self.heard if isinstance(each.frame, frames.InertialFrame)]
+
+    def start(self):
+        self.turn_at(0.0, 30)
+        self.ready()
+        self.turn_at(0.0, 400)
+
+
+def degrees(before, after):
+    units = (after.turn - before.turn + 0x8000) % 0x10000 - 0x8000
+    return units * frames.TURN_NANODEGREES * 1e-9
+
+
+def last_flags(bench):
+    return next(
+        each.frame.value
+        for each in reversed(bench.heard)
+        if isinstance(each.frame, frames.StatusFrame) and each.frame.item == frames.ItemCode.FLAGS
+    )
+
+
+@BOTH
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_turn_is_a_running_sum(board, axis):
+    """360 deg at 180 deg/s, from the frames before and after alone: those between may be lost."""
+    settings = replace(SETTINGS[board], gyro=GyroInput(0x68, axis))
+    with GyroBench(settings, axis) as bench:
+        bench.start()
+        before = bench.inertial()
+        bench.turn_at(180.0, 2000)
+        bench.turn_at(0.0, 100)
+        after = bench.inertial()
+    assert degrees(before, after) == pytest.approx(360.0, abs=0.2)
+    assert after.turn_fault == 0
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("fault", "flag"),
+    [
+        (Fault.SILENT, frames.FLAG_GYRO_SILENT),
+        (Fault.BUS_HELD, frames.FLAG_GYRO_BUS),
+        (Fault.STUCK, frames.FLAG_GYRO_STUCK),
+    ],
+)
+def test_a_failure_under_way_is_reported_within_half_a_second(board, fault, flag):
+    """And over: the gyro is trusted again after 200 ms without a fault."""
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.start()
+        began = bench.now
+        heard = bench.turn_at(20.0, 700, fault)
+        noticed = next(each.time for each in heard if each.frame.turn_fault)
+        assert noticed - began < 500 * MS
+        assert last_flags(bench) & flag
+        assert not bench.turn_at(20.0, 600)[-1].frame.turn_fault
+
+
+@BOTH
+@pytest.mark.parametrize("fault", [Fault.SILENT, Fault.BUS_HELD])
+def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.turn_at(0.0, 30, fault)
+        bench.ready()
+        heard = bench.turn_at(0.0, 1000, fault)
+    assert len(heard) >= 29  # telemetry goes on
+    assert all(each.frame.turn_fault for each in heard)
+
+
+@BOTH
+def test_a_turn_beyond_the_full_scale_is_reported(board):
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.start()
+        assert not bench.turn_at(480.0, 300)[-1].frame.turn_fault
+        assert bench.turn_at(520.0, 300)[-1].frame.turn_fault
+        assert last_flags(bench) & frames.FLAG_GYRO_RANGE
+
+
+@BOTH
+def test_a_gyro_that_lost_its_settings_gets_them_again(board):
+    """An MPU6500 after a dip of its supply measures at twice the rate, without a sign of it."""
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.start()
+        before = bench.inertial()
+        bench.turn_at(90.0, 1000)
+        bench.turn_at(90.0, 1000, Fault.SUPPLY_DIP)
+        bench.turn_at(0.0, 100, Fault.SUPPLY_DIP)
+        assert degrees(before, bench.inertial()) == pytest.approx(180.0, abs=2.0)
+
+
+@BOTH
+def test_a_gyro_that_waits_in_a_reading_is_clocked_out_of_it(board):
+    """A board that restarts in the middle of a reading leaves its gyro holding the data line."""
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.turn_at(0.0, 30, Fault.BUS_IN_READING)
+        bench.ready()
+        assert not bench.turn_at(0.0, 700, Fault.BUS_IN_READING)[-1].frame.turn_fault
+
+
+@BOTH
+def test_a_bus_that_is_held_stops_nothing_else(board):
+    """Commands, dead-man timeout and the time of the main loop."""
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.start()
+        bench.turn_at(0.0, 500, Fault.BUS_HELD)
+        bench.claim()
+        bench.send(RADIO, speed(1, 3.0, 3.0))
+        bench.turn_at(0.0, 100, Fault.BUS_HELD)
+        assert bench.duty[0] > 0.0 and bench.duty[1] > 0.0
+        bench.turn_at(0.0, 1000, Fault.BUS_HELD)
+        assert bench.inertial().mode == frames.ModeCode.EXPIRED
+        assert bench.duty == [0.0, 0.0]
+        bench.turn_at(0.0, 1500, Fault.BUS_HELD)
+        loops = [
+            each.frame.value
+            for each in bench.heard
+            if isinstance(each.frame, frames.StatusFrame)
+            and each.frame.item == frames.ItemCode.LOOP
+        ]
+        assert loops and max(loops) < 2000
+
+
+@BOTH
+def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
+    """A Sharp in the state, and an HC-SR04."""
+    pins = RangeInput("side", 50, 24) if board == "mega2560" else RangeInput("side", 12, 4)
+    settings = replace(SETTINGS[board], further_ranges=(pins,))
+    with GyroBench(settings) as bench:
+        bench.run(30 * MS, {FIRST_SONAR: 5_000, 0: 1000})
+        bench.ready()
+        bench.turn_at(0.0, 500)
+        heard = bench.turn_at(0.0, 2000)
+        ranges = [each for each in bench.heard if isinstance(each.frame, frames.RangeFrame)]
+    assert len(heard) >= 60
+    assert not any(each.frame.dropped for each in heard)
+    assert len(ranges) >= 38
+
+
+@pytest.mark.parametrize(
+    ("board", "other", "refusal", "field"),
+    [
+        ("mega2560", {"button": 20}, "PIN_TWICE", "gyro_address"),
+        ("mega2560", {"button": 21}, "PIN_TWICE", "gyro_address"),
+        ("uno", {"button": 18}, "PIN_TWICE", "gyro_address"),
+        ("uno", {"battery_channel": 5}, "PIN_TWICE", "gyro_address"),
+        ("mega2560", {"gyro": GyroInput(0x68, 3)}, "RANGE", "gyro_address"),
+        ("mega2560", {}, "NONE", "baud"),
+        ("uno", {}, "NONE", "baud"),
+    ],
+)
+def test_pins_of_the_bus_belong_to_the_gyro(board, other, refusal, field):
+    frame = replace(SETTINGS[board], **other).frame()
+    chip = "mega2560" if board == "mega2560" else "atmega328p"
+    (line,) = firmware_parts.run("settings", lines=[pack(frame).hex()], board=chip)
+    code, index = map(int, line.split())
+    assert frames.RefusalCode(code) is frames.RefusalCode[refusal]
+    assert frames.SettingsFrame._fields[index] == field
