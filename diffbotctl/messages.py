@@ -103,6 +103,11 @@ class Encoders(NamedTuple):
         None
     )
     boot: Annotated[int, Field("", "Changes each time the board restarts.")] = 0
+    turn: Annotated[
+        float | None,
+        Field("rad", "Sum of the gyro's rate since the start, uncorrected; none without a gyro."),
+    ] = None
+    turn_fault: Annotated[str, Field("", "Why the turn is wrong; empty when it is not.")] = ""
 
 
 class Volts(NamedTuple):

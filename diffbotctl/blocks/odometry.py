@@ -9,6 +9,8 @@ from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
+from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
+from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
@@ -56,6 +58,8 @@ class OdometryBlock(Block):
     left_side: SideConfig = FromRobot("drive.left")
     right_side: SideConfig = FromRobot("drive.right")
     calibration: Mapping[str, CalibratedValue] = FromRobot("calibration")
+    imu: str | None = FromRobot("imu.type")
+    imu_scale: float = FromRobot("imu.scale")
     encoders = In(Encoders)
     odometry = Out(Odometry)
 
@@ -66,6 +70,12 @@ class OdometryBlock(Block):
             self.track, *diameters, self.calibration, self.wheelbase is not None
         )
         self.pose = PoseFilter(self.track, self.slip, geometry)
+        self.gyro: GyroHeading | None = None
+        if self.imu is not None:
+            entry = self.calibration.get("imu.scale")
+            scale_sd = SCALE_SD if entry is None or entry.sd is None else float(entry.sd)
+            pose = GyroPoseFilter(self.track, self.slip, geometry, scale_sd)
+            self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale)
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
 
@@ -85,11 +95,32 @@ class OdometryBlock(Block):
         if last is None or self.wheels is None or encoders.boot != last.boot:
             self.wheels = self._start(encoders)
             self.pose.start()
-        elif time - last.time > SILENCE_MAX:
-            self._bridge_silence(encoders, self.wheels)
+            if self.gyro is not None:
+                self.gyro.restart()
         else:
-            self._update(encoders, last.time, *self.wheels)
-        return self.pose.message(time, *self.wheels, warning(*self.wheels))
+            if self.gyro is not None:
+                self.gyro.take(encoders, self.wheels)
+            if time - last.time > SILENCE_MAX:
+                self._bridge_silence(encoders, self.wheels)
+            else:
+                self._update(encoders, last.time, *self.wheels)
+        if self.gyro is not None and not self._with_gyro(self.gyro, encoders, self.wheels):
+            return None
+        return self.pose.message(time, *self.wheels, self._warning(*self.wheels))
+
+    def _with_gyro(
+        self, gyro: GyroHeading, encoders: Encoders, wheels: tuple[Wheel, Wheel]
+    ) -> bool:
+        """Log what the gyro shows; False while its bias is measured before the first motion."""
+        gyro.moved(encoders, wheels)
+        for text in gyro.news:
+            self.log.warning(text) if gyro.fault else self.log.info(text)
+        gyro.news.clear()
+        return not gyro.awaits_rest
+
+    def _warning(self, left: Wheel, right: Wheel) -> str:
+        fault = self.gyro.fault if self.gyro is not None else ""
+        return "; ".join(filter(None, (fault, warning(left, right))))
 
     def _update(self, encoders: Encoders, last_time: int, left: Wheel, right: Wheel) -> None:
         time, since = encoders.time, encoders.command_time

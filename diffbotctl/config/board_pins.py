@@ -13,7 +13,7 @@ class BoardPins:
     `pwm` maps a pin to its timer, `uarts` a port to its (receive, transmit) pins. By protocol,
     `clock_timer` is the timer that the firmware uses for its clock, whose PWM is not available, and
     `links` are the ports that the firmware uses. `chip` is its name in the
-    protocol: one firmware serves all boards with it.
+    protocol: one firmware serves all boards with it. `i2c` are the (SDA, SCL) pins of its bus.
     """
 
     title: str
@@ -28,6 +28,7 @@ class BoardPins:
     clock_timer: dict[str, int]
     links: dict[str, tuple[int, ...]]
     chip: str
+    i2c: tuple[str, str]
 
     @property
     def image(self) -> str:
@@ -81,6 +82,7 @@ MEGA_2560 = BoardPins(
     clock_timer={"diffbot": 1, "rosserial": 0},
     links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
     chip="MEGA2560",
+    i2c=("20", "21"),
 )
 
 NANO = BoardPins(
@@ -96,6 +98,7 @@ NANO = BoardPins(
     clock_timer={"diffbot": 2, "rosserial": 0},
     links={"diffbot": (0,), "rosserial": (0,)},
     chip="ATMEGA328P",
+    i2c=("A4", "A5"),
 )
 
 # The same chip in a package without A6 and A7.

@@ -54,6 +54,10 @@ SensorType = Literal[
 ]
 
 
+ImuType = Literal["mpu6050", "mpu6500", "mpu9250"]
+ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+
 class BoardSection(Section):
     """The microcontroller board."""
 
@@ -397,6 +401,32 @@ class SensorSection(Section):
     curve = Param(CurveSection, default=CurveSection(), help="Curve; default: the data sheet's.")
 
 
+class ImuSection(Section):
+    """The inertial sensor on the board's I2C bus; its gyro measures the turns of the robot."""
+
+    type: ImuType | None = Choice(ImuType, none=True, default=None, help="Part name; none: no IMU.")
+    address = Param(
+        int,
+        default=104,
+        choices=(104, 105),
+        help="I2C address: 104 (0x68), or 105 (0x69) with AD0 at 3.3 V.",
+    )
+    axes: ImuAxis = Choice(
+        ImuAxis,
+        default="z",
+        help="The axis printed on the part that points up; with a minus sign: that points down.",
+    )
+    at = Param(MountSection, default=MountSection(), help="Pose on the robot.")
+    scale = Param(
+        float,
+        unit="1",
+        default=1.0,
+        minimum=0.9,
+        maximum=1.1,
+        help="True turn of the robot divided by the turn that the gyro measures.",
+    )
+
+
 class CasterSection(Section):
     """The ball or caster that supports the robot besides its two wheels."""
 
@@ -501,6 +531,7 @@ class Robot(Section):
     link = Param(LinkSection, default=LinkSection(), help="The serial link to the board.")
     drive = Param(DriveSection, help="Wheels, motors and encoders.")
     sensors = Param(dict[str, SensorSection], default={}, help="Sensors by name.")
+    imu = Param(ImuSection, default=ImuSection(), help="The inertial sensor.")
     body = Param(BodySection, default=BodySection(), help="The outline.")
     limits = Param(LimitsSection, default=LimitsSection(), help="Motion limits.")
     battery = Param(BatterySection, default=BatterySection(), help="The motor supply.")

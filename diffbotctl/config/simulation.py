@@ -16,6 +16,7 @@ SlotPhase = Literal["random", "zero"]
 MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
 EncoderPlugs = Literal["plain", "swapped"]
 EchoFault = Literal["plain", "silent", "endless"]
+GyroFault = Literal["plain", "silent", "bus_held", "stuck"]
 EncoderWiring = Literal["plain", "dead", "floating", "exchanged"]
 
 
@@ -202,6 +203,67 @@ class SensorTruth(Section):
     )
 
 
+class GyroTruth(Section):
+    """Errors of the gyro."""
+
+    scale_spread = Param(
+        float,
+        default=0.03,
+        unit="1",
+        minimum=0.0,
+        maximum=0.1,
+        help="Largest relative error of its scale.",
+    )
+    noise = Param(
+        float,
+        default=8.7e-5,
+        unit="rad/s",
+        minimum=0.0,
+        maximum=0.01,
+        help="Noise of the rate in a bandwidth of 1 Hz.",
+    )
+    bias = Param(
+        float,
+        default=0.02,
+        unit="rad/s",
+        minimum=0.0,
+        maximum=0.3,
+        help="Largest rate that it measures at rest.",
+    )
+    drift = Param(
+        float,
+        default=0.0035,
+        unit="rad/s",
+        minimum=0.0,
+        maximum=0.1,
+        help="Change of that rate while it warms up, with a time constant of 60 s.",
+    )
+    tilt = Param(
+        float,
+        default=0.087,
+        unit="rad",
+        minimum=0.0,
+        maximum=0.5,
+        help="Angle of its axis from the vertical.",
+    )
+    acceleration_effect = Param(
+        float,
+        default=2e-4,
+        unit="rad/s",
+        minimum=0.0,
+        maximum=0.01,
+        help="Rate that an acceleration of 1 m/s2 adds, forward and to the side.",
+    )
+    fault: GyroFault = Choice(
+        GyroFault,
+        default="plain",
+        help="Fault: it does not answer, the bus is held low, or its rate does not change.",
+    )
+    fault_start = Param(
+        float, default=0.0, unit="s", minimum=0.0, help="The fault begins at this time."
+    )
+
+
 class Start(Section):
     """Pose of the robot in the simulated world at the start: the origin of the frame odom."""
 
@@ -329,6 +391,7 @@ class Simulation(Section):
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
     sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors by name.")
+    gyro = Param(GyroTruth, default=GyroTruth(), help="Errors of the gyro.")
     start = Param(Start, default=Start(), help="Pose in the world at the start.")
     wiring = Param(WiringTruth, default=WiringTruth(), help="Wiring faults.")
     disturbances = Param(

@@ -7,14 +7,14 @@ from math import pi
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.motor_drivers import driver_facts
-from diffbotctl.config.robot import Robot, SensorSection, SideSection, line_baud
+from diffbotctl.config.robot import ImuSection, Robot, SensorSection, SideSection, line_baud
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.drivers.board_ports import is_usb
 from diffbotctl.errors import ConfigurationError, Problem, join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, further_sensors, is_analog
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.links.diffbot_settings import BoardSettings, RangeInput, WheelSettings
+from diffbotctl.links.diffbot_settings import BoardSettings, GyroInput, RangeInput, WheelSettings
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.time import SECOND
 
@@ -71,6 +71,7 @@ def board_settings(robot: Robot) -> BoardSettings:
         range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),
         range_name=name,
         further_ranges=tuple(_range_input(pins, name, robot.sensors[name]) for name in further),
+        gyro=_gyro_input(robot.imu),
         battery_channel=None if battery.pin is None else _analog_channel(pins, battery.pin),
         battery_divider=battery.divider or 1.0,
         battery_low=battery.low,
@@ -103,6 +104,12 @@ def _range_input(pins: BoardPins, name: str, sensor: SensorSection) -> RangeInpu
     if sensor.type in ECHOES:
         return RangeInput(name, pins.number(sensor.echo), pins.number(sensor.trigger))
     return RangeInput(name, _analog_channel(pins, sensor.pin))
+
+
+def _gyro_input(imu: ImuSection) -> GyroInput | None:
+    if imu.type is None:
+        return None
+    return GyroInput(imu.address, "xyz".index(imu.axes[-1]), imu.axes.startswith("-"))
 
 
 def _number(pins: BoardPins, pin: object) -> int | None:

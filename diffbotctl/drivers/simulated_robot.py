@@ -8,7 +8,13 @@ from diffbotctl.block import action
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_faults import (
+    BATTERY_CAUSE,
+    BUTTON_CAUSE,
+    GYRO_FIX,
+    wheel_fault_cause,
+)
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Stop, Wheels
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import build_world
@@ -28,6 +34,7 @@ class SimulatedRobotDriver:
         self.frames = 0
         self.report_at = 0
         self.stopping = False
+        self._awaits_gyro = True
         self.stopped = False
         self._hold: Stop | None = None  # by the board, until a command after `resume`
         self._low_readings, self._volts = 0, 0.0
@@ -51,6 +58,7 @@ class SimulatedRobotDriver:
             deliveries.append(Delivery(f"robot.{port}", message))
             if isinstance(message, Encoders):
                 self.frames += 1
+                self._check_gyro(message)
                 if self.stopping:
                     self._check_stopped(now, message)
             elif isinstance(message, Battery):
@@ -72,6 +80,14 @@ class SimulatedRobotDriver:
             self._hold, self._low_readings = None, 0
             self.robot.board.clear_fault()
         self.robot.command(now, command)
+
+    def _check_gyro(self, encoders: Encoders) -> None:
+        """Refuse a gyro that has never worked, before any motion. Raises RunError."""
+        if not self._awaits_gyro:
+            return
+        self._awaits_gyro = False
+        if encoders.turn_fault:
+            raise RunError(Problem("E-IMU", "simulated robot", encoders.turn_fault, GYRO_FIX))
 
     def _count_low(self, battery: Battery) -> None:
         """As the firmware counts: a moment of full load is not a low battery."""

@@ -8,11 +8,22 @@ give equal runs.
 from __future__ import annotations
 
 from collections import deque
+from math import degrees
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
-from diffbotctl.emulator.process import FIRST_SONAR, Emulator, MotorPins, PinTransition, SonarPins
+from diffbotctl.emulator.process import (
+    FIRST_GYRO,
+    FIRST_SONAR,
+    GYRO_FAULT,
+    GYRO_RATE_UNIT,
+    Emulator,
+    GyroFault,
+    MotorPins,
+    PinTransition,
+    SonarPins,
+)
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_frames import PIN_NONE
@@ -25,6 +36,13 @@ from diffbotctl.plant.world import World, build_world
 
 STEP = 1_000_000  # ns; the longest delay from a change of a motor's duty to the plant
 MILLIVOLTS = 1000
+GYRO_PERIOD = 10_000_000  # ns between two measurements
+GYRO_FAULTS = {
+    "plain": GyroFault.NONE,
+    "silent": GyroFault.SILENT,
+    "bus_held": GyroFault.BUS_HELD,
+    "stuck": GyroFault.STUCK,
+}
 
 
 class EmulatedBoard:
@@ -47,6 +65,7 @@ class EmulatedBoard:
         plant.capture(True)
         self._first_levels = self._transitions(plant.encoder_levels())
         self._button_pressed: bool | None = None  # as the pin has it
+        self._gyro_due = 0
 
     @property
     def now(self) -> int:
@@ -114,7 +133,20 @@ class EmulatedBoard:
                 millivolts[channel] = round(volts[name] * MILLIVOLTS)
         for number, sensor in enumerate(_sonars(settings)):
             millivolts[FIRST_SONAR + number] = self.plant.echo_us(sensor.name)
-        return millivolts
+        return millivolts | self._gyro_inputs()
+
+    def _gyro_inputs(self) -> dict[int, int]:
+        """The rate and the fault of the gyro, as often as it measures."""
+        gyro, axis = self.plant.gyro, self.plant.parameters.gyro_axis
+        if gyro is None or axis is None or self.plant.now < self._gyro_due:
+            return {}
+        self._gyro_due = self.plant.now + GYRO_PERIOD
+        rate = degrees(gyro.measure(self.plant.now, self.plant.chassis))
+        sign = -1 if self.plant.parameters.gyro_reversed else 1
+        return {
+            FIRST_GYRO + axis: sign * round(rate / GYRO_RATE_UNIT),
+            GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind],
+        }
 
 
 class EmulatedRobotDriver:

@@ -161,13 +161,24 @@ class PoseFilter:
         direction: tuple[float, float],
     ) -> None:
         """`direction`: cosine and sine of the heading in the middle of the arc."""
-        xx, xy, xh, yy, yh, hh = self.slip_covariance
-        c, s = direction
-        ahead = 0.5 * (left + right)
-        x_h, y_h = -ahead * s, ahead * c
         along = 0.25 * (left_variance + right_variance)
         along_heading = 0.5 * (right_variance - left_variance) / self.track
         heading = (left_variance + right_variance) / self.track**2
+        self._propagate(0.5 * (left + right), along, heading, direction, along_heading)
+
+    def _propagate(
+        self,
+        ahead: float,
+        along: float,
+        heading: float,
+        direction: tuple[float, float],
+        along_heading: float = 0.0,
+    ) -> None:
+        """Move the covariance on by `ahead` (m), with the variances of that way and of the turn,
+        and the covariance of both."""
+        xx, xy, xh, yy, yh, hh = self.slip_covariance
+        c, s = direction
+        x_h, y_h = -ahead * s, ahead * c
         self.slip_covariance = (
             xx + 2.0 * x_h * xh + x_h * x_h * hh + along * c * c,
             xy + x_h * yh + y_h * xh + x_h * y_h * hh + along * c * s,
@@ -176,6 +187,10 @@ class PoseFilter:
             yh + y_h * hh + along_heading * s,
             hh + heading,
         )
+
+    def _heading_variance(self, variance: float) -> float:
+        """Variance of the turn (rad2) by that of both wheels' travel (m2)."""
+        return variance / self.track**2
 
     def message(
         self, time: int, left: WheelTravel, right: WheelTravel, warning: str = ""
@@ -197,7 +212,7 @@ class PoseFilter:
             origins.append(((self.x, self.y, self.heading), end))
         xx, xy, xh, yy, yh, hh = self.slip_covariance
         for (origin_x, origin_y, _), variance in origins:
-            heading = variance / self.track**2
+            heading = self._heading_variance(variance)
             lever_x, lever_y = origin_y - self.y, self.x - origin_x
             along = 0.25 * variance  # in any direction: the heading has changed since
             bend = BEND_RATIO * heading * heading

@@ -12,7 +12,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
 from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
 from diffbotctl.links.diffbot_frames import ActionCode, ModeCode
-from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, Telemetry
+from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, State, Telemetry
 from diffbotctl.messages import Duty, Stop, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
 
@@ -154,7 +154,7 @@ class CommandSender:
 
     # --- telemetry ---
 
-    def on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> Stop | None:
+    def on_state(self, now: int, frame: State) -> Stop | None:
         """Take the board's mode; returns a Stop message when a hold by the board begins or ends."""
         self._mode = ModeCode(frame.mode)
         self._check_stop(now, frame.command)

@@ -10,6 +10,17 @@ STORMS = {"left": frames.FLAG_LEFT_STORM, "right": frames.FLAG_RIGHT_STORM}
 STALL_CAUSE = "a motor had power and its encoder gave no edges: {sides}"
 STORM_CAUSE = "an encoder's pin changes faster than its wheel can turn: {sides}"
 STORM_FIX = "check its wire, its supply and its ground"
+GYRO_CAUSES = {
+    frames.FLAG_GYRO_SILENT: "the IMU does not answer at its I2C address",
+    frames.FLAG_GYRO_BUS: "the I2C bus of the IMU is held low, or has no pull-up resistors",
+    frames.FLAG_GYRO_STUCK: "the rate that the IMU measures does not change",
+    frames.FLAG_GYRO_RANGE: f"the robot turned faster than the {frames.GYRO_MAXIMUM} deg/s that "
+    "the IMU measures",
+}
+GYRO_FIX = (
+    "check its supply, its wires SDA and SCL, and the address (AD0) in the robot file; without it: "
+    "imu: {type: none}"
+)
 BATTERY_CAUSE = "the battery is low{volts}; charge it"
 BATTERY_STOP_TEXT = "the robot stops when it stays low for 10 s"
 BUTTON_CAUSE = "the stop button is pressed"
@@ -26,6 +37,12 @@ def wheel_fault_cause(flags: int) -> str:
     if _sides(flags, STORMS):
         causes.append(STORM_FIX)
     return "; ".join(causes) or UNKNOWN_CAUSE
+
+
+def gyro_cause(flags: int) -> str:
+    """Why the gyro's turn is wrong, from the board's flags."""
+    causes = [cause for flag, cause in GYRO_CAUSES.items() if flags & flag]
+    return "; ".join(causes) or "the board reports a fault of the IMU"
 
 
 def storm_text(flags: int) -> str:

@@ -19,14 +19,14 @@ from diffbotctl.links.board_search import (
 )
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
-from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, storm_text
+from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, GYRO_FIX, gyro_cause, storm_text
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
-from diffbotctl.links.diffbot_telemetry import RawEdge, Telemetry, volts_of
+from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
-from diffbotctl.messages import Battery, Duty, Link, Text, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders, Link, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 ASK_PERIOD = 250 * MILLISECOND
@@ -34,6 +34,7 @@ SETTINGS_PERIOD = 600 * MILLISECOND  # 40 bytes, and their answer, take 60 ms at
 STALE_TIMEOUT = 250 * MILLISECOND
 LOST_TIMEOUT = SECOND
 SETTINGS_SILENCE_TIMEOUT = 2 * SECOND  # a board silent over its settings is searched for again
+GYRO_START_TIMEOUT = 1_500 * MILLISECOND  # it is trusted 0.3 s after its settings
 SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # Opening a USB port resets the board, and each byte that arrives too early keeps it in its
 # bootloader. The firmware sends a hello when it starts.
@@ -75,6 +76,8 @@ class DiffbotHost:
         self._range_faults: dict[str, str] = {}  # by sensor
         self._boot: int | None = None
         self._was_up = False
+        self._awaits_gyro = settings.gyro is not None  # no command is sent before it has worked
+        self._gyro_due = NEVER
         self._silence = SILENT  # why the link became stale
         self._forget_board(0)
 
@@ -116,7 +119,7 @@ class DiffbotHost:
 
     def _has_unknown_mode(self, frame: frames.Frame) -> bool:
         """True for a state that does not tell what the motors do; it counts as no frame at all."""
-        if not isinstance(frame, frames.StateFrame | frames.CountsFrame):
+        if not isinstance(frame, State):
             return False
         is_unknown = ModeCode.find(frame.mode) is None
         self._silence = f"the board reports an unknown mode, {frame.mode}" if is_unknown else SILENT
@@ -194,10 +197,14 @@ class DiffbotHost:
         frame_at = min(
             self._ask_at,
             self._settings_at,
-            self._commands.due(self.state is HostState.UP, has_board),
+            self._commands.due(self._may_drive, has_board),
             NEVER if has_board else self._search.probe_at,
         )
         return min(max(self._line_free_at, self._quiet_until, frame_at), self._timeout_at())
+
+    @property
+    def _may_drive(self) -> bool:
+        return self.state is HostState.UP and not self._awaits_gyro
 
     def _timeout_at(self) -> int:
         match self.state:
@@ -237,7 +244,7 @@ class DiffbotHost:
         if now >= self._settings_at:
             self._settings_at = now + SETTINGS_PERIOD
             return self._settings_frame
-        if self.state is HostState.UP and self._commands.command_due(now):
+        if self._may_drive and self._commands.command_due(now):
             return self._commands.command_frame(now)
         return None if self.hello is None else self._commands.action_frame()
 
@@ -249,7 +256,7 @@ class DiffbotHost:
         if self.hello is None:
             return []  # telemetry from before this handshake
         match frame:
-            case frames.StateFrame() | frames.CountsFrame():
+            case frames.StateFrame() | frames.CountsFrame() | frames.InertialFrame():
                 return self._on_state(now, frame)
             case frames.AnswerFrame():
                 return self._on_answer(now, self.hello, frame)
@@ -293,6 +300,7 @@ class DiffbotHost:
         if self.state is HostState.UP:
             return [("text", Text(now, restart))] if restart else []
         self._was_up = True
+        self._gyro_due = now + GYRO_START_TIMEOUT
         self._commands.claim(now)  # a board without settings keeps no claim
         text = "; ".join(filter(None, (restart, describe_board(hello))))
         return [("text", Text(now, text)), *self._enter(now, HostEvent.SETTINGS_MATCH)]
@@ -314,7 +322,7 @@ class DiffbotHost:
         problem = refused_setting(answer.field, refusal)
         return self._refuse(now, HostEvent.SETTINGS_REJECTED, problem)
 
-    def _on_state(self, now: int, frame: frames.StateFrame | frames.CountsFrame) -> LinkOutput:
+    def _on_state(self, now: int, frame: State) -> LinkOutput:
         if frame.boot != self._boot:
             self._ask_at = min(self._ask_at, now)
             return []  # the board restarted: its hello comes first
@@ -325,10 +333,27 @@ class DiffbotHost:
         if self.state is HostState.STALE:
             output += self._enter(now, HostEvent.FRAME)
         encoders = self._telemetry.read(now, frame)
+        if isinstance(frame, frames.InertialFrame):
+            encoders = self._with_gyro(now, encoders, frame)
         output.append(("encoders", encoders))
         if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             output.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return output
+
+    def _with_gyro(self, now: int, encoders: Encoders, frame: frames.InertialFrame) -> Encoders:
+        """Add sign and fault of the turn. A gyro that never worked is refused before any motion."""
+        gyro = self.settings.gyro
+        if gyro is None or encoders.turn is None:
+            return encoders._replace(turn=None)
+        fault = gyro_cause(self._commands.flags) if frame.turn_fault else ""
+        if not fault:
+            self._awaits_gyro = False
+        elif self._awaits_gyro:
+            if now >= self._gyro_due:
+                self.refusal = Refusal("E-IMU", fault, GYRO_FIX)
+            return encoders._replace(turn=None)
+        turn = -encoders.turn if gyro.is_reversed else encoders.turn
+        return encoders._replace(turn=turn, turn_fault=fault)
 
     def _on_range(self, now: int, frame: frames.RangeFrame) -> LinkOutput:
         if frame.sensor >= len(self.settings.further_ranges):

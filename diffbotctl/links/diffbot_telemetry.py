@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import radians
 from typing import NamedTuple
 
 from diffbotctl.links import diffbot_frames as frames
@@ -23,7 +24,8 @@ CLOCK_WINDOW = 30 * SECOND  # of board time that the line is fitted to
 DRIFT_SPAN_MIN = SECOND  # in a shorter span the jitter of the delays would look like drift
 DRIFT_MAX = 0.01  # a ceramic resonator is within half of this
 
-State = frames.StateFrame | frames.CountsFrame
+State = frames.StateFrame | frames.CountsFrame | frames.InertialFrame
+TURN = radians(frames.TURN_NANODEGREES * 1e-9)
 
 
 class SentCommand(NamedTuple):
@@ -74,6 +76,7 @@ class Telemetry:
         self._sequence: int | None = None
         self._raw_counts = [0, 0]
         self._counts = [0, 0]
+        self._raw_turn = self._turn = 0
         self._edges: list[_Edge | None] = [None, None]
         self._in_force: tuple[int, SentCommand] | None = None
 
@@ -101,11 +104,14 @@ class Telemetry:
         time = min(self.clock.to_host(board_time), now)
         left, right = map(self._unwrap_count, (0, 1), (frame.left, frame.right))
         left_edge = right_edge = None
-        if isinstance(frame, frames.StateFrame):
+        if not isinstance(frame, frames.CountsFrame):
             left_edge = self._edge_time(0, board_time, frame.left_age)
             right_edge = self._edge_time(1, board_time, frame.right_age)
         sent, since = self._command_in_force(board_time, frame)
-        return Encoders(time, left, right, left_edge, right_edge, *sent[1:], since, self.boots)
+        encoders = Encoders(time, left, right, left_edge, right_edge, *sent[1:], since, self.boots)
+        if isinstance(frame, frames.InertialFrame):
+            return encoders._replace(turn=self._unwrap_turn(frame.turn))
+        return encoders
 
     @property
     def rate(self) -> float:
@@ -167,6 +173,12 @@ class Telemetry:
         self._raw_counts[side] = raw
         self._counts[side] += step
         return self._counts[side]
+
+    def _unwrap_turn(self, raw: int) -> float:
+        """The turn in rad; beyond half a range, 1280 deg, between two frames it is unknown."""
+        self._turn += (raw - self._raw_turn + WRAP // 2) % WRAP - WRAP // 2
+        self._raw_turn = raw
+        return self._turn * TURN
 
     def _edge_time(self, side: int, board_time: int, age: int) -> int | None:
         """Host time of a wheel's last edge, computed from the first frame that shows it."""

@@ -20,16 +20,19 @@ CRYSTAL_HZ = 16_000_000  # of both kinds of board
 BITS_PER_BYTE = 10  # on the wire: start bit, eight data bits, stop bit
 USB_BAUD = 115_200  # of the board's USB port, always
 EDGE_FRAME_BYTES = 21  # counts, two edge times, one sensor, command in force, framing, CRC
+INERTIAL_FRAME_BYTES = 23  # with the turn of a gyro, and always with edge times
 COUNT_FRAME_BYTES = 17  # the same without edge times
 RANGE_FRAME_BYTES = 8  # one measurement of a distance sensor that is measured in turn
 ROSSERIAL_FRAME_BYTES = 36  # three messages of 12: left ticks, right ticks, range
 TELEMETRY_LOAD_MAX = 0.9  # of the capacity; replies, log lines and settings need the rest
 
 
-def frame_bytes(protocol: str, has_edge_times: bool) -> int:
+def frame_bytes(protocol: str, has_edge_times: bool, has_gyro: bool = False) -> int:
     """Length of one telemetry frame on the wire."""
     if protocol == "rosserial":
         return ROSSERIAL_FRAME_BYTES
+    if has_gyro:
+        return INERTIAL_FRAME_BYTES
     return EDGE_FRAME_BYTES if has_edge_times else COUNT_FRAME_BYTES
 
 

@@ -58,6 +58,8 @@ class PlantParameters(NamedTuple):
     has_button: bool = False  # a stop button is connected to the board
     encoder_channels: int = 1
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
+    gyro_axis: int | None = None  # of the IMU, which is vertical: 0 x, 1 y, 2 z; None: no IMU
+    gyro_reversed: bool = False  # that axis points down
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -77,7 +79,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
     board, battery, drive = robot.board, robot.battery, robot.drive
     left, right = drive.left, drive.right
     nominal = nominal or robot
-    built = nominal.drive
+    built, built_imu = nominal.drive, nominal.imu
     return PlantParameters(
         track=built.track,
         left_diameter=built.left.wheel.diameter,
@@ -106,6 +108,8 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         has_button=board.stop_button is not None,
         encoder_channels=built.left.encoder.channels,
         encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
+        gyro_axis=None if built_imu.type is None else "xyz".index(built_imu.axes[-1]),
+        gyro_reversed=built_imu.axes.startswith("-"),
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),

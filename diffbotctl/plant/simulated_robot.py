@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.simulation import Simulation
-from diffbotctl.messages import Battery, Duty, Message, Odometry, Volts, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.components import draw_components
 from diffbotctl.plant.disturbances import DisturbanceSchedule
 from diffbotctl.plant.drive_train import Wheel
 from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.gyro import SimulatedGyro
 from diffbotctl.plant.motor_bridge import BridgeHeat
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
@@ -79,6 +80,8 @@ class SimulatedRobot:
         self.chassis, self.drive = components.chassis, components.drive
         self._sensors, self._cameras = components.sensors, components.cameras
         self._board_rng = components.board_rng
+        # A generator of its own: a robot is the same with and without an IMU.
+        self.gyro = None if parameters.gyro_axis is None else _draw_gyro(simulation, rng)
         self._battery = components.battery
         self._disturbances = DisturbanceSchedule(simulation.disturbances)
         self.button_pressed = False
@@ -355,6 +358,8 @@ class SimulatedRobot:
 
     def _set_pose_in_world(self, pose: Pose) -> None:
         self.chassis.x, self.chassis.y, self.chassis.heading = self._start.from_parent(pose)
+        if self.gyro is not None:
+            self.gyro.put_down(self.chassis.heading)
 
     def _disturb(self, now: int) -> None:
         """Begin and end the disturbances that are due."""
@@ -407,7 +412,7 @@ class SimulatedRobot:
             deviation = self._rng.gauss(0.0, 1.0)
             late = int(min(max(deviation, -JITTER_MAX_SD), JITTER_MAX_SD) * model.stamp_jitter)
         arrival = now + model.frame_delay + late
-        frame = self.board.sample(now)
+        frame = self._with_turn(self.board.sample(now))
         if late:  # the driver dates a frame by its arrival, less the usual delay
             frame = frame._replace(time=now + late)
         self._arriving.append((arrival, "encoders", frame))
@@ -423,6 +428,14 @@ class SimulatedRobot:
             volts = read_analog(self.battery_pin_voltage()) * divider
             battery = Battery(now, volts, volts < self.parameters.low)
             self._arriving.append((arrival, "battery", battery))
+
+    def _with_turn(self, frame: Encoders) -> Encoders:
+        """The frame with what the gyro has measured. The published firmware reads none."""
+        if self.gyro is None or not self._model.has_speed_loop:
+            return frame
+        self._roll()
+        self.gyro.measure(frame.time, self.chassis)
+        return frame._replace(turn=self.gyro.reported(), turn_fault=self.gyro.fault(frame.time))
 
     def _camera_pose(self, now: int) -> Odometry:
         """The true pose and velocity, in the world."""
@@ -464,6 +477,13 @@ class SimulatedRobot:
         waiting = [arrival for arrival, _, _ in self._arriving]
         arrival = max([now + self._model.frame_delay, *waiting])
         self._arriving.append((arrival, name, message))
+
+
+def _draw_gyro(simulation: Simulation, rng: Random) -> SimulatedGyro:
+    state = rng.getstate()
+    gyro = SimulatedGyro(simulation.gyro, Random(rng.getrandbits(64)))
+    rng.setstate(state)
+    return gyro
 
 
 def _start_pose(simulation: Simulation) -> Pose:

@@ -1,4 +1,4 @@
-"""A gyro on the I2C bus of both emulated boards: its turn, its faults, and what goes on beside them."""
+"""A gyro on the I2C bus of both emulated boards: its turn, its faults, what goes on beside them."""
 
 from dataclasses import replace
 from random import Random

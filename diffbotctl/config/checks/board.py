@@ -27,7 +27,8 @@ def check_budget(context: CheckContext) -> None:
         return
     rate, has_edge_times, protocol, _, _ = values
     baud = line_baud(context.robot)
-    frame = link_protocol.frame_bytes(protocol, has_edge_times)
+    has_gyro = context.values("imu.type") not in (None, (None,))
+    frame = link_protocol.frame_bytes(protocol, has_edge_times, has_gyro)
     ranges = range_load(context.robot)
     load, capacity = rate * frame + ranges, link_protocol.capacity(baud)
     if load <= link_protocol.TELEMETRY_LOAD_MAX * capacity:
@@ -39,7 +40,7 @@ def check_budget(context: CheckContext) -> None:
     )
     rate_max = floor((link_protocol.TELEMETRY_LOAD_MAX * capacity - ranges) / frame)
     options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
-    if has_edge_times and protocol == "diffbot":
+    if has_edge_times and protocol == "diffbot" and not has_gyro:
         options.append("set edge_times: false")
     place = context.error_place("board.telemetry", "link.baud", "board.edge_times")
     fix = join_words(options)

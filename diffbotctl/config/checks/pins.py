@@ -104,6 +104,9 @@ def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
 
 def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
     """Every pin that the robot file names."""
+    if context.values("imu.type") not in (None, (None,)):
+        for line, label in zip(board.i2c, ("data line", "clock line"), strict=True):
+            yield PinUse(line, "digital", f"imu's {label}", context.robot_place("imu", "type"))
     pins: list[tuple[PinRole, str, str]] = []
     for side in SIDES:
         inputs = _motor_inputs(context, side)

@@ -1,0 +1,174 @@
+"""Dead reckoning with a gyro: the wheels give the way, the gyro the turns, while it works.
+
+The turn of a gyro has so little noise beside the slip of the wheels that the optimal weight of the
+wheels' turn is zero. Its errors are its scale, which acts on every turn of the run, and its bias,
+which acts on the time since the last standstill.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import cos, pi, sin, sqrt
+from typing import NamedTuple
+
+from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
+from diffbotctl.estimation.gyro_turn import TurnStep
+from diffbotctl.estimation.pose_filter import PoseFilter, WheelTravel, arc
+from diffbotctl.messages import Odometry
+
+# A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
+# what may be left of the error is at least this.
+UNNOTICED_NS = 500_000_000
+FAILURE_HEADING_SD = 0.05  # rad
+# Wheels slip when their turn in that time differs by more than this from the gyro's.
+SLIP_MIN, SLIP_SDS, SLIP_SHARE = 5.0 * pi / 180.0, 4.0, 0.1
+
+
+class _Moment(NamedTuple):
+    """Where the robot was, and the turns by wheels and gyro up to then, rad."""
+
+    time: int
+    x: float
+    y: float
+    by_wheels: float
+    by_gyro: float
+
+
+class GyroPoseFilter(PoseFilter):
+    """A PoseFilter that takes its turns from `step` unless that is None.
+
+    `bias_sd` (rad/s) is that of the gyro at present.
+    """
+
+    def __init__(
+        self, track: float, slip: float, geometry: tuple[GeometryDeviation, ...], scale_sd: float
+    ) -> None:
+        """As PoseFilter; `scale_sd`: relative standard deviation of the gyro's scale."""
+        self.step: TurnStep | None = None
+        self.bias_sd = 0.0
+        self.scale_sd = scale_sd
+        self._of_scale = self._of_bias = PoseDeviation()
+        self._moments: deque[_Moment] = deque()
+        self._by_wheels = self._by_gyro = 0.0
+        super().__init__(track, slip, geometry)
+
+    def set_pose(self, x: float, y: float, heading: float) -> None:
+        """As PoseFilter: the pose is known exactly."""
+        super().set_pose(x, y, heading)
+        self._of_scale = self._of_bias = PoseDeviation()
+        self._moments.clear()
+
+    def zeroed(self) -> None:
+        """The bias is measured again: its error until now stays in the pose."""
+        self._add_deviation(self._of_bias, self.bias_sd)
+        self._of_bias = PoseDeviation()
+
+    def use_gyro(self, left: WheelTravel, right: WheelTravel) -> None:
+        """Take the turns from the gyro from now on; the wheels' error of the heading stays."""
+        variance = (left.variance + right.variance) / self.track**2
+        self._turn_about((self.start_x, self.start_y), variance)
+
+    def lose_gyro(self) -> None:
+        """Take the turns from the wheels, also those of the time in which the gyro failed."""
+        self.zeroed()
+        self.step = None
+        x, y, correction = self.x, self.y, 0.0
+        if self._moments:
+            x, y = self._moments[0].x, self._moments[0].y
+            correction = self._slipped(self._moments[0])
+        half = 0.5 * correction  # the wrong turn grew from zero on the way from there
+        ahead, aside = self.x - x, self.y - y
+        self.x = x + ahead * cos(half) - aside * sin(half)
+        self.y = y + ahead * sin(half) + aside * cos(half)
+        self.heading += correction
+        sd = max(FAILURE_HEADING_SD, abs(half))
+        self._turn_about((x, y), sd * sd)
+        self._moments.clear()
+        self.start()
+
+    def remember(self, time: int) -> None:
+        """Note the pose at `time` (ns) for a failure that is noticed later."""
+        self._moments.append(_Moment(time, self.x, self.y, self._by_wheels, self._by_gyro))
+        while time - self._moments[0].time > UNNOTICED_NS:
+            self._moments.popleft()
+
+    def slipped_turn(self, left: WheelTravel, right: WheelTravel) -> float:
+        """Turn (rad) by which the wheels exceed the gyro lately, if that proves slip; else 0."""
+        if self.step is None or not self._moments:
+            return 0.0
+        before = self._moments[0]
+        slipped = self._slipped(before)
+        sd = sqrt(left.variance + right.variance) / self.track
+        share = SLIP_SHARE * abs(self._by_wheels - before.by_wheels)
+        return slipped if abs(slipped) > SLIP_MIN + SLIP_SDS * sd + share else 0.0
+
+    def _slipped(self, before: _Moment) -> float:
+        return (self._by_wheels - before.by_wheels) - (self._by_gyro - before.by_gyro)
+
+    def message(
+        self, time: int, left: WheelTravel, right: WheelTravel, warning: str = ""
+    ) -> Odometry:
+        """As PoseFilter, with the errors of the gyro."""
+        message = super().message(time, left, right, warning)
+        covariance = message.covariance
+        for deviation, sd in ((self._of_scale, self.scale_sd), (self._of_bias, self.bias_sd)):
+            added = _products(deviation, sd)
+            covariance = tuple(a + b for a, b in zip(covariance, added, strict=True))  # type: ignore[assignment]
+        return message._replace(covariance=covariance)
+
+    def _heading_variance(self, variance: float) -> float:
+        return super()._heading_variance(variance) if self.step is None else 0.0
+
+    def _correct(self, origin: tuple[float, float, float], left: float, right: float) -> None:
+        if self.step is None:
+            super()._correct(origin, left, right)
+            return
+        ahead = 0.5 * (left + right)
+        self.x += ahead * cos(origin[2])
+        self.y += ahead * sin(origin[2])
+
+    def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
+        step, track = self.step, self.track
+        if step is None:
+            super()._roll(left, right, left_variance, right_variance)
+            return
+        self._by_wheels += (right - left) / track
+        self._by_gyro += step.angle
+        middle = self.heading + 0.5 * step.angle
+        direction, ahead = (cos(middle), sin(middle)), 0.5 * (left + right)
+        along = 0.25 * (left_variance + right_variance)
+        self._propagate(ahead, along, step.variance, direction)
+        of_track, of_left, of_right = self.unit_effects
+        self.unit_effects = (
+            of_track.advanced(0.0, 0.0, left, right, track, direction),
+            of_left.advanced(0.0, left, left, right, track, direction),
+            of_right.advanced(0.0, right, left, right, track, direction),
+        )
+        turned, waited = step.angle * track, step.seconds * track
+        self._of_scale = self._of_scale.advanced(turned, 0.0, left, right, track, direction)
+        self._of_bias = self._of_bias.advanced(waited, 0.0, left, right, track, direction)
+        half = 0.5 * step.angle * track
+        self.x, self.y, self.heading = arc(
+            self.x, self.y, self.heading, ahead - half, ahead + half, track
+        )
+
+    def _add_deviation(self, deviation: PoseDeviation, sd: float) -> None:
+        xx, xy, xh, yy, yh, hh = _products(deviation, sd)
+        self._add(xx, xy, xh, yy, yh, hh)
+
+    def _turn_about(self, origin: tuple[float, float], variance: float) -> None:
+        """Add an error of the heading (variance, rad2) since the robot was at `origin` (m)."""
+        lever = PoseDeviation(origin[1] - self.y, self.x - origin[0], 1.0)
+        self._add_deviation(lever, sqrt(variance))
+
+    def _add(self, *added: float) -> None:
+        xx, xy, xh, yy, yh, hh = (a + b for a, b in zip(self.slip_covariance, added, strict=True))
+        self.slip_covariance = (xx, xy, xh, yy, yh, hh)
+
+
+def _products(
+    deviation: PoseDeviation, sd: float
+) -> tuple[float, float, float, float, float, float]:
+    """Covariance by an error with this `sd`; `deviation`: of the pose, for an error of 1."""
+    x, y, heading = sd * deviation.x, sd * deviation.y, sd * deviation.heading
+    return (x * x, x * y, x * heading, y * y, y * heading, heading * heading)
