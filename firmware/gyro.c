@@ -17,10 +17,11 @@ enum { CHECK = 3, READ, DONE };
 #define PERIOD_MS 10
 #define TURN_SHIFT 8
 /* Readings: lost ones after which the gyro is silent; equal ones of a sensor that is stuck, since the
-   noise of one that works changes its last bits; those without a fault after which it is trusted. */
+   noise of one that works changes its last bits; those without a fault after which it is trusted, more
+   than the equal ones, so that a sensor that was always stuck is never trusted. */
 #define LOST_MOST 10
 #define EQUAL_MOST 25
-#define GOOD_LEAST 20
+#define GOOD_LEAST 30
 
 static uint8_t address, axis; /* address 0: no gyro */
 static uint8_t elapsed_ms, step;

@@ -35,6 +35,8 @@ MEANINGS = {
 }
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
+IMU = "IMU"
+SECOND_ADDRESS = 105  # of an MPU6050 whose pin AD0 is high
 TAP = "battery tap"  # the battery's plus pole again, where the voltage divider begins
 PIN_MAX_V, SUPPLY_FULL_V = 5.0, 12.6  # of an analog pin; of three lithium cells
 USUAL_CURRENT = 0.5  # A; a small gear motor under load
@@ -127,6 +129,7 @@ def harness(robot: Robot) -> Harness:
         *_encoder("left", robot.drive.left, board),
         *_encoder("right", robot.drive.right, board),
         *_sensors(robot, board),
+        *_imu(robot, board),
         *_battery_voltage(robot, board),
         *_button(robot, board),
     ]
@@ -244,6 +247,17 @@ def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
         yield _wire(key, "Vo", BOARD, pin, SENSOR, f"{key}: 0 to 3.1 V")
 
 
+def _imu(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
+    if robot.imu.type is None:
+        return
+    data, clock = board.i2c
+    yield from _supplied(IMU, "VCC", "GND", IMU)
+    yield _wire(IMU, "SDA", BOARD, data, SENSOR, "IMU: data of the I2C bus")
+    yield _wire(BOARD, clock, IMU, "SCL", FROM_BOARD, "IMU: clock of the I2C bus")
+    if robot.imu.address == SECOND_ADDRESS:
+        yield _wire(BOARD, "3.3V", IMU, "AD0", SENSOR, "IMU: address 105")
+
+
 def _battery_voltage(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.battery.pin is not None:
         pin = board.named(str(robot.battery.pin))
@@ -284,7 +298,7 @@ def _button(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
 def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str, HarnessPart]:
     facts = driver_facts(robot.drive.left.motor.driver)
     titles = {CELLS: "battery", DRIVER: facts.title, BOARD: board.title, RADIO: "HC-05"}
-    titles |= {STOP: "stop button", TAP: "battery +"} | {
+    titles |= {STOP: "stop button", TAP: "battery +", IMU: f"{robot.imu.type}".upper()} | {
         f"{name} sensor": f"{name}: {'HC-SR04' if sensor.type in ECHOES else 'Sharp'}"
         for name, sensor in robot.sensors.items()
     }
@@ -342,6 +356,13 @@ def notes(robot: Robot) -> Iterator[str]:
             "The echo of an HC-SR04 is a 5 V signal: right for this board, too much for one of "
             "3.3 V. Mount it at least 10 cm above the floor, or tilted up: it hears 15 degrees "
             "around its axis."
+        )
+    if robot.imu.type is not None:
+        yield (
+            f"Take the {robot.imu.type.upper()} on a module with a regulator and pull-ups to its "
+            "3.3 V (GY-521, GY-9250): the bare chip takes 3.3 V. Screw it down flat, with the axis "
+            f"{robot.imu.axes.removeprefix('-')} printed on it "
+            f"{'down' if robot.imu.axes.startswith('-') else 'up'}, and keep its wires short."
         )
     if robot.battery.pin is not None:
         divider = battery_divider(robot, str(robot.battery.pin))

@@ -76,13 +76,14 @@ class GyroTurn:
 
     def _stands(self, time: int, turn: float, rate: float) -> bool:
         """Measure the bias; False when the robot is turned although its wheels stand."""
+        is_turned = self.is_zeroed and abs(rate - self.bias) > STEADY_RATE
         rest = self._rest
         span = 0.0 if rest is None else (time - rest.time) * 1e-9
         if rest is None or span > WINDOW_MAX_S:
             self._rest = _Rest(time, turn, self.bias, self.variance + BIAS_WALK * span)
-            return True
+            return not is_turned
         if span < WINDOW_MIN_S:
-            return True
+            return not is_turned
         mean = (turn - rest.turn) / span
         if abs(rate - mean) > STEADY_RATE:
             self._rest = None

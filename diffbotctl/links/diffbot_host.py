@@ -34,7 +34,7 @@ SETTINGS_PERIOD = 600 * MILLISECOND  # 40 bytes, and their answer, take 60 ms at
 STALE_TIMEOUT = 250 * MILLISECOND
 LOST_TIMEOUT = SECOND
 SETTINGS_SILENCE_TIMEOUT = 2 * SECOND  # a board silent over its settings is searched for again
-GYRO_START_TIMEOUT = 1_500 * MILLISECOND  # it is trusted 0.3 s after its settings
+GYRO_START_TIMEOUT = 1_500 * MILLISECOND  # it is trusted 0.4 s after its settings
 SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # Opening a USB port resets the board, and each byte that arrives too early keeps it in its
 # bootloader. The firmware sends a hello when it starts.
@@ -351,6 +351,7 @@ class DiffbotHost:
         elif self._awaits_gyro:
             if now >= self._gyro_due:
                 self.refusal = Refusal("E-IMU", fault, GYRO_FIX)
+                self._gyro_due = NEVER
             return encoders._replace(turn=None)
         turn = -encoders.turn if gyro.is_reversed else encoders.turn
         return encoders._replace(turn=turn, turn_fault=fault)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import degrees, floor, radians
 
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.links.diffbot_frames import GYRO_MAXIMUM
@@ -21,12 +21,12 @@ def check_imu(context: CheckContext) -> None:
     if protocol != "diffbot":
         cause = f"the book's firmware does not read an {kind}"
         fix = "install ours, `diffbotctl flash firmware`, and set protocol: diffbot; or remove imu"
-        context.error("E-IMU-FIRMWARE", context.robot_place("imu", "type"), cause, fix)
+        context.error("E-IMU-USE", context.robot_place("imu", "type"), cause, fix)
     if turn_rate > TURN_RATE_MAX:
         cause = (
             f"the robot may turn at {degrees(turn_rate):.0f} deg/s, and the gyro measures up to "
             f"{GYRO_MAXIMUM} deg/s"
         )
-        fix = f"set turn_rate to at most {TURN_RATE_MAX:.1f} rad/s"
+        fix = f"set turn_rate to at most {floor(10.0 * TURN_RATE_MAX) / 10.0:.1f} rad/s"
         place = context.error_place("limits.turn_rate", "imu.type")
-        context.error("E-IMU-RANGE", place, cause, fix)
+        context.error("E-IMU-USE", place, cause, fix)

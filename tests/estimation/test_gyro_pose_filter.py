@@ -1,0 +1,109 @@
+"""Dead reckoning with a gyro: where the turns come from, and how well the pose is known."""
+
+from dataclasses import dataclass
+from math import hypot, pi, radians, sqrt
+
+import pytest
+
+from diffbotctl.estimation.gyro_pose_filter import FAILURE_HEADING_SD, GyroPoseFilter
+from diffbotctl.estimation.gyro_turn import TurnStep
+from diffbotctl.estimation.pose_filter import PoseFilter
+from diffbotctl.time import MILLISECOND
+
+TRACK, SLIP = 0.125, 0.0007
+FRAME = 25 * MILLISECOND
+
+
+@dataclass
+class Wheel:
+    """A wheel that has travelled 10 mm since the last frame."""
+
+    travel: float = 0.01
+    variance: float = 9e-6
+    added_variance: float = 0.0
+    start_correction: float = 0.0
+    late_correction: float = 0.0
+    end_variance: float = 0.0
+    disagreement: float = 0.0
+    fault_share: float = 0.0
+    speed: float = 0.4
+
+
+def drive(pose, steps, left=0.01, right=0.01, angle=0.0, start=0):
+    wheels = Wheel(left), Wheel(right)
+    for number in range(steps):
+        pose.step = TurnStep(angle, 1e-10, 0.025)
+        pose.move(*wheels)
+        pose.remember((start + number) * FRAME)
+    return wheels
+
+
+def sd(message, index):
+    return sqrt(message.covariance[index])
+
+
+def test_without_a_step_it_is_the_filter_of_the_wheels():
+    one, two = PoseFilter(TRACK, SLIP), GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011, late_correction=-0.002)
+    for _ in range(50):
+        one.move(*wheels)
+        two.move(*wheels)
+    assert one.message(0, *wheels) == two.message(0, *wheels)
+
+
+def test_the_turn_is_the_gyro_s_and_the_way_the_wheels():
+    """The wheels would turn the robot by 4.6 deg in each of the frames."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    drive(pose, 100, 0.005, 0.015, angle=0.0)
+    assert (pose.x, pose.y, pose.heading) == pytest.approx((1.0, 0.0, 0.0))
+    drive(pose, 100, -0.01, 0.01, angle=radians(0.9), start=100)
+    assert pose.heading == pytest.approx(pi / 2)
+
+
+def test_what_is_known_of_the_heading():
+    """Hand-worked: 0.3 % of 90 deg, and 0.02 deg/s for 2.5 s; not the wheels' own 2 deg."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    pose.bias_sd = radians(0.02)
+    wheels = drive(pose, 100, -0.01, 0.01, angle=radians(0.9))
+    expected = hypot(radians(0.27), radians(0.05), sqrt(100 * 1e-10))
+    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_error_of_the_bias_before_a_rest_is_independent_of_that_after_it():
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.0)
+    pose.bias_sd = radians(0.1)
+    wheels = drive(pose, 40)
+    pose.zeroed()
+    drive(pose, 40)
+    expected = sqrt(2.0) * radians(0.1)  # a second each
+    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_failure_widens_the_covariance_at_once():
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    wheels = drive(pose, 100)
+    before = pose.message(0, *wheels)
+    pose.lose_gyro()
+    after = pose.message(0, *wheels)
+    assert sd(before, 5) < 0.001
+    assert sd(after, 5) >= FAILURE_HEADING_SD
+    # 0.2 m since half a second ago, at which the heading was still right.
+    assert sd(after, 3) >= 0.2 * FAILURE_HEADING_SD
+
+
+def test_a_failure_takes_back_the_turns_of_the_last_half_second():
+    """The gyro is stuck at zero while the robot turns."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    drive(pose, 100)
+    drive(pose, 12, -0.005, 0.005, angle=0.0, start=100)
+    assert pose.heading == pytest.approx(0.0)
+    pose.lose_gyro()
+    assert pose.heading == pytest.approx(12 * 0.01 / TRACK)
+
+
+def test_wheels_that_slip_are_noticed_and_others_not():
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    wheels = drive(pose, 40, -0.01, 0.01, angle=0.02 / TRACK * 0.97)
+    assert pose.slipped_turn(*wheels) == 0.0
+    wheels = drive(pose, 40, -0.01, 0.01, angle=0.0, start=40)
+    assert pose.slipped_turn(*wheels) == pytest.approx(20 * 0.02 / TRACK, rel=0.1)

@@ -1,0 +1,116 @@
+"""A robot with an IMU, simulated and emulated: its heading, and goals with a gyro that fails."""
+
+from math import degrees, hypot, sqrt
+
+import pytest
+
+from diffbotctl.config.load import check, load
+from diffbotctl.messages import Goal
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+from diffbotctl.time import SECOND
+
+ROBOT = """\
+format: 1
+kind: robot
+include: {include}
+board: {{telemetry: 30 Hz}}
+imu: {{type: mpu6050, axes: {axes}}}
+drive: {{polarity: checked_by_hand}}
+simulation: {{gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s}}}}
+calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
+"""
+UNO = "diffbotctl/testing/uno.yaml"
+GOAL = Goal(0, 1, 0.6, 0.3, 1.0)
+FAULTS = ("silent", "bus_held", "stuck")
+
+
+class RunWithPoses(Run):
+    """A run that keeps the poses of its odometry."""
+
+    def _sinks(self):
+        self.poses = []
+        sinks = super()._sinks()
+        sinks["odometry.odometry"].append(lambda now, pose: self.poses.append(pose))
+        return sinks
+
+
+@pytest.fixture
+def drive(tmp_path, request):
+    def go(port, *, fault="plain", start=0.0, include="book_2wd", axes="z", seed=1):
+        file = tmp_path / "robot.yaml"
+        if include == UNO:
+            include = str(request.config.rootpath / UNO)
+        file.write_text(ROBOT.format(include=include, axes=axes, fault=fault, start=start))
+        options = RunOptions(port=port, goals=(GOAL,), seed=seed, fast=True, duration=60 * SECOND)
+        run = RunWithPoses(load("goal", str(file)), options, tell=lambda _: None)
+        return run, run.go()
+
+    return go
+
+
+@pytest.mark.parametrize(
+    ("port", "include", "axes"),
+    [
+        ("sim", "book_2wd", "z"),
+        ("emulated", "book_2wd", "z"),
+        ("emulated", "book_2wd", "-x"),
+        ("emulated", UNO, "z"),
+    ],
+)
+def test_the_heading_is_the_gyro_s(drive, port, include, axes):
+    """Known, and true, to a fifth of what 20 slots give: their sd is 3 deg."""
+    run, result = drive(port, include=include, axes=axes)
+    assert result.ending.code == 0, result.ending.cause
+    pose, true = run.poses[-1], result.truth.pose
+    assert sqrt(pose.covariance[5]) < 0.012
+    assert abs(degrees(pose.heading - true.heading)) < 0.6
+    assert hypot(pose.x - true.x, pose.y - true.y) < 0.02
+
+
+def test_nothing_moves_before_the_bias_was_measured(drive):
+    run, _ = drive("sim")
+    assert run.poses[0].time > SECOND
+    assert run.poses[0][1:4] == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("port", ["sim", "emulated"])
+def test_a_gyro_that_is_dead_at_the_start_is_refused_before_any_motion(drive, port, fault):
+    _, result = drive(port, fault=fault)
+    assert result.ending.code == 1
+    assert result.failure is not None and result.failure.problems[0].code == "E-IMU"
+    assert result.truth.travel == 0.0
+    assert result.ending.stopped
+
+
+@pytest.mark.parametrize(
+    ("port", "include", "fault"),
+    [
+        *(("sim", "book_2wd", fault) for fault in FAULTS),
+        *(("emulated", "book_2wd", fault) for fault in FAULTS),
+        ("emulated", UNO, "silent"),
+    ],
+)
+def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, fault):
+    """The covariance widens within half a second of the failure, and the goal is unsure."""
+    run, result = drive(port, include=include, fault=fault, start=3.0)
+    assert result.ending.code == 3, result.ending.cause
+    assert "IMU" in result.ending.cause
+    widened = next(pose.time for pose in run.poses if pose.warning)
+    assert widened - 3 * SECOND <= SECOND // 2
+    at_once = next(pose for pose in run.poses if pose.time == widened)
+    assert sqrt(at_once.covariance[5]) >= 0.05
+    assert result.ending.stopped
+
+
+def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
+    """The check computes what fits, and 30 Hz do."""
+    file = tmp_path / "robot.yaml"
+    sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
+    text = ROBOT.format(include="book_2wd", axes="z", fault="plain", start=0) + sensors
+    file.write_text(text)
+    assert not [problem for problem in check(str(file)) if "LINK" in problem.code]
+    file.write_text(text.replace("30 Hz", "40 Hz"))
+    (problem,) = (problem for problem in check(str(file)) if "LINK" in problem.code)
+    assert "set telemetry to at most 30 Hz" in problem.fix
