@@ -87,7 +87,7 @@ class SimulatedRobotDriver:
             return
         self._awaits_gyro = False
         if encoders.turn_fault:
-            raise RunError(Problem("E-IMU", "simulated robot", encoders.turn_fault, GYRO_FIX))
+            raise RunError(Problem("E-IMU-FAULT", "simulated robot", encoders.turn_fault, GYRO_FIX))
 
     def _count_low(self, battery: Battery) -> None:
         """As the firmware counts: a moment of full load is not a low battery."""

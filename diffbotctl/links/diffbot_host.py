@@ -350,7 +350,7 @@ class DiffbotHost:
             self._awaits_gyro = False
         elif self._awaits_gyro:
             if now >= self._gyro_due:
-                self.refusal = Refusal("E-IMU", fault, GYRO_FIX)
+                self.refusal = Refusal("E-IMU-FAULT", fault, GYRO_FIX)
                 self._gyro_due = NEVER
             return encoders._replace(turn=None)
         turn = -encoders.turn if gyro.is_reversed else encoders.turn

@@ -33,7 +33,7 @@ NOT_FROM_FILES = {
     "E-FOXGLOVE-LIBRARY",
     "E-FOXGLOVE-LISTEN",
     "E-HELD",
-    "E-IMU",  # found as a run starts
+    "E-IMU-FAULT",  # found as a run starts
     "E-KIT",
     "E-LATE",
     "E-LOG",

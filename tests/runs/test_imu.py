@@ -79,7 +79,7 @@ def test_nothing_moves_before_the_bias_was_measured(drive):
 def test_a_gyro_that_is_dead_at_the_start_is_refused_before_any_motion(drive, port, fault):
     _, result = drive(port, fault=fault)
     assert result.ending.code == 1
-    assert result.failure is not None and result.failure.problems[0].code == "E-IMU"
+    assert result.failure is not None and result.failure.problems[0].code == "E-IMU-FAULT"
     assert result.truth.travel == 0.0
     assert result.ending.stopped
 
