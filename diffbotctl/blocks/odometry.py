@@ -74,8 +74,9 @@ class OdometryBlock(Block):
         if self.imu is not None:
             entry = self.calibration.get("imu.scale")
             scale_sd = SCALE_SD if entry is None or entry.sd is None else float(entry.sd)
+            is_fine = self.left_side.encoder.slots > LEARNABLE_SLOTS_MAX
             pose = GyroPoseFilter(self.track, self.slip, geometry, scale_sd)
-            self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale)
+            self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale, is_fine)
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
 

@@ -35,8 +35,16 @@ class Operator:
     """
 
     def __init__(
-        self, goals: Sequence[Goal], end: Callable[[int, str], None], stay: bool = False
+        self,
+        goals: Sequence[Goal],
+        end: Callable[[int, str], None],
+        stay: bool = False,
+        rest: int = 0,
     ) -> None:
+        """`rest`: ns between a goal and the next one, in which a gyro is zeroed."""
+        self.rest = rest
+        self._next_goal: Goal | None = None  # which is sent after the rest
+        self._next_goal_due = 0
         self.end = end
         self.stay = stay
         self.waiting = list(goals)
@@ -55,8 +63,9 @@ class Operator:
         self._send_next(0)
 
     def due(self) -> int:
-        """At once when something waits to be delivered."""
-        return self.outbox_due if self.outbox else NEVER
+        """At once when something waits to be delivered, or when the robot has rested."""
+        rested = self._next_goal_due if self._next_goal is not None else NEVER
+        return min(self.outbox_due, rested) if self.outbox else rested
 
     def files(self) -> list[int]:
         """None: everything comes through method calls."""
@@ -64,6 +73,9 @@ class Operator:
 
     def deliver(self, now: int) -> list[Delivery]:
         """The messages that wait, stamped with `now`."""
+        if self._next_goal is not None and now >= self._next_goal_due:
+            self.outbox.append(Delivery("operator.goal", self._next_goal))
+            self._next_goal = None
         messages = [Delivery(wire, message._replace(time=now)) for wire, message in self.outbox]
         self.outbox = []
         return messages
@@ -82,11 +94,11 @@ class Operator:
         if state.state == "reached":
             self.reached += 1
             self.last_reached = self.active
-            self._send_next(now)
+            self._send_next(now, self.rest)
         elif state.state == "reached_unsure":
             self.reached_unsure += 1
             self.unsure = self.unsure or f"goal {state.number} reached, but {state.cause}"
-            self._send_next(now)
+            self._send_next(now, self.rest)
         elif state.state in GOAL_EXIT_CODES:
             self.active = None
             if not self.stay:
@@ -126,6 +138,7 @@ class Operator:
     def pause(self, now: int) -> None:
         """Withdraw the active goal until `resume`, for manual driving."""
         if self.active is not None:
+            self._next_goal = None
             self.paused, self.active = self.active, None
             self._send(now, "goal", Goal(now, 0))
 
@@ -148,11 +161,15 @@ class Operator:
         """Set the lowest level that is logged from `source`."""
         self._send(now, "setting", Setting(now, source, LEVEL, None, level))
 
-    def _send_next(self, now: int) -> None:
+    def _send_next(self, now: int, rest: int = 0) -> None:
+        self._next_goal = None
         if self.waiting:
             self.number += 1
             self.active = self.waiting.pop(0)._replace(number=self.number)
-            self._send(now, "goal", self.active)
+            if rest:
+                self._next_goal, self._next_goal_due = self.active, now + rest
+            else:
+                self._send(now, "goal", self.active)
             return
         if self.active is not None and not self.stay:
             self.end(REACHED_UNSURE if self.unsure else 0, self.unsure or "all goals reached")

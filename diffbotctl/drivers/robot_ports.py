@@ -10,12 +10,18 @@ from diffbotctl.control.speed_loop import limit_duty, speed_gains
 from diffbotctl.messages import Duty, Wheels
 
 # Ports without a real robot, each with how screens mark it
+GYRO_REST = 700_000_000  # ns; wheels with few slots coast unseen in the first half of it
 VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 
 
 def is_duty_board(robot: Robot) -> bool:
     """True for a board that takes a duty: it has no wheel-speed loop, or no encoders for it."""
     return robot.link.protocol == "rosserial" or not has_encoders(robot)
+
+
+def goal_rest(robot: Robot | None) -> int:
+    """Time (ns) between one goal and the next, in which a gyro is zeroed."""
+    return 0 if robot is None or robot.imu.type is None else GYRO_REST
 
 
 def has_encoders(robot: Robot) -> bool:

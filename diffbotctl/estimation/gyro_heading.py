@@ -9,7 +9,9 @@ from diffbotctl.estimation.gyro_turn import GyroTurn
 from diffbotctl.estimation.pose_filter import WheelTravel
 from diffbotctl.messages import Encoders
 
-SETTLED_NS = 300_000_000  # without edges and commands: the wheels stand
+# Time without edges and commands after which the wheels stand. With few slots they creep on unseen,
+# for about four lags of their motors.
+SETTLED_NS, SETTLED_COARSE_NS = 60_000_000, 350_000_000
 SCALE_SD = 0.03  # relative, of a gyro that was not calibrated (data sheet)
 
 
@@ -19,8 +21,9 @@ class GyroHeading:
     `news` are the events since they were taken, for the log.
     """
 
-    def __init__(self, pose: GyroPoseFilter, scale: float) -> None:
+    def __init__(self, pose: GyroPoseFilter, scale: float, has_fine_encoders: bool) -> None:
         """`scale`: true turn divided by measured turn."""
+        self._settled = SETTLED_NS if has_fine_encoders else SETTLED_COARSE_NS
         self.gyro = GyroTurn(scale)
         self.fault = ""
         self.news: list[str] = []
@@ -28,6 +31,8 @@ class GyroHeading:
         self._is_used = self._was_at_rest = self._slips = self._has_moved = False
         self._counts: tuple[int, int] | None = None
         self._still_since = 0
+        # Variances of the bias: as the robot left its last rest, and added until the next one.
+        self._zeroed_variance, self._walk = self.gyro.variance, 0.0
 
     @property
     def awaits_rest(self) -> bool:
@@ -47,18 +52,29 @@ class GyroHeading:
         if encoders.turn is None or encoders.turn_fault:
             return
         self.fault = ""
-        step, pose = self.gyro.update(encoders.time, encoders.turn, is_at_rest), self._pose
+        before, pose = self.gyro.bias, self._pose
         if is_at_rest and not self._was_at_rest:
-            pose.zeroed()
-        if self._was_at_rest and not is_at_rest and self._is_used:
-            self.news.append(f"IMU zeroed: {self.bias_text()}")
+            self._walk = max(self.gyro.variance - self._zeroed_variance, 0.0)
+        step = self.gyro.update(encoders.time, encoders.turn, is_at_rest)
+        if is_at_rest:
+            share = 1.0 - 0.5 * self._walk / (self._zeroed_variance + self._walk)
+            pose.correct_bias(share * (self.gyro.bias - before))
+        elif self._was_at_rest:
+            self._leave_rest()
         self._was_at_rest = is_at_rest
         if not self._is_used and self.gyro.is_zeroed and is_at_rest and step is not None:
             pose.use_gyro(*wheels)
             self._is_used = True
             self.news.append(f"the heading comes from the IMU: {self.bias_text()}")
         pose.step = step if self._is_used else None
-        pose.bias_sd = sqrt(self.gyro.variance)
+        # What a walk of the bias leaves of itself when both its ends are known: a twelfth.
+        pose.bias_sd = sqrt(self.gyro.variance + (self._walk / 12.0 if is_at_rest else 0.0))
+
+    def _leave_rest(self) -> None:
+        self._pose.zeroed()
+        self._zeroed_variance = self.gyro.variance
+        if self._is_used:
+            self.news.append(f"IMU zeroed: {self.bias_text()}")
 
     def moved(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
         """The pose filter has moved; tell when the wheels slip."""
@@ -89,4 +105,4 @@ class GyroHeading:
         if counts != self._counts or is_driven:
             self._has_moved = self._has_moved or self._counts is not None
             self._counts, self._still_since = counts, encoders.time
-        return encoders.time - self._still_since >= SETTLED_NS
+        return encoders.time - self._still_since >= self._settled

@@ -58,8 +58,15 @@ class GyroPoseFilter(PoseFilter):
         self._of_scale = self._of_bias = PoseDeviation()
         self._moments.clear()
 
+    def correct_bias(self, error: float) -> None:
+        """The bias (rad/s) was larger by `error` since it was measured last."""
+        of_bias = self._of_bias
+        self.x -= error * of_bias.x
+        self.y -= error * of_bias.y
+        self.heading -= error * of_bias.heading
+
     def zeroed(self) -> None:
-        """The bias is measured again: its error until now stays in the pose."""
+        """The robot moves with a bias that was measured anew: the error of the last one stays."""
         self._add_deviation(self._of_bias, self.bias_sd)
         self._of_bias = PoseDeviation()
 

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 # Angle random walk, rad/sqrt(s): data sheets state 0.005 deg/s/sqrt(Hz), and up to twice that.
 NOISE = radians(0.007)
-RESOLUTION_SD = radians(0.0391) / sqrt(12.0)  # of the sum in a frame
+RESOLUTION_SD = radians(0.0098) / sqrt(12.0)  # of the sum in a frame
 BIAS_MAX = radians(20.0)  # rad/s, zero-rate output of an MPU6050
-# Variance of the bias in (rad/s)2 per s: a gyro that warms up drifts by 0.2 deg/s in a minute.
-BIAS_WALK = radians(0.05) ** 2 / 30.0
-BIAS_SD_MAX = radians(0.02)  # rad/s; a worse one gives no better heading than wheels
-WINDOW_MIN_S, WINDOW_MAX_S = 0.2, 2.0  # of the rate at rest
-# Rates that differ by more from their mean are those of a robot that is moved by hand; a bias that
-# jumps by more is believed only when it lasts.
-STEADY_RATE, JUMP_RATE = radians(3.0), radians(1.0)
-JUMP_SDS = 5.0
+# Variance of the bias, (rad/s)2 per s: as it warms up it drifts by 0.2 deg/s in one or two minutes.
+BIAS_WALK = radians(0.1) ** 2 / 60.0
+BIAS_SD_MAX = radians(0.01)  # rad/s; a worse one gives no better heading than wheels
+WINDOW_MIN_S, WINDOW_MAX_S = 0.08, 2.0  # of the rate at rest
+# Rates that differ by more from their mean are those of a robot that is moved by hand. A bias that
+# differs by more from the expected one is that of wheels that creep on, unless it lasts.
+STEADY_RATE = radians(3.0)
+JUMP_SDS = 4.0
 
 
 class TurnStep(NamedTuple):
@@ -90,7 +90,7 @@ class GyroTurn:
             return False
         error = 2.0 * RESOLUTION_SD * RESOLUTION_SD / (span * span) + NOISE * NOISE / span
         prior, innovation = rest.variance, mean - rest.bias
-        if abs(innovation) > max(JUMP_SDS * sqrt(prior + error), JUMP_RATE):
+        if abs(innovation) > JUMP_SDS * sqrt(prior + error):
             if span < 0.9 * WINDOW_MAX_S:
                 return False
             prior = BIAS_MAX * BIAS_MAX

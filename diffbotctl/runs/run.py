@@ -12,7 +12,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.device_sources import open_sources
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
-from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_duty_board
+from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, goal_rest, is_duty_board
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.instant_monitor import InstantLimits, instant_limits
@@ -106,7 +106,8 @@ class Run:
         self.goals = list(options.goals) or [
             Goal(0, 0, goal.x, goal.y, goal.heading) for goal in configuration.goals
         ]
-        self.operator = Operator(self.goals, self._end, stay=options.stay)
+        rest = goal_rest(configuration.robot)
+        self.operator = Operator(self.goals, self._end, stay=options.stay, rest=rest)
         for source, level in options.levels:
             self.operator.set_level(0, source, level)
         _check_programs(configuration, options)

@@ -1,0 +1,144 @@
+"""Heading and end of long drives with a calibrated gyro, beside the same robots without it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from math import cos, degrees, hypot, pi, radians, sin, sqrt
+from pathlib import Path
+from random import Random
+from statistics import fmean, median
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from diffbotctl.config.load import load, load_robot
+from diffbotctl.messages import Goal
+from diffbotctl.plant.simulated_robot import draw_robot
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.time import SECOND
+from prove.motion import OPEN_FLOOR
+
+SCALE_SD = 0.003  # what a calibration leaves of the gyro's scale
+# Floor noise of 0.5 deg per root metre, and turns that slip by up to 1 %.
+FLOOR = "slip: 0.8 mm, geometry: {track_spread: 0.01}"
+ENCODERS = {
+    "20 slots": "drive: {polarity: checked_by_hand}",
+    "1320 counts": "drive: {polarity: checked_by_hand, encoder: {channels: 2, slots: 1320}, "
+    "left: {encoder: {pin_b: 22}}, right: {encoder: {pin_b: 23}}}",
+}
+LONGEST = 300 * SECOND
+LEG, ZIGZAG_TURN = 1.0, radians(60.0)
+
+
+class DriveEnd(NamedTuple):
+    """Error of the estimated heading (deg), and the true distance from the goal (m)."""
+
+    heading: float
+    far: float
+    ended: bool
+
+
+def straight() -> list[Goal]:
+    """One metre."""
+    return [Goal(0, 1, 1.0, 0.0, 0.0)]
+
+
+def square() -> list[Goal]:
+    """Four sides of 2.5 m."""
+    corners = [(2.5, 0.0), (2.5, 2.5), (0.0, 2.5), (0.0, 0.0)]
+    return [
+        Goal(0, number, *corner, number * pi / 2 % (2 * pi))
+        for number, corner in enumerate(corners, 1)
+    ]
+
+
+def zigzag() -> list[Goal]:
+    """Ten legs of a metre, each at 60 deg to the last one."""
+    goals, x, y = [], 0.0, 0.0
+    for number in range(1, 11):
+        heading = 0.5 * ZIGZAG_TURN * (1 if number % 2 else -1)
+        x, y = x + LEG * cos(heading), y + LEG * sin(heading)
+        goals.append(Goal(0, number, x, y, None))
+    return goals
+
+
+def robot_file(folder: Path, encoders: str, seed: int, has_gyro: bool) -> Path:
+    """A robot with these encoders, whose gyro has been calibrated as well as SCALE_SD says."""
+    file = folder / f"{seed}_{has_gyro}.yaml"
+    text = (
+        f"format: 1\nkind: robot\ninclude: book_2wd\nboard: {{telemetry: 35 Hz}}\n"
+        f"{ENCODERS[encoders]}\nsimulation: {{{FLOOR}}}\n"
+    )
+    if has_gyro:
+        text += "imu: {type: mpu6050}\n"
+        file.write_text(text)
+        nominal = load_robot(str(file)).nominal
+        gyro = draw_robot(nominal, nominal, seed).gyro
+        assert gyro is not None
+        scale = (1.0 + Random(seed).gauss(0.0, SCALE_SD)) / gyro.scale
+        text += f"calibration: {{imu.scale: {{value: {scale:.5f}, sd: {SCALE_SD}}}}}\n"
+    file.write_text(text)
+    return file
+
+
+def drive(goals: list[Goal], encoders: str, seed: int, has_gyro: bool) -> DriveEnd:
+    """The end of one drive along all goals."""
+    with TemporaryDirectory() as folder:
+        file = robot_file(Path(folder), encoders, seed, has_gyro)
+        options = RunOptions(port="sim", goals=tuple(goals), seed=seed, fast=True, duration=LONGEST)
+        result = Run(load("goal", str(file), OPEN_FLOOR), options, tell=lambda _: None).go()
+    assert result.truth is not None and result.odometry is not None
+    pose, goal = result.truth.pose, goals[-1]
+    error = degrees(result.odometry.heading - pose.heading)
+    ended = result.ending is not None and result.ending.code in (0, 3)
+    return DriveEnd(error, hypot(pose.x - goal.x, pose.y - goal.y), ended)
+
+
+def heading_sd(ends: list[DriveEnd]) -> float:
+    """Standard deviation about zero, in deg."""
+    return sqrt(fmean(end.heading * end.heading for end in ends))
+
+
+def rows(seed: int, count: int) -> Iterator[Row]:
+    """Rows 8 and 9 of the issue on kits; `count` robots a row."""
+    courses = (("1 m", straight, 0.1), ("10 m square", square, 1.5), ("10 m zigzag", zigzag, 0.6))
+    for name, course, target in courses:
+        both = [
+            [drive(course(), "20 slots", seed * 1000 + number, gyro) for number in range(count)]
+            for gyro in (True, False)
+        ]
+        with_gyro, without = map(heading_sd, both)
+        figure = f"{with_gyro:.2f} deg (encoders alone: {without:.1f})"
+        ended = all(end.ended for end in both[0])
+        yield Row(
+            f"heading sd with a gyro, {name}",
+            figure,
+            f"<= {target} deg",
+            ended and with_gyro <= target,
+        )
+    for encoders, share in (("20 slots", 0.25), ("1320 counts", 0.5)):
+        medians = [
+            median(
+                drive(square(), encoders, seed * 2000 + number, gyro).far for number in range(count)
+            )
+            for gyro in (True, False)
+        ]
+        ratio = medians[0] / medians[1]
+        figure = f"{ratio:.2f} ({medians[0] * 1000:.0f} of {medians[1] * 1000:.0f} mm)"
+        name = f"10 m tour, {encoders}: true end error with over without the gyro"
+        yield Row(name, figure, f"<= {share}", ratio <= share)
+
+
+def main() -> int:
+    """Print all rows. Returns the exit code: 1 when a row is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--robots", type=int, default=40)
+    options = parser.parse_args()
+    return 1 if printed(rows(options.seed, options.robots)) else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
