@@ -26,6 +26,7 @@ from prove import (
     firmware,
     first_goal,
     hostile,
+    imu,
     matrix,
     model,
     motion,
@@ -89,6 +90,7 @@ def main() -> int:
         extending.rows(options.failures),
         ros2.rows(options.bridge),
         several_robots.rows(options.cuts),
+        imu.rows(options.seed, max(5, options.robots // 10)),
     )
     missed = printed(joined.from_iterable(sections))
     state.cleanup()

@@ -22,7 +22,7 @@ KITS = {
     "ros_car": KitFile(
         "Mega 2560, TB6612, Hall encoders, HC-05",
         "kit_ros_car.yaml",
-        "the IMU and the HC-SR04 are not supported yet: they are comments in the file",
+        "the IMU and the HC-SR04 are comments in the file",
     ),
     "four_wheels": KitFile(
         "four wheels in skid steering: Uno, L298N, slotted discs", "kit_four_wheels.yaml"

@@ -61,9 +61,11 @@ class GyroTurn:
 
     def update(self, time: int, turn: float, is_at_rest: bool) -> TurnStep | None:
         """Take the sum at `time` (ns); the step since the last one, None for the first."""
-        if self._time is None or time <= self._time:
+        if self._time is None:
             self._time, self._turn = time, turn
             return None
+        if time <= self._time:  # frames that have queued up
+            return TurnStep(0.0, 0.0, 0.0)
         span, change = (time - self._time) * 1e-9, turn - self._turn
         self._time, self._turn = time, turn
         if not is_at_rest:
