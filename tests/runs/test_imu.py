@@ -5,10 +5,14 @@ from math import degrees, hypot, sqrt
 import pytest
 
 from diffbotctl.config.load import check, load
-from diffbotctl.messages import Goal
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.links import link_protocol
+from diffbotctl.links.diffbot_codec import WIRE_BYTES
+from diffbotctl.links.diffbot_frames import InertialFrame
+from diffbotctl.messages import Goal, GoalState
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.time import SECOND
+from diffbotctl.time import NEVER, SECOND
 
 ROBOT = """\
 format: 1
@@ -102,6 +106,30 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
     at_once = next(pose for pose in run.poses if pose.time == widened)
     assert sqrt(at_once.covariance[5]) >= 0.05
     assert result.ending.stopped
+
+
+def test_between_two_goals_the_robot_rests():
+    operator = Operator([GOAL, GOAL], lambda code, cause: None, rest=SECOND)
+    assert [each.message.number for each in operator.deliver(1)] == [1]
+    operator.on_goal_state(5 * SECOND, GoalState(0, 1, "reached", 0.0, 0.0))
+    assert operator.due() == 6 * SECOND
+    assert operator.deliver(6 * SECOND - 1) == []
+    assert [each.message.number for each in operator.deliver(6 * SECOND)] == [2]
+    assert operator.due() == NEVER
+
+
+def test_a_goal_that_is_withdrawn_during_the_rest_is_not_sent():
+    operator = Operator([GOAL, GOAL], lambda code, cause: None, rest=SECOND)
+    operator.deliver(1)
+    operator.on_goal_state(5 * SECOND, GoalState(0, 1, "reached", 0.0, 0.0))
+    operator.pause(5 * SECOND + 1)
+    assert [each.message.number for each in operator.deliver(6 * SECOND)] == [0]
+    operator.resume(7 * SECOND)
+    assert [each.message for each in operator.deliver(7 * SECOND)][-1].number == 2
+
+
+def test_a_frame_has_the_length_that_the_check_counts():
+    assert link_protocol.frame_bytes("diffbot", False, True) == WIRE_BYTES[InertialFrame]
 
 
 def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
