@@ -134,5 +134,5 @@ void link_tick(void)
 
 bool link_active(uint8_t link)
 {
-    return ports[link].active && ports[link].baud == NO_CHANGE;
+    return ports[link].active && (LINKS > 1 || ports[link].baud == NO_CHANGE);
 }

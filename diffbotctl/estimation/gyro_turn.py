@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 # Angle random walk, rad/sqrt(s): data sheets state 0.005 deg/s/sqrt(Hz), and up to twice that.
 NOISE = radians(0.007)
-RESOLUTION_SD = radians(0.0098) / sqrt(12.0)  # of the sum in a frame
+RESOLUTION_SD = radians(0.0391) / sqrt(12.0)  # of the sum in a frame
 BIAS_MAX = radians(20.0)  # rad/s, zero-rate output of an MPU6050
 # Variance of the bias, (rad/s)2 per s: as it warms up it drifts by 0.2 deg/s in one or two minutes.
 BIAS_WALK = radians(0.1) ** 2 / 60.0
