@@ -15,7 +15,7 @@ static const uint8_t steps[][2] PROGMEM = {
 enum { CHECK = 3, READ, DONE };
 
 #define PERIOD_MS 10
-#define TURN_SHIFT 8
+#define TURN_SHIFT 6
 /* Readings: lost ones after which the gyro is silent; equal ones of a sensor that is stuck, since the
    noise of one that works changes its last bits; those without a fault after which it is trusted, more
    than the equal ones, so that a sensor that was always stuck is never trusted. */

@@ -8,13 +8,15 @@ from __future__ import annotations
 from math import radians, sqrt
 from typing import NamedTuple
 
+from diffbotctl.links.diffbot_frames import TURN_NANODEGREES
+
 # Angle random walk, rad/sqrt(s): data sheets state 0.005 deg/s/sqrt(Hz), and up to twice that.
 NOISE = radians(0.007)
-RESOLUTION_SD = radians(0.0391) / sqrt(12.0)  # of the sum in a frame
+RESOLUTION_SD = radians(TURN_NANODEGREES * 1e-9) / sqrt(12.0)  # of the sum in a frame
 BIAS_MAX = radians(20.0)  # rad/s, zero-rate output of an MPU6050
 # Variance of the bias, (rad/s)2 per s: as it warms up it drifts by 0.2 deg/s in one or two minutes.
 BIAS_WALK = radians(0.1) ** 2 / 60.0
-BIAS_SD_MAX = radians(0.012)  # rad/s; a worse one gives no better heading than wheels
+BIAS_SD_MAX = radians(0.006)  # rad/s; a worse one gives no better heading than wheels
 WINDOW_MIN_S, WINDOW_MAX_S = 0.08, 2.0  # of the rate at rest
 # Rates that differ by more from their mean are those of a robot that is moved by hand. A bias that
 # differs by more from the expected one is that of wheels that creep on, unless it lasts.

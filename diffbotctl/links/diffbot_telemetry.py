@@ -175,7 +175,7 @@ class Telemetry:
         return self._counts[side]
 
     def _unwrap_turn(self, raw: int) -> float:
-        """The turn in rad; beyond half a range, 1280 deg, between two frames it is unknown."""
+        """The turn in rad; beyond half a range, 320 deg, between two frames it is unknown."""
         self._turn += (raw - self._raw_turn + WRAP // 2) % WRAP - WRAP // 2
         self._raw_turn = raw
         return self._turn * TURN
