@@ -164,7 +164,8 @@ def _pipeline(robot: Robot, style: DriveStyle) -> tuple[list[Node], str]:
             "tolerance": max(style.tolerance, STOCK_TOLERANCE_M),
             "heading_tolerance": max(style.heading_tolerance, STOCK_HEADING_TOLERANCE_RAD),
         }
-    odometry = build_block(OdometryBlock, robot, method=style.method)
+    # With a gyro, the odometry would not show the errors of the wheels that are measured.
+    odometry = build_block(OdometryBlock, robot, method=style.method, imu=None)
     inputs = {"odometry": "odometry.odometry", "goal": "operator.goal", "stop": "operator.stop"}
     nodes = [
         Node("odometry", odometry, {"encoders": "robot.encoders"}),

@@ -23,7 +23,7 @@ TICK_RATIO = 0.3  # error of the estimate to that of the count
 
 def estimated_turns(frames: Sequence[Encoders], robot: Robot) -> Floats:
     """(frames, 2): turns of the right and left wheel since the first frame."""
-    block = build_block(OdometryBlock, robot)
+    block = build_block(OdometryBlock, robot, imu=None)
     block.reset()
     turns = np.zeros((len(frames), 2))
     start = np.zeros(2)

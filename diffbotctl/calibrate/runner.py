@@ -46,6 +46,7 @@ STEPS = {  # name of the step's command -> module and class, imported when used
     "discs": "discs:DiscStep",
     "distance": "distance:DistanceStep",
     "geometry": "squares:SquaresStep",
+    "imu": "imu:ImuStep",
     "range": "range:RangeStep",
     "battery": "battery:BatteryStep",
 }

@@ -6,7 +6,13 @@ from collections.abc import Iterable, Iterator
 from math import pi
 from typing import NamedTuple
 
-from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
+from diffbotctl.calibrate.result import (
+    GYRO_SCALE,
+    LEFT_DIAMETER,
+    RIGHT_DIAMETER,
+    TRACK,
+    Finding,
+)
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.robot_tree import field
 from diffbotctl.plant.simulated_robot import SimulatedRobot
@@ -55,6 +61,8 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
         "battery.divider": plant.parameters.built_divider
         * (1 + plant.simulation.battery.divider_error),
     }
+    if plant.gyro is not None:
+        values[GYRO_SCALE] = 1 / plant.gyro.scale
     for side, motor, disc in zip(SIDES, plant.motors, plant.discs, strict=True):
         slots = len(disc.edges) // 2
         pitch = 2 * pi / slots

@@ -27,7 +27,7 @@ A_FILE = click.Path(path_type=Path)
 def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) -> None:
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
-    encoders, motors, discs (wheels off the ground), distance, geometry (on the floor), range,
+    encoders, motors, discs (wheels off the ground), distance, geometry, imu (on the floor), range,
     battery. Each says what it is going to do and waits; any key stops it.
     """
     if context.invoked_subcommand is not None:
@@ -53,6 +53,7 @@ command.add_command(calibrate_steps.encoders)
 command.add_command(calibrate_steps.motors)
 command.add_command(calibrate_steps.distance)
 command.add_command(calibrate_steps.geometry)
+command.add_command(calibrate_steps.imu)
 for step in (calibrate_steps.discs, calibrate_steps.range_, calibrate_steps.battery):
     command.add_command(step)
 command.add_command(show_results)

@@ -284,6 +284,31 @@ def geometry(
     run(["geometry"], CalibrateOptions(**options), **settings)
 
 
+@click.command("imu")
+@common
+@click.option(
+    "--turns",
+    default=10,
+    show_default=True,
+    type=click.IntRange(3, 50),
+    help="Turns on the spot in one go.",
+)
+@click.option(
+    "--repeats",
+    default=1,
+    show_default=True,
+    type=click.IntRange(1, 20),
+    help="How often in each direction.",
+)
+def imu(turns: int, repeats: int, **options: Any) -> None:
+    """Find the scale of the gyro by turns on the spot.
+
+    On the floor. It turns ten times to the left and ten times to the right, and asks for the
+    heading at the end of each.
+    """
+    run(["imu"], CalibrateOptions(**options), turns=turns, repeats=repeats)
+
+
 @click.command("discs")
 @common
 def discs(**options: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.confidence import robust_mean
 from diffbotctl.calibrate.result import TRACK, Finding
-from diffbotctl.calibrate.session import RobotSession
+from diffbotctl.calibrate.session import RobotSession, WheelCommand
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.squares import FACING
 from diffbotctl.config.robot import Robot
@@ -61,11 +61,7 @@ class SpinStep:
         """The ratio of the actual track to the present one, by one spin; 1 is counter-clockwise."""
         yield MarkFloor("Mark the floor beside both tyres.")
         robot = session.file.robot
-        drive = robot.drive
-        rim_speed = direction * TURN_RATE_RAD_S * drive.track
-        command = wheel_command(
-            robot, -rim_speed / drive.left.wheel.diameter, rim_speed / drive.right.wheel.diameter
-        )
+        command = spin_command(robot, direction)
         frames = session.listen(LISTEN_TIME_S).encoders
         frames += session.run_for(command, 2 * pi * self.turns / TURN_RATE_RAD_S).encoders
         frames += session.stop_and_wait().encoders
@@ -74,9 +70,18 @@ class SpinStep:
         return odometry / (facing + 2 * pi * round((odometry - facing) / (2 * pi)))
 
 
+def spin_command(robot: Robot, direction: int) -> WheelCommand:
+    """The command for a turn on the spot; 1 is counter-clockwise."""
+    drive = robot.drive
+    rim_speed = direction * TURN_RATE_RAD_S * drive.track
+    return wheel_command(
+        robot, -rim_speed / drive.left.wheel.diameter, rim_speed / drive.right.wheel.diameter
+    )
+
+
 def _dead_reckoned_heading(robot: Robot, frames: Sequence[Encoders]) -> float:
-    """The heading (rad, unwrapped) of odometry after these frames."""
-    block = build_block(OdometryBlock, robot)
+    """The heading (rad, unwrapped) of the wheels' odometry after these frames."""
+    block = build_block(OdometryBlock, robot, imu=None)
     block.reset()
     pose = None
     for frame in frames:

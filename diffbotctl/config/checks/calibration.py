@@ -58,7 +58,8 @@ FOUND_BY = {
 def found_by(robot: Robot) -> dict[str, str]:
     """Field of `robot` that blocks read -> the calibration that measures it."""
     sensors = {f"sensors.{name}.curve.a": "range" for name in robot.sensors or {}}
-    return FOUND_BY | sensors
+    imu = {} if robot.imu is None or robot.imu.type is None else {"imu.scale": "imu"}
+    return FOUND_BY | sensors | imu
 
 
 def check_calibration(context: CheckContext) -> None:

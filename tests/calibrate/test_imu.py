@@ -1,0 +1,126 @@
+"""The scale of a gyro by turns on the spot, and the other steps on a robot that has one."""
+
+from math import pi, radians
+
+import pytest
+
+from diffbotctl.calibrate.runner import make_step, open_session, run_step
+from diffbotctl.calibrate.steps.imu import measured_turn, refuse_faulty, refuse_wrong_axis
+from diffbotctl.config.load import load_robot
+from diffbotctl.errors import RunError
+from diffbotctl.messages import Encoders
+from diffbotctl.prompts.answers_file import AnswersFile
+from diffbotctl.testing.calibration_robots import SilentScreen
+from diffbotctl.time import SECOND
+
+ROBOT = """\
+format: 1
+kind: robot
+include: book_2wd
+board: {{telemetry: 30 Hz}}
+imu: {{type: {type}}}
+drive: {{polarity: checked_by_hand}}
+simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}}}
+calibration: {{}}
+"""
+ANSWERS = """\
+imu: {measure: protractor, noise: 1 deg}
+geometry: {measure: tape, noise: 1 mm}
+"""
+
+
+@pytest.fixture
+def opened(tmp_path):
+    def open_one(port="sim", seed=1, **values):
+        values = {"type": "mpu6050", "geometry": "", "gyro": ""} | values
+        robot, answers = tmp_path / "robot.yaml", tmp_path / "answers.yaml"
+        robot.write_text(ROBOT.format(**values))
+        answers.write_text(ANSWERS)
+        session, tools = open_session(load_robot(str(robot)), port, seed)
+        return session, AnswersFile(answers, tools), tools
+
+    return open_one
+
+
+def rest(start, seconds, turn, rate):
+    """Frames at 50 Hz from `start` (s), with a constant rate in rad/s."""
+    return [
+        Encoders(round((start + number / 50) * SECOND), 0, 0, turn=turn + rate * number / 50)
+        for number in range(round(seconds * 50) + 1)
+    ]
+
+
+def test_a_turn_is_measured_without_the_mean_rate_of_both_rests():
+    """10 rad in 8 s between the rests, in which biases of 0.01 and 0.03 rad/s add 0.16 rad."""
+    before, after = rest(0.0, 2.0, 0.0, 0.01), rest(10.0, 2.0, 10.18, 0.03)
+    assert measured_turn(before, after) == pytest.approx(10.18 - 0.02 - 0.16)
+
+
+@pytest.mark.parametrize(
+    ("port", "seed", "turns"), [("sim", 1, 10), ("sim", 4, 10), ("emulated", 1, 3)]
+)
+def test_turns_give_the_scale_to_0_3_percent(opened, port, seed, turns):
+    session, prompter, tools = opened(port, seed)
+    with session:
+        step = make_step("imu", turns=turns)
+        outcome = run_step(step, session, prompter, SilentScreen())
+    (value,) = tools.compare(outcome.findings)
+    assert value.field == "imu.scale"
+    assert value.found == pytest.approx(value.true, rel=0.003)
+    assert abs(value.true - 1.0) > 0.01  # there was something to find
+    assert value.deviation is not None and abs(value.deviation) < 3.0
+    assert session.file.robot.imu.scale == pytest.approx(value.found, rel=1e-5)
+
+
+def test_a_robot_without_an_imu_does_not_move(opened):
+    session, prompter, tools = opened(type="none")
+    with session:
+        outcome = run_step(make_step("imu"), session, prompter, SilentScreen())
+    assert outcome.findings == [] and outcome.report == ["the robot file has no IMU"]
+    assert tools.truth.travel == 0.0
+
+
+def test_a_gyro_that_fails_in_the_turns_gives_no_scale_and_the_robot_stands(opened):
+    session, prompter, _ = opened(gyro="fault: stuck, fault_start: 20 s")
+    with session:
+        with pytest.raises(RunError) as error:
+            run_step(make_step("imu"), session, prompter, SilentScreen())
+        assert error.value.problems[0].code == "E-IMU-FAULT"
+        session.stop_and_wait()
+    assert session.stop_confirmed
+    assert session.findings == {}
+
+
+def test_a_board_that_reports_no_turn_is_refused():
+    with pytest.raises(RunError, match="reports no turn"):
+        refuse_faulty([Encoders(0, 0, 0)])
+
+
+@pytest.mark.parametrize(
+    ("measured", "commanded", "axes", "fix"),
+    [
+        (-20 * pi, 20 * pi, "z", "axes: -z"),
+        (20 * pi, -20 * pi, "-x", "axes: x"),
+        (radians(30.0), 20 * pi, "y", "points up"),
+    ],
+)
+def test_a_wrong_axis_is_named(measured, commanded, axes, fix):
+    with pytest.raises(RunError) as error:
+        refuse_wrong_axis(measured, commanded, axes)
+    assert fix in error.value.problems[0].fix
+
+
+def test_a_gyro_that_is_wrong_by_3_percent_has_the_right_axis():
+    refuse_wrong_axis(-0.97 * 20 * pi, -20 * pi, "z")
+
+
+def test_the_wheels_of_a_robot_with_an_imu_are_measured_by_the_wheels(opened):
+    """The gyro would hide the arc that unequal wheels drive."""
+    session, prompter, tools = opened(seed=3, geometry="diameter_spread: 0.005")
+    with session:
+        run_step(make_step("geometry", how="straight"), session, prompter, SilentScreen())
+    drive, body = session.file.robot.drive, tools._plant.chassis
+    ratio = drive.right.wheel.diameter / drive.left.wheel.diameter
+    true = body.right_radius / body.left_radius
+    assert ratio == pytest.approx(true, abs=0.0015)
+    assert abs(true - 1.0) > 0.002
