@@ -15,7 +15,7 @@ static const uint8_t steps[][2] PROGMEM = {
 enum { CHECK = 3, READ, DONE };
 
 #define PERIOD_MS 10
-#define TURN_SHIFT 6
+#define UNITS_PER_256_READINGS 4 /* of TURN_NANODEGREES */
 /* Readings: lost ones after which the gyro is silent; equal ones of a sensor that is stuck, since the
    noise of one that works changes its last bits; those without a fault after which it is trusted, more
    than the equal ones, so that a sensor that was always stuck is never trusted. */
@@ -114,7 +114,7 @@ void gyro_tick(void)
 
 uint16_t gyro_turn(void)
 {
-    return (uint16_t)(sum >> TURN_SHIFT);
+    return (uint16_t)(sum * UNITS_PER_256_READINGS >> 8); /* shifts of whole bytes are cheap */
 }
 
 uint16_t gyro_faults(void)

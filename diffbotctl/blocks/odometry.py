@@ -28,6 +28,9 @@ RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to i
 # the dead-man stop of the board after 0.1 to 0.5 s.
 SILENCE_MAX = 400_000_000
 SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and after the gap
+# ns without an edge after which a wheel that rolls out has stopped: four lags of a usual motor.
+# The model of a motor begins at rest: of one that rolls it would take the edges for faults.
+ROLL_OUT_NS = 350_000_000
 
 Wheel = WheelOdometer | FineWheelOdometer | CommandedWheelOdometer
 
@@ -77,6 +80,8 @@ class OdometryBlock(Block):
             is_fine = self.left_side.encoder.slots > LEARNABLE_SLOTS_MAX
             pose = GyroPoseFilter(self.track, self.slip, geometry, scale_sd)
             self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale, is_fine)
+        self.roll_out_end = 0  # ns; 0 except after a restart of the board
+        self.roll_out_edges = False  # whether there were any since then
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
 
@@ -96,18 +101,26 @@ class OdometryBlock(Block):
         if last is None or self.wheels is None or encoders.boot != last.boot:
             self.wheels = self._start(encoders)
             self.pose.start()
+            self.roll_out_end = 0 if last is None else time + ROLL_OUT_NS
+            self.roll_out_edges = False
             if self.gyro is not None:
                 self.gyro.restart()
         else:
-            if self.gyro is not None:
-                self.gyro.take(encoders, self.wheels)
-            if time - last.time > SILENCE_MAX:
-                self._bridge_silence(encoders, self.wheels)
-            else:
-                self._update(encoders, last.time, *self.wheels)
+            self._advance(encoders, last, self.wheels)
         if self.gyro is not None and not self._with_gyro(self.gyro, encoders, self.wheels):
             return None
         return self.pose.message(time, *self.wheels, self._warning(*self.wheels))
+
+    def _advance(self, encoders: Encoders, last: Encoders, wheels: tuple[Wheel, Wheel]) -> None:
+        if self.gyro is not None:
+            self.gyro.take(encoders, wheels)
+        if encoders.time - last.time > SILENCE_MAX:
+            self._bridge_silence(encoders, wheels)
+        elif self._rolls_out(encoders, last):
+            self._bridge_silence(encoders, wheels, is_continued=self.roll_out_edges)
+            self.roll_out_edges |= (encoders.left, encoders.right) != (last.left, last.right)
+        else:
+            self._update(encoders, last.time, *wheels)
 
     def _with_gyro(
         self, gyro: GyroHeading, encoders: Encoders, wheels: tuple[Wheel, Wheel]
@@ -122,6 +135,16 @@ class OdometryBlock(Block):
     def _warning(self, left: Wheel, right: Wheel) -> str:
         fault = self.gyro.fault if self.gyro is not None else ""
         return "; ".join(filter(None, (fault, warning(left, right))))
+
+    def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
+        """Whether a wheel may still roll since a restart of the board in motion."""
+        if encoders.left_command or encoders.right_command:
+            self.roll_out_end = 0
+        elif (encoders.left, encoders.right) != (last.left, last.right) and self.roll_out_end:
+            self.roll_out_end = encoders.time + ROLL_OUT_NS
+        elif encoders.time >= self.roll_out_end:
+            self.roll_out_end = 0
+        return self.roll_out_end > 0
 
     def _update(self, encoders: Encoders, last_time: int, left: Wheel, right: Wheel) -> None:
         time, since = encoders.time, encoders.command_time
@@ -138,12 +161,18 @@ class OdometryBlock(Block):
         right.report()
         self.pose.move(left, right)
 
-    def _bridge_silence(self, encoders: Encoders, wheels: tuple[Wheel, Wheel]) -> None:
-        """After a gap in the telemetry: use the counts for the travel, and restart the filters."""
+    def _bridge_silence(
+        self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False
+    ) -> None:
+        """After a gap in the telemetry: use the counts for the travel, and restart the filters.
+
+        `is_continued`: the counts follow others, whose positions in the slot are uncertain already.
+        """
         left = wheels[0].unobserved_travel(encoders.left)
         right = wheels[1].unobserved_travel(encoders.right)
         self.wheels = self._start(encoders)
-        self.pose.jump(left, right, SILENCE_TRAVEL_SD_PITCHES * wheels[0].pitch)
+        sd = 0.0 if is_continued else SILENCE_TRAVEL_SD_PITCHES * wheels[0].pitch
+        self.pose.jump(left, right, sd)
         self.pose.start()
 
     def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:

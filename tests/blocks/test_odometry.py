@@ -10,6 +10,7 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders, Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.time import SECOND
 
 MS = 1_000_000
 PITCH = pi * 0.065 / 20  # m
@@ -138,6 +139,40 @@ def test_a_restarted_board_keeps_the_pose():
     poses = [odometry.react(frame.time, frame) for frame in frames]
     assert poses[2][1:4] == poses[1][1:4]
     assert poses[3][1:4] == pytest.approx(poses[1][1:4], abs=1e-6)
+
+
+def test_wheels_that_roll_out_after_a_restart_move_by_their_counts():
+    """One pitch a count, with half a pitch of uncertainty of each wheel, however many they are."""
+    _, odometry = block("edges")
+    counts = [0, 1, 2, 3, 4, 4, 4]
+    frames = [
+        Encoders(0, 40, 40, command_time=0),
+        *(
+            Encoders((100 + 25 * number) * MS, count, count, command_time=0, boot=1)
+            for number, count in enumerate(counts)
+        ),
+    ]
+    poses = [odometry.react(frame.time, frame) for frame in frames][1:]
+    assert [pose.x for pose in poses] == pytest.approx([count * PITCH for count in counts])
+    assert {(pose.y, pose.heading) for pose in poses} == {(0.0, 0.0)}
+    first, last = poses[1].covariance, poses[-1].covariance
+    assert last[0] == pytest.approx(first[0], rel=0.1)
+    assert last[5] == pytest.approx(first[5], rel=0.1)
+
+
+def test_the_filters_go_on_once_the_wheels_have_rolled_out():
+    """Or are driven: their edges are fractions of a slot again."""
+    _, odometry = block("edges")
+    restarted = Encoders(100 * MS, 0, 0, command_time=0, boot=1)
+    odometry.react(0, Encoders(0, 40, 40, command_time=0))
+    odometry.react(100 * MS, restarted)
+    for number in range(1, 20):  # ROLL_OUT_NS is 14 frames
+        odometry.react(0, restarted._replace(time=(100 + 25 * number) * MS))
+        assert (odometry.roll_out_end == 0) == (number >= 14)
+    odometry.react(0, restarted._replace(time=SECOND, boot=2))
+    driven = restarted._replace(time=1025 * MS, boot=2, left_command=5.0, right_command=5.0)
+    odometry.react(0, driven)
+    assert odometry.roll_out_end == 0
 
 
 @pytest.mark.parametrize("kind", ["edges", "counts"])
