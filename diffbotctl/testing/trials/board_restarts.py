@@ -39,8 +39,8 @@ class Seen(NamedTuple):
     told: bool
     """the run held a latched stop, and a text named the cause"""
     step: float
-    """m; longest step of the odometry from the restart to `resume`: a difference of counts across the
-    restart would be a jump. Later, a better estimate of the phase at the restart turns the whole path
+    """m; longest step of the odometry from the restart to `resume`: a difference of counts across
+    the restart would be a jump. Later, a better estimate of the phase at the restart turns the path
     since: 2 mm of one wheel move the end of a metre by 20 mm"""
     waited: bool
     """the goal was still under way after the wait, and reached after `resume`, if with an uncertain
