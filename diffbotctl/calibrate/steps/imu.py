@@ -48,10 +48,11 @@ class ImuStep:
         imu = session.file.robot.imu
         if imu.type is None:
             return Outcome("spin", [], ["the robot file has no IMU"])
+        times = f", {self.repeats} times" if self.repeats > 1 else ""
         yield MotionNotice(
             f"The robot turns on the spot: {self.turns} turns to the left and {self.turns} to the "
-            f"right, {self.repeats} times, and stands still for {REST_TIME_S:g} s before and after "
-            f"each. It stays within {REACH_M:g} m of its position. Do not touch it meanwhile.",
+            f"right{times}. It stands still for {REST_TIME_S:g} s before and after each, and stays "
+            f"within {REACH_M:g} m of its position. Do not touch it meanwhile.",
             reach=REACH_M,
         )
         scales = []
