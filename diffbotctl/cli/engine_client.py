@@ -25,15 +25,16 @@ def host() -> str:
 
 @contextmanager
 def attached(
-    engine: str | None, tool: str, deadline: float | None = None
+    engine: str | None, tool: str, deadline: float | None = None, at: str | None = None
 ) -> Iterator[ControlClient]:
     """A connection to the engine called `engine`, or to the only one; `tool` names the client.
 
-    `deadline`: monotonic time by which everything has to be answered.
+    `deadline`: monotonic time by which everything has to be answered. `at`: in place of `--at`.
     """
     from diffbotctl.control_socket.client import ControlClient, choose_engine
 
-    client = ControlClient(choose_engine(engine, host()), f"diffbotctl {tool}", deadline)
+    address = choose_engine(engine, host() if at is None else at)
+    client = ControlClient(address, f"diffbotctl {tool}", deadline)
     try:
         yield client
     finally:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, held_by, host, settled
+from diffbotctl.cli.engine_client import attached, held_by, settled
 from diffbotctl.cli.options import engine_option, json_option
 from diffbotctl.cli.output import print_json
 
@@ -28,35 +30,66 @@ REASON_MAX_CHARACTERS = 200
 
 
 @click.command()
-@engine_option
+@click.option("--engine", metavar="NAME", help="Name of the engine; all of them without it.")
+@click.option(
+    "--at",
+    "hosts",
+    multiple=True,
+    metavar="USER@HOST",
+    help="The engines on this computer, reached through ssh. Repeatable: all at once.",
+)
 @click.option("--all", "every_engine", is_flag=True, help="All engines; no error when none runs.")
 @click.argument("reason", nargs=-1)
-def stop(engine: str | None, every_engine: bool, reason: tuple[str, ...]) -> int:
+def stop(
+    engine: str | None, hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
+) -> int:
     """Stop the robot until `diffbotctl resume`; REASON is shown to other users.
 
-    Without --engine, all engines that you may command are stopped.
+    Without --engine, all engines that you may command are stopped, with --at those there. Exit
+    code: 1 when a stop was not confirmed.
     """
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
-    if host():
-        return _stop_far(engine, " ".join(reason))
+    if hosts:
+        return _stop_hosts(dict.fromkeys(hosts), engine, " ".join(reason))
     addresses = engines() if engine is None else [choose_engine(engine)]
     if not addresses and not every_engine:
         choose_engine(None)  # raises the error that no engine runs
     return max((_stop(address, " ".join(reason)) for address in addresses), default=0)
 
 
-def _stop_far(engine: str | None, reason: str) -> int:
-    """Stop the engine at `--at`, all of them without a name, and say within 3 s how that went."""
+def _stop_hosts(hosts: Iterable[str], engine: str | None, reason: str) -> int:
+    """Stop the engines on all these computers at once: one that is out of reach delays no other."""
+    from diffbotctl.control_socket.far_engine import check_host
+    from diffbotctl.errors import UsageError
+
+    hosts = list(hosts)
+    if len(hosts) == 1:
+        return _stop_far(hosts[0], engine, reason)
+
+    def stop_one(at: str) -> int:
+        try:
+            check_host(at)
+            return _stop_far(at, engine, reason)
+        except UsageError as error:
+            click.echo(f"{at}: {error}", err=True)
+            return 1
+
+    with ThreadPoolExecutor(len(hosts)) as pool:
+        return max(pool.map(stop_one, hosts))
+
+
+def _stop_far(at: str, engine: str | None, reason: str) -> int:
+    """Stop the engine at `at`, all of them without a name, and say within 3 s how that went."""
     from diffbotctl.control_socket.far_engine import SeveralEnginesError
     from diffbotctl.errors import UsageError, UserError
 
     deadline = time.monotonic() + FAR_STOP_TIMEOUT_S
     try:
-        failure = _stop_by_socket(engine, reason, deadline)
+        failure = _stop_by_socket(engine, reason, deadline, at)
     except SeveralEnginesError as several:
-        return max(_stop_far(name, reason) for name in several.engines)
+        return max(_stop_far(at, name, reason) for name in several.engines)
     except UserError as error:
         if isinstance(error, UsageError):
             raise
@@ -82,10 +115,13 @@ def _stop(engine: EngineAddress, reason: str) -> int:
     return _stop_by_signal(engine.name, engine.process)
 
 
-def _stop_by_socket(name: str | None, reason: str, deadline: float | None = None) -> str:
+def _stop_by_socket(
+    name: str | None, reason: str, deadline: float | None = None, at: str = ""
+) -> str:
     """Request a stop and wait for it; returns what failed, or an empty text."""
-    with attached(name, "stop", deadline) as client:
-        name = str(client.about["engine"])
+    with attached(name, "stop", deadline, at) as client:
+        engine = str(client.about["engine"])
+        name = f"{at}: {engine}" if at else engine
         client.request("stop", reason=reason[:REASON_MAX_CHARACTERS])
         status = settled(client, _is_stopped)
     if not _is_stopped(status):

@@ -77,13 +77,18 @@ while True:
 """
 
 
+def check_host(at: str) -> None:
+    """Raise UsageError for a text that names no computer."""
+    if not HOST.fullmatch(at):
+        raise UsageError(Problem("E-SSH", "--at", f"'{at}' is no host", "write user@host"))
+
+
 class SshConnection:
     """An ssh process whose standard input and output is `socket`, at our end."""
 
     def __init__(self, at: str, engine: str) -> None:
         """Start ssh; whether it gets through is seen by what comes. Raises UserError."""
-        if not HOST.fullmatch(at):
-            raise UsageError(Problem("E-SSH", "--at", f"'{at}' is no host", "write user@host"))
+        check_host(at)
         self.at = at
         self.socket, theirs = socket.socketpair()
         command = f"exec python3 -c {shlex.quote(BRIDGE)} {shlex.quote(engine)}"

@@ -148,6 +148,27 @@ def test_stop_without_a_name_stops_all_engines_there(tmp_path, far):
         assert here(tmp_path, "resume", "--engine", "left")[0] == 0
 
 
+def test_stop_at_several_computers_tells_each_answer(tmp_path, far):
+    there = tmp_path / "there"
+    with running(there, "goal", "--stay", "--goal", "9 0"):
+        client = PlainClient(there)
+        client.until(moves)
+        words = ("--at", "robot", "--at", "nobody@nowhere.invalid")
+        code, out, err = cli(tmp_path / "here", "stop", *words)
+        assert code == 1 and "robot: test: stopped" in out, err
+        assert "nobody@nowhere.invalid  E-SSH" in err and "NOT KNOWN" in err
+        client.until(stands)
+        words = ("--at", "robot", "--at", "tester@robot")  # two names of one computer
+        code, out, err = cli(tmp_path / "here", "stop", *words)
+        assert code == 0, err
+        assert sorted(line.partition(";")[0] for line in out.splitlines()) == [
+            "robot: test: stopped",
+            "tester@robot: test: stopped",
+        ]
+    code, _, err = cli(tmp_path / "here", "stop", "--at", "robot", "--at", "-oProxyCommand=x")
+    assert code == 1 and "is no host" in err and "no engine runs there" in err
+
+
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
