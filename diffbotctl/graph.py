@@ -49,7 +49,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
 
 from diffbotctl.block import Block, Every, In, inputs, outputs
-from diffbotctl.log import Logbook
+from diffbotctl.log import Logbook, NamedLogbook
 from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
@@ -81,7 +81,8 @@ class Graph:
     `sources` maps each wire on which drivers deliver to its message class. `wires` lists all wires:
     the sources, then the outputs of the blocks in topological order. With a `book`, the lines that
     blocks log are on the last wire, `log`. `lifetimes`: ns after which a message of a source is no
-    longer valid, as if each input of that wire declared such a `fresh_for`.
+    longer valid, as if each input of that wire declared such a `fresh_for`. `parts` are the graphs
+    that `join_graphs` has joined, by name; none for another graph.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Graph:
         book: Logbook | None = None,
         lifetimes: Mapping[str, int] | None = None,
     ) -> None:
+        self.parts: Mapping[str, Graph] = {}
         self.nodes = in_order(nodes)
         self.lifetimes = dict(lifetimes or {})
         self.sources = list(sources)
@@ -168,6 +170,27 @@ class Graph:
         return publish
 
 
+def join_graphs(parts: Mapping[str, Graph], book: Logbook) -> Graph:
+    """One graph of several, between which there are no wires, with one log.
+
+    The names of nodes and wires begin with that of their part: `left.follower`,
+    `left.follower.twist`. Each part then logs in `book` too.
+    """
+    nodes: list[Node] = []
+    sources: dict[str, type] = {}
+    lifetimes: dict[str, int] = {}
+    for name, part in parts.items():
+        for node in part.nodes:
+            wires = {port: f"{name}.{wire}" for port, wire in node.wires.items()}
+            nodes.append(Node(f"{name}.{node.name}", node.block, wires))
+        sources |= {f"{name}.{wire}": part.kinds[wire] for wire in part.sources}
+        lifetimes |= {f"{name}.{wire}": lifetime for wire, lifetime in part.lifetimes.items()}
+        part.book = NamedLogbook(book, name)
+    joined = Graph(nodes, sources, book, lifetimes)
+    joined.parts = dict(parts)
+    return joined
+
+
 class Compiled(NamedTuple):
     """A compiled graph.
 
@@ -237,7 +260,7 @@ def in_order(nodes: Sequence[Node]) -> list[Node]:
     by_name = {node.name: node for node in nodes}
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for node in nodes:
-        before = {wire.split(".")[0] for wire in node.wires.values()}
+        before = {wire.rpartition(".")[0] for wire in node.wires.values()}
         sorter.add(node.name, *[name for name in by_name if name in before])
     try:
         sorter.prepare()

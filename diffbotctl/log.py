@@ -17,7 +17,8 @@ OFF = len(LOG_LEVELS)  # a threshold above every level
 DEFAULT_LEVEL = "info"
 ALL = "*"  # every source
 LEVEL = "log_level"  # the name of a source's level in a Setting
-NON_BLOCK_SOURCES = ("robot", "operator", "engine")  # sources other than blocks
+ENGINE = "engine"
+NON_BLOCK_SOURCES = ("robot", "operator", ENGINE)  # sources other than blocks
 LINES_PER_SECOND_MAX = 50  # of one source; limits a block that logs every message
 LINE_LENGTH_MAX = 400  # characters; longer lines are cut
 
@@ -111,3 +112,19 @@ class Logbook:
         self.line_counts[source] = start, count + 1
         if count < LINES_PER_SECOND_MAX:
             yield LogLine(now, LOG_LEVELS[level], source, text[:LINE_LENGTH_MAX])
+
+
+class NamedLogbook(Logbook):
+    """The logs of one robot of several: a source of it is `name.source` in `book`."""
+
+    def __init__(self, book: Logbook, name: str) -> None:
+        self.book, self.prefix = book, f"{name}."
+        super().__init__()
+        self.lines = book.lines
+
+    def source_log(self, source: str) -> Log:
+        """The log of `source` of this robot; the engine is common to all of them."""
+        if source not in self.logs:
+            prefix = "" if source == ENGINE else self.prefix
+            self.logs[source] = self.book.source_log(f"{prefix}{source}")
+        return self.logs[source]

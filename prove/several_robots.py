@@ -1,4 +1,4 @@
-"""Two robots and an operator in networks of their own: both found, lost for 5 s, driven again.
+"""Several robots: the cost of ten in one pipeline; two with a network each, found and lost for 5 s.
 
 The operator reaches them through ssh (`--at`), and as a node of ROS 2 through a bridge each.
 """
@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from math import inf
 from pathlib import Path
 
+from diffbotctl.config.load import load
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.lossy_network import can_make_namespaces
 from diffbotctl.testing.ros2_nodes import ros_python
 from diffbotctl.testing.trials import two_robots, two_robots_ros2
@@ -18,6 +22,8 @@ from diffbotctl.testing.trials.row import NoData, Row, printed
 from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
 
 STOP_MAX_S = 0.5
+SEVERAL, COST_RATIO_MAX = 10, 11.0
+SIMULATED_S, REPEATS = 20.0, 3
 LINK = f"{DELAY_S * 1e3:.0f} ms, {LOSS:.0%} loss, cut {CUT_S:g} s"
 BROKEN_OFF = CutOutcome((), inf, inf, (), ("it broke off",), False)
 TARGET = "both, 0 in 0.5 s, nothing moves by itself"
@@ -25,6 +31,7 @@ TARGET = "both, 0 in 0.5 s, nothing moves by itself"
 
 def rows(trials: int) -> Iterator[Row]:
     """All rows, of `trials` cuts each."""
+    yield cost_row()
     if not can_make_namespaces():
         yield NoData(f"two robots, {LINK}", "needs root", TARGET, True)
         return
@@ -33,6 +40,41 @@ def rows(trials: int) -> Iterator[Row]:
         yield NoData(f"two robots by ROS 2, {LINK}", "no rclpy: `make ros2`", TARGET, True)
         return
     yield from _rows("ROS 2", _outcomes(two_robots_ros2.cut_trial, trials))
+
+
+def cost_row() -> Row:
+    """Processor time of ten simulated robots in one pipeline, as a multiple of that of one.
+
+    The one is the mean of the same ten alone: their seeds differ, and so does their work.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        single, joined = (_pipeline(Path(folder), count) for count in (1, SEVERAL))
+        # Alternating, so that a slow moment of the machine meets both.
+        spent = [
+            (
+                sum(_processor_time(single, seed) for seed in range(SEVERAL)) / SEVERAL,
+                _processor_time(joined, 0),
+            )
+            for _ in range(REPEATS)
+        ]
+    one, several = (min(times) for times in zip(*spent, strict=True))
+    figure = f"{several / one:.1f} times"
+    target = f"{COST_RATIO_MAX:g} times one"
+    return Row(f"{SEVERAL} simulated robots", figure, target, several <= COST_RATIO_MAX * one)
+
+
+def _pipeline(folder: Path, count: int) -> str:
+    robots = "".join(f"  - {{path: square, as: robot_{number}}}\n" for number in range(count))
+    path = folder / f"{count}.yaml"
+    path.write_text(f"format: 1\nkind: pipeline\ninclude:\n{robots}")
+    return str(path)
+
+
+def _processor_time(pipeline: str, seed: int) -> float:
+    run = Run(load(pipeline), RunOptions(seed=seed, fast=True, duration=SIMULATED_S, stay=True))
+    began = time.process_time()
+    run.go()
+    return time.process_time() - began
 
 
 def _outcomes(trial: Callable[[Path, int], CutOutcome], trials: int) -> list[CutOutcome]:

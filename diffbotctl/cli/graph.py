@@ -59,6 +59,9 @@ def command(
     configuration = load(pipeline, robot, sets)
     assembly = assemble(configuration, False)
     wires = list(wires_of(assembly.graph, assembly.command))
+    for name, _, part in assembly.parts:
+        if part.command is not None:
+            wires.append(_command_wire(f"{name}.{part.command}", f"{name}.robot"))
     if as_json:
         for wire in wires:
             kind = type_name(assembly.graph.kinds[f"{wire.source}.{wire.output}"])
@@ -100,11 +103,15 @@ def wires_of(graph: Graph, command: str | None) -> Iterator[Wire]:
     """Every wire of the graph, in the order of its blocks, and the command wire to the robot."""
     for node in graph.nodes:
         for port, wire in node.wires.items():
-            source, _, output = wire.partition(".")
+            source, _, output = wire.rpartition(".")
             yield Wire(source, output, node.name, port)
     if command is not None:
-        source, _, output = command.partition(".")
-        yield Wire(source, output, "robot", output)
+        yield _command_wire(command, "robot")
+
+
+def _command_wire(command: str, robot: str) -> Wire:
+    source, _, output = command.rpartition(".")
+    return Wire(source, output, robot, output)
 
 
 def mermaid_lines(wires: list[Wire], graph: Graph) -> Iterator[str]:
@@ -112,10 +119,16 @@ def mermaid_lines(wires: list[Wire], graph: Graph) -> Iterator[str]:
     yield "flowchart LR"
     blocks = {node.name for node in graph.nodes}
     for name in dict.fromkeys(end for wire in wires for end in (wire.source, wire.target)):
-        yield f"    {name}[{name}]" if name in blocks else f"    {name}([{name}])"
+        key = _key(name)
+        yield f"    {key}[{name}]" if name in blocks else f"    {key}([{name}])"
     for wire in wires:
         label = wire.output if wire.output == wire.port else f"{wire.output} to {wire.port}"
-        yield f"    {wire.source} -->|{label}| {wire.target}"
+        yield f"    {_key(wire.source)} -->|{label}| {_key(wire.target)}"
+
+
+def _key(name: str) -> str:
+    """The name of a node in Mermaid, where a dot has a meaning."""
+    return name.replace(".", "_")
 
 
 def wire_tree(title: str, wires: list[Wire], graph: Graph) -> Tree:

@@ -148,6 +148,11 @@ def command(
     )
     if not as_json:
         _print_header(configuration, port, seed)
+    if configuration.robots and (dash or web):
+        raise click.UsageError(
+            f"{'--dash' if dash else '--web'} shows one robot: start the run without it, then "
+            f"`diffbotctl {'dash' if dash else 'web'} --engine {next(iter(configuration.robots))}`"
+        )
     if dash:
         return _run_with_dashboard(configuration, options, signals)
     if web:
@@ -237,7 +242,10 @@ def _print_header(configuration: Configuration, port: str, seed: int) -> None:
         f"{VIRTUAL_PORTS[port]} (seed {seed})" if port in VIRTUAL_PORTS else f"REAL robot on {port}"
     )
     robot = "" if configuration.robot_file is None else f" on robot {configuration.robot_file}"
-    kind = kind if configuration.robot is not None else "no robot"
+    kind = kind if configuration.robot is not None or configuration.robots else "no robot"
+    if configuration.robots:
+        uses = [f"{name} ({use.robot_file})" for name, use in configuration.robots.items()]
+        robot = f" with {len(uses)} robots, {', '.join(uses)}"
     click.echo(fold_text(f"{configuration.file}{robot}: {kind}", hang=2))
 
 
@@ -245,7 +253,7 @@ def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSna
     """The function that draws a run in a child process; only the child imports the drawing."""
 
     def show(snapshots: Iterator[RunSnapshot]) -> None:
-        if not sys.stdout.isatty():
+        if configuration.robots or not sys.stdout.isatty():
             from diffbotctl.ui import run_text
 
             run_text.print_log(snapshots)
@@ -266,7 +274,9 @@ def _log_level(text: str, configuration: Configuration) -> tuple[str, str]:
     from diffbotctl.messages import LOG_LEVELS
 
     source, _, level = text.rpartition("=")
-    sources = [use.name for use in configuration.blocks] + [n for n in RESERVED if n != "log"]
+    parts = {f"{name}.": part for name, part in configuration.robots.items()} or {"": configuration}
+    sources = [f"{name}{use.name}" for name, part in parts.items() for use in part.blocks]
+    sources += [f"{name}{node}" for name in parts for node in RESERVED if node != "log"]
     if level not in LOG_LEVELS:
         raise click.UsageError(f"--log-level {text}: the levels are {', '.join(LOG_LEVELS)}")
     if source and source not in sources:

@@ -155,7 +155,8 @@ class Pipeline(Section):
         object,
         none=True,
         default=None,
-        help="A pipeline file, or a list of them, whose values this file overrides.",
+        help="A pipeline file, or a list of them, whose values this file overrides; or several "
+        "robots by name, each as {path, as, robot, set}.",
     )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
     robot = Param(
@@ -251,7 +252,10 @@ class RobotFile:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A checked pipeline with its robot, ready to be built into a graph."""
+    """A checked pipeline with its robot, ready to be built into a graph.
+
+    `robots` are the pipelines of several robots by name; this one then has no robot of its own.
+    """
 
     name: str
     file: Path
@@ -268,3 +272,4 @@ class Configuration:
     inputs: tuple[InputUse, ...] = ()
     programs: tuple[ProgramUse, ...] = ()
     sources: tuple[SourceUse, ...] = ()
+    robots: dict[str, Configuration] = field(default_factory=dict)

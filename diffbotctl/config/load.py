@@ -7,7 +7,7 @@ checks compare them with each other. All problems of all files are reported toge
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
@@ -19,10 +19,18 @@ from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
+from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import Robot, field_value, fill_curves, fill_glitch
 from diffbotctl.config.section_reader import read_parameters, read_section
+from diffbotctl.config.source_tree import Override
 from diffbotctl.config.yaml_tree import Value
-from diffbotctl.errors import ConfigurationError, Problem, UserError, closest_match
+from diffbotctl.errors import (
+    ConfigurationError,
+    Problem,
+    UsageError,
+    UserError,
+    closest_match,
+)
 
 KINDS = ("robot", "pipeline")
 Name = TypeVar("Name", str, "str | None")
@@ -32,15 +40,31 @@ TreeReader: TypeAlias = Callable[
 
 
 def load(
-    pipeline: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
+    pipeline: str,
+    robot: str | None = None,
+    sets: Sequence[str] = (),
+    *,
+    real: bool = False,
+    robot_files: Mapping[str, str] | None = None,
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 
     Both are names or paths; `robot` has priority over `use` in the pipeline. `sets` are texts of
     the form `block.param=value`. `real`: for a run on a real robot; this adds checks that matter
-    only there. Raises ConfigurationError with every problem of all files at once.
+    only there. `robot_files`: of a pipeline of several robots, by their names. Raises
+    ConfigurationError with every problem of all files at once.
     """
-    return _Loader(sets, real).load_pipeline(pipeline, robot)
+    loader = _Loader(sets, real)
+    try:
+        return loader.load_pipeline(pipeline, robot)
+    except source_tree.NamedIncludesError as named:
+        if robot is not None:
+            cause, fix = (
+                "several robots are in this pipeline",
+                "write `robot: NAME` in its includes",
+            )
+            raise UsageError(Problem("E-SEVERAL-ROBOTS", "--robot", cause, fix)) from None
+        return loader.load_named(pipeline, named.tree, robot_files or {})
 
 
 def load_robot(
@@ -101,11 +125,12 @@ def _kind_of(tree: Value) -> str:
 class _Loader:
     """Reads one pipeline or robot and collects every problem on the way."""
 
-    def __init__(self, sets: Sequence[str], real: bool) -> None:
+    def __init__(self, sets: Sequence[str], real: bool, overrides: Sequence[Override] = ()) -> None:
+        """`overrides` come before those in `sets`."""
         self.context = CheckContext(real=real)
         self.problems = self.context.problems
         self.sets = tuple(sets)
-        self.overrides = source_tree.parse_overrides(sets, self.problems)
+        self.overrides = [*overrides, *source_tree.parse_overrides(sets, self.problems)]
         self.files: list[Path] = []
 
     def load_pipeline(self, name: str, robot: str | None) -> Configuration:
@@ -138,6 +163,20 @@ class _Loader:
             programs=tuple(context.programs.values()),
             sources=tuple(context.sources.values()),
         )
+
+    def load_named(self, name: str, tree: Value, robot_files: Mapping[str, str]) -> Configuration:
+        """The pipeline called `name` of several robots; `tree` is its file."""
+        wrong = _wrong_kind(tree, "pipeline")
+        if wrong is not None or self.problems:
+            raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
+        real = self.context.real
+
+        def load_one(path: str, robot: str | None, overrides: list[Override]) -> Configuration:
+            return _Loader((), real, overrides).load_pipeline(path, robot)
+
+        file = lookup.find_pipeline(name)
+        loaded = load_named_robots(file, tree, self.overrides, robot_files, load_one)
+        return replace(loaded, settings=self.sets)
 
     def load_robot(self, name: str | None) -> RobotFile:
         file = self._find_and_read_robot(name)

@@ -41,6 +41,14 @@ class Override:
     place: Place
 
 
+class NamedIncludesError(Exception):
+    """The pipeline file that is read gives names to its includes; `tree` is the file alone."""
+
+    def __init__(self, tree: Value) -> None:
+        super().__init__("the includes have names")
+        self.tree = tree
+
+
 def parse_overrides(texts: Iterable[str], problems: list[Problem]) -> list[Override]:
     """The overrides in `texts`; those that cannot be read go to `problems`."""
     overrides: list[Override] = []
@@ -86,7 +94,7 @@ def read_robot(
 def read_pipeline(
     path: Path, overrides: Iterable[Override], problems: list[Problem]
 ) -> tuple[Value, list[Path]]:
-    """As `read_robot`, of the pipeline file at `path`."""
+    """As `read_robot`, of the pipeline file at `path`. Raises NamedIncludesError."""
     tree, paths = _read_with_includes(path, "pipelines")
     blocks = tree.entries.get("blocks")
     names = list(blocks.entries) if blocks else []
@@ -137,8 +145,14 @@ class _IncludeReader:
         include = own.entries.get("include")
         if include is None:
             return own
+        items = include.items or [include]
+        if self.folder == "pipelines" and any(isinstance(item.data, dict) for item in items):
+            if including:
+                cause = "names of includes are possible only in the file that is run"
+                _refuse_include(include, cause, "give the names there")
+            raise NamedIncludesError(own)
         base: Value | None = None
-        for name in include.items or [include]:
+        for name in items:
             included = self._included(name, path, [*including, lookup.real_path(path)])
             base = included if base is None else included.merged_over(base)
         return own if base is None else own.merged_over(base)

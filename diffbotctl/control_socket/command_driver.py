@@ -105,9 +105,9 @@ class ControlClientDriver:
         self.lost_cause = ""
         self.profiler: BlockProfiler | None = None
 
-    def can_measure(self, engine: Engine) -> None:
-        """Allow clients to measure the load of the blocks of `engine`."""
-        self.profiler = BlockProfiler(engine)
+    def can_measure(self, engine: Engine, prefix: str = "") -> None:
+        """Allow clients to measure the load of the blocks of `engine` that begin with `prefix`."""
+        self.profiler = BlockProfiler(engine, prefix)
 
     def due(self) -> int:
         """When a message waits to be delivered, or the drive lease ends."""

@@ -6,6 +6,7 @@ logged when it begins.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import degrees
 from typing import Any
 
@@ -27,6 +28,45 @@ from diffbotctl.messages import (
 )
 
 LINK_LEVELS = {"stale": WARNING, "lost": ERROR}
+
+
+def event_logger(graph: Graph) -> EventLogger | JoinedEventLogger | None:
+    """What logs the events of `graph`; None for a graph without a log."""
+    if graph.book is None:
+        return None
+    if not graph.parts:
+        return EventLogger(graph, graph.book)
+    return JoinedEventLogger(
+        {
+            name: EventLogger(part, part.book)
+            for name, part in graph.parts.items()
+            if part.book is not None
+        }
+    )
+
+
+class JoinedEventLogger:
+    """The loggers of the parts of a joined graph."""
+
+    def __init__(self, parts: Mapping[str, EventLogger]) -> None:
+        self.parts = parts
+
+    def state(self) -> tuple[Any, ...]:
+        """The state between two instants, for a snapshot."""
+        return tuple(part.state() for part in self.parts.values())
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Restore a `state` that was saved for an equal graph."""
+        for part, of_part in zip(self.parts.values(), state, strict=True):
+            part.restore(of_part)
+
+    def sinks(self) -> dict[str, Sink]:
+        """The function to call for each wire."""
+        return {
+            f"{name}.{wire}": sink
+            for name, part in self.parts.items()
+            for wire, sink in part.sinks().items()
+        }
 
 
 class EventLogger:

@@ -56,3 +56,13 @@ class LiveChanges:
             self.outcomes.append(str(error) or "it refuses")
         else:
             self.outcomes.append("")
+
+
+def live_sinks(graph: Graph) -> dict[str, Sink]:
+    """The function to call for each wire with changes, of a graph without drivers."""
+    parts = graph.parts or {"": graph}
+    return {
+        f"{name}.{wire}" if name else wire: sink
+        for name, part in parts.items()
+        for wire, sink in LiveChanges(part, {}).sinks().items()
+    }

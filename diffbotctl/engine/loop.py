@@ -13,11 +13,12 @@ from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
-from diffbotctl.engine.event_log import EventLogger
+from diffbotctl.engine.event_log import event_logger
 from diffbotctl.engine.instant_monitor import InstantLimits, InstantMonitor
 from diffbotctl.engine.output_check import OutputError, checked
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Sink
+from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
 INTERRUPTED = 130  # exit code after SIGINT, as in shells
@@ -79,7 +80,7 @@ class Engine:
         self.wire_places = {wire: i for i, wire in enumerate(graph.sources)}
         self.no_messages: list[Any] = [None] * len(graph.sources)
         self.sinks = {wire: _fan_out(wire_sinks) for wire, wire_sinks in (sinks or {}).items()}
-        self.event_logger = None if graph.book is None else EventLogger(graph, graph.book)
+        self.event_logger = event_logger(graph)
         listeners = {} if self.event_logger is None else self.event_logger.sinks()
         self.compiled = graph.compile(self.sinks, record, listeners)
         self.monitor = None if limits is None else InstantMonitor(limits, is_driving)
@@ -186,12 +187,18 @@ class Engine:
         """Deliver what the monitor reports, right after the last instant."""
         now = self.last_instant + 1
         events = [
-            Delivery(wire, message._replace(time=now))
+            Delivery(place, message._replace(time=now))
             for wire, message in monitor.take_events()
-            if wire in self.wire_places
+            for place in self._wires_of_all(wire, message)
         ]
         if events:
             self.deliver(now, events)
+
+    def _wires_of_all(self, wire: str, message: Any) -> list[str]:
+        """Where `wire` leads to: every robot of several gets a stop, one log a line."""
+        wires = [f"{name}.{wire}" for name in self.graph.parts] or [wire]
+        known = [wire for wire in wires if wire in self.wire_places]
+        return known[:1] if isinstance(message, LogLine) else known
 
     def _count_overruns(self, now: int, actual: int) -> None:
         """Count the firings due by `now` that are more than a period late at `actual`."""

@@ -27,11 +27,16 @@ class BlockLoad(NamedTuple):
 
 
 class BlockProfiler:
-    """Measures the blocks of `engine`. `is_on`: it is measuring, and `report` has to be called."""
+    """Measures the blocks of `engine`, whose names begin with `prefix`.
 
-    def __init__(self, engine: Engine) -> None:
+    `is_on`: it is measuring, and `report` has to be called.
+    """
+
+    def __init__(self, engine: Engine, prefix: str = "") -> None:
         self.engine = engine
-        self.names = [node.name for node in engine.graph.nodes]
+        self.prefix = prefix
+        nodes = [node.name for node in engine.graph.nodes]
+        self.names = [name for name in nodes if name.startswith(prefix)]
         self.spent = [0] * len(self.names)
         self.count = [0] * len(self.names)
         self.requested_until = self.period_start = 0
@@ -61,7 +66,9 @@ class BlockProfiler:
         if span < REPORT_PERIOD:
             return None
         loads = {
-            name: BlockLoad(spent / span, count * SECOND / span, self.engine.overruns.get(name, 0))
+            name.removeprefix(self.prefix): BlockLoad(
+                spent / span, count * SECOND / span, self.engine.overruns.get(name, 0)
+            )
             for name, spent, count in zip(self.names, self.spent, self.count, strict=True)
         }
         self._start_period(now)

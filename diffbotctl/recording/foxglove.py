@@ -108,6 +108,11 @@ def _quaternion(heading: float) -> tuple[float, float]:
     return sin(heading / 2), cos(heading / 2)
 
 
+def _is_of_several(wire: str) -> bool:
+    """Whether it is a wire of one robot of several: `left.odometry.odometry`."""
+    return wire.count(".") > 1
+
+
 TopicMessage = tuple[str, bytes | None]  # topic and message; None: not finite
 Builder = Callable[[Any], Iterable[TopicMessage]]
 
@@ -171,6 +176,8 @@ class ViewerMessages:
 
     def _builder(self, wire: str, kind: type) -> Builder | None:
         epoch = self.epoch
+        if kind in (Goal, Path) and _is_of_several(wire):
+            return None  # one goal beside the paths of all would belong to none
         if kind is Odometry:
             return self._odometry_builder(wire)
         if kind in (Range, Scan) and wire in self.model.sensors:
@@ -193,7 +200,7 @@ class ViewerMessages:
         epoch, topic = self.epoch, f"{wire}.pose"
         is_first = TRAIL not in self.topics  # two transforms would contradict each other
         self.topics[topic] = "PoseInFrame"
-        if not is_first:
+        if not is_first or _is_of_several(wire):
             return lambda pose: ((topic, pose_in_frame(epoch, pose)),)
         self.topics |= {TRANSFORMS: "FrameTransform", TRAIL: "SceneUpdate"}
         child = GROUND if self.model.frames else BASE

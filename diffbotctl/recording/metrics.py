@@ -11,7 +11,7 @@ from diffbotctl.messages import Goal, GoalState, Odometry, Stop
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import SECOND
 
-DRIVER_PREFIXES = ("operator.", "robot.")  # the gate repeats their stops; each counts once
+DRIVERS = ("operator", "robot")  # the gate repeats their stops; each counts once
 
 
 class Metrics(NamedTuple):
@@ -38,7 +38,7 @@ class MetricsAccumulator:
     def __init__(self) -> None:
         self.goal: Goal | None = None
         self.first_goal_at = self.reached_at = -1  # ns
-        self.reached: set[int] = set()
+        self.reached: set[tuple[str, int]] = set()  # name of a robot of several, and number
         self.pose: Odometry | None = None
         self.start: tuple[float, float] = (0.0, 0.0)
         self.stop_codes: dict[str, str] = {}
@@ -55,15 +55,19 @@ class MetricsAccumulator:
 
     def take(self, time: int, wire: str, message: Any) -> None:
         """Add one message, in ns of logical time."""
+        node = wire.rpartition(".")[0]
+        robot, _, node = node.rpartition(".")
         match message:
+            case Odometry() | Goal() if robot:
+                pass  # the paths of several robots are not one
             case Odometry():
                 self._add_pose(message)
             case Goal() if wire == "operator.goal" and message.number:
                 self._add_goal(time, message)
-            case GoalState(state="reached") if message.number not in self.reached:
-                self.reached.add(message.number)
+            case GoalState(state="reached") if (robot, message.number) not in self.reached:
+                self.reached.add((robot, message.number))
                 self.reached_at = time
-            case Stop() if not wire.startswith(DRIVER_PREFIXES):
+            case Stop() if node not in DRIVERS:
                 if message.code and self.stop_codes.get(wire) != message.code:
                     self.stops += 1
                 self.stop_codes[wire] = message.code
@@ -73,7 +77,9 @@ class MetricsAccumulator:
         pose, goal, tracked = self.pose, self.goal, self.tracked_path
         return Metrics(
             goals_reached=len(self.reached),
-            time_to_goal=(self.reached_at - self.first_goal_at) / SECOND if self.reached else None,
+            time_to_goal=(self.reached_at - self.first_goal_at) / SECOND
+            if self.reached and self.first_goal_at >= 0
+            else None,
             cross_track_max=self.cross_track_max if tracked > 0.0 else None,
             cross_track_rms=sqrt(self.cross_track_integral / tracked) if tracked > 0.0 else None,
             path=self.path if pose is not None else None,
@@ -95,7 +101,7 @@ class MetricsAccumulator:
             return
         step = hypot(pose.x - last.x, pose.y - last.y)
         self.path += step
-        if self.goal is None or self.goal.number in self.reached:
+        if self.goal is None or ("", self.goal.number) in self.reached:
             return
         cross_track = _cross_track(pose, self.start, self.goal)
         self.cross_track_max = max(self.cross_track_max, cross_track)

@@ -46,6 +46,8 @@ def check_replayable(values: Mapping[str, str]) -> None:
     files = json.loads(values["files"])
     _require(values, "pipeline", files.__contains__, "one of the files")
     _require(values, "robot", lambda text: not text or text in files, "one of the files")
+    if "robots" in values:
+        _require(values, "robots", _is_json(_is_table_of(files)), "a table of some of the files")
 
 
 def check_end(values: Mapping[str, str]) -> None:
@@ -53,6 +55,15 @@ def check_end(values: Mapping[str, str]) -> None:
     _require(values, "last", _is_integer, "nanoseconds")
     if values.get("truth"):
         _require(values, "truth", _is_json(_is_pose), "a list of numbers")
+
+
+def _is_table_of(files: Mapping[str, str]) -> Callable[[Any], bool]:
+    def is_table(table: Any) -> bool:
+        return isinstance(table, dict) and all(
+            isinstance(file, str) and file in files for file in table.values()
+        )
+
+    return is_table
 
 
 def _require(

@@ -21,13 +21,13 @@ from diffbotctl.recording.reader import RecordedMessage, RecordingReader
 from diffbotctl.recording.run_metadata import LIVE, check_replayable
 from diffbotctl.time import NEVER
 
-CLIENT_WIRES = {  # with messages that only a client of the control socket causes
+CLIENT_WIRES = (  # with messages that only a client of the control socket causes
     "operator.twist",
     "operator.halt",
     "operator.resume",
     "operator.setting",
     "operator.call",
-}
+)
 
 
 class RecordedRun(NamedTuple):
@@ -69,15 +69,15 @@ class RecordedRun(NamedTuple):
 
     def goals(self) -> list[Goal]:
         """All goals of the run, in order."""
-        goals = [m for _, m in self.operator_messages if isinstance(m, Goal) and m.number]
-        return list({goal.number: goal for goal in goals}.values())
+        goals = [(w, m) for w, m in self.operator_messages if isinstance(m, Goal) and m.number]
+        return list({(wire, goal.number): goal for wire, goal in goals}.values())
 
     def is_driven(self) -> bool:
         """Whether a client commanded anything, so that the run cannot be simulated again.
 
         Goals that are not in the files come from a client, unless a block gave a path.
         """
-        if any(wire in CLIENT_WIRES for wire, _ in self.operator_messages):
+        if any(wire.endswith(CLIENT_WIRES) for wire, _ in self.operator_messages):
             return True
         paths = any(isinstance(message, Waypoints) for _, message in self.operator_messages)
         return not paths and len(self.goals()) > len(self.initial_goals)
@@ -91,9 +91,10 @@ def read_run(path: Path) -> RecordedRun:
     last = 0
     for item in reader.messages():
         last = max(last, item.time)
-        if item.wire.startswith("operator."):
+        node = item.wire.rpartition(".")[0].rpartition(".")[2]  # without the name of a robot
+        if node == "operator":
             operator_messages.append((item.wire, item.message))
-        elif item.from_driver and not item.wire.startswith("robot."):
+        elif item.from_driver and node != "robot":
             has_published_messages = True
     if LIVE in reader.about:
         cause = "`bag record` made it of a running engine: it does not hold how the run began"
@@ -161,11 +162,13 @@ def recorded_configuration(run: RecordedRun, sets: tuple[str, ...] = ()) -> Iter
     with tempfile.TemporaryDirectory() as folder:
         places = _write_files(json.loads(run.about["files"]), Path(folder))
         robot = places.get(run.about["robot"])
+        robots: dict[str, str] = json.loads(run.about.get("robots", "{}"))
         yield load(
             str(places[run.about["pipeline"]]),
             None if robot is None else str(robot),
             [*json.loads(run.about["sets"]), *sets],
             real=False,
+            robot_files={name: str(places[file]) for name, file in robots.items()},
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
-from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.engine.live_changes import live_sinks
 from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Graph, Sink
@@ -96,6 +96,9 @@ def replay_run(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
     if options.check:
         _require_checkable(run)
     with recorded_configuration(run, options.sets) as configuration:
+        if options.dash and configuration.robots:
+            cause, fix = "the dashboard shows one robot; here are several", "replay without --dash"
+            raise RunError(Problem("E-SEVERAL-ROBOTS", str(run.path), cause, fix))
         return _ReplayRun(run, options, configuration).go()
 
 
@@ -192,7 +195,7 @@ class _ReplayRun:
         return ScaledClock(self.options.speed, max(self.options.begin, self.start))
 
     def _sinks(self) -> dict[str, list[Sink]]:
-        sinks = {wire: [sink] for wire, sink in LiveChanges(self.graph, {}).sinks().items()}
+        sinks = {wire: [sink] for wire, sink in live_sinks(self.graph).items()}
         if self.screen is not None:
             for wire in self.graph.wires:
                 sinks.setdefault(wire, []).append(self.screen.sink(wire))
@@ -261,7 +264,7 @@ def _block_parameters(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, st
     blocks = {node.name: node.block for node in graph.nodes}
     parameters = []
     for text in sets:
-        block_name, _, key = text.partition("=")[0].strip().partition(".")
+        block_name, _, key = text.partition("=")[0].strip().rpartition(".")
         block = blocks.get(block_name)
         for name, declaration in declared(type(block)).items() if block is not None else ():
             if key == (declaration.key or name):

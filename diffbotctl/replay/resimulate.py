@@ -40,7 +40,7 @@ def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
         path = options.record or Path(folder) / "resimulated.mcap"
         with recorded_configuration(run, options.sets) as configuration:
             run_options = RunOptions(
-                goals=run.initial_goals,
+                goals=() if configuration.robots else run.initial_goals,
                 seed=int(run.about["seed"]),
                 fast=options.speed is None,
                 duration=_duration(run, options),

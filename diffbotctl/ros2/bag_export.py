@@ -67,6 +67,7 @@ def export_bag(source: Path, target: Path, robot: str | None, force: bool) -> Ex
     replaced, another one with `force`. Raises UserError.
     """
     _check_target(target, force)
+    _check_one_robot(source)
     model, velocity, complaint = _recorded_model(source, robot)
     try:
         # Beside the target, so that it can be moved there when it is complete.
@@ -100,6 +101,14 @@ def _check_target(target: Path, force: bool) -> None:
         cause = "the rosbag2 exists already, and diffbotctl did not write it"
         fix = "choose another name, or add --force to overwrite it"
         raise UsageError(Problem("E-OUTPUT", str(target), cause, fix))
+
+
+def _check_one_robot(source: Path) -> None:
+    """Raises UsageError for a recording of several robots: its topics would be those of all."""
+    if "robots" in recording_info(source).about:
+        cause = "it is a recording of several robots, and these topics are those of one"
+        fix = "record one robot with `bag record --engine NAME`, and export that"
+        raise UsageError(Problem("E-SEVERAL-ROBOTS", str(source), cause, fix))
 
 
 def _recorded_model(source: Path, robot: str | None) -> tuple[RobotModel, str, str]:

@@ -15,7 +15,7 @@ from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.safety_gate import Gate
-from diffbotctl.graph import Graph, Node
+from diffbotctl.graph import Graph, Node, join_graphs
 from diffbotctl.log import Logbook
 from diffbotctl.messages import Encoders, Resume, Stop
 from diffbotctl.time import SECOND
@@ -34,15 +34,43 @@ AnyBlock = TypeVar("AnyBlock", bound=Block)
 
 
 class Assembly(NamedTuple):
-    """A graph, and the wire of its commands to the robot; `unproven`: its speed is limited."""
+    """A graph, and the wire of its commands to the robot; `unproven`: its speed is limited.
+
+    `parts` are those of several robots, joined in `graph`; none for a pipeline of one robot.
+    """
 
     graph: Graph
     command: str | None
     unproven: bool
+    parts: tuple[RobotAssembly, ...] = ()
+
+    def of_robots(self, configuration: Configuration) -> tuple[RobotAssembly, ...]:
+        """The parts, or the whole as the only one, without a name."""
+        return self.parts or (RobotAssembly("", configuration, self),)
+
+
+class RobotAssembly(NamedTuple):
+    """The part of one robot of several: its name, its pipeline, and its graph without the name."""
+
+    name: str
+    configuration: Configuration
+    assembly: Assembly
+
+    @property
+    def prefix(self) -> str:
+        """How the names of its nodes and wires begin in the graph of all."""
+        return f"{self.name}." if self.name else ""
 
 
 def assemble(configuration: Configuration, real: bool) -> Assembly:
     """Build the graph. `real`: a real robot moves, so unproven wiring limits its speed."""
+    if configuration.robots:
+        parts = tuple(
+            RobotAssembly(name, part, assemble(part, real))
+            for name, part in configuration.robots.items()
+        )
+        graph = join_graphs({part.name: part.assembly.graph for part in parts}, Logbook())
+        return Assembly(graph, None, any(part.assembly.unproven for part in parts), parts)
     robot = configuration.robot
     unproven = real and robot is not None and robot.drive.polarity == "unproven"
     nodes = [_node(use, robot, unproven) for use in configuration.blocks]

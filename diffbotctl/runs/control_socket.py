@@ -59,6 +59,7 @@ class RunControlSocket:
         shared = options.group is not None
         end, self.pid = process.start_server(listener, path, info, shared, store)
         self.path = path
+        self.wires = len(assembly.graph.wires)
         self.channel = EngineChannel(end)
 
     def client_driver(

@@ -18,6 +18,12 @@ class SocketOptions(NamedTuple):
     name: str | None = None  # None: the pipeline's name
     group: str | None = None  # None: only the user who started the run
 
+    def of_robot(self, robot: str) -> "SocketOptions":
+        """Those of one robot of several: its socket is called after it."""
+        if not robot or self.name is None:
+            return self
+        return self._replace(name=f"{self.name}-{robot}")
+
 
 class RunOptions(NamedTuple):
     """Options of a run, as the command line states them."""

@@ -11,6 +11,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,7 +30,7 @@ from diffbotctl.recording.recorder import Recorder, last_line, log_sink, open_lo
 from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.recording.writer import RecordingHeader, start_recorder
 from diffbotctl.render.map_scene import describe_scene
-from diffbotctl.runs.build_graph import Assembly
+from diffbotctl.runs.build_graph import Assembly, RobotAssembly
 from diffbotctl.runs.options import RunOptions
 
 if TYPE_CHECKING:
@@ -65,13 +66,14 @@ class RunOutputs:
         show: Show | None,
     ) -> None:
         """Fork the children. `show` draws the screen. Raises RunError."""
+        self.configuration, self.assembly = configuration, assembly
         self.wires = assembly.graph.wires
         self.children: list[int] = []
         self.screen: ScreenFeed | None = None
         self.recorder: Recorder | None = None
         self.black_box: BlackBox | None = None
         self.log_file: Recorder | None = None
-        self.control_socket: RunControlSocket | None = None
+        self.control_sockets: list[RunControlSocket] = []  # one for each robot
         self.digest = _start_digest(assembly.graph.kinds) if options.digest else None
         if show is not None:
             channel, pid = screen.start_screen(show, options.dash)
@@ -96,7 +98,7 @@ class RunOutputs:
                 options.record, configuration, assembly, reports.facts, options.fast, reports.loss
             )
             self.children.append(pid)
-        elif options.flights is not None and configuration.robot is not None:
+        elif options.flights is not None and (configuration.robot or configuration.robots):
             self.black_box, store = start_black_box(
                 options.flights, configuration, assembly, reports
             )
@@ -115,9 +117,17 @@ class RunOutputs:
             # Imported late: without a socket none of its modules is needed.
             from diffbotctl.runs.control_socket import RunControlSocket
 
-            self.control_socket = RunControlSocket(
-                options.socket, configuration, assembly, options.port, store=store
-            )
+            for part in assembly.of_robots(configuration):
+                self.control_sockets.append(
+                    RunControlSocket(
+                        options.socket.of_robot(part.name),
+                        part.configuration,
+                        part.assembly,
+                        options.port,
+                        store=store,
+                    )
+                )
+                store = None  # it lives in the process of the first one
         elif store is not None:
             # Imported late: only a run with a black box needs it.
             from diffbotctl.control_socket import process
@@ -136,14 +146,13 @@ class RunOutputs:
         """What takes each instant of the engine."""
         takers: list[Callable[[Instant], object]] = [
             taker.record
-            for taker in (
-                self.recorder,
-                self.black_box,
-                self.digest,
-                None if self.control_socket is None else self.control_socket.channel,
-            )
+            for taker in (self.recorder, self.black_box, self.digest)
             if taker is not None
         ]
+        parts = self.assembly.of_robots(self.configuration)
+        for part, control_socket in zip(parts, self.control_sockets, strict=False):
+            taker = control_socket.channel.record
+            takers.append(record_of_robot(part, self.wires, taker) if part.name else taker)
         if len(takers) < 2:
             return takers[0] if takers else None
 
@@ -179,9 +188,9 @@ class RunOutputs:
         if self.log_file is not None:
             self.log_file.record(line)
             self.log_file.close()
-        if self.control_socket is not None:
-            blank = [None] * (len(self.wires) - 1)
-            self.control_socket.channel.record((ending.time, *blank, line))
+        for control_socket in self.control_sockets:
+            blank = [None] * (control_socket.wires - 1)
+            control_socket.channel.record((ending.time, *blank, line))
         summary = {
             "code": str(ending.code),
             "cause": ending.cause,
@@ -201,23 +210,46 @@ class RunOutputs:
         """A suspended child would keep what it has received, and the end of the run waiting."""
         for pid in self.children:
             resume(pid)
-        if self.control_socket is not None:
-            resume(self.control_socket.pid)
+        for control_socket in self.control_sockets:
+            resume(control_socket.pid)
 
     def close(self) -> None:
         """Wait for the children to end; one that does not is killed."""
-        if self.control_socket is not None:
-            self.control_socket.end()
+        for control_socket in self.control_sockets:
+            control_socket.end()
         for pid in self.children:
             wait_for_exit(pid)
         if self.black_box is not None:  # last: no screen is left to draw over what it announces
             self.black_box.close()
 
 
+def record_of_robot(
+    part: RobotAssembly, wires: Sequence[str], take: Callable[[Instant], object]
+) -> Callable[[Instant], object]:
+    """What takes the instants of all robots, and passes on those of one, on its own wires."""
+    place = {wire: number for number, wire in enumerate(wires, 1)}
+    own = [place[part.prefix + wire] for wire in part.assembly.graph.wires if wire != LOG]
+    pick = itemgetter(*own)
+    empty = (None,) * len(own)
+
+    def record(instant: Instant) -> None:
+        messages, line = pick(instant), instant[-1]
+        if line is not None:
+            if line.source.startswith(part.prefix):
+                take((instant[0], *messages, line._replace(source=line.source[len(part.prefix) :])))
+            elif "." not in line.source:  # of the engine
+                take((instant[0], *messages, line))
+        elif messages != empty:
+            take((instant[0], *messages, None))
+
+    return record
+
+
 def run_facts(
     configuration: Configuration, options: RunOptions, goals: Sequence[Goal]
 ) -> dict[str, str]:
     """Metadata that makes a recording self-contained: version, files, options."""
+    robots = {name: str(part.robot_file) for name, part in configuration.robots.items()}
     return {
         "version": __version__,
         "epoch": str(time.time_ns()),
@@ -228,6 +260,7 @@ def run_facts(
         "seed": str(options.seed),
         "goals": json.dumps([list(goal) for goal in goals]),
         "duration": json.dumps(options.duration),
+        **({"robots": json.dumps(robots)} if robots else {}),
         "files": json.dumps({str(file): file.read_text() for file in configuration.files}),
     }
 

@@ -32,9 +32,9 @@ def cli(folder, *words, **options):
 
 
 @contextmanager
-def running(folder, *words, name="test", prefix=()):
+def running(folder, *words, name="test", prefix=(), sets=OPEN_FIELD):
     """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
-    line, environment = command(folder, "run", *words, *OPEN_FIELD, "--name", name)
+    line, environment = command(folder, "run", *words, *sets, "--name", name)
     process = subprocess.Popen(
         [*prefix, *line],
         env=environment,

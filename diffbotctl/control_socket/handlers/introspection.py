@@ -170,7 +170,10 @@ def handle_save_black_box(context: RequestContext, request: requests.SaveBlackBo
     """Begin to write a file, or tell whether one was written. Another process writes it."""
     store = context.store
     if store is None:
-        cause = "this run keeps no black box: it is recorded from its start, or has no robot"
+        cause = (
+            "this robot keeps no black box: its run is recorded from the start, has no robot, or "
+            "the first of several robots keeps it"
+        )
         raise RefusalError("E-REQUEST", cause, "use its recording, or `diffbotctl bag record`")
     number = int(request.number) or store.save(f"saved by {context.client.who}")
     if number is None:

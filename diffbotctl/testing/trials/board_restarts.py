@@ -15,7 +15,8 @@ from diffbotctl.graph import Sink
 from diffbotctl.links.diffbot_frames import ResetCode
 from diffbotctl.messages import Goal, Odometry, Text
 from diffbotctl.runs.options import RunOptions
-from diffbotctl.runs.run import PortRobot, Run
+from diffbotctl.runs.robot_run import PortRobot
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import trial_board
 from diffbotctl.testing.trials.row import Row
 

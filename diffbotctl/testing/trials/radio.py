@@ -21,7 +21,8 @@ from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.messages import Goal, Stop
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
-from diffbotctl.runs.run import PortRobot, Run
+from diffbotctl.runs.robot_run import PortRobot
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.radio_module import DeliveredFrame
 from diffbotctl.testing.remote_board import RemoteBoard
 from diffbotctl.testing.trials.row import Row, printed

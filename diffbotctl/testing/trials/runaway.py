@@ -29,7 +29,8 @@ from diffbotctl.messages import Duty, Goal, Twist, Wheels
 from diffbotctl.params import Param
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.runs.options import RunOptions
-from diffbotctl.runs.run import PortRobot, Run
+from diffbotctl.runs.robot_run import PortRobot
+from diffbotctl.runs.run import Run
 from diffbotctl.testing.matrix_case import EQUATIONS, Case, ObservedRun, set_up
 from diffbotctl.testing.trials.row import Row, printed
 from diffbotctl.time import SECOND
