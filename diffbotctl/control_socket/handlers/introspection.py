@@ -171,7 +171,7 @@ def handle_save_black_box(context: RequestContext, request: requests.SaveBlackBo
     store = context.store
     if store is None:
         cause = (
-            "this robot keeps no black box: its run is recorded from the start, has no robot, or "
+            "this robot keeps no black box: its run is recorded from its start, has no robot, or "
             "the first of several robots keeps it"
         )
         raise RefusalError("E-REQUEST", cause, "use its recording, or `diffbotctl bag record`")
