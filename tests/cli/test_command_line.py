@@ -21,6 +21,7 @@ DIFFERENT = {  # command, option: why its text differs
     ("wiring", "--robot"), ("emulate", "--robot"),
     ("start", "--robot"),  # a new file is made without it
     ("export", "--robot"),  # the recorded robot without it
+    ("stop", "--engine"),  # all engines without it
 }  # fmt: skip
 
 
