@@ -58,7 +58,8 @@ def test_every_command_reaches_the_far_engine_and_the_person_is_named(tmp_path, 
         assert here(tmp_path, "goto", "5", "0")[0] == 0
         watcher.until(moves)
         code, out, err = here(tmp_path, "stop", "that is", "enough")
-        assert (code, out) == (0, "robot: test: stopped; `diffbotctl resume` allows motion again\n"), err
+        said = "robot: test: stopped; `diffbotctl resume` allows motion again\n"
+        assert (code, out) == (0, said), err
         assert stands(watcher.request("status"))
         code, out, _ = here(tmp_path, "why")
         assert code == 0 and re.search(r"diffbotctl stop of \S+@\S+", " ".join(out.split()))

@@ -1,7 +1,6 @@
 """The page in a real browser, on a computer and on an emulated phone."""
 
 import json
-import os
 import struct
 import time
 import zlib
@@ -50,7 +49,6 @@ def open_page(browser, parts):
     """A function that opens the page on a device of its own; `is_phone` or not."""
     server, client, _ = parts
     opened = []
-    files = open_files(server)
 
     def open_on(is_phone):
         context = browser.command("Target.createBrowserContext")["browserContextId"]
@@ -68,18 +66,11 @@ def open_page(browser, parts):
     yield open_on
     for page in opened:
         browser.command("Target.closeTarget", targetId=page.target)
-    # On a busy computer the server notices later that a page is closed which was driving; the engine
-    # stops the robot by itself within half a second.
-    deadline = time.monotonic() + 5
-    while open_files(server) > files and time.monotonic() < deadline:
-        time.sleep(0.01)
+    # On a busy computer the server notices later that a page is closed which was driving; the
+    # engine stops the robot by itself within half a second.
     closed_at = client.request("status")["time"]
     client.until(lambda status: status["time"] > closed_at + SECOND and stands(status))
     client.request("resume")
-
-
-def open_files(server):
-    return len(os.listdir(f"/proc/{server.process.pid}/fd"))
 
 
 def press(page, selector):
