@@ -449,10 +449,12 @@ class GoalFollower(Block):
         if linear * sign <= 0.0:
             return FollowerStep(pursuit.released(sign * predicted.linear))
         error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
-        if abs(error) > HEADING_ERROR_MAX:
+        # A turn would begin the time anew in which the board finds a blocked wheel.
+        if abs(error) > HEADING_ERROR_MAX and not self.wheels.has_silent_wheel:
             return FollowerStep(pursuit.turn_again(odometry))
         if abs(error) > HEADING_ERROR_FREE:
-            ratio = (HEADING_ERROR_MAX - abs(error)) / (HEADING_ERROR_MAX - HEADING_ERROR_FREE)
+            rest = max(HEADING_ERROR_MAX - abs(error), 0.0)
+            ratio = rest / (HEADING_ERROR_MAX - HEADING_ERROR_FREE)
             linear = copysign(max(abs(linear) * ratio, bounds.minimum), linear)
         gain = min(HEADING_GAIN, HEADING_GAIN_LAG_MAX / self.lag_estimate)
         limit = STEERING_RATIO_MAX * abs(linear) / (0.5 * self.track)

@@ -19,9 +19,10 @@ WEAK_AFTER = 0.7  # s for which a wheel is slower than commanded, before it coun
 IDLE_AFTER = 1.5
 IDLE_COMMAND_MIN = 0.01  # m/s; at lower commands a wheel may stand
 IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
-# s without a count, and m and pitches that a wheel should have travelled in several drives:
-# friction may have held it in each of some short ones.
-UNCOUNTED_AFTER, IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 1.0, 0.1, 8.0
+# s without a count, longer than the board waits, and m and pitches that a wheel should have
+# travelled in several drives: friction may have held it in each of some short ones.
+UNCOUNTED_AFTER, IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 1.5, 0.1, 8.0
+SILENT_AFTER = 0.3  # s without a count, although there should have been some: late, or blocked
 MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
 CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 # A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
@@ -189,6 +190,15 @@ class DriveResponse:
     def idle_for(self) -> float:
         """s for which a driven wheel has not turned."""
         return max(self.left.idle_for, self.right.idle_for)
+
+    @property
+    def has_silent_wheel(self) -> bool:
+        """Whether a driven wheel should have counted by now, and has not."""
+        return any(
+            wheel.uncounted_for > SILENT_AFTER
+            and wheel.uncounted_travel > IDLE_PITCHES * self.pitch
+            for wheel in (self.left, self.right)
+        )
 
     def compensated(self, linear: float, angular: float, speed: float) -> tuple[float, float]:
         """The velocity to command, so that wheels of unequal motors keep the curvature.

@@ -7,7 +7,8 @@ stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop ha
 wheel turns beyond a limit is summed (a one-sided CUSUM). The sum stops the robot when it exceeds
 what the encoder cannot resolve, and for the second limit also what the strongest motor turns until
 the loop has settled. After a gap without counts, the limits of its begin hold for all of it, and
-what the first frame does not use of them is left for those that queued up behind it.
+what the first frame does not use of them is left for those that queued up behind it. They decay
+from its end: a stop that was sent in the gap may reach the board only then.
 
 A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
 fault.
@@ -80,6 +81,7 @@ class OverspeedDetector:
         self.held_until = self.settled_held_until = 0
         self.excess = self.settled_excess = 0.0  # rad; negative only while a queue arrives
         self.queue_until = 0
+        self.counted_limits = 0.0, 0.0  # in force at the last counts
         self.time: int | None = None  # of the last counts
         self.count = 0
         self.boot = 0
@@ -103,7 +105,6 @@ class OverspeedDetector:
     def counts(self, now: int, count: int, boot: int) -> WheelExcess | None:
         """Take the count that arrived at `now`; the excess when the wheel is clearly too fast."""
         last, self.time = self.time, now
-        limits = self.limit, self.settled_limit
         steps, self.count = abs(count - self.count), count
         if last is None or boot != self.boot:
             self.boot, self.moved_at = boot, now
@@ -113,35 +114,41 @@ class OverspeedDetector:
         while self.recent[0][0] < now - SPEED_TIME:
             self.recent.popleft()
         is_gap = now - last > GAP_TIME
-        if is_gap:
-            self.queue_until = now + QUEUE_TIME
         if steps or is_gap:  # a gap does not show that the wheel is at rest
             self.moved_at = now
         elif not self.target and now - self.moved_at >= STANDSTILL_TIME:
             self.is_at_rest, self.pushed = True, 0
         self._decay(now)
         self._raise_limits(now)
-        if not is_gap:
-            limits = self.limit, self.settled_limit
+        if is_gap:
+            self._resume_after_gap(now)
+        self.counted_limits = self.limit, self.settled_limit
         if self.is_at_rest:
             self.excess = self.settled_excess = 0.0
             self.pushed += steps
             return None
-        return self._sum(now, steps, (now - last) / SECOND, limits)
+        return self._sum(now, steps, (now - last) / SECOND)
 
     @property
     def is_pushed(self) -> bool:
         """True when the wheel turns by hand."""
         return self.pushed >= PUSHED_COUNTS_MIN
 
-    def _sum(
-        self, now: int, steps: int, elapsed: float, limits: tuple[float, float]
-    ) -> WheelExcess | None:
+    def _resume_after_gap(self, now: int) -> None:
+        """Take the limits of the gap's begin: commands of the gap may reach the board only now."""
+        limit, settled_limit = self.counted_limits
+        self.limit = max(self.limit, limit)
+        self.settled_limit = max(self.settled_limit, settled_limit)
+        self.held_until = self.settled_held_until = now + self.delay
+        self.queue_until = now + QUEUE_TIME
+
+    def _sum(self, now: int, steps: int, elapsed: float) -> WheelExcess | None:
         turned = steps * self.counted_share * self.pitch
         least = -inf if now < self.queue_until else 0.0
-        limit, settled_limit = limits
-        self.excess = max(least, self.excess + turned - limit * elapsed)
-        self.settled_excess = max(least, self.settled_excess + turned - settled_limit * elapsed)
+        self.excess = max(least, self.excess + turned - self.limit * elapsed)
+        self.settled_excess = max(
+            least, self.settled_excess + turned - self.settled_limit * elapsed
+        )
         settling = (self.strongest - self.settled_speed) * self.settling
         if self.excess > self.resolution:
             return WheelExcess(self._speed(), self.limit)

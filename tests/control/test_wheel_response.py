@@ -151,3 +151,20 @@ def test_a_wheel_that_lags_behind_the_other_one_explains_a_failure():
     assert text.startswith("the right wheel has made 30% of its commanded travel")
     drive.begin()
     assert drive.weaknesses() == []
+
+
+@pytest.mark.parametrize(
+    ("seconds", "counts_after", "is_silent"),
+    [
+        (0.3, None, False),  # s; a wheel may be late
+        (0.5, None, True),
+        (0.5, 0.4, False),
+    ],
+)
+def test_a_wheel_that_should_have_counted_is_silent(seconds, counts_after, is_silent):
+    drive = DriveResponse(0.2, 0.01)
+    for step in range(round(seconds / STEP)):
+        counted = 0.01 if counts_after is not None and step * STEP >= counts_after else 0.0
+        drive.left.update(0.2, 0.0, LAG, STEP, counted)
+        drive.right.update(0.2, 0.2, LAG, STEP, 0.2 * STEP)
+    assert drive.has_silent_wheel == is_silent
