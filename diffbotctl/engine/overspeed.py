@@ -6,9 +6,9 @@ delay from a command to telemetry that shows its effect, and decays with the mot
 stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop has settled. What the
 wheel turns beyond a limit is summed (a one-sided CUSUM). The sum stops the robot when it exceeds
 what the encoder cannot resolve, and for the second limit also what the strongest motor turns until
-the loop has settled. After a gap without counts, the limits of its begin hold for all of it, and
-what the first frame does not use of them is left for those that queued up behind it. They decay
-from its end: a stop that was sent in the gap may reach the board only then.
+the loop has settled. What a late frame does not use of the limits is left for those that queued up
+behind it. After a gap, the limits of its begin hold for all of it and decay from its end: a stop
+that was sent in the gap may reach the board only then.
 
 A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
 fault.
@@ -17,7 +17,7 @@ fault.
 from __future__ import annotations
 
 from collections import deque
-from math import exp, inf, pi
+from math import exp, pi
 from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import MotorSettings
@@ -38,9 +38,10 @@ SPEED_RATIO = 1.5  # to the command; above it a wheel whose loop has settled is 
 # Until the loop, on the board or on the host, has corrected the feed-forward; after the lag.
 BOARD_SETTLING_S, HOST_SETTLING_S = 0.6, 2.0
 STANDSTILL_TIME = 300 * MILLISECOND  # without a count
-# Without counts, after which several frames may have queued up: the host stood still, or the radio
-# held them back. They arrive nearly at once, within QUEUE_TIME.
-GAP_TIME, QUEUE_TIME = 200 * MILLISECOND, 300 * MILLISECOND
+# Frames queue up when the host stands still, or the radio holds them back. After the first of them
+# the others arrive nearly at once, within QUEUE_TIME.
+QUEUE_TIME = 300 * MILLISECOND
+GAP_TIME = 200 * MILLISECOND  # without counts, in which commands may not have reached the board
 SPEED_TIME = 500 * MILLISECOND  # over which the speed is told
 PUSHED_COUNTS_MIN = 2  # a wheel that rests on an edge may give one
 
@@ -79,8 +80,8 @@ class OverspeedDetector:
         self.settled_speed = 0.0  # limit of the last motion that was commanded
         self.limit = self.settled_limit = 0.0
         self.held_until = self.settled_held_until = 0
-        self.excess = self.settled_excess = 0.0  # rad; negative only while a queue arrives
-        self.queue_until = 0
+        self.excess = self.settled_excess = 0.0  # rad; negative by what a frame has left unused
+        self.longest, self.queue_until = 0.0, 0  # s without counts, and for how long that matters
         self.counted_limits = 0.0, 0.0  # in force at the last counts
         self.time: int | None = None  # of the last counts
         self.count = 0
@@ -140,14 +141,15 @@ class OverspeedDetector:
         self.limit = max(self.limit, limit)
         self.settled_limit = max(self.settled_limit, settled_limit)
         self.held_until = self.settled_held_until = now + self.delay
-        self.queue_until = now + QUEUE_TIME
 
     def _sum(self, now: int, steps: int, elapsed: float) -> WheelExcess | None:
         turned = steps * self.counted_share * self.pitch
-        least = -inf if now < self.queue_until else 0.0
-        self.excess = max(least, self.excess + turned - self.limit * elapsed)
+        if elapsed >= self.longest or now >= self.queue_until:
+            self.longest, self.queue_until = elapsed, now + QUEUE_TIME
+        limit, settled = self.limit, self.settled_limit
+        self.excess = max(-limit * self.longest, self.excess + turned - limit * elapsed)
         self.settled_excess = max(
-            least, self.settled_excess + turned - self.settled_limit * elapsed
+            -settled * self.longest, self.settled_excess + turned - settled * elapsed
         )
         settling = (self.strongest - self.settled_speed) * self.settling
         if self.excess > self.resolution:

@@ -121,3 +121,17 @@ def test_frames_that_queued_up_are_no_fast_wheel(gap):
 @pytest.mark.parametrize("gap", [0.25, 0.6, 2.3])
 def test_a_wheel_that_runs_away_in_a_gap_is_noticed_after_it(gap):
     assert after_a_gap(30.0, gap) < 0.35
+
+
+@pytest.mark.parametrize("delay", [0.06, 0.13, 0.19, 0.29])
+@pytest.mark.parametrize("speed", [3.0, 10.4])
+def test_frames_that_a_busy_host_reads_late_are_no_fast_wheel(delay, speed):
+    """Again and again, the host reads nothing for `delay` s, and then all that has arrived."""
+    detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
+    read_at = 0
+    for sampled in range(0, 10_000 * MS, FRAME):
+        begin = sampled // (500 * MS) * 500 * MS  # of a delay, each half second
+        late = max(sampled, begin + round(delay * 1e9)) if sampled > begin else sampled
+        read_at = max(late, read_at + MS)
+        detector.command(read_at, speed)
+        assert detector.counts(read_at, int(speed * sampled / 1e9 * SLOTS / (2 * pi)), 0) is None
