@@ -365,23 +365,24 @@ class GoalFollower(Block):
         tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
         if distance > tolerance or turn > heading_tolerance:
             return self._try_again(pursuit, odometry)
-        doubt = self._doubt(odometry)
+        doubt = self._doubt(pursuit, odometry)
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
             doubt = f"no nearer than {away} by odometry, and {doubt}"
         return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
 
-    def _doubt(self, odometry: Odometry) -> str:
+    def _doubt(self, pursuit: Pursuit, odometry: Odometry) -> str:
         """Why the pose does not prove the goal; empty when it does."""
         # The track of four wheels is known so badly that no goal behind a turn is sure.
         is_skidding = self.wheelbase is not None and TRACK not in self.calibration
         counts_geometry = is_skidding or self.calibration.keys() >= GEOMETRY
-        return position_doubt(odometry, self.tolerance, counts_geometry)
+        aside = pursuit.start_distance * self.heading_tolerance
+        return position_doubt(odometry, self.tolerance, aside, counts_geometry)
 
     def _tolerances(self, pursuit: Pursuit, odometry: Odometry) -> tuple[float, float]:
         """Distance (m) and angle (rad) from the goal with which it ends."""
         is_late = pursuit.elapsed > SEARCH_RATIO * pursuit.time_limit
-        if not is_late or not self._doubt(odometry):
+        if not is_late or not self._doubt(pursuit, odometry):
             return self.tolerance, self.heading_tolerance
         xx, xy, _, yy, _, heading = odometry.covariance
         return (

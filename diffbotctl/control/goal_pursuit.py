@@ -17,7 +17,11 @@ COAST_RATIO_MIN = 0.4  # least coast time, relative to the motors' lag
 COAST_TIME_MAX = 0.6  # s
 
 STALL_RATIO = 0.8  # of an angle; if more of it remains, friction has held the wheels
-UNSURE_RATIO = 3.0  # times the tolerance; a pose that is known less well does not prove the goal
+# A pose that is known less well does not prove the goal. Multiple of the tolerance of the position,
+UNSURE_RATIO = 3.0
+# or of what the tolerance of the heading is to the side at the end of the way,
+UNSURE_ASIDE_RATIO = 1.5
+UNSURE_ASIDE_MAX = 0.1  # m, of that
 
 Leg = Literal["turning", "driving", "aligning"]
 
@@ -185,20 +189,27 @@ class Pursuit(NamedTuple):
         return self._replace(coast=coast.learn(remaining - speed * coast.time, lag))
 
 
-def position_doubt(odometry: Odometry, tolerance: float, counts_geometry: bool) -> str:
+def position_doubt(
+    odometry: Odometry, tolerance: float, aside: float, counts_geometry: bool
+) -> str:
     """Why this pose does not prove a position within `tolerance` (m); empty when it does.
 
     A pose with a warning must be known within the tolerance (one standard deviation, in the worst
-    direction), any other one within UNSURE_RATIO times it: dead reckoning over a long way is never
-    as good as the tolerance. Without `counts_geometry` the error of the geometry is left out: that
-    of a robot that is not calibrated would exceed any tolerance.
+    direction). Dead reckoning is never as good as that over a long way: any other pose must be
+    known within UNSURE_RATIO times it, or about as well as the tolerance of the heading asks:
+    `aside` (m) is what a robot misses the goal by whose heading is off by it on the whole way.
+    Without `counts_geometry` the error of the geometry is left out: that of a robot that is not
+    calibrated would exceed any tolerance.
     """
     xx, xy, _, yy, _, _ = odometry.covariance
     variance = largest_variance(xx, xy, yy)
     if not counts_geometry:
         variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
     sd = sqrt(variance)
-    if sd <= tolerance * (1.0 if odometry.warning else UNSURE_RATIO):
+    limit = tolerance
+    if not odometry.warning:
+        limit = max(UNSURE_RATIO * tolerance, min(UNSURE_ASIDE_RATIO * aside, UNSURE_ASIDE_MAX))
+    if sd <= limit:
         return ""
     why = odometry.warning or "dead reckoning drifts on the way"
     return f"the position is known to {sd * 1000:.0f} mm (standard deviation): {why}"

@@ -269,6 +269,7 @@ class EdgeHypothesis:
                 self.motion.shift(-OPEN_SHARE)
                 self.edge_slot = 0
         if direction != self.drive_direction:
+            self.motion.drive_reversed()
             self.coasting_speed = self.motion.largest_speed(COAST_SDS)
         self.drive_direction = direction
         if direction != self.edge_direction:

@@ -56,6 +56,9 @@ NOISE_GAIN, NOISE_RATIO, NOISE_RATIO_MAX, NOISE_FACTOR_MAX = 0.2, 1.3, 9.0, 400.
 FRAME_TIME_MAX = 0.002  # s; of a board that tells the time of its frames
 SUSPECT_NOISE = 4.0  # factor of the noise's variance above which faults of the encoder are likely
 LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may state
+# Standard deviations of the prior up to which an offset is friction. A larger one was learnt from a
+# sudden change, which may have been one of the gain or of the encoder.
+UNUSUAL_OFFSET_SDS = 2.0
 RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
 ELAPSED_MIN = 0.005  # s; a motion does not change faster
 WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the noise
@@ -406,6 +409,14 @@ class WheelKalman:
         if self.priors.command_time:
             z_variance = self.covariance[Z_Z] + (change * self.priors.command_time) ** 2
             self.covariance = (z_variance, *self.covariance[1:])
+
+    def drive_reversed(self) -> None:
+        """Account for what the offset does not say of the other direction, where it is unusual."""
+        excess = abs(self.offset) - UNUSUAL_OFFSET_SDS * self.priors.offset
+        if excess > 0.0:
+            covariance = list(self.covariance)
+            covariance[DIAGONAL[3]] += excess * excess
+            self.covariance = tuple(covariance)
 
     def update_edge(self, place: float, slot: int, is_forward: bool) -> None:
         """Kalman update by an edge of `slot`, nominally at z = `place`."""
