@@ -37,10 +37,10 @@ typedef struct {
     uint8_t measured;        /* NOT_MEASURED, FIRST_EDGE or MEASURED */
     uint8_t hold;            /* periods for which the error is still integrated */
     bool kicked;
-    uint8_t halvings; /* of the weight of a measurement */
-    uint16_t stall_periods; /* with drive and without an edge */
-    uint16_t stall_excess;  /* of them since the wheel should have turned by 2.2 pitches */
-    int32_t stall_angle;    /* that the wheel should have turned meanwhile, in the unit of `pitch` */
+    uint8_t halvings;      /* of the weight of a measurement */
+    uint8_t stall_periods; /* with drive and without an edge */
+    uint8_t stall_excess;  /* of them since the wheel should have turned by 2.2 pitches */
+    int32_t stall_angle;   /* that the wheel should have turned meanwhile, in the unit of `pitch` */
 } speed_t;
 
 /* Angle of one slot in the unit of `pitch`, for `slots` counts per turn. */

@@ -6,7 +6,7 @@ from math import copysign, cos, degrees, pi, sin, sqrt
 from typing import NamedTuple, assert_never
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.goal_pursuit import Coast, Pursuit, largest_variance, position_doubt
+from diffbotctl.control.goal_pursuit import Coast, Pursuit, position_doubt, position_sd
 from diffbotctl.control.motion_profile import (
     Motion,
     MotionLimits,
@@ -46,8 +46,8 @@ STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
 TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
-# Of the time limit. After it, a robot whose pose is doubtful need not come nearer to the goal than
-# its pose is known (one standard deviation): more attempts would follow the error of the pose.
+# Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
+# standard deviation): more attempts would follow the error of the pose.
 SEARCH_RATIO = 1.0 / 3.0
 # Of the tolerance: remaining distance that need not be driven.
 TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
@@ -365,29 +365,26 @@ class GoalFollower(Block):
         tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
         if distance > tolerance or turn > heading_tolerance:
             return self._try_again(pursuit, odometry)
-        doubt = self._doubt(pursuit, odometry)
+        aside = pursuit.start_distance * self.heading_tolerance
+        reasons = [position_doubt(odometry, self._position_sd(odometry), self.tolerance, aside)]
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
-            doubt = f"no nearer than {away} by odometry, and {doubt}"
+            reasons.insert(0, f"no nearer than {away} by odometry")
+        doubt = ", and ".join(filter(None, reasons))
         return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
 
-    def _doubt(self, pursuit: Pursuit, odometry: Odometry) -> str:
-        """Why the pose does not prove the goal; empty when it does."""
+    def _position_sd(self, odometry: Odometry) -> float:
         # The track of four wheels is known so badly that no goal behind a turn is sure.
         is_skidding = self.wheelbase is not None and TRACK not in self.calibration
-        counts_geometry = is_skidding or self.calibration.keys() >= GEOMETRY
-        aside = pursuit.start_distance * self.heading_tolerance
-        return position_doubt(odometry, self.tolerance, aside, counts_geometry)
+        return position_sd(odometry, is_skidding or self.calibration.keys() >= GEOMETRY)
 
     def _tolerances(self, pursuit: Pursuit, odometry: Odometry) -> tuple[float, float]:
         """Distance (m) and angle (rad) from the goal with which it ends."""
-        is_late = pursuit.elapsed > SEARCH_RATIO * pursuit.time_limit
-        if not is_late or not self._doubt(pursuit, odometry):
+        if pursuit.elapsed <= SEARCH_RATIO * pursuit.time_limit:
             return self.tolerance, self.heading_tolerance
-        xx, xy, _, yy, _, heading = odometry.covariance
         return (
-            max(self.tolerance, sqrt(largest_variance(xx, xy, yy))),
-            max(self.heading_tolerance, sqrt(heading)),
+            max(self.tolerance, self._position_sd(odometry)),
+            max(self.heading_tolerance, sqrt(odometry.covariance[5])),
         )
 
     def _try_again(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:

@@ -189,23 +189,15 @@ class Pursuit(NamedTuple):
         return self._replace(coast=coast.learn(remaining - speed * coast.time, lag))
 
 
-def position_doubt(
-    odometry: Odometry, tolerance: float, aside: float, counts_geometry: bool
-) -> str:
-    """Why this pose does not prove a position within `tolerance` (m); empty when it does.
+def position_doubt(odometry: Odometry, sd: float, tolerance: float, aside: float) -> str:
+    """Why a pose whose position is known to `sd` (m) does not prove that it is within `tolerance`
+    (m); empty when it does.
 
-    A pose with a warning must be known within the tolerance (one standard deviation, in the worst
-    direction). Dead reckoning is never as good as that over a long way: any other pose must be
-    known within UNSURE_RATIO times it, or about as well as the tolerance of the heading asks:
-    `aside` (m) is what a robot misses the goal by whose heading is off by it on the whole way.
-    Without `counts_geometry` the error of the geometry is left out: that of a robot that is not
-    calibrated would exceed any tolerance.
+    A pose with a warning must be known within the tolerance. Dead reckoning is never as good as
+    that over a long way: any other pose must be known within UNSURE_RATIO times it, or about as
+    well as the tolerance of the heading asks: `aside` (m) is what a robot misses the goal by whose
+    heading is off by it on the whole way.
     """
-    xx, xy, _, yy, _, _ = odometry.covariance
-    variance = largest_variance(xx, xy, yy)
-    if not counts_geometry:
-        variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
-    sd = sqrt(variance)
     limit = tolerance
     if not odometry.warning:
         limit = max(UNSURE_RATIO * tolerance, min(UNSURE_ASIDE_RATIO * aside, UNSURE_ASIDE_MAX))
@@ -213,6 +205,19 @@ def position_doubt(
         return ""
     why = odometry.warning or "dead reckoning drifts on the way"
     return f"the position is known to {sd * 1000:.0f} mm (standard deviation): {why}"
+
+
+def position_sd(odometry: Odometry, counts_geometry: bool) -> float:
+    """Standard deviation (m) of the position in its worst direction.
+
+    Without `counts_geometry` the error of the geometry is left out: that of a robot that is not
+    calibrated would exceed any tolerance.
+    """
+    xx, xy, _, yy, _, _ = odometry.covariance
+    variance = largest_variance(xx, xy, yy)
+    if not counts_geometry:
+        variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
+    return sqrt(variance)
 
 
 def largest_variance(xx: float, xy: float, yy: float) -> float:

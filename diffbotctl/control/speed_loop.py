@@ -38,12 +38,13 @@ KICK_SHARE = 0.5  # of the integral that is kept at the first edge after it
 STUCK_RATIO = 0.5
 WEIGHT_MIN = 0.125  # of a measurement, which is halved when a turning wheel has to be kicked
 SLEW_MAX = 0.05  # duty per period during a reversal, to protect the gears
-# A stall: no edge for 0.95 s, or 0.6 s of a wheel that was turning, and 0.25 s more than the time
-# for 2.2 pitches at the target. The largest distance from rest to the first edge is one pitch, at a
-# lag of up to 0.4 s. A wheel that was turning has no start before it; its kick reaches full duty
-# 0.4 s after the edge was due.
-STALL_PERIODS, STALL_PERIODS_TURNING = 95, 60
-STALL_PITCHES = 2.2
+# A stall: no edge for 0.95 s, or 0.6 s of a wheel that was turning or should have turned by ten
+# pitches, and 0.25 s more than the time for 2.2 pitches at the target. The largest distance from
+# rest to the first edge is one pitch, at a lag of up to 0.4 s. A wheel that was turning has no
+# start before it; its kick reaches full duty 0.4 s after the edge was due, and that of a fine
+# encoder 0.4 s after the start.
+STALL_PERIODS, STALL_PERIODS_CLEAR = 95, 60
+STALL_PITCHES, STALL_PITCHES_CLEAR = 2.2, 10.0
 STALL_EXCESS_PERIODS = 25
 STALL_DUTY_MIN = 0.3  # of raw duty; above it a turning wheel gives edges
 PROPORTIONAL_SHARE = 1.0  # default of the proportional gain, of the slope of the feed-forward
@@ -339,10 +340,10 @@ class WheelSpeedLoop(SpeedLoop):
         """Run the loop once; call it each LOOP_PERIOD. Returns the duty."""
         if self.target != 0.0 and not self.fault:
             self.run_period(now)
-            is_turning = self._measured_edges == 2
-            self._check_stall(
-                abs(self.target), STALL_PERIODS_TURNING if is_turning else STALL_PERIODS
-            )
+            self._add_to_stall(abs(self.target))
+            has_turned = self._measured_edges == 2
+            is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
+            self._check_stall(STALL_PERIODS_CLEAR if is_clear else STALL_PERIODS)
         self._apply(SLEW_MAX)
         return self.duty
 
@@ -353,7 +354,8 @@ class WheelSpeedLoop(SpeedLoop):
             self._reset_stall()
         else:
             speed = (duty - self.gains.static) / max(self.gains.slope, 1e-6)
-            self._check_stall(speed, STALL_PERIODS)
+            self._add_to_stall(speed)
+            self._check_stall(STALL_PERIODS)
         if self.fault:
             self.duty = 0.0
         return self.duty
@@ -364,13 +366,16 @@ class WheelSpeedLoop(SpeedLoop):
         self.target = 0.0  # the next target resets the loop
         self._reset_stall()
 
-    def _check_stall(self, speed: float, periods: int) -> None:
-        """Detect a wheel that should turn at `speed` (rad/s) and gives no edge for `periods`."""
+    def _add_to_stall(self, speed: float) -> None:
+        """Count a period of a wheel that should turn at `speed` (rad/s) and gives no edge."""
         self._stall_periods += 1
-        if self._stall_angle < STALL_PITCHES * self.pitch:
+        if self._stall_angle < STALL_PITCHES_CLEAR * self.pitch:
             self._stall_angle += speed * LOOP_PERIOD_S
-            return
-        self._stall_excess += 1
+        if self._stall_angle >= STALL_PITCHES * self.pitch:
+            self._stall_excess += 1
+
+    def _check_stall(self, periods: int) -> None:
+        """A stall that has lasted for `periods` is a fault."""
         if self._stall_periods >= periods and self._stall_excess >= STALL_EXCESS_PERIODS:
             self.fault = True
 

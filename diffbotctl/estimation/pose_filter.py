@@ -24,9 +24,9 @@ AGREEMENT_VARIANCE_RATIO = 0.5
 # Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
 # for a normal distribution. It moves the position towards the point that the path turns about.
 BEND_RATIO = 0.75
-# Of the standard deviation of the position in its worst direction: it is not known better than that
-# in any other one. The errors are taken to turn the path about its start, but arose on the whole of
-# a path that bends. Found with simulated robots.
+# Of the standard deviation of the position in its worst direction, without slip: it is not known
+# better than that in any other one. The errors are taken to turn the path about its start, but
+# arose on the whole of a path that bends. Found with simulated robots.
 LEAST_DIRECTION_RATIO = 0.2
 NO_COVARIANCE: PoseCovariance = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 NO_EFFECTS = (PoseDeviation(), PoseDeviation(), PoseDeviation())
@@ -214,6 +214,7 @@ class PoseFilter:
         end = left.end_variance + right.end_variance
         if end:
             origins.append(((self.x, self.y, self.heading), end))
+        slip_xx, slip_xy, _, slip_yy, _, _ = self.slip_covariance
         xx, xy, xh, yy, yh, hh = self.slip_covariance
         for (origin_x, origin_y, _), variance in origins:
             heading = self._heading_variance(variance)
@@ -242,7 +243,8 @@ class PoseFilter:
             yy += y * y
             yh += y * heading
             hh += heading * heading
-        least = LEAST_DIRECTION_RATIO * LEAST_DIRECTION_RATIO * largest_variance(xx, xy, yy)
+        largest = largest_variance(xx - slip_xx, xy - slip_xy, yy - slip_yy)
+        least = LEAST_DIRECTION_RATIO * LEAST_DIRECTION_RATIO * largest
         xx += least
         yy += least
         return Odometry(

@@ -172,6 +172,7 @@ class ObservedRun(Run):
         self.farthest = self.travel_after = self.standing_after = 0.0
         self.known = False
         self.commanded_turn = 0.0  # rad, of a wheel that stands
+        self.standing_angles: dict[int, float] = {}  # rad, of those wheels
         self.latched_at: int | None = None
         super().__init__(setting.configuration, options, tell=_ignore)
         self._setting, self._looked = setting, 0
@@ -200,13 +201,21 @@ class ObservedRun(Run):
         seconds = (plant.now - self._looked) / SECOND
         self._looked = plant.now
         self._end_after_stop(plant.now)
-        if plant.now >= setting.known_at * SECOND and self._could_be_known(seconds):
-            self.known = True
+        if plant.now >= setting.known_at * SECOND:
+            self._note_whether_known(seconds)
         if self.known:
             if any(wheel.speed for wheel in plant.wheels):
                 self.travel_after += seconds
             else:
                 self.standing_after += seconds
+
+    def _note_whether_known(self, seconds: float) -> None:
+        """A fatal disturbance is not known yet when the wheel that stood turns again."""
+        if not self.known:
+            self.known = self._could_be_known(seconds)
+        elif self._setting.is_fatal and self._has_turned_again():
+            self.known = False
+            self.commanded_turn = self.travel_after = self.standing_after = 0.0
 
     def _could_be_known(self, seconds: float) -> bool:
         """Whether the disturbance shows in a command to the wheel.
@@ -221,11 +230,29 @@ class ObservedRun(Run):
             return bool({"left": left, "right": right, "": left or right}[wheel])
         sides = [index for index, side in enumerate(("left", "right")) if wheel in (side, "")]
         speeds = [abs(command) for command in self.commanded]
-        stands = max(
-            (speeds[index] for index in sides if not plant.wheels[index].speed), default=0.0
-        )
+        standing = [index for index in sides if speeds[index] and not plant.wheels[index].speed]
+        stands = max((speeds[index] for index in standing), default=0.0)
         self.commanded_turn = self.commanded_turn + stands * seconds if stands else 0.0
-        return self.commanded_turn > 2.0 * pi / self._setting.robot.drive.left.encoder.slots
+        angles = self._angles()
+        self.standing_angles = {index: angles[index] for index in standing}
+        return self.commanded_turn > self._pitch
+
+    def _has_turned_again(self) -> bool:
+        """Whether a wheel that stood when the disturbance was known has turned since."""
+        angles = self._angles()
+        return any(
+            abs(angles[index] - angle) > self._pitch
+            for index, angle in self.standing_angles.items()
+        )
+
+    def _angles(self) -> tuple[float, float]:
+        assert self.plant is not None
+        truth = self.plant.truth()
+        return truth.left_angle, truth.right_angle
+
+    @property
+    def _pitch(self) -> float:
+        return 2.0 * pi / self._setting.robot.drive.left.encoder.slots
 
     def _end_after_stop(self, now: int) -> None:
         """End the run a while after a stop that only a person could release."""

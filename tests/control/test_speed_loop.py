@@ -167,10 +167,12 @@ def test_a_reversal_is_slewed():
 @pytest.mark.parametrize(
     ("slots", "target", "seconds"),
     [
-        (20, 5.0, 0.95),  # 2.2 pitches take 0.14 s
+        (20, 3.0, 0.95),  # 2.2 pitches take 0.23 s
+        (20, 5.0, 0.63),  # as long as 10 pitches
+        (20, 8.0, 0.60),
         (20, 0.5, 1.64),  # 2.2 x 0.314 / 0.5 = 1.38, and 0.25
         (8, -0.5, 3.71),  # 2.2 x 0.785 / 0.5 = 3.46, and 0.25
-        (4096, 0.5, 0.95),
+        (4096, 0.5, 0.60),
     ],
 )
 def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
@@ -199,10 +201,10 @@ def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
 )
 def test_a_wheel_that_was_turning_stalls_sooner(edges, seconds):
     wheel = loop()
-    wheel.command(0, 5.0)
+    wheel.command(0, 3.0)
     ticks = 0
-    for _ in range(edges):  # a pitch takes 63 ms
-        for _ in range(6):
+    for _ in range(edges):  # a pitch takes 105 ms
+        for _ in range(10):
             ticks += 1
             wheel.tick(ticks * LOOP_PERIOD)
         wheel.edge(ticks * LOOP_PERIOD)

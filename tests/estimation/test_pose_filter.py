@@ -99,9 +99,12 @@ def test_variance_of_a_wheel_adds_variance_of_heading_and_lateral_position():
     xx, xy, xh, yy, yh, hh = pose.message(0, doubtful, doubtful).covariance
     assert hh == pytest.approx(2e-6 / TRACK**2)
     along = 0.25 * 2e-6
-    assert yy == pytest.approx(hh + along)  # one metre away
+    lateral = hh + along  # one metre away
+    in_any_direction = 0.2 * 0.2 * lateral
+    assert yy == pytest.approx(lateral + in_any_direction)
     assert yh == pytest.approx(hh)
-    assert xx == pytest.approx(along + 0.75 * hh * hh)  # (angle^2 / 2)^2 of a normal distribution
+    bend = 0.75 * hh * hh  # (angle^2 / 2)^2 of a normal distribution
+    assert xx == pytest.approx(along + bend + in_any_direction)
     assert (xy, xh) == pytest.approx((0.0, 0.0), abs=1e-15)
 
 
