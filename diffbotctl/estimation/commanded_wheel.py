@@ -21,6 +21,7 @@ class CommandedWheelOdometer:
 
     end_variance = disagreement = variance = 0.0
     start_correction = late_correction = added_variance = 0.0
+    late_since = disagreement_since = 0
     fault_share = SPEED_SD
     fault = FAULT
 

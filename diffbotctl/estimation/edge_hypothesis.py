@@ -18,6 +18,7 @@ from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
 from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
+SPLITS_MAX = 16  # of the way to a hypothesis that are kept
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
 # Standard deviations of speed and lag up to which a wheel may roll on against its drive.
@@ -99,6 +100,8 @@ class EdgeHypothesis:
     # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
     # only brakes it.
     coasting_speed: float = 0.0
+    # Time (ns) and branch of the last splits on the way to this hypothesis, oldest first.
+    splits: tuple[tuple[int, int], ...] = ()
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
@@ -401,11 +404,27 @@ def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, floa
 
 def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:
     """Update all hypotheses with one frame, including splits."""
-    if hypotheses[0].motion.is_dry is None:
-        hypotheses = [
-            twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
-        ]
-    return [branch for hypothesis in hypotheses for branch in hypothesis.update(frame)]
+    branches: list[EdgeHypothesis] = []
+    for hypothesis in hypotheses:
+        splits = hypothesis.splits
+        twins = (
+            hypothesis.split_by_friction(frame.drive)
+            if hypothesis.motion.is_dry is None
+            else [hypothesis]
+        )
+        own = [branch for twin in twins for branch in twin.update(frame)]
+        if len(own) > 1:
+            for number, branch in enumerate(own):
+                branch.splits = (*splits[1 - SPLITS_MAX :], (frame.time, number))
+        branches += own
+    return branches
+
+
+def split_time(one: EdgeHypothesis, other: EdgeHypothesis) -> int:
+    """Time (ns) since which two hypotheses differ; 0 when they always did."""
+    common = set(one.splits) & set(other.splits)
+    own = [time for time, number in (*one.splits, *other.splits) if (time, number) not in common]
+    return min(own, default=0)
 
 
 def prune(

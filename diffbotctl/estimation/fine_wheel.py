@@ -60,6 +60,7 @@ class FineWheelOdometer:
         self.faults = CountFaults(timing.has_edge_times)
         self.travel = self.start_correction = self.late_correction = 0.0
         self.disagreement = 0.0
+        self.late_since = self.disagreement_since = 0
 
     @property
     def speed(self) -> float:

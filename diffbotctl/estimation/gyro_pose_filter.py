@@ -14,6 +14,7 @@ from typing import NamedTuple
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import PoseFilter, WheelTravel, arc
+from diffbotctl.estimation.pose_history import Pose
 from diffbotctl.messages import Odometry
 
 # A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
@@ -126,7 +127,7 @@ class GyroPoseFilter(PoseFilter):
     def _heading_variance(self, variance: float) -> float:
         return super()._heading_variance(variance) if self.step is None else 0.0
 
-    def _correct(self, origin: tuple[float, float, float], left: float, right: float) -> None:
+    def _correct(self, origin: Pose, left: float, right: float) -> None:
         if self.step is None:
             super()._correct(origin, left, right)
             return

@@ -15,12 +15,11 @@ from diffbotctl.estimation.geometry_deviation import (
     combined,
     fault_effects,
 )
+from diffbotctl.estimation.pose_history import Pose, PoseHistory, turned
 from diffbotctl.messages import Odometry
 
 PoseCovariance = tuple[float, float, float, float, float, float]
 """Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
-# Hypotheses agree when the variance between them is below this share of the filters' own.
-AGREEMENT_VARIANCE_RATIO = 0.5
 # Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
 # for a normal distribution. It moves the position towards the point that the path turns about.
 BEND_RATIO = 0.75
@@ -38,7 +37,9 @@ class WheelTravel(Protocol):
     travel: float  # m, since the previous frame
     added_variance: float  # m2, of that travel
     start_correction: float  # m, added by a better estimate of the initial phase
-    late_correction: float  # m, added by another hypothesis about recent edges
+    late_correction: float  # m, added by another hypothesis about edges since `late_since` (ns)
+    late_since: int
+    disagreement_since: int  # ns; since then the hypotheses disagree
 
     @property
     def speed(self) -> float:
@@ -78,38 +79,29 @@ class PoseFilter:
         self.slip_covariance = NO_COVARIANCE
 
     def start(self) -> None:
-        """Take the present pose as the point from which the wheels are counted.
-
-        `certain` is the last pose (m, rad) at which all hypotheses agreed.
-        """
+        """Take the present pose as the point from which the wheels are counted."""
         self.start_x, self.start_y, self.start_heading = self.x, self.y, self.heading
-        self.certain = (self.x, self.y, self.heading)
+        self.history = PoseHistory()
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """Set the pose (m, rad) with zero covariance; the starting point moves with it."""
-        turn = heading - self.heading
-        c, s = cos(turn), sin(turn)
-        back_x, back_y = self.start_x - self.x, self.start_y - self.y
-        self.start_x = x + back_x * c - back_y * s
-        self.start_y = y + back_x * s + back_y * c
-        self.start_heading += turn
-        back_x, back_y = self.certain[0] - self.x, self.certain[1] - self.y
-        self.certain = (
-            x + back_x * c - back_y * s,
-            y + back_x * s + back_y * c,
-            self.certain[2] + turn,
-        )
+        here = (self.x, self.y, self.heading)
+        moved = (x - self.x, y - self.y, heading - self.heading)
+        start = (self.start_x, self.start_y, self.start_heading)
+        self.start_x, self.start_y, self.start_heading = turned(start, moved, here)
+        self.history.move(moved, 0, here)
         self.x, self.y, self.heading = x, y, heading
         self.slip_covariance = NO_COVARIANCE
         self.unit_effects = NO_EFFECTS
 
-    def move(self, left: WheelTravel, right: WheelTravel) -> None:
-        """Advance by the travel of both wheels since the previous frame."""
+    def move(self, time: int, left: WheelTravel, right: WheelTravel) -> None:
+        """Advance to `time` (ns) by the travel of both wheels since the previous frame."""
         if left.start_correction or right.start_correction:
-            start = (self.start_x, self.start_y, self.start_heading)
-            self._correct(start, left.start_correction, right.start_correction)
-        if left.late_correction or right.late_correction:
-            self._correct(self.certain, left.late_correction, right.late_correction)
+            self._correct(self._start, left.start_correction, right.start_correction)
+        if left.late_correction:
+            self._correct_since(left.late_since, left.late_correction, 0.0)
+        if right.late_correction:
+            self._correct_since(right.late_since, 0.0, right.late_correction)
         # The standard deviation of slip grows with the square root of the travel.
         slip_variance = self.slip * self.slip
         self._roll(
@@ -118,27 +110,32 @@ class PoseFilter:
             slip_variance * abs(left.travel) + left.added_variance,
             slip_variance * abs(right.travel) + right.added_variance,
         )
-        if left.disagreement + right.disagreement < AGREEMENT_VARIANCE_RATIO * (
-            left.variance + right.variance
-        ):
-            self.certain = (self.x, self.y, self.heading)
+        self.history.add(time, (self.x, self.y, self.heading))
+
+    @property
+    def _start(self) -> Pose:
+        return self.start_x, self.start_y, self.start_heading
 
     def jump(self, left: float, right: float, sd: float) -> None:
         """Advance by wheel travel (m) known from counts alone, with standard deviation `sd` (m)."""
         variance = sd * sd if left or right else 0.0
         self._roll(left, right, variance, variance)
 
-    def _correct(self, origin: tuple[float, float, float], left: float, right: float) -> None:
-        """Correct the travel of each wheel (m) at `origin` (m, rad): the path since then turns
-        about it."""
+    def _correct_since(self, since: int, left: float, right: float) -> None:
+        """Correct the travel of the wheels (m) in the frame of the time `since` (ns)."""
+        origin = self.history.before(since, self._start)
+        before = (self.x, self.y, self.heading)
+        self._correct(origin, left, right)
+        ahead = 0.5 * (left + right)
+        moved = (ahead * cos(origin[2]), ahead * sin(origin[2]), self.heading - before[2])
+        self.history.move(moved, since, origin)
+
+    def _correct(self, origin: Pose, left: float, right: float) -> None:
+        """Correct the travel of each wheel (m) at `origin`: the path since then turns about it."""
         angle = (right - left) / self.track
         ahead = 0.5 * (left + right)
-        origin_x, origin_y, heading = origin
-        x, y = self.x - origin_x, self.y - origin_y
-        c, s = cos(angle), sin(angle)
-        self.x = origin_x + x * c - y * s + ahead * cos(heading)
-        self.y = origin_y + x * s + y * c + ahead * sin(heading)
-        self.heading += angle
+        moved = (ahead * cos(origin[2]), ahead * sin(origin[2]), angle)
+        self.x, self.y, self.heading = turned((self.x, self.y, self.heading), moved, origin)
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
         """Advance along one arc by the travel of each wheel (m) with its variance (m2)."""
@@ -203,14 +200,14 @@ class PoseFilter:
 
         The variance of a wheel's travel is treated as if all of it came from the initial phase, as
         most of it does: it turns the whole path about the start. What the hypotheses disagree about
-        turns the path since they last agreed. The errors of the geometry are those of the path
+        turns the path since then. The errors of the geometry are those of the path
         since the last `set_pose`.
         """
-        start = self.start_x, self.start_y, self.start_heading
-        origins = [(start, left.variance + right.variance)]
-        disagreement = left.disagreement + right.disagreement
-        if disagreement:
-            origins.append((self.certain, disagreement))
+        origins = [(self._start, left.variance + right.variance)]
+        for wheel in (left, right):
+            if wheel.disagreement:
+                origin = self.history.before(wheel.disagreement_since, self._start)
+                origins.append((origin, wheel.disagreement))
         end = left.end_variance + right.end_variance
         if end:
             origins.append(((self.x, self.y, self.heading), end))

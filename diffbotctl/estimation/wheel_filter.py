@@ -5,7 +5,13 @@ from __future__ import annotations
 from math import exp, inf
 
 from diffbotctl.estimation.disc_alignment import DiscAlignment
-from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
+from diffbotctl.estimation.edge_hypothesis import (
+    EdgeHypothesis,
+    WheelFrame,
+    prune,
+    split_time,
+    update_all,
+)
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
 from diffbotctl.estimation.wheel_kalman import MotorKind, Response, WheelKalman
@@ -78,6 +84,23 @@ class WheelFilter:
             total += weight
             spread += weight * (difference * difference + max(motion.variance - variance, 0.0))
         return spread / total
+
+    @property
+    def disagreement_since(self) -> int:
+        """Time (ns) since which the best hypothesis differs from the one that matters most else."""
+        best = self.hypotheses[0]
+        if len(self.hypotheses) == 1:
+            return 0
+        top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
+        travel = best.motion.travel
+        other = max(
+            self.hypotheses[1:],
+            key=lambda hypothesis: (
+                exp(hypothesis.motion.log_likelihood - top)
+                * (hypothesis.motion.travel - travel) ** 2
+            ),
+        )
+        return split_time(best, other)
 
     @property
     def is_unusual(self) -> bool:

@@ -18,6 +18,7 @@ from diffbotctl.control.speed_loop import (
 from diffbotctl.estimation.edge_faults import NO_FAULTS
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
+from diffbotctl.estimation.pose_history import PoseHistory
 from diffbotctl.estimation.wheel_kalman import MotorKind
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
@@ -181,6 +182,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "duty": 0.0,
         "is_timed": False,
         "coasting_speed": inf,
+        "splits": (),
     },
     "WheelKalman": {
         "kind": MotorKind.LINEAR,
@@ -197,6 +199,8 @@ ADDED: dict[str, dict[str, Any]] = {
         "end_variance": 0.0,
         "disagreement": 0.0,
         "fault_share": 0.0,
+        "late_since": 0,
+        "disagreement_since": 0,
     },
 }
 
@@ -223,9 +227,9 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     present = {name: value for name, value in renamed.items() if name is not None}
     present.update(ADDED.get(kind.__name__, {}))
     if kind is PoseFilter:
-        present["certain"] = (present["x"], present["y"], present["heading"])
+        present["history"] = PoseHistory()
     if issubclass(kind, WheelOdometer):
-        present["reported_motion"] = present["filter"].motion
+        present["reported_hypothesis"] = present["filter"].hypotheses[0]
         present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}

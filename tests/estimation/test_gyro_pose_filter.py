@@ -25,6 +25,8 @@ class Wheel:
     late_correction: float = 0.0
     end_variance: float = 0.0
     disagreement: float = 0.0
+    late_since: int = 0
+    disagreement_since: int = 0
     fault_share: float = 0.0
     speed: float = 0.4
 
@@ -33,7 +35,7 @@ def drive(pose, steps, left=0.01, right=0.01, angle=0.0, start=0):
     wheels = Wheel(left), Wheel(right)
     for number in range(steps):
         pose.step = TurnStep(angle, 1e-10, 0.025)
-        pose.move(*wheels)
+        pose.move(0, *wheels)
         pose.remember((start + number) * FRAME)
     return wheels
 
@@ -46,8 +48,8 @@ def test_without_a_step_it_is_the_filter_of_the_wheels():
     one, two = PoseFilter(TRACK, SLIP), GyroPoseFilter(TRACK, SLIP, (), 0.003)
     wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011, late_correction=-0.002)
     for _ in range(50):
-        one.move(*wheels)
-        two.move(*wheels)
+        one.move(0, *wheels)
+        two.move(0, *wheels)
     assert one.message(0, *wheels) == two.message(0, *wheels)
 
 
