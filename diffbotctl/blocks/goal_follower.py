@@ -409,6 +409,8 @@ class GoalFollower(Block):
             return self._try_again(pursuit, odometry)
         if pursuit.leg == "turning" and pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
             pursuit = pursuit.aim(odometry)
+        if pursuit.needs_nudge:  # friction holds the wheels: they have not followed their commands
+            predicted = Motion(0.0, 0.0, 0.0, 0.0)
         remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
         rolling = half_track * predicted.angular
         speed = approach_speed(remaining, rolling, pursuit.coast.time, seconds, bounds)

@@ -38,7 +38,7 @@ class DirectedWheelOdometer(FineWheelOdometer):
             self.edge_time = edge
             self.faults.add(edge_span, abs(steps), self.direction)
         self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
-        self._place_between_edges(time)
+        self._place_between_edges(time, steps, span)
 
     def _set_direction(self, direction: int) -> None:
         """Both directions count at the same places of the disc: a reversal adds no uncertainty but

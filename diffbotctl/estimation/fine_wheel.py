@@ -127,7 +127,7 @@ class FineWheelOdometer:
             self.edge_time = edge
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
-        self._place_between_edges(time)
+        self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
 
@@ -220,13 +220,21 @@ class FineWheelOdometer:
         if self.signed_speed * self.direction < 0.0:
             self.signed_speed = 0.0
 
-    def _place_between_edges(self, time: int) -> None:
-        """Place the wheel at `time` (ns) beyond its last edge; without edge times it is unknown."""
+    def _place_between_edges(self, time: int, edges: int, span: float) -> None:
+        """Place the wheel at `time` (ns) beyond its last edge; without edge times it is unknown.
+
+        From one edge to the next it moves with its speed, in either direction, and by one pitch at
+        most: a wheel that reverses does not jump.
+        """
         self.time = time
-        if self.has_edge_times:
+        if not self.has_edge_times or not self.direction:
+            return
+        if edges:
             age = (time - self.edge_time) * 1e-9
-            passed = min(abs(self.signed_speed) * age, 1.0) if self.direction else 0.5
+            passed = min(abs(self.signed_speed) * age, 1.0)
             self.beyond = passed if self.direction > 0 else 1.0 - passed
+        else:
+            self.beyond = min(max(self.beyond + self.signed_speed * span, 0.0), 1.0)
 
     def _update_speed(
         self, predicted: float, mean: float, net: float, edges: int, span: float, edge_span: float

@@ -354,6 +354,20 @@ def test_a_release_without_effect_is_followed_by_a_push():
     assert (turned.stalls, turned.needs_nudge) == (0, False)
 
 
+def test_a_push_against_friction_does_not_believe_that_the_wheels_have_followed():
+    """Commands in flight would have turned it beyond the goal: but it still stands."""
+    course = Course()
+    course.block.command_delay = 0.1  # s
+    course.block.sent.append((0, 0.0, 3.0))  # rad/s
+    target = goal(0.0, 0.0, 5.0)
+    pursuit = Pursuit(target, 60.0, Coast(0.1), leg="aligning", stalls=3)
+    standing = Odometry(STEP, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 6)
+    free = course.block.advance(pursuit, STEP, standing, None, STEP * 1e-9)
+    held = pursuit._replace(needs_nudge=True)
+    pushed = course.block.advance(held, STEP, standing, None, STEP * 1e-9)
+    assert free.angular <= 0.0 < pushed.angular
+
+
 @pytest.mark.parametrize(
     ("elapsed", "sd", "end"),
     [

@@ -112,3 +112,16 @@ def test_edges_before_any_command_may_be_in_either_direction():
         wheel.update(frame * FRAME, 2 * frame, None, 0.0, False, 0)
         wheel.report()
     assert sqrt(wheel.reversal_variance) == pytest.approx(5 * 2)
+
+
+def test_a_wheel_that_friction_holds_does_not_jump_when_its_drive_reverses():
+    """Otherwise the follower sees a heading error of a pitch, and reverses the drive for ever."""
+    odometer = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, has_edge_times=True))
+    odometer.update(FRAME, 1, FRAME // 2, 0.2, is_duty=False, command_since=0)
+    odometer.report()
+    for frame in range(2, 40):
+        before = odometer.position + odometer.beyond
+        command = 0.2 if frame % 4 < 2 else -0.2  # rad/s: 32 pitches/s, 0.64 in a frame
+        odometer.update(frame * FRAME, 1, None, command, is_duty=False, command_since=0)
+        assert abs(odometer.position + odometer.beyond - before) < 0.65
+        assert 0.0 <= odometer.beyond <= 1.0
