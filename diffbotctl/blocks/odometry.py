@@ -49,7 +49,7 @@ class OdometryBlock(Block):
         help="`model`: one filter per wheel with its motor model; `count`: counts alone.",
     )
     slip = Param(
-        float, default=0.0007, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
+        float, default=0.0015, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
     )
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
