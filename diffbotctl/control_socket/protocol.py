@@ -25,6 +25,11 @@ class RefusalError(Exception):
         self.cause = cause
         self.fix = fix
 
+    @property
+    def text(self) -> str:
+        """Cause and fix in one line."""
+        return f"{self.cause}; {self.fix}" if self.fix else self.cause
+
     def fields(self) -> Fields:
         """The fields of the error reply."""
         reply = {"ok": False, "error": self.code, "cause": self.cause}

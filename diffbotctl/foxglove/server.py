@@ -8,7 +8,6 @@ server as Host, come from an origin that is allowed, and carry the token of the 
 from __future__ import annotations
 
 import asyncio
-import logging
 import secrets
 import socket
 import time
@@ -33,10 +32,11 @@ from diffbotctl.foxglove.viewer_connection import ViewerConnection
 from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.ros2.robot_model import configuration_of_run
 from diffbotctl.ros2.velocity_rules import Limits
-from diffbotctl.web.connections import ConnectionLimiter, Peer
+from diffbotctl.web.connections import Peer, serving
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin
 
 VIEWERS_MAX = 8
+KEEPALIVE_S = 5.0  # that an idle connection stays open
 BEAT_PERIOD_S = 0.05  # silence is noticed at most so late
 PARAMETERS_PERIOD_S = 2.0
 TOKEN_BYTES = 16
@@ -90,33 +90,23 @@ class FoxgloveServer:
 
     async def run(self, is_ready: Callable[[], None]) -> None:
         """Serve until the run has ended. `is_ready` is called when viewers can connect."""
-        for library in ("aiohttp", "asyncio"):  # what strangers send is no news for the terminal
-            logging.getLogger(library).setLevel(logging.CRITICAL)
         await self.client.connect(self.engine, "foxglove")
         await self._read_run()
         application = web.Application()
         application.router.add_get("/{token:.*}", self._open)
-        runner = web.AppRunner(
-            application, access_log=None, handle_signals=False, keepalive_timeout=5.0
-        )
-        await runner.setup()
-        assert runner.server is not None
-        limiter = ConnectionLimiter(self.listener, None, runner.server, self._is_viewer)
-        works = (limiter.run(), self._beat(), self._follow_parameters())
-        tasks = [asyncio.create_task(work) for work in works]
-        is_ready()
-        try:
-            await self.ended.wait()
-            for viewer in self.viewers:
-                viewer.warn("the run has ended")
-            await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to be told
-        finally:
-            for task in tasks:
-                task.cancel()
-            self.listener.close()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(1.0):
-                    await runner.cleanup()
+        async with serving(application, self.listener, None, self._is_viewer, KEEPALIVE_S):
+            tasks = [
+                asyncio.create_task(work) for work in (self._beat(), self._follow_parameters())
+            ]
+            is_ready()
+            try:
+                await self.ended.wait()
+                for viewer in self.viewers:
+                    viewer.warn("the run has ended")
+                await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to be told
+            finally:
+                for task in tasks:
+                    task.cancel()
 
     async def _read_run(self) -> None:
         """Ask for what does not change during the run."""
