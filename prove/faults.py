@@ -16,13 +16,14 @@ from random import Random
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.command_process import MAIN, start_in_pipe, start_on_terminal
 from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
 from diffbotctl.testing.trials.row import Row, printed
 
 PROGRAM = (
     "from diffbotctl.config import registry\n"
     "registry.BLOCKS['breaks'] = 'prove.breaks:Breaks'\n"
-    "from diffbotctl.cli.main import main; main()"
+    f"{MAIN}"
 )
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time
@@ -64,17 +65,9 @@ class Trial:
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
         """Start it, wait until the wheels turn, and then for a random time."""
         if terminal is None:
-            process = subprocess.Popen(
-                words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-            )
+            process = start_in_pipe(words)
         else:
-            process = subprocess.Popen(
-                ["setsid", "--ctty", *words],
-                stdin=terminal,
-                stdout=terminal,
-                stderr=terminal,
-                text=True,
-            )
+            process = start_on_terminal(words, terminal)
         self.port.wait_for(lambda board: board.speed["left"] > 3, 30)
         until = self.port.board.now + self.rng.uniform(0.0, DRIVE_TIME_MAX_S)
         self.port.wait_for(lambda board: board.now > until, 30)
@@ -132,7 +125,7 @@ def raises(trial: Trial) -> bool:
     after = trial.rng.uniform(2.5, 2.5 + DRIVE_TIME_MAX_S)
     broken = str(Path(__file__).parent / "broken.yaml")
     words = trial.words(broken, "--set", f"breaks.after={after:.3f} s")
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = start_in_pipe(words)
     output = process.communicate(timeout=60)[0]
     return (
         trial.ended_in_zeros()

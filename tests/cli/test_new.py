@@ -18,6 +18,7 @@ from diffbotctl.errors import UserError
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import MAIN, command_line
 
 ROOT = Path(__file__).parents[2]
 
@@ -93,9 +94,8 @@ def test_nothing_is_written_over(kind):
 
 
 def test_a_disk_without_room_leaves_no_half_a_robot():
-    words = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
     done = subprocess.run(
-        [*words, "new", "robot", "mine"],
+        command_line("new", "robot", "mine"),
         capture_output=True,
         text=True,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
@@ -103,6 +103,9 @@ def test_a_disk_without_room_leaves_no_half_a_robot():
     )
     assert done.returncode == 2 and "E-FILE-WRITE" in done.stderr
     assert not list(Path("robots").iterdir())
+
+
+PROGRAM = ("-c", MAIN)
 
 
 def python(*words, path):
@@ -136,13 +139,12 @@ def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
     run(new.command, "message", "gas")
     folder, target = tmp_path / "gas", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
     line = ["run", folder / "gas.yaml", "--fast", "--quiet", "--record", "gas.mcap"]
-    code, said = python(*program, *line, path=[target, ROOT])
+    code, said = python(*PROGRAM, *line, path=[target, ROOT])
     assert (code, "INCOMPLETE" in said) == (0, False), said
-    code, said = python(*program, "replay", "gas.mcap", "--check", path=[target, ROOT])
+    code, said = python(*PROGRAM, "replay", "gas.mcap", "--check", path=[target, ROOT])
     assert (code, "same" in said) == (0, True), said
-    code, said = python(*program, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
+    code, said = python(*PROGRAM, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
     assert said.startswith("time,gas.gas.distance,gas.gas.state,gas.gas.turns\n"), said
     assert ",far," in said  # the goal is 1.1 m away, and `far` begins at 0.5 m
 
@@ -158,18 +160,17 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
     run(new.command, "driver", "sonar")
     folder, target = tmp_path / "sonar", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
-    code, said = python(*program, "blocks", path=[target, ROOT])
+    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
     assert "sonar           (driver) Read a distance sensor" in said, said
     line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
-    code, said = python(*program, *line, path=[target, ROOT])
+    code, said = python(*PROGRAM, *line, path=[target, ROOT])
     assert code == 1 and "E-DEVICE" in said and "sonar.yaml:6:3" in said
     assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
     master, slave = os.openpty()
     tty.setraw(slave)
     os.write(master, b"412\n" * 5)
     words = [*line, "--set", f"sonar.device={os.ttyname(slave)}"]
-    code, said = python(*program, *words, path=[target, ROOT])
+    code, said = python(*PROGRAM, *words, path=[target, ROOT])
     os.close(master)
     os.close(slave)
     distances = [
@@ -178,7 +179,7 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
         if item.wire == "sonar.range"
     ]
     assert distances == [0.412] * 5, said
-    code, said = python(*program, "replay", "sonar.mcap", "--check", path=[target, ROOT])
+    code, said = python(*PROGRAM, "replay", "sonar.mcap", "--check", path=[target, ROOT])
     assert (code, "same" in said) == (0, True), said
 
 
@@ -199,11 +200,10 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
     if build:
         flags = " -std=c99 -Wall -Wextra -Werror -pedantic"
         subprocess.run(build[1] + flags, shell=True, cwd=folder, check=True)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
     words = ["run", folder / "nose.yaml", "--quiet", "--for", "2s", "--record", "nose.mcap"]
-    code, said = python(*program, *words, path=[ROOT])
+    code, said = python(*PROGRAM, *words, path=[ROOT])
     assert code == 1 and "E-PROGRAM-CONSENT" in said
-    code, said = python(*program, *words, "--allow-programs", path=[ROOT])
+    code, said = python(*PROGRAM, *words, "--allow-programs", path=[ROOT])
     assert "final stop confirmed" in said, said
     heard = [
         item.message.text
@@ -211,7 +211,7 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
         if item.wire == "listener.heard"
     ]
     assert len(heard) > 5 and all("m from the start" in text for text in heard)
-    code, said = python(*program, "replay", "nose.mcap", "--check", path=[ROOT])
+    code, said = python(*PROGRAM, "replay", "nose.mcap", "--check", path=[ROOT])
     assert (code, "same" in said) == (0, True), said
 
 
@@ -219,11 +219,10 @@ def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
     run(new.command, "block", "half_speed")
     folder, target = tmp_path / "half_speed", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
-    code, said = python(*program, "blocks", path=[target, ROOT])
+    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
     assert "half_speed      Scale the requested velocity." in said, said
     code, said = python(
-        *program, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
+        *PROGRAM, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
     )
     assert (code, "1 of 1 reached" in said) == (0, True), said
 

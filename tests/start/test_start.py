@@ -9,8 +9,9 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.process import IMAGE
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.virtual_board import board, command, diffbotctl
+from diffbotctl.testing.virtual_board import board, diffbotctl
 
 ROOT = Path(__file__).parents[2]
 ALL = """\
@@ -133,7 +134,7 @@ def test_a_wheel_that_stands_still_stops_the_path(person):
 def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
     person.types("start")  # as far as it comes without a board
     with board(image=IMAGE) as virtual:
-        line = shlex.join([*command("start"), "--port", str(virtual.usb)])
+        line = shlex.join([*command_line("start"), "--port", str(virtual.usb)])
         shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]
         with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
             terminal.until(lambda text: "Are the wheels off the ground?" in text)

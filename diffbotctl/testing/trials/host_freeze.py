@@ -25,6 +25,7 @@ from typing import NamedTuple
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist
 from diffbotctl.params import Param
+from diffbotctl.testing.command_process import MAIN, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
 from diffbotctl.testing.trials.row import Row, printed
 from diffbotctl.time import SECOND
@@ -69,13 +70,8 @@ class Stand:
 
     def start(self, words: list[str]) -> subprocess.Popen[str]:
         """Start a run; returns when both motors are on."""
-        self.process = subprocess.Popen(
-            [*words, "--port", os.ttyname(self.host), *STOCK],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        line = [*words, "--port", os.ttyname(self.host), *STOCK]
+        self.process = start_in_pipe(line, start_new_session=True)
         assert self.wait(lambda: all(self.device.pwm), START_TIMEOUT_S), self.end()
         return self.process
 
@@ -173,9 +169,7 @@ blocks:
   kinematics: {block: diff_drive,    in: {twist: limiter.twist}}
 """
 HANGING_PROGRAM = (
-    "from diffbotctl.config import registry\n"
-    f"registry.BLOCKS['hangs'] = '{__name__}:Hangs'\n"
-    "from diffbotctl.cli.main import main; main()"
+    f"from diffbotctl.config import registry\nregistry.BLOCKS['hangs'] = '{__name__}:Hangs'\n{MAIN}"
 )
 HANG_TIME_S = 2.5
 

@@ -16,6 +16,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl.testing.command_process import start_in_pipe
 from diffbotctl.testing.far_host import ssh_path, start_server
 from diffbotctl.testing.lossy_network import LossyNetwork
 from diffbotctl.testing.running import PlainClient, command, moves, running
@@ -56,13 +57,8 @@ class FarRobots:
     def start(self, *words: str) -> subprocess.Popen[str]:
         """`diffbotctl words` on the operator's computer."""
         line, environment = command(self.folder / OPERATOR, *words)
-        return subprocess.Popen(
-            [*self.network.inside(OPERATOR), *line],
-            env={**environment, "PATH": self.path},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
+        environment = {**environment, "PATH": self.path}
+        return start_in_pipe([*self.network.inside(OPERATOR), *line], env=environment)
 
     def drive_both(self) -> list[subprocess.Popen[str]]:
         """Drive both robots until they move at the same time; the operator's programs."""

@@ -1,0 +1,44 @@
+"""`diffbotctl` as a process, as a user starts it: with its output in a pipe, or on a terminal."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+MAIN = "from diffbotctl.cli.main import main; main()"
+PR_SET_PDEATHSIG = 1  # prctl(2)
+
+
+def command_line(*words: object) -> list[str]:
+    """How this Python starts `diffbotctl words`."""
+    return [sys.executable, "-c", MAIN, *map(str, words)]
+
+
+def start_in_pipe(line: Sequence[str], **options: Any) -> subprocess.Popen[str]:
+    """Start a command line; both its outputs are one pipe of text."""
+    return subprocess.Popen(
+        line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
+    )
+
+
+def start_on_terminal(
+    line: Sequence[str], slave: int, environment: Mapping[str, str] | None = None
+) -> subprocess.Popen[str]:
+    """Start a command line whose controlling terminal is the pseudo-terminal `slave`."""
+    return subprocess.Popen(
+        ["setsid", "--ctty", *line],
+        env=environment,
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        text=True,
+    )
+
+
+def end_with_parent() -> None:
+    """Let the kernel kill this process when its parent ends, also by SIGKILL."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
