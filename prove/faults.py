@@ -64,10 +64,7 @@ class Trial:
 
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
         """Start it, wait until the wheels turn, and then for a random time."""
-        if terminal is None:
-            process = start_in_pipe(words)
-        else:
-            process = start_on_terminal(words, terminal)
+        process = start_in_pipe(words) if terminal is None else start_on_terminal(words, terminal)
         self.port.wait_for(lambda board: board.speed["left"] > 3, 30)
         until = self.port.board.now + self.rng.uniform(0.0, DRIVE_TIME_MAX_S)
         self.port.wait_for(lambda board: board.now > until, 30)
