@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import subprocess
@@ -18,7 +17,7 @@ from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.book_board import BookBoard, BookBoardPort
 from diffbotctl.testing.command_process import MAIN, start_in_pipe, start_on_terminal
 from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 PROGRAM = (
     "from diffbotctl.config import registry\n"
@@ -199,14 +198,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
     yield from runaway.rows(seed, HEALTHY_RUNS * trials, 2 * trials, os.cpu_count() or 1)
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=50)
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.trials)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=50))

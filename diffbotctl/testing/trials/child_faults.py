@@ -7,7 +7,6 @@ itself. Nothing is left behind: no process, no socket; the motors are off.
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import subprocess
@@ -26,7 +25,7 @@ from diffbotctl.testing.book_board import BookBoard, BookBoardPort
 from diffbotctl.testing.running import cli, command
 from diffbotctl.testing.serial_wire import SerialWire
 from diffbotctl.testing.trials.leftovers import leftovers, processes_of
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 CHILDREN = ("hub", "recorder", "log", "screen", "watchdog")
 EMULATOR = "emulator"
@@ -293,14 +292,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         )
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=3)
-    options = parser.parse_args()
-    return int(printed(rows(options.seed, options.trials)) > 0)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=3))

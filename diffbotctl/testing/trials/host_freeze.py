@@ -6,7 +6,6 @@ bytes wait in the kernel at 9600 baud, so that a host is often cut off within a 
 
 from __future__ import annotations
 
-import argparse
 import os
 import pty
 import signal
@@ -27,7 +26,7 @@ from diffbotctl.messages import Twist
 from diffbotctl.params import Param
 from diffbotctl.testing.command_process import MAIN, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 
 STOP_TARGET_S = 0.5  # from the fault to PWM 0 on both motors
@@ -274,14 +273,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         )
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=30)
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.trials)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=30))

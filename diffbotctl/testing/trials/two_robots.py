@@ -11,7 +11,7 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -144,16 +144,15 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
     )
 
 
-def main() -> int:
-    """Print the trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=3)
+def print_trials(trial: Callable[[Path, int], CutOutcome], description: str, count: int) -> None:
+    """Print the outcomes of `trial`; `--trials NUMBER` on the command line changes `count`."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--trials", type=int, default=count)
     for seed in range(parser.parse_args().trials):
         with tempfile.TemporaryDirectory() as name:
             os.environ["XDG_STATE_HOME"] = name
-            print(cut_trial(Path(name), seed), flush=True)
-    return 0
+            print(trial(Path(name), seed), flush=True)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    print_trials(cut_trial, __doc__, 3)

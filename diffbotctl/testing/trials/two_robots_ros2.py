@@ -6,9 +6,6 @@ rclpy (`make ros2`).
 
 from __future__ import annotations
 
-import argparse
-import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -24,6 +21,7 @@ from diffbotctl.testing.trials.two_robots import (
     ROBOTS,
     CutOutcome,
     FarRobots,
+    print_trials,
     two_robots,
 )
 
@@ -112,16 +110,5 @@ def seen(node: RosNode, topics: Iterable[str]) -> bool:
     return all(any(f'"{topic}"' in line for line in list(node.printed)) for topic in topics)
 
 
-def main() -> int:
-    """Print the trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=1)
-    for seed in range(parser.parse_args().trials):
-        with tempfile.TemporaryDirectory() as name:
-            os.environ["XDG_STATE_HOME"] = name
-            print(cut_trial(Path(name), seed), flush=True)
-    return 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    print_trials(cut_trial, __doc__, 1)
