@@ -16,6 +16,12 @@ from diffbotctl.processes.real_time import prefer
 from diffbotctl.testing.command_process import command_line, start_in_pipe
 
 LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
+# To the questions of `calibrate encoders`, and all of `start`, about a robot that is wired rightly.
+ENCODER_ANSWERS = """\
+encoders.wheel: [left forward, right forward]
+encoders.proof: both forward
+"""
+START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nfloor: yes\n"
 RESUME_AFTER_S = 20  # s, after which a person looks whether the robot waits
 # Stops that a computer causes which does not run for a while, or the emulated board on it.
 STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")

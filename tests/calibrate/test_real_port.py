@@ -32,8 +32,7 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "mine.yaml"
     shutil.copyfile(SHIPPED, path)
-    answers = "encoders.wheel: [left forward, right forward]\nencoders.proof: both forward\n"
-    (tmp_path / "answers.yaml").write_text(answers)
+    (tmp_path / "answers.yaml").write_text(board.ENCODER_ANSWERS)
     return path
 
 
