@@ -73,7 +73,7 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
         return Assembly(graph, None, any(part.assembly.unproven for part in parts), parts)
     robot = configuration.robot
     unproven = real and robot is not None and robot.drive.polarity == "unproven"
-    nodes = [_node(use, robot, unproven) for use in configuration.blocks]
+    nodes = [_node(use, unproven) for use in configuration.blocks]
     command = None
     if robot is not None and "wheels" in configuration.robot_wires:
         nodes.append(gate_node(robot, configuration.robot_wires["wheels"]))
@@ -98,7 +98,7 @@ def sources(robot: Robot | None) -> dict[str, type]:
     return wires
 
 
-def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
+def _node(use: BlockUse, unproven: bool) -> Node:
     values = dict(use.values)
     if unproven:
         for attribute, field in robot_fields(use.cls).items():

@@ -33,7 +33,6 @@ UNO = replace(
     shares_usb=True,
 )
 UNO_ROBOT = str(Path(__file__).with_name("uno.yaml"))
-MOTORS = [(5, 6, 7), (8, 9, 10)]
 ENCODERS = (2, 3)
 BAUDS = (115200, 9600)
 # What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).

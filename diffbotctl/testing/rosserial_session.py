@@ -60,10 +60,6 @@ class RosserialSession:
         """All of them, in order."""
         return [message for _, _, message in self.heard if isinstance(message, Link)]
 
-    def up_at(self) -> int:
-        """When the link was up first. Raises StopIteration when it never was."""
-        return next(link.time for link in self.links if link.state == "up")
-
     def lost_frames(self) -> int:
         """Frames that the board sent, that arrived whole, and that were not delivered in order."""
         at = lost = 0

@@ -15,7 +15,6 @@ from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.testing.background import BackgroundDevice
 
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
-BITS = 10  # start, eight data, stop
 
 
 def read_at(rate, data, sent_at):
