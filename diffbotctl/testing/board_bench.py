@@ -38,6 +38,8 @@ BAUDS = (115200, 9600)
 # What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).
 REAL_BAUDS = (117647, 9615)
 RADIO, USB = 1, 0
+COMMAND_BYTES = 10
+DEADMAN_TARGET = 320 * MS  # from the last command to motors off: 300 ms, and what it takes
 
 
 class BenchBoard(NamedTuple):

@@ -14,6 +14,7 @@ from diffbotctl.testing.trials import (
     board_faults,
     board_restarts,
     board_runs,
+    board_settings,
     frame_damage,
     wheel_loop,
 )
@@ -32,8 +33,8 @@ def mode(bench):
         lambda: board.telemetry(10),
         lambda: board.edges(seconds=0.2),
         lambda: board.bounce(3, 1),
-        lambda: board.refused_settings(3, 25),
-        lambda: board.eeprom_cuts(3, 1),
+        lambda: board_settings.refused_settings(3, 25),
+        lambda: board_settings.eeprom_cuts(3, 1),
         lambda: board.restarts(3, 3),
         lambda: board.deadman(3, 18),
         lambda: board_faults.storms(3, 12),
