@@ -54,7 +54,7 @@ class DriveStyle(NamedTuple):
 
 
 # Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that
-# no tyre slips. Odometry tells where the drive really ended, so tolerances may be wide.
+# no tyre slips. Odometry measures where the drive really ended, so tolerances may be wide.
 CALIBRATION_STYLE = DriveStyle(0.20, 2.0, 0.5, tolerance=0.015, heading_tolerance=0.04)
 DEFAULT_STYLE = DriveStyle()
 

@@ -244,7 +244,7 @@ class RobotSession:
             return None
         source.capture(self.now, on)
         self.listen(CAPTURE_TIME_S)
-        # The simulated robot also tells the channel; those of channel B are not of interest.
+        # The simulated robot also reports the channel; edges of channel B are not used.
         edges = [RawEdge(*edge[:3]) for edge in source.edges if not any(edge[3:])]
         source.edges.clear()
         return edges

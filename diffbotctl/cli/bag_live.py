@@ -100,7 +100,7 @@ def _record(
 
 
 def _take(recording: LiveRecording, event: dict[str, Any]) -> int:
-    """Record one line of the stream. Returns how many messages it says were lost."""
+    """Record one line of the stream. Returns how many messages it reports as lost."""
     if "message" in event:
         recording.write(event["topic"], event["message"])
     return int(event.get("lost", 0))
@@ -137,7 +137,7 @@ def _open(path: Path, client: ControlClient, topics: list[LiveTopic]) -> LiveRec
     from diffbotctl.recording.live_recording import LiveRecording
 
     status = client.request("status")
-    # The engine's zero of time, as far as a client can tell.
+    # The engine's zero of time, as a client estimates it.
     epoch = client.about.get("epoch") or time.time_ns() - status["time"]
     about = {
         "version": str(client.about["version"]),

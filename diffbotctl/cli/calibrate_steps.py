@@ -39,7 +39,7 @@ FOLDER = Path("recordings")
 
 
 class CalibrateOptions(NamedTuple):
-    """What the command line says of every step alike."""
+    """The command-line options that all steps share."""
 
     robot: str | None
     port: str

@@ -1,6 +1,6 @@
 """`diffbotctl flash firmware`: our program onto the board, and the robot's settings after it.
 
-`diffbotctl blink`: does the board hear us? No motor moves.
+`diffbotctl blink`: check the connection to the board. No motor moves.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The server for viewers: who may connect, and what the run tells them.
+"""The server for viewers: who may connect, and what they receive of the run.
 
 A client of the control socket without rights of its own. It listens on the loopback address only.
 Every program and every web page of the machine can reach that, so each connection must name this
@@ -103,7 +103,7 @@ class FoxgloveServer:
                 await self.ended.wait()
                 for viewer in self.viewers:
                     viewer.warn("the run has ended")
-                await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to be told
+                await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to receive it
             finally:
                 for task in tasks:
                     task.cancel()
@@ -182,7 +182,7 @@ class FoxgloveServer:
         return any(viewer.peer == peer for viewer in self.viewers)
 
     def _greeting(self) -> Iterable[str]:
-        """What each viewer is told first."""
+        """The first messages to each viewer."""
         capabilities = ["parameters", "parametersSubscribe", "services", "connectionGraph"]
         capabilities += ["assets", *(["clientPublish"] if self.allowed else [])]
         yield protocol.operation(
@@ -236,7 +236,7 @@ class FoxgloveServer:
                 viewer.driving.beat(now)
 
     async def _follow_parameters(self) -> None:
-        """Tell the viewers what other clients of the run have changed."""
+        """Notify the viewers of what other clients of the run have changed."""
         known: Values = {}
         while True:
             await asyncio.sleep(PARAMETERS_PERIOD_S)
@@ -259,7 +259,7 @@ class FoxgloveServer:
         return connection_graph(self.channels.run_topics, wires, names)
 
     def parameters_changed(self, values: Values, names: Iterable[str]) -> None:
-        """Tell the viewers who follow them."""
+        """Notify the viewers who follow them."""
         names = list(names)
         for viewer in self.viewers:
             viewer.show_parameters(values, names)

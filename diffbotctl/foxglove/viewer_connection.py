@@ -47,7 +47,7 @@ class ViewerHost(Protocol):
         """The connection graph of the run. Raises RefusalError."""
 
     def parameters_changed(self, values: Values, names: Iterable[str]) -> None:
-        """Parameters have changed; tell those who follow them."""
+        """Parameters have changed; notify those who follow them."""
 
 
 class ViewerConnection(WebSocketConnection):
@@ -99,7 +99,7 @@ class ViewerConnection(WebSocketConnection):
                 self._show(subscription, message)
 
     def show_parameters(self, values: Values, names: Iterable[str]) -> None:
-        """Tell the viewer those of the parameters `names` that it follows."""
+        """Send the viewer those of the parameters `names` that it follows."""
         followed = [name for name in names if name in self.followed]
         if followed:
             self._reply_parameters(values, followed, None)

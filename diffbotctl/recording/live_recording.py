@@ -1,7 +1,7 @@
 """A recording that a client makes of a running engine, from the lines that it subscribes to.
 
 It holds what came while the client was connected, of the topics that it chose. The messages are
-written as they came, with the schemas that the engine tells, so that no package has to be installed
+written as they came, with the schemas that the engine sends, so that no package has to be installed
 for their classes. It begins in an unknown state, so it cannot be replayed.
 """
 

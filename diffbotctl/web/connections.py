@@ -1,4 +1,4 @@
-"""The connections to a server of this machine: a bounded number, whoever opens how many."""
+"""The connections to a server of this machine: their number is bounded."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ async def serving(
     keepalive_s: float,
 ) -> AsyncIterator[None]:
     """Serve `application` at `listener`, which is closed at the end; see `ConnectionLimiter`."""
-    for library in ("aiohttp", "asyncio"):  # what strangers send is no news for the terminal
+    for library in ("aiohttp", "asyncio"):  # bad requests are not shown in the terminal
         logging.getLogger(library).setLevel(logging.CRITICAL)
     runner = web.AppRunner(
         application, access_log=None, handle_signals=False, keepalive_timeout=keepalive_s

@@ -59,7 +59,7 @@ class PageHost(Protocol):
         """End the control of `page`."""
 
     def tell_roles(self) -> None:
-        """Tell each page who is in control."""
+        """Notify each page who is in control."""
 
 
 class PageConnection(WebSocketConnection):
@@ -199,7 +199,7 @@ class PageConnection(WebSocketConnection):
         now, sent_at = time.monotonic(), self.server.numbers.sent_at(command.number)
         result = self.deadman.drive(now, command.press, sent_at, command.linear, command.angular)
         if result is DriveResult.LATE and command.press != self.late_press:
-            self.late_press = command.press  # the page is told once
+            self.late_press = command.press  # the page is notified once
             self.refuse("the connection is too slow to drive now")
 
     async def _request(self, method: str, fields: Fields) -> None:

@@ -118,7 +118,7 @@ class WebServer:
                 await self.feed.run()
                 for page in self.pages:
                     page.note(ended=True)
-                await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to be told
+                await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to receive it
             finally:
                 beating.cancel()
 
@@ -129,7 +129,7 @@ class WebServer:
 
     @web.middleware
     async def _check(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        """Check Host and Origin; refusals are said in words."""
+        """Check Host and Origin; a refusal is a text."""
         try:
             address = request.transport.get_extra_info("sockname")[0] if request.transport else ""
             check_origin(self.origin, address, request.method, request.headers)
@@ -254,7 +254,7 @@ class WebServer:
             self.tell_roles()
 
     def tell_roles(self) -> None:
-        """Tell each page who is in control."""
+        """Notify each page who is in control."""
         name = None if self.driver is None else self.driver.name
         for page in self.pages:
             page.note(
