@@ -1,4 +1,4 @@
-"""The connections to a server of this machine: their number is bounded."""
+"""The connections to a server of this machine; their number is bounded."""
 
 from __future__ import annotations
 
