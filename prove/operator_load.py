@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.command_process import children_of, command_line
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
@@ -146,7 +146,7 @@ def rows() -> Iterator[Row]:
 def run(ticks: wire.Ticks, loads: list[Load], pid: int) -> tuple[float, float]:
     """Measure under each load by turns. Returns the hub's memory in MB before and after."""
     ticks.send(SETTLING_TIME_S)
-    hub = max(children(pid), key=listening)
+    hub = max(children_of(pid), key=listening)
     before = memory(hub)
     for _ in range(ROUNDS):
         for load in loads:
@@ -170,11 +170,6 @@ def load_rows(loads: list[Load]) -> Iterator[Row]:
             f"<= {median_max:.2f}, p99 <= {P99_MAX_MS:g} ms",
             middle <= median_max and p99 <= P99_MAX_MS and len(times) >= ANSWERED_MIN * load.ticks,
         )
-
-
-def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def listening(pid: int) -> int:

@@ -22,7 +22,7 @@ from mcap.reader import make_reader
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.recover import recover
-from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.command_process import children_of, command_line
 from diffbotctl.testing.trials.row import Row, printed
 from prove import flight_load
 
@@ -125,7 +125,7 @@ class Cut:
             if "driving" in line:
                 break
         time.sleep(wait)
-        family = [*children(process.pid), process.pid]
+        family = [*children_of(process.pid), process.pid]
         for pid in family:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -148,11 +148,6 @@ class Cut:
                 pass
         again = RecordingReader(target).messages()
         return messages == [(item.time, item.wire, item.data) for item in again]
-
-
-def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def killed(folder: Path, rng: Random, trials: int) -> Iterator[Row]:
@@ -200,7 +195,7 @@ def cost(what: str, folder: Path, more: list[str]) -> Row:
         env={**os.environ, "XDG_STATE_HOME": str(folder)},
     )
     time.sleep(DRIVE)
-    (recorder,) = children(process.pid)
+    (recorder,) = children_of(process.pid)
     fields = Path(f"/proc/{recorder}/stat").read_text().rpartition(")")[2].split()
     used = (int(fields[11]) + int(fields[12])) / TICK  # utime and stime
     process.terminate()

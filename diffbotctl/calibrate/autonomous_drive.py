@@ -34,6 +34,7 @@ from diffbotctl.time import SECOND
 
 STOCK_TOLERANCE_M, STOCK_HEADING_TOLERANCE_RAD = 0.03, 0.07  # of a board with the book's firmware
 DRIVE_TIMEOUT_NS = 180 * SECOND
+REACH_MARGIN_RATIO = 0.25  # of a distance, for a wrong wheel diameter
 
 
 class DriveStyle(NamedTuple):
@@ -60,6 +61,11 @@ DEFAULT_STYLE = DriveStyle()
 
 Waypoint = tuple[float, float, float | None]
 """x, y in m and heading in rad or None, in the frame of the start"""
+
+
+def reach_of(distance: float) -> float:
+    """How far (m) a robot may go that is to drive `distance`."""
+    return distance * (1 + REACH_MARGIN_RATIO)
 
 
 def drive_to(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached
+from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import FILE, engine_option, for_option, force_option
 from diffbotctl.cli.output import check_overwrite
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from diffbotctl.recording.live_recording import LiveRecording, LiveTopic
 
 FLUSH_PERIOD_S = 0.5
-WATCHER_NICENESS = 10  # the control path goes first on a small machine
 SAVING_TIMEOUT_S = 10.0  # a slow SD card takes a second
 POLL_PERIOD_S = 0.05
 

@@ -33,11 +33,11 @@ from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.ros2.robot_model import configuration_of_run
 from diffbotctl.ros2.velocity_rules import Limits
 from diffbotctl.web.connections import Peer, serving
+from diffbotctl.web.deadman import BEAT_PERIOD_S
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin
 
 VIEWERS_MAX = 8
 KEEPALIVE_S = 5.0  # that an idle connection stays open
-BEAT_PERIOD_S = 0.05  # silence is noticed at most so late
 PARAMETERS_PERIOD_S = 2.0
 TOKEN_BYTES = 16
 RESUMED = "operator.resume"  # the wire on which permission to move comes

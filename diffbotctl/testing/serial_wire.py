@@ -94,10 +94,10 @@ class SerialWire(BackgroundDevice):
                 self._carry_once()
 
     def _carry_once(self):
-        up = _read(self.board)
+        up = read_available(self.board)
         if self.ends is None:
             return
-        down = _read(self.ends[0])
+        down = read_available(self.ends[0])
         self.to_board += down
         host = self.host_rate()
         rate = self.rate or host
@@ -116,7 +116,8 @@ def _write(file, data):
         os.write(file, data)
 
 
-def _read(file):
+def read_available(file):
+    """What can be read at once from `file`."""
     try:
         return os.read(file, 4096)
     except BlockingIOError:

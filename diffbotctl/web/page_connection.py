@@ -25,13 +25,12 @@ from diffbotctl.web.page_commands import (
 )
 from diffbotctl.web.plot_samples import PlotSamples
 from diffbotctl.web.sessions import Session
-from diffbotctl.web.web_socket_connection import WebSocketConnection
+from diffbotctl.web.web_socket_connection import SEND_TIMEOUT_S, WebSocketConnection
 
 MESSAGE_MAX_BYTES = 4096  # a command has some hundred
 MESSAGES_PER_SECOND = 60.0  # 20 of them drive
 MESSAGE_BURST = 60.0
 NOTES_MAX = 100  # small messages that wait for a page which reads slowly
-SEND_TIMEOUT_S = 5.0  # then a page that reads nothing is disconnected
 HEARTBEAT_S = 4.0  # of the web socket, for pages that only watch
 LOSSES = {"hidden": PageLoss.HIDDEN, "blurred": PageLoss.BLURRED}
 

@@ -17,6 +17,8 @@ from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.errors import RunError
 
+SEND_TIMEOUT_S = 5.0  # then a browser or viewer that reads nothing is disconnected
+
 
 class WebSocketConnection(ABC):
     """Serves `socket`. Each one is a client of its own of the engine, which knows its loss."""

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from diffbotctl.emulator.emulated_robot import motor_pins
-from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, bootloader, build
+from diffbotctl.emulator.process import LINE, Emulator, bootloader, build
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (
@@ -170,7 +170,7 @@ def test_raw_duty():
     with BoardBench() as bench:
         bench.ready()
         bench.turn(1)
-        bench.send(RADIO, frames.DutyFrame(1, 16384, -DUTY_ONE))
+        bench.send(RADIO, frames.DutyFrame(1, 16384, -frames.DUTY_ONE))
         assert mode(bench) == "duty"
         assert bench.duty == pytest.approx([0.5, -1.0], abs=0.004)
         bench.wait(300)

@@ -22,6 +22,7 @@ from typing import NamedTuple
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.recording.reader import recording_info
 from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import cli, command
 from diffbotctl.testing.serial_wire import SerialWire
 from diffbotctl.testing.trials.leftovers import leftovers, processes_of
@@ -79,7 +80,7 @@ class DrivingRun:
 
     def child(self, kind: str) -> int:
         """The pid of one of CHILDREN, told by what only this child has."""
-        for pid in children(self.process.pid):
+        for pid in children_of(self.process.pid):
             if kind == _kind(pid, self.recording, self.log):
                 return pid
         raise AssertionError(f"there is no child {kind}")
@@ -102,12 +103,6 @@ class DrivingRun:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.process.wait()
-
-
-def children(pid: int) -> list[int]:
-    """The pids of the children of a process; none of one that has ended."""
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(child) for child in path.read_text().split()] if path.exists() else []
 
 
 def _kind(pid: int, recording: Path, log: Path) -> str:

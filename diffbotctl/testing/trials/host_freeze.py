@@ -24,7 +24,7 @@ from typing import NamedTuple
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist
 from diffbotctl.params import Param
-from diffbotctl.testing.command_process import MAIN, start_in_pipe
+from diffbotctl.testing.command_process import MAIN, children_of, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
 from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
@@ -130,8 +130,7 @@ PROGRAM = [sys.executable, "-m", "diffbotctl", "run", "goal", "--goal", "9 0"]
 
 def watchdog_of(process: subprocess.Popen[str]) -> int:
     """The pid of the watchdog process: the child in a session of its own."""
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    return next(int(child) for child in children if os.getsid(int(child)) == int(child))
+    return next(child for child in children_of(process.pid) if os.getsid(child) == child)
 
 
 def frozen(seed: int, whole_group: bool = False) -> FreezeOutcome:
