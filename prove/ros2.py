@@ -12,13 +12,19 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, RosNode, bridge, ros_node, ros_python
+from diffbotctl.testing.ros2_nodes import (
+    COMMANDED_NODE,
+    TWIST,
+    RosNode,
+    bridge,
+    ros_node,
+    ros_python,
+)
 from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 SECONDS = 10.0
-TWIST = "geometry_msgs/msg/Twist"
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 

@@ -14,8 +14,8 @@ from diffbotctl.emulator.process import MotorChange, PinTransition, StepResult
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 # The wheels of the bench do not follow the duty: only the feed-forward is used.
 BOOK = BoardSettings(
     WheelSettings(5, 6, 7, 2, reversed=True, proportional=0.0, integral=0.0),

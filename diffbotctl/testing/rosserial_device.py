@@ -20,9 +20,9 @@ from math import log
 from random import Random
 
 from diffbotctl.processes.real_time import prefer
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-MS = 1_000_000  # ns
 BYTE_BITS = 10
 LOOP_PAUSE = 20 * MS
 PUBLISH_AFTER = 50 * MS

@@ -10,8 +10,8 @@ from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Link, Message
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 STEP = 4 * MS  # ns between two looks at the wire, about as often as a port wakes its reader
 
 

@@ -16,8 +16,8 @@ from diffbotctl.blocks.obstacle_stop import (
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import MountSection, SensorSection
 from diffbotctl.messages import Range, Resume, Twist
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000  # ns
 FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 

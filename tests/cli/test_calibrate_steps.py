@@ -15,14 +15,10 @@ from click.testing import CliRunner
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
+from diffbotctl.testing.calibration_robots import ANSWERS
 from diffbotctl.testing.command_process import command_line
 
 ROOT = Path(__file__).parent.parent.parent
-ANSWERS = """\
-encoders: {measure: eye}
-distance.reading: {measure: tape, noise: 1 mm}
-geometry: {measure: tape, noise: 2 mm}
-"""
 LONGEST = 60  # s
 
 

@@ -8,7 +8,7 @@ import pytest
 from diffbotctl.emulator.emulated_robot import motor_pins
 from diffbotctl.emulator.process import LINE, Emulator, bootloader, build
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, USB, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (
     board,
     board_faults,
@@ -18,6 +18,7 @@ from diffbotctl.testing.trials import (
     frame_damage,
     wheel_loop,
 )
+from diffbotctl.time import MILLISECOND as MS
 
 
 def mode(bench):

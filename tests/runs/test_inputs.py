@@ -12,8 +12,8 @@ from diffbotctl.messages import Range, Twist
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.background import repeating
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 PIPELINE = """
 format: 1
 kind: pipeline

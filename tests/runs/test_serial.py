@@ -7,11 +7,8 @@ import signal
 import pytest
 
 from diffbotctl.processes.real_time import prefer
-from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.book_board import STOCK, BookBoardPort
 from diffbotctl.testing.command_process import command_line, start_in_pipe
-
-STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand"]
-
 
 STARTED = []
 

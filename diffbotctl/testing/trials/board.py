@@ -18,7 +18,6 @@ from diffbotctl.testing.board_bench import (
     COMMAND_BYTES,
     DEADMAN_TARGET,
     ENCODERS,
-    MS,
     RADIO,
     BoardBench,
     speed,
@@ -26,6 +25,7 @@ from diffbotctl.testing.board_bench import (
     wire_ns,
 )
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 # Bytes of stack never used; more than any interrupt on top of any function takes.

@@ -19,7 +19,6 @@ from diffbotctl.testing.board_bench import (
     COMMAND_BYTES,
     DEADMAN_TARGET,
     ENCODERS,
-    MS,
     RADIO,
     BoardBench,
     speed,
@@ -27,6 +26,7 @@ from diffbotctl.testing.board_bench import (
     wire_ns,
 )
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
 STOP_TARGET = 50 * MS

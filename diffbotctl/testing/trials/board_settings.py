@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import WheelSettings
-from diffbotctl.testing.board_bench import MS, RADIO, BoardBench, trial_board
+from diffbotctl.testing.board_bench import RADIO, BoardBench, trial_board
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 
 
 def refused_settings(seed: int, count: int) -> Iterator[Row]:

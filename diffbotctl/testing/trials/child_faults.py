@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.recording.reader import recording_info
-from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
 from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import cli, command
 from diffbotctl.testing.serial_wire import SerialWire
@@ -39,7 +39,6 @@ AFTER_S = 1.5  # of the board's time, during which the run has to go on driving
 UNPLUGGED_S = (0.5, 3.0)
 HOST_FROZEN, FROZEN_MAX = "STOP host_frozen", 2
 FAR = ("--goal", "30 0", "--set", "world.walls=[]")
-STOCK = ("--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand")
 
 
 class SensingBoard(BookBoard):

@@ -24,6 +24,7 @@ from typing import NamedTuple
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist
 from diffbotctl.params import Param
+from diffbotctl.testing.book_board import STOCK
 from diffbotctl.testing.command_process import MAIN, children_of, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
 from diffbotctl.testing.trials.row import Row, print_rows
@@ -124,7 +125,6 @@ def stand(seed: int) -> Iterator[Stand]:
         os.close(place.board)
 
 
-STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand"]
 PROGRAM = [sys.executable, "-m", "diffbotctl", "run", "goal", "--goal", "9 0"]
 
 

@@ -18,9 +18,9 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.recording.reader import recording_info
-from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.book_board import STOCK, BookBoardPort
 from diffbotctl.testing.running import command
-from diffbotctl.testing.trials.child_faults import STOCK, SensingBoard, is_off
+from diffbotctl.testing.trials.child_faults import SensingBoard, is_off
 from diffbotctl.testing.trials.leftovers import leftovers, processes_of
 from diffbotctl.testing.trials.row import Row, print_rows
 

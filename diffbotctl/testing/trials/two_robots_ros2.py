@@ -11,10 +11,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, RosNode, bridge, ros_node
+from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, TWIST, RosNode, bridge, ros_node
 from diffbotctl.testing.running import moves, stands
 from diffbotctl.testing.trials.two_robots import (
     ADDRESSES,
+    ATTEMPTS,
     CUT_S,
     OBSERVED_S,
     OPERATOR,
@@ -26,8 +27,7 @@ from diffbotctl.testing.trials.two_robots import (
 )
 
 RATE_HZ = 20  # of the velocities, as a joystick sends them
-ATTEMPTS = 10
-TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
+ODOMETRY = "nav_msgs/msg/Odometry"
 SETTLE_S = 1.0  # for what was on the way, several times its delay
 
 
