@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -14,16 +13,15 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.book_board import BookBoard, BookBoardPort
-from diffbotctl.testing.command_process import MAIN, start_in_pipe, start_on_terminal
+from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
+from diffbotctl.testing.command_process import (
+    command_line_with_block,
+    start_in_pipe,
+    start_on_terminal,
+)
 from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
 from diffbotctl.testing.trials.row import Row, print_rows
 
-PROGRAM = (
-    "from diffbotctl.config import registry\n"
-    "registry.BLOCKS['breaks'] = 'prove.breaks:Breaks'\n"
-    f"{MAIN}"
-)
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time
 RECORDER_TIMEOUT_S = 5.0  # for a recorder whose engine was killed to finish its file
@@ -42,24 +40,10 @@ class Trial:
 
     def words(self, pipeline: str, *more: str) -> list[str]:
         """The command line of diffbotctl."""
-        return [
-            sys.executable,
-            "-c",
-            PROGRAM,
-            "run",
-            pipeline,
-            "--port",
-            self.port.name,
-            "--robot",
-            "book_2wd_stock",
-            "--set",
-            "robot.drive.polarity=checked_by_hand",
-            "--goal",
-            "9 0",
-            "--record",
-            str(self.folder / "run.mcap"),
-            *more,
-        ]
+        words = ("run", pipeline, "--port", self.port.name, *STOCK, "--goal", "9 0")
+        recording = self.folder / "run.mcap"
+        line = (*words, "--record", recording, *more)
+        return command_line_with_block("breaks", "prove.breaks:Breaks", *line)
 
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
         """Start it, wait until the wheels turn, and then for a random time."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.book_board import BookBoard, frame
+from diffbotctl.testing.book_board import STOCK, BookBoard, frame
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.row import Row, printed
 
@@ -34,10 +34,7 @@ def command(port: str, recording: Path) -> list[str]:
         "goal",
         "--port",
         port,
-        "--robot",
-        "book_2wd_stock",
-        "--set",
-        "robot.drive.polarity=checked_by_hand",
+        *STOCK,
         "--set",
         "robot.link.baud=115200",
         *("--goal", "9 0", "--goal", "0 9") * GOAL_PAIRS,

@@ -19,6 +19,12 @@ def command_line(*words: object) -> list[str]:
     return [sys.executable, "-c", MAIN, *map(str, words)]
 
 
+def command_line_with_block(name: str, place: str, *words: object) -> list[str]:
+    """The same with a further block `name`: the class at `place` (module:Class)."""
+    offer = f"from diffbotctl.config import registry\nregistry.BLOCKS['{name}'] = '{place}'\n"
+    return [sys.executable, "-c", offer + MAIN, *map(str, words)]
+
+
 def start_in_pipe(line: Sequence[str], **options: Any) -> subprocess.Popen[str]:
     """Start a command line; both its outputs are one pipe of text."""
     return subprocess.Popen(

@@ -25,7 +25,7 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist
 from diffbotctl.params import Param
 from diffbotctl.testing.book_board import STOCK
-from diffbotctl.testing.command_process import MAIN, children_of, start_in_pipe
+from diffbotctl.testing.command_process import children_of, command_line_with_block, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
 from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
@@ -166,9 +166,6 @@ blocks:
   limiter:    {block: speed_limiter, in: {twist: hangs.twist}}
   kinematics: {block: diff_drive,    in: {twist: limiter.twist}}
 """
-HANGING_PROGRAM = (
-    f"from diffbotctl.config import registry\nregistry.BLOCKS['hangs'] = '{__name__}:Hangs'\n{MAIN}"
-)
 HANG_TIME_S = 2.5
 
 
@@ -196,8 +193,8 @@ def hanging(seed: int) -> FreezeOutcome:
     with stand(seed) as place, tempfile.TemporaryDirectory() as folder:
         pipeline = Path(folder) / "hanging.yaml"
         pipeline.write_text(HANGING_PIPELINE)
-        words = [sys.executable, "-c", HANGING_PROGRAM, "run", str(pipeline), "--goal", "9 0"]
-        process = place.start([*words, "--set", f"hangs.after={after:.3f} s"])
+        words = ("run", pipeline, "--goal", "9 0", "--set", f"hangs.after={after:.3f} s")
+        process = place.start(command_line_with_block("hangs", f"{__name__}:Hangs", *words))
         assert process.stdout is not None
         for line in process.stdout:
             if HANGS in line:
