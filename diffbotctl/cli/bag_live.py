@@ -60,7 +60,7 @@ def record(
             os.nice(WATCHER_NICENESS)
             until = None if duration is None else time.monotonic() + duration
             cause, lost = _record(client, recording, chosen, until, stopped)
-            recording.finish(cause if not lost else f"{cause}; {lost} messages were lost")
+            recording.end(cause if not lost else f"{cause}; {lost} messages were lost")
         except OSError as error:
             raise _cannot_write(path, error) from error
         finally:
